@@ -18,7 +18,7 @@ pub fn folder(output: &Path, context: &CommandContext) -> Result<PathBuf> {
     if output.is_dir() {
         let names: Vec<_> = std::fs::read_dir(output).map_err(io)?.filter_map(|e| Some(e.ok()?.file_name())).collect();
         if !(names.is_empty() || names.iter().any(|n| n == RESULTS || n == "kept")) {
-            return Err(Error::output(output, "holds other files and no results of `bench`", "name another folder"));
+            return Err(Error::output(output, "contains other files and no results of `bench`", "name another folder"));
         }
     }
     context.makes_folder(output)?;

@@ -13,7 +13,7 @@ const FORM: Form = Form { title: "a list of centres", begins: Begins::Text, most
 
 pub fn read(path: &Path, context: &Context<'_>) -> Result<Catalogue> {
     let bytes = read_whole(path, FORM, context)?;
-    let hint = "write names above the columns, such as `# id x y z radius`";
+    let hint = "put names above the columns, such as `# id x y z radius`";
     Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))
 }
 

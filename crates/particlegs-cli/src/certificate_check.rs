@@ -67,7 +67,7 @@ pub fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
     if let (Some(reached), true) = (&c.goal, recipe.steps.is_empty() && recipe.differing.is_empty())
         && recipe.target.goal() != Some(reached.goal)
     {
-        found.push("the target is not the recipe's".into());
+        found.push("its target is not the one in the recipe".into());
     }
     if let Some(blocks) = c.blocks.filter(|b| ![1, recipe.blocks].contains(b) && recipe.steps.is_empty()) {
         found.push(format!("it is the sum of {blocks} blocks, but the recipe has {}", recipe.blocks));
@@ -75,7 +75,7 @@ pub fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
     found
 }
 
-/// What is implausible, a line each: scores clearly above the noise-free picture's. It knows every
+/// What is hard to believe, a line each: scores clearly above the noise-free picture's. It knows every
 /// particle; who is above it knows the noise of one shot.
 pub fn doubts(c: &Certificate) -> Vec<String> {
     const ABOVE: f64 = 1.0;

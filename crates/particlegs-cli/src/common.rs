@@ -28,10 +28,10 @@ pub struct Common {
     /// Print only errors, and results that are not written to a file.
     #[arg(long, short)]
     pub quiet: bool,
-    /// Number of threads [default: all cores that this process may use].
+    /// Number of threads [default: all cores this process may use].
     ///
-    /// Allotted by the batch system, the control group or the affinity mask. The results do not depend
-    /// on the number of threads.
+    /// Limits of batch systems, control groups and affinity masks are respected. The results do not depend on the
+    /// number of threads.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
     /// Seed of the random numbers.

@@ -78,7 +78,7 @@ pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCompar
     match (values(&a), values(&b)) {
         (true, true) => densities.push(compare_density(&name, &a, &b, context)),
         (false, false) => views.push(compare_pictures(&name, &a, &b)),
-        _ => return Err(Error::input(&a, format!("a picture and values cannot be compared with {}", b.display()))),
+        _ => return Err(Error::input(&a, format!("cannot compare a picture with --raw values ({})", b.display()))),
     }
     Ok(FolderComparison::new(views, densities))
 }
@@ -89,7 +89,7 @@ fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCo
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
     if shared.is_empty() && shared_densities.is_empty() {
-        let what = format!("no PNG or surface density of --raw has the name of one in {}", b.display());
+        let what = format!("no PNG and no --raw values with the same name as in {}", b.display());
         return Err(Error::input(a, what));
     }
     context.begin("comparing", (shared.len() + shared_densities.len()) as u64);
@@ -143,7 +143,7 @@ fn compare_pictures(name: &str, a: &Path, b: &Path) -> PictureComparison {
         Err(e) => (None, 0, Some(e.to_string())),
         Ok((a, b)) if a.size != b.size => {
             let [a, b] = [a.size, b.size].map(|s| format!("{}x{}", s.width, s.height));
-            (None, 0, Some(format!("{name}: {a} pixels against {b}")))
+            (None, 0, Some(format!("{name}: sizes differ, {a} and {b} pixels")))
         }
         Ok((a, b)) => (Some(Scores::new(&a, &b)), largest_difference(&a, &b), None),
     };

@@ -82,7 +82,7 @@ pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, P
     let path = file.with_extension("json");
     let text = read_whole(&path, JSON, context)?;
     let described: DensityDescription =
-        serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not what --raw writes: {e}")))?;
+        serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not written by --raw: {e}")))?;
     let size = Size { width: described.width, height: described.height };
     if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
         return Err(Error::input(&path, format!("{}x{} pixels: out of range", size.width, size.height)));
@@ -94,7 +94,7 @@ pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, P
     let bytes = read_whole(&path, form, context)?;
     let (numbers, rest) = bytes.as_chunks::<4>();
     if numbers.len() != size.pixels() || !rest.is_empty() {
-        let what = format!("{} bytes, and {}x{} pixels take {most}", bytes.len(), size.width, size.height);
+        let what = format!("{} bytes, but {}x{} pixels take {most}", bytes.len(), size.width, size.height);
         return Err(Error::input(&path, what));
     }
     let data: Vec<f32> = numbers.iter().map(|v| f32::from_le_bytes(*v)).collect();
@@ -108,29 +108,28 @@ impl DensityDescription {
     /// Why these values cannot be compared with others pixel by pixel; `None` where they can.
     pub fn differs(&self, other: &DensityDescription) -> Option<String> {
         let pair =
-            |what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| Some(format!("{what}{a} against {b}"));
+            |what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| Some(format!("{what}{a} and {b}"));
         if (self.width, self.height) != (other.width, other.height) {
             let [a, b] = [self, other].map(|d| format!("{}x{}", d.width, d.height));
-            return pair("pixels: ", &a, &b);
+            return pair("sizes differ: ", &a, &b);
         }
         let [a, b] = [&self.means, &other.means];
         if (&a.quantity, &a.unit) != (&b.quantity, &b.unit) {
             let [a, b] = [a, b].map(|m| format!("{} in {}", m.quantity, m.unit));
-            return pair("", &a, &b);
+            return pair("quantities differ: ", &a, &b);
         }
         if a.comoving != b.comoving {
             let [a, b] = [a, b].map(|m| if m.comoving { "comoving" } else { "not comoving" });
-            return pair("lengths: ", &a, &b);
+            return pair("lengths differ: ", &a, &b);
         }
         if self.projection != other.projection {
-            return pair("projections: ", &self.projection, &other.projection);
+            return pair("projections differ: ", &self.projection, &other.projection);
         }
         let [a, b] = [self, other].map(|d| d.numbers());
         let largest = a.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let same_pixels = (a[0] - b[0]).abs() <= SAME * a[0].abs();
         let same = a.len() != b.len() || a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= SAME * largest);
-        (!(same_pixels && same)).then(|| "they show different windows, or from different places: save the views of one by --save-views, and draw the \
-             other by --views".into())
+        (!(same_pixels && same)).then(|| "their views differ: use --save-views on one and --views on the other".into())
     }
 
     /// Size of a pixel, and the camera where it is known.

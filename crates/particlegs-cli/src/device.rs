@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// The option.
 #[derive(Args, Clone, Debug)]
 pub struct DeviceArgs {
-    /// Device: `cpu`, `gpu`, `auto` (a GPU where there is one), or a number that `devices` lists.
+    /// Device: `cpu`, `gpu`, `auto` (a GPU if there is one), or a number that `devices` lists.
     ///
     /// GPUs use float32: grey levels may differ by one from the CPU's, which are reproducible.
     #[arg(long, value_name = "DEVICE", default_value = "cpu", hide_short_help = true)]
@@ -33,7 +33,7 @@ impl FromStr for DeviceRequest {
             "cpu" => Ok(DeviceRequest::Cpu),
             "auto" => Ok(DeviceRequest::Auto),
             "gpu" => Ok(DeviceRequest::Gpu),
-            number => number.parse().map(DeviceRequest::Number).map_err(|_| "it is cpu, gpu, auto or a number".into()),
+            number => number.parse().map(DeviceRequest::Number).map_err(|_| "not cpu, gpu, auto or a number".into()),
         }
     }
 }
@@ -55,7 +55,7 @@ impl DeviceArgs {
             _ if trains => self.open(),
             DeviceRequest::Cpu | DeviceRequest::Auto => Ok(None),
             DeviceRequest::Gpu | DeviceRequest::Number(_) => {
-                Err(Error::argument("--device: a GPU only trains here; add --train"))
+                Err(Error::argument("--device has no effect without --train: here a GPU only trains"))
             }
         }
     }

@@ -32,7 +32,7 @@ pub struct FitArgs {
     /// Particle opacity to store as the default, in (0, 1] [default: 0.05].
     #[arg(long, value_name = "A", hide_short_help = true)]
     opacity: Option<f64>,
-    /// Scores that are measured on the decoded model and stored in the file.
+    /// How much to measure on the decoded model and store in the file.
     #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
     certificate: CertificateLevel,
     #[command(flatten)]

@@ -5,7 +5,7 @@ use crate::figure::number;
 use crate::info_snapshot::{self, point};
 use crate::inputs;
 use crate::printable::one_line;
-use crate::text_wrap::wrapped;
+use crate::text_wrap::{counted, wrapped};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
 use particlegs_pipeline::codec::{self, BlockInfo, FileInfo};
@@ -115,7 +115,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
     let (bytes, each, ratio) =
         (r.published_bytes, AlphaBlend::PLY_BYTES, r.raw_bytes as f64 / r.published_bytes as f64);
-    row("as published", format!("{bytes} bytes as PLY, {each} a Gaussian, ratio {ratio:.1}"));
+    row("as published", format!("{bytes} bytes as PLY, {each} per Gaussian, ratio {ratio:.1}"));
     match &info.vizmapper {
         Some(VizMapper { parameters, ranges: VizRanges { scale, opacity, floor }, .. }) => {
             let (shape, bytes) = (VIZMAPPER_SHAPE.map(|n| n.to_string()).join(", "), codec::VIZMAPPER_SECTION_BYTES);
@@ -128,7 +128,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     }
     row("particles", m.count.to_string());
     let of = m.weight_name().map_or_else(String::new, |name| format!(" of `{name}`"));
-    row("weights", format!("{}{of} in all (1 per particle in layers without masses)", m.mass));
+    row("weights", format!("{}{of} in total (1 per particle in layers without any)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::to_string));
     row("default radius", number(m.default_radius));
@@ -138,7 +138,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("unit of length", info_snapshot::length(&m.units));
     info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
     row("kept", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
-    row("weighting", format!("by {}; means and shapes of Gaussians count all particles equally", Metadata::WEIGHTING));
+    row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
     row("command", m.recipe.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
     m.recipe.fitted().iter().for_each(|effort| row("fitted with", format!("effort {}", effort.name())));
@@ -146,12 +146,12 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     for layer in &info.layers {
         let count: u64 = layer.content.iter().map(|b| b.count).sum();
         let mass = match (layer.mass.is_weighted(), layer.mass.unit()) {
-            (true, _) => format!("each with a {weight} of its own"),
+            (true, _) => format!("each with its own {weight}"),
             (false, Some(m)) => format!("of {weight} {m} each"),
             (false, None) => "mass not stated".to_string(),
         };
-        let blocks = layer.content.len();
-        row("layer", format!("`{}`: {count} particles, {mass}, {blocks} block(s)", layer.name));
+        let blocks = counted(layer.content.len(), "block");
+        row("layer", format!("`{}`: {count} particles, {mass}, {blocks}", layer.name));
         for b in &layer.content {
             let BlockInfo { count, gaussians, bytes, .. } = b;
             let each = b.bytes as f64 / f64::from(b.gaussians);
@@ -169,7 +169,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
         }
     }
     for (tag, bytes) in r.other_sections {
-        row("other section", format!("`{tag}`, {bytes} bytes, unknown to this version"));
+        row("other section", format!("`{tag}`, {bytes} bytes: unknown to this program"));
     }
     out.push_str(&certificate(r.certificate, m.units.length_text()));
     out.push_str(&verdict(&r.verdict));
@@ -178,12 +178,12 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
 
 fn quantity(q: &Quantity) -> String {
     let unit = q.unit.as_ref().map_or(String::new(), |u| format!(", {}", u.text));
-    format!("{} ({}{unit}, {} bytes a particle)", q.name, q.kind.name(), q.bytes)
+    format!("{} ({}{unit}, {} bytes per particle)", q.name, q.kind.name(), q.bytes)
 }
 
 pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
-    let mut out = "certificate        measured at encoding (-: not measured or none)\n".to_string();
+    let mut out = "certificate        measured at encoding (-: not measured, or none)\n".to_string();
     let mut line = |text: &str| out += &(wrapped("  ", text, 6) + "\n");
     if let Some(goal) = &c.goal {
         line(&describe_goal(goal, unit));
@@ -265,10 +265,10 @@ pub fn describe_new_model<T>(
     let poor = |f: &&Assessment| matches!(f.of, UseCase::Pictures | UseCase::Density) && f.word == Grade::DoesNot;
     let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.figure())).collect();
     if !poor.is_empty() {
-        context.message(&format!("warning: the model shows little of these particles; {}", poor.join("; ")));
+        context.message(&format!("warning: the model shows little of these particles: {}", poor.join("; ")));
         context.message(
-            "hint: where particles cluster a larger file helps, such as half the ratio; liquids and crystals are shown at \
-             no ratio (docs/guide/certificate.md)",
+            "hint: for clustered particles a larger file helps, such as half the ratio; liquids and crystals are not \
+             shown well at any ratio (docs/guide/certificate.md)",
         );
     }
     let differing = c.map_or_else(Vec::new, |c| c.differing_layers(layers, metadata.units.length_text()));

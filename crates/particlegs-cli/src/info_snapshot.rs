@@ -43,12 +43,12 @@ fn text(r: &SnapshotInfoReport<'_>) -> String {
     row("files", files(&d.files));
     if let Some(f) = &d.frames {
         let step = f.step.map_or(String::new(), |s| format!(", step {s}"));
-        row("frames", format!("{}; frame {}{step} is described and read (--frame chooses another)", f.count, f.chosen));
+        row("frames", format!("{}; this is frame {}{step} (choose another with --frame)", f.count, f.chosen));
     }
     row("particles", format!("{}", r.particles));
-    row("cell", m.cell.as_ref().map_or("not stated: nothing is periodic (--box states one)".into(), |c| cell(c, m)));
+    row("cell", m.cell.as_ref().map_or("not stated, so not periodic (set it with --box)".into(), |c| cell(c, m)));
     let length = length(&m.units);
-    row("unit of length", if m.units.length.is_some() { length } else { length + " (--length-unit states it)" });
+    row("unit of length", if m.units.length.is_some() { length } else { length + " (set it with --length-unit)" });
     moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
     for (i, species) in d.species.iter().enumerate() {
         let aliases =

@@ -23,7 +23,7 @@ impl JobSnapshot {
     pub fn new(paths: &[PathBuf], particles: &ParticleArgs, seed: u64) -> Result<Self> {
         let absolute = |p: &PathBuf| {
             if is_stream(p) {
-                let what = "a pipe or device, but every task of a job reads its input again";
+                let what = "a pipe or device, but every task of a job reads it again";
                 return Err(Error::input_with(name_of(p), what, "write the data to a file first"));
             }
             let path = std::fs::canonicalize(p).map_err(|e| Error::io(p, e))?;
@@ -83,7 +83,7 @@ pub fn task_number(text: &str) -> Result<u64> {
             std::env::var(name).map_err(|_| Error::argument(format!("{text}: the variable {name} is not set")))?
         }
     };
-    said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a number, 0 or larger")))
+    said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a number from 0")))
 }
 
 /// Errors of a task that an engine runs again: a stop is no failure.

@@ -48,7 +48,7 @@ use particlegs_pipeline::{Error, Result};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// Compress particle snapshots 100 times and more into models that reproduce ParaView's pictures.
+/// Compress particle snapshots 100x and more, into models that reproduce ParaView's pictures.
 #[derive(Parser)]
 #[command(
     name = "particlegs",
@@ -71,6 +71,22 @@ fn subcommand(command: clap::Command) -> clap::Command {
     if names && !number { command.mut_arg("gadget_blocks", |a| a.visible_alias("blocks")) } else { command }
 }
 
+/// The command, whose help lists its commands by group: clap groups options alone.
+fn program() -> clap::Command {
+    let mut program = Cli::command();
+    program.build();
+    let header = *program.get_styles().get_header();
+    let mut template = String::from("{about-with-newline}\n{usage-heading} {usage}\n\n");
+    for (group, names) in commands::GROUPS {
+        template += &format!("{header}{group}:{header:#}\n");
+        for command in names.iter().filter_map(|name| program.find_subcommand(name)) {
+            let about = command.get_about().unwrap_or_default();
+            template += &format!("  {:<12} {about}\n", command.get_name());
+        }
+    }
+    program.help_template(format!("{template}\n{header}Options:{header:#}\n{{options}}"))
+}
+
 fn run() -> Result<()> {
     // `help -h` is `help`.
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
@@ -78,13 +94,13 @@ fn run() -> Result<()> {
         arguments.retain(|a| a != "-h" && a != "--help");
     }
     if cfg!(not(feature = "lab")) && arguments.get(1).is_some_and(|command| command == "bench") {
-        let what = "this program was built without the laboratory";
+        let what = "this program was built without `bench`";
         return Err(Error::argument_with(
             what,
             "build it with `cargo build --release -p particlegs-cli --features lab`",
         ));
     }
-    let matches = match commands::with_headings(Cli::command()).try_get_matches_from(arguments) {
+    let matches = match program().try_get_matches_from(arguments) {
         Ok(matches) => matches,
         Err(asked) if !asked.use_stderr() => return report::help(&asked),
         Err(wrong) => wrong.exit(),
@@ -111,4 +127,17 @@ fn end_on_panic() {
         say(panic);
         std::process::exit(70);
     }));
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn every_command_is_in_one_group() {
+        let program = crate::program();
+        let mut commands: Vec<&str> = program.get_subcommands().map(clap::Command::get_name).collect();
+        let mut grouped: Vec<&str> = crate::commands::GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
+        commands.sort_unstable();
+        grouped.sort_unstable();
+        assert_eq!(grouped, commands);
+    }
 }

@@ -33,64 +33,64 @@ macro_rules! rules {
     };
 }
 
-const DENSITY: [&str; 2] = ["--style density", "add --style density, or remove the option"];
-const MODEL: &str = "snapshots, but the file is a model";
-const NO_SNAPSHOT: &str = "the snapshot, but none is given";
+const DENSITY: [&str; 2] = ["--style density", "add --style density, or omit the option"];
+const MODEL: &str = "snapshots, but this file is a model";
+const NO_SNAPSHOT: &str = "a snapshot, and none is given";
 
 const RULES: &[OptionRule] = rules! {
     "render reference": "colormap range raw", |g| !g.density() => DENSITY[0], DENSITY[1];
     "reference": "smooth", |g| !g.density() => DENSITY[0], DENSITY[1];
     "render reference": "no_annotations colorbar", |g| !g.has_bars() =>
-        "--style density, PDF and SVG, and --scale-bar: other pictures have no bars";
+        "--style density, PDF, SVG and --scale-bar: other pictures have no bars";
     "render reference": "radius opacity", |g| g.is("style", "density") =>
         "the other styles: a surface density has no particle radius or opacity";
     "render": "color_by_layer", |g| g.is("style", "density") =>
-        "the other styles: a density has colours of its own", "draw one layer with --layer NAME";
+        "the other styles: a density has its own colours", "draw one layer with --layer NAME";
     "render reference": "distance", |g| g.is("projection", "orthographic") =>
         "perspective pictures", "choose the window with --azimuth, --elevation, --center, --width and --depth";
     "render reference": "distance", |g| g.has("width") =>
-        "pictures without --width, which sets the distance of the camera";
+        "pictures without --width, which already sets the distance";
     "render reference": "azimuth elevation distance projection center width depth fit",
-        |g| g.has("path") => "pictures without --path, whose key frames are cameras";
-    "render reference": "font_size", |g| !g.has_letters() => "figures with letters: a colour bar, a scale bar, axes or a title";
+        |g| g.has("path") => "pictures without --path, whose key frames set the camera";
+    "render reference": "font_size", |g| !g.has_letters() => "figures with text: a colour bar, a scale bar, axes or a title";
     "render reference": "figure_width font_size", |g| g.has("no_annotations") && !g.draws_page() =>
-        "figures: with --no-annotations a PNG has only the picture", "set its pixels with --size";
+        "figures: with --no-annotations a PNG is only the picture", "set its number of pixels with --size";
     "render reference": "FigureArgs colormap range video", |g| g.has("raw") => "pictures: --raw writes values";
     "compress": "resume minutes log", |g| !g.trains() => "training: it needs --train fast|best|paper";
     "compress plan": "law scale iterations", |g| !g.trains() =>
         "training: it needs --train fast|best|paper, or --config";
     "compress plan": "effort", |g| g.is("train", "paper") =>
-        "a fit: the published recipe starts from particles drawn at random",
-        "remove --effort; --scale and --iterations shorten training";
+        "fits: the published recipe starts from random particles",
+        "omit --effort; --scale and --iterations shorten training";
     "info": "SnapshotArgs no_bounds", |g| g.model("input") => MODEL;
     "convert": "SnapshotArgs SelectionArgs WindowArgs", |g| g.model("input") => MODEL,
         "draw particles with `recover`, then convert those";
     "verify": "SnapshotArgs SelectionArgs WindowArgs", |g| !g.has("snapshot") => NO_SNAPSHOT, "name it after the model";
     "view": "SnapshotArgs SelectionArgs", |g| !g.has("particles") => NO_SNAPSHOT, "name it with --snapshot";
     "merge": "certificate", |g| !g.folder("parts") =>
-        "a job's folder: a merge of files has no certificate";
+        "job folders: merged files have no certificate";
     "recover": "scale", |g| g.is("method", "grid") =>
         "the methods that draw from Gaussians: `grid` fills cells";
     "stats": "grid assignment", |g| g.without(&["density"]) =>
-        "the measure `density`, which --only excludes";
+        "the measure `density`, which --only leaves out";
     "stats": "spectrum_grid spectrum_assignment no_interlacing k_max", |g| g.without(&["spectrum"]) =>
-        "the measure `spectrum`, which --only excludes";
+        "the measure `spectrum`, which --only leaves out";
     "stats": "separations", |g| g.without(&["pairs", "spectrum"]) =>
-        "the measures `pairs` and `spectrum`, which --only excludes";
+        "the measures `pairs` and `spectrum`, which --only leaves out";
     "stats": "pairs", |g| g.without(&["pairs", "rdf"]) =>
-        "the measures `pairs` and `rdf`, which --only excludes";
-    "stats": "aperture", |g| g.without(&["groups"]) => "the measure `groups`, which --only excludes";
+        "the measures `pairs` and `rdf`, which --only leaves out";
+    "stats": "aperture", |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out";
     "stats": "linking linking_length", |g| g.without(&["groups", "haloes"]) =>
-        "the measures `groups` and `haloes`, which --only excludes";
-    "stats": "rdf_max", |g| g.without(&["rdf"]) => "the measure `rdf`, which --only excludes";
+        "the measures `groups` and `haloes`, which --only leaves out";
+    "stats": "rdf_max", |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out";
     "stats": "profile_axis profile_bins", |g| g.without(&["profile"]) =>
-        "the measure `profile`, which --only excludes";
+        "the measure `profile`, which --only leaves out";
     "stats": "centres halo_radius halo_bins", |g| g.without(&["haloes"]) =>
-        "the measure `haloes`, which --only excludes";
+        "the measure `haloes`, which --only leaves out";
     "stats": "neighbours", |g| g.without(&["neighbours"]) =>
-        "the measure `neighbours`, which --only excludes";
+        "the measure `neighbours`, which --only leaves out";
     "stats": "spectrum_assignment no_interlacing", |g| g.is("convention", "paper") =>
-        "--convention correct: the published table has its own";
+        "--convention correct: the published definitions are fixed";
     "export": "color", |g| g.exports() != Some(Group::Splats) =>
         "splats: it needs an output that ends in .ply, .glb or .gltf";
     "export": "radius opacity colormap range", |g| !g.exports_picture() =>
@@ -98,11 +98,11 @@ const RULES: &[OptionRule] = rules! {
     "export": "PageArgs", |g| g.exports() != Some(Group::Page) =>
         "pages: it needs an output that ends in .html";
     "export": "colormap range", |g| g.exports() == Some(Group::Splats) && !g.is("color", "density") =>
-        "--color density", "add --color density, or remove the option";
+        "--color density", "add --color density, or omit the option";
     "view export": "radius opacity", |g| g.page_of_density() =>
         "the other styles: a surface density has no particle radius or opacity", "add --style paraview";
     "view export": "color_by_layer", |g| g.page_of_density() =>
-        "the other styles: a density has colours of its own", "add --style paraview";
+        "the other styles: a density has its own colours", "add --style paraview";
     "view export": "colormap range", |g| g.exports() != Some(Group::Splats) && g.has("style") && !g.density() =>
         DENSITY[0], DENSITY[1];
     "export": "grid cell", |g| g.exports().is_some_and(|e| e != Group::Grid) =>

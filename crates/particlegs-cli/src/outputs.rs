@@ -177,7 +177,7 @@ impl CommandContext {
     /// Says how many of a command's pictures there are, where it ends before the last.
     pub fn count_pictures<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
         if outcome.is_err() && done > 0 {
-            self.message(&format!("{done} of {all} pictures are in {}, each whole", folder.display()));
+            self.message(&format!("{done} of {all} pictures are complete, in {}", folder.display()));
         }
         outcome
     }
@@ -186,7 +186,7 @@ impl CommandContext {
         if !same {
             return Err(self.refused(path));
         }
-        self.message(&format!("{} already exists and is the same", path.display()));
+        self.message(&format!("{}: already exists and is the same", path.display()));
         Ok(())
     }
 

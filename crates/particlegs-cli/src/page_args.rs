@@ -17,7 +17,7 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "How the page opens")]
 pub struct PageArgs {
-    /// Style that the page opens with [default: density; of an alpha-blend model paraview].
+    /// Style that the page opens with [default: density; paraview for an alpha-blend model].
     #[arg(long, value_name = "STYLE", value_parser = named::<PageStyle>())]
     pub style: Option<PageStyle>,
     /// Background of the picture [default: black].
@@ -28,7 +28,7 @@ pub struct PageArgs {
     pub color_by_layer: bool,
     /// Open with the camera, style, colours and layers stored in a saved picture.
     ///
-    /// Options on the command line take precedence over the picture's.
+    /// Other options on the command line override what is stored.
     #[arg(
         long,
         value_name = "PNG",
@@ -37,7 +37,7 @@ pub struct PageArgs {
         conflicts_with_all = CAMERA
     )]
     pub like: Option<PathBuf>,
-    /// Open with the first view of a views file (JSON), as the page saves them.
+    /// Open with the first view of a views file (JSON), as saved by the page.
     #[arg(
         long,
         value_name = "FILE",
@@ -83,7 +83,7 @@ pub struct AppearanceArgs {
     /// Colour map of densities [default: inferno].
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = colormaps())]
     pub colormap: Option<Colormap>,
-    /// Densities of the first and the last colour [default: chosen from what is drawn].
+    /// Densities of the first and the last colour [default: those of nearly everything drawn].
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     pub range: Option<Vec<f64>>,
 }
@@ -170,7 +170,7 @@ fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
     let called =
         |layer: &str, asked: &str| if there.contains(&asked) { layer == asked } else { is_species(layer, asked) };
     if let Some(name) = names.iter().find(|n| !there.iter().any(|l| called(l, n))) {
-        return Err(Error::argument(format!("no layer `{name}`: there are {}", there.join(", "))));
+        return Err(Error::argument(format!("no layer `{name}`: the layers are {}", there.join(", "))));
     }
     let mut own: Vec<String> = Vec::new();
     for layer in there.iter().filter(|l| names.iter().any(|n| called(l, n))) {

@@ -20,7 +20,7 @@ impl PictureOut {
     pub fn new(out: &Path, views: usize, raw: bool, context: &CommandContext) -> Result<Self> {
         let is_picture = FileKind::from_path(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
-            let what = format!("{} is a file, and its name does not end in .png, .pdf or .svg", out.display());
+            let what = format!("{} is a file, but its name does not end in .png, .pdf or .svg", out.display());
             return Err(Error::argument_with(what, "name a folder, or a picture NAME.png"));
         }
         if !is_picture {
@@ -28,11 +28,11 @@ impl PictureOut {
             return Ok(PictureOut::Folder(out.to_path_buf()));
         }
         if raw {
-            let what = format!("{} is the name of a picture, but --raw writes values", out.display());
+            let what = format!("{} names a picture, but --raw writes values", out.display());
             return Err(Error::argument_with(what, "name a folder: it gets NAME.f32 and NAME.json"));
         }
         if views != 1 {
-            let what = format!("{} is one picture, but there are {views} views", out.display());
+            let what = format!("{} names one picture, but there are {views} views", out.display());
             return Err(Error::argument_with(what, "name a folder: it gets a picture for each view"));
         }
         Ok(PictureOut::File(out.to_path_buf()))

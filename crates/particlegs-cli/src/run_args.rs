@@ -62,12 +62,12 @@ impl RunArgs {
                 context.finishes_its_steps();
                 context.writes(&path, &Checkpoint::KIND)?;
                 if path.exists() && !self.resume && !force {
-                    let hint = "--resume continues it, --force starts over";
-                    return Err(Error::output(&path, "it is left from an interrupted run", hint));
+                    let hint = "continue with --resume, or begin again with --force";
+                    return Err(Error::output(&path, "left by an interrupted run", hint));
                 }
             }
             None if self.resume => return Err(Error::argument("--resume needs an output that is a file")),
-            None => context.message("note: the output is not a file, so an interrupted run leaves no checkpoint"),
+            None => context.message("note: the output is not a file, so a stopped run leaves no checkpoint"),
         }
         let Some(log) = &self.log else { return Ok(()) };
         context.writes(log, &LOG)?;
@@ -84,7 +84,7 @@ impl RunArgs {
         if !self.resume {
             return Ok(Some(Checkpoint::fresh(path, whose)));
         }
-        let hint = "with --force and without --resume the run starts from the beginning".into();
+        let hint = "begin again with --force instead of --resume".into();
         if !path.exists() {
             return Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), hint });
         }
@@ -112,7 +112,7 @@ impl RunArgs {
         output::write_bytes(output, &done.bytes)?;
         if done.stopped {
             let output = output.display();
-            let what = format!("{output} holds the best model so far; the same command with --resume continues");
+            let what = format!("{output} is the best model so far; to continue, run the same command with --resume");
             context.message(&format!("stopped: {what}"));
             return Err(Error::Cancelled);
         }
@@ -144,7 +144,7 @@ impl RunArgs {
                 if let Err(e) = checkpoint.save() {
                     context.message(&format!("warning: the checkpoint was not saved: {e}"));
                 } else if matches!(error, Error::Cancelled) && !checkpoint.is_empty() {
-                    context.message("stopped: the same command with --resume continues");
+                    context.message("stopped: to continue, run the same command with --resume");
                 }
             }
         }

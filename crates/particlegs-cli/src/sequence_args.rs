@@ -15,7 +15,7 @@ const BETWEEN_KEYS: usize = 60;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Films")]
 pub struct SequenceArgs {
-    /// Draw N frames of one rotation about the vertical axis: frame_0000.png, ...
+    /// Draw N frames of one turn around the vertical axis: frame_0000.png, ...
     #[arg(
         long,
         value_name = "N",
@@ -23,7 +23,7 @@ pub struct SequenceArgs {
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST)
     )]
     pub turntable: Option<usize>,
-    /// Draw a path through the views of a views file as key frames.
+    /// Move the camera through the views of a views file, used as key frames.
     ///
     /// Positions, orientations and distances change smoothly, and pass through every key frame.
     #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath, conflicts_with = "views")]
@@ -37,9 +37,9 @@ pub struct SequenceArgs {
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST)
     )]
     pub frames: Option<usize>,
-    /// Join the frames to a film: NAME.mp4, NAME.webm (both by ffmpeg) or NAME.gif.
+    /// Join the frames into a film: NAME.mp4 or NAME.webm (both need ffmpeg), or NAME.gif.
     ///
-    /// Without ffmpeg the frames are kept, and the ffmpeg command is printed.
+    /// Without ffmpeg the frames are kept, and the command that joins them is printed.
     #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath)]
     pub video: Option<PathBuf>,
     /// Frames per second of the film.
@@ -72,7 +72,7 @@ impl SequenceArgs {
             (Some(frames), _) => match &set.views[..] {
                 [one] => one.turntable(frames),
                 many => {
-                    let what = format!("--turntable rotates one view, but there are {}", many.len());
+                    let what = format!("--turntable turns one view, but there are {}", many.len());
                     return Err(Error::argument_with(what, "name a views file with one view"));
                 }
             },

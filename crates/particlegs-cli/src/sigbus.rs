@@ -5,7 +5,7 @@
 #[cfg(unix)]
 pub fn end_with_message() {
     use signal_hook::consts::SIGBUS;
-    const LINE: &[u8] = b"error: a file ended while it was read: another program cut it short, or its disk failed\n";
+    const LINE: &[u8] = b"error: a file ended while being read: another program truncated it, or its disk failed\n";
     let end = || {
         let _ = rustix::io::write(rustix::stdio::stderr(), LINE);
         signal_hook::low_level::exit(6);

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Snapshot options")]
 pub struct SnapshotArgs {
-    /// Input format, where the content does not show it.
+    /// Input format, if the content does not tell.
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = clap::builder::PossibleValuesParser::new(names()))]
     pub format: Option<String>,
     /// Particle types, by number or name, such as 1 or dm [default: all].
@@ -24,37 +24,37 @@ pub struct SnapshotArgs {
     /// Field of the positions: one with three components, or three scalar fields x,y,z.
     #[arg(long, value_name = "FIELD", hide_short_help = true)]
     pub positions: Option<String>,
-    /// Field of the masses, or of another quantity that adds up [default: the masses of a type whose masses differ, else none].
+    /// Field of the masses, or of another additive quantity [default: the masses, if they differ within a type].
     #[arg(long, alias = "weights", value_name = "FIELD|none", hide_short_help = true)]
     #[serde(rename = "weights")]
     pub mass_field: Option<String>,
     /// Frame of a trajectory, counted from 0 [default: the last].
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub frame: Option<u64>,
-    /// What each layer of the model holds.
+    /// What each layer of the model contains.
     #[arg(long, alias = "layers", value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = LayersBy::Species)]
     pub layers_by: LayersBy,
-    /// Lengths of the periodic box, 0 along open axes; replaces those in the file.
+    /// Lengths of the periodic box, 0 for an axis that is not periodic; overrides the file.
     #[arg(long = "box", value_name = "Lx,Ly,Lz", value_delimiter = ',', num_args = 1)]
     pub box_lengths: Option<Vec<f64>>,
-    /// Unit of length, such as Mpc/h; replaces that in the file.
+    /// Unit of length, such as Mpc/h; overrides the file.
     #[arg(long, value_name = "UNIT", hide_short_help = true)]
     pub length_unit: Option<String>,
-    /// Unit of mass, such as Msun/h; replaces that in the file.
+    /// Unit of mass, such as Msun/h; overrides the file.
     #[arg(long, value_name = "UNIT", hide_short_help = true)]
     pub mass_unit: Option<String>,
     /// Leave out particles with NaN or infinite values instead of refusing the file.
     #[arg(long, hide_short_help = true)]
     pub skip_invalid: bool,
-    /// Refuse files that hold another number of particles than their header says.
+    /// Refuse files whose numbers of particles differ from their header.
     #[arg(long, hide_short_help = true)]
     #[serde(default)]
     pub strict: bool,
-    /// Unwrapped positions of a trajectory, such as xu, yu, zu: wrap them into the box, or keep them without one.
+    /// What to do with unwrapped positions of a trajectory, such as xu, yu, zu.
     #[arg(long, value_name = "HOW", hide_short_help = true, value_enum, default_value_t = UnwrappedPositions::Wrap)]
     #[serde(default)]
     pub unwrapped: UnwrappedPositions,
-    /// Names of the blocks of a Gadget file of format 1 behind its header, in order: POS,VEL,ID,MASS,...
+    /// Names of the blocks after the header of a Gadget format 1 file, in order: POS,VEL,ID,MASS,...
     ///
     /// A block named - is skipped. By default blocks are identified by their lengths and values.
     #[arg(long, value_name = "NAME,...", hide_short_help = true, value_delimiter = ',')]
@@ -64,18 +64,18 @@ pub struct SnapshotArgs {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum UnwrappedPositions {
-    /// They are wrapped into the periodic box.
+    /// Wrap them into the periodic box.
     #[default]
     Wrap,
-    /// They are kept, without a periodic box.
+    /// Keep them, without a periodic box.
     Keep,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum LayersBy {
-    /// Each particle type.
+    /// One particle type.
     Species,
-    /// Each particle mass of each type: for zoom simulations.
+    /// One particle mass of one type, for zoom simulations.
     Mass,
 }
 
@@ -105,7 +105,7 @@ pub struct SelectionArgs {
     /// Keep N particles drawn at random, in the order of the file.
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub sample: Option<u64>,
-    /// Keep the particles that --sample leaves out, to score a model of the others.
+    /// Keep the particles that --sample leaves out, to score a model of the sample.
     #[arg(long, requires = "sample", hide_short_help = true)]
     #[serde(default)]
     pub left_out: bool,
@@ -114,7 +114,7 @@ pub struct SelectionArgs {
 #[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct WindowArgs {
-    /// Keep a window about this point, across the periodic boundary.
+    /// Keep a window around this point, across the periodic boundary.
     #[arg(
         long,
         hide_short_help = true,
@@ -126,7 +126,7 @@ pub struct WindowArgs {
         conflicts_with = "region"
     )]
     pub center: Option<Vec<f64>>,
-    /// Width of the window about --center, or its three widths.
+    /// Width of the window around --center, or its three widths.
     #[arg(
         long,
         hide_short_help = true,
@@ -239,7 +239,7 @@ impl SelectionArgs {
             (None, Some(&[x, y, z]), Some(&[w])) => Selection::window([x, y, z], [w; 3]),
             (None, Some(&[x, y, z]), Some(&[wx, wy, wz])) => Selection::window([x, y, z], [wx, wy, wz]),
             (Some(_), ..) => return Err(Error::argument("--region takes six numbers x0,x1,y0,y1,z0,z1")),
-            _ => return Err(Error::argument("a window takes --center X,Y,Z and --width W or Wx,Wy,Wz")),
+            _ => return Err(Error::argument("a window needs --center X,Y,Z and --width W or Wx,Wy,Wz")),
         };
         let (every, sample, left_out) = (self.every, self.sample, self.left_out);
         Selection { every, sample, left_out, seed, ..kept }.check()

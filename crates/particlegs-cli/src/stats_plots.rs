@@ -221,7 +221,7 @@ fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     };
     let ratio = h.edges.iter().zip(&h.median).filter_map(|(edge, median)| Some((scale * edge, (*median)?)));
     let r = h.radius.map_or("r / largest radius".into(), |_| format!("r{}", u.length));
-    let title = format!("Density about {} centres; below, mass within r (median)", h.count);
+    let title = format!("Density around {} centres; below, mass within r (median)", h.count);
     let axes = [log(r), log("density / mean of the box")];
     Some(chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect()))
 }

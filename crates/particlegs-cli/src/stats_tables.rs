@@ -233,7 +233,7 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
             let Some(i) = (0..h.edges.len()).min_by(|a, b| near(a).total_cmp(&near(b))) else { continue };
             let Some((median, [low, high])) = h.median[i].zip(h.quartiles[i]) else { continue };
             line(
-                &format!("haloes: mass within {:.3} of that", h.edges[i]),
+                &format!("haloes: mass within {:.3} radii", h.edges[i]),
                 format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
             );
         }
@@ -241,7 +241,7 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     if let Some(l) = &s.likelihood {
         line(
             "likelihood of the particles",
-            format!("{:.3} +- {:.3} bits a particle above uniform ({} of them)", l.bits, l.error, l.sampled),
+            format!("{:.3} +- {:.3} bits per particle above uniform ({} particles)", l.bits, l.error, l.sampled),
         );
         line("needles", format!("{:.2} % of {} Gaussians", 100.0 * l.needles, l.gaussians));
     }

@@ -63,42 +63,42 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
 
 #[derive(Args, Clone, Debug)]
 pub struct GoalArgs {
-    /// Masked PSNR to reach, in dB; --help has targets of P(k), density and groups.
+    /// Masked PSNR to reach, in dB; --help lists targets for P(k), density and groups.
     ///
-    /// Of the style `expected`, averaged over held-out views. This and the targets below are searched for: up to eight
-    /// fits, each decoded again and measured, and the smallest file that reaches the target is kept. The certificate
-    /// says what was asked for and what the file has.
+    /// Measured in the style `expected`, averaged over held-out views. This and the targets below are found by search: up
+    /// to eight fits are decoded and measured, and the smallest file that reaches the target is kept. The certificate
+    /// states the target and what the file reaches.
     #[arg(long, value_name = "DB", group = "TargetArgs")]
     psnr: Option<f64>,
     /// Power spectrum: P(k) within this share of the particles', such as 1% or 0.01, up to --k-max.
     ///
-    /// In every shell of wave numbers (of width 2 pi over the longest edge) in which the particles have power above the
-    /// scatter of their shot noise; of as many particles drawn from the model, shot noise subtracted, as in the
-    /// certificate (above three million particles: of the mixture itself). Needs a periodic box.
+    /// In every shell of wave numbers (of width 2 pi over the longest edge) where the particles' power is above the
+    /// scatter of their shot noise. Measured as in the certificate: on as many particles drawn from the model, with shot
+    /// noise subtracted (above three million particles, on the mixture itself). Needs a periodic box.
     #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "k_max", value_parser = parse_share, hide_short_help = true)]
     max_pk_error: Option<f64>,
-    /// The largest wave number of --max-pk-error, one over the data's unit of length.
+    /// Largest wave number of --max-pk-error, in the inverse of the data's unit of length.
     ///
     /// At most the particles' Nyquist frequency, pi over their mean spacing, or what the grid of 256 cells measures.
     #[arg(long, value_name = "K", requires = "max_pk_error", hide_short_help = true)]
     k_max: Option<f64>,
-    /// Density: Pearson's correlation with the particles' of densities in cells of edge --cell.
+    /// Density: Pearson correlation of model and particles, in cells of edge --cell.
     #[arg(long, value_name = "R", group = "TargetArgs", requires = "cell", hide_short_help = true)]
     min_correlation: Option<f64>,
-    /// The edge of the cells of --min-correlation, in the data's unit of length.
+    /// Edge of the cells of --min-correlation, in the data's unit of length.
     ///
-    /// The fewest equal cells that are no longer than this fill the box, or the particles' bounds where there is none.
+    /// Reduced so that equal cells fill the box, or the particles' bounds if there is no box.
     #[arg(long, value_name = "LENGTH", requires = "min_correlation", hide_short_help = true)]
     cell: Option<f64>,
     /// Groups: numbers of friends-of-friends groups within this share, such as 10% or 0.1, from --from on.
     ///
-    /// The group mass function: in every class of sizes, the mean number over four draws from the model. Classes begin
-    /// at --from and grow by the square root of 2; from the largest down they are joined until each holds 100 of the
-    /// particles' groups, so that too many small groups do not make up for missing large ones. Of at most 3 145 728
+    /// The group mass function: the mean number over four draws from the model, in every size class. Classes begin at
+    /// --from and grow by the square root of 2; from the largest down they are joined until each has 100 of the
+    /// particles' groups, so that too many small groups do not make up for missing large ones. For at most 3 145 728
     /// particles.
     #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "from", value_parser = parse_share, hide_short_help = true)]
     groups_within: Option<f64>,
-    /// The smallest groups of --groups-within, particles: 20 or more.
+    /// Smallest groups of --groups-within, in particles: 20 or more.
     #[arg(long, value_name = "N", requires = "groups_within", hide_short_help = true)]
     from: Option<u64>,
 }

@@ -3,6 +3,11 @@
 /// Columns of a terminal that rows fit on.
 pub const COLUMNS: usize = 100;
 
+/// `1 block`, `2 blocks`.
+pub fn counted(n: usize, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
 /// `text` behind `lead`, broken at blanks; what does not fit goes on in lines that begin with `indent`
 /// blanks.
 pub fn wrapped(lead: &str, text: &str, indent: usize) -> String {

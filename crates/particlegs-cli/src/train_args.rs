@@ -40,7 +40,7 @@ pub struct TuneArgs {
     /// Print the hyper-parameters as TOML and exit.
     #[arg(long, value_enum, value_name = "WHICH", hide_short_help = true, num_args = 0..=1, default_missing_value = "all")]
     print_config: Option<PrintConfigArg>,
-    /// Factor on resolution, number of steps and counts, in (0, 1].
+    /// Scale resolution, number of steps and counts by this factor, in (0, 1].
     #[arg(long, value_name = "S", hide_short_help = true)]
     scale: Option<f64>,
     /// Total number of training steps; the stages keep their proportions.
@@ -110,14 +110,10 @@ impl TuneArgs {
                 Error::input(path, format!("line {line}: {}", one_line(e.message())))
             })?;
             config = changed(&config, changes).map_err(|e| {
-                Error::input_with(
-                    path,
-                    one_line(&e.to_string()),
-                    "--print-config prints what there is, with its values",
-                )
+                Error::input_with(path, one_line(&e.to_string()), "--print-config prints all keys with their values")
             })?;
             if let Some(law) = law.filter(|l| *l != config.law) {
-                let what = format!("law = \"{}\", but this command trains by {}", config.law.name(), law.name());
+                let what = format!("law = \"{}\", but this command trains with {}", config.law.name(), law.name());
                 return Err(Error::input(path, what));
             }
         }

@@ -25,7 +25,7 @@ pub struct ViewArgs {
     /// docs/guide/pictures.md describes the file.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub views: Option<PathBuf>,
-    /// Write the views that are drawn as a views file.
+    /// Save the views that are drawn as a views file.
     #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath)]
     pub save_views: Option<PathBuf>,
     /// Azimuth of the camera in degrees.
@@ -38,8 +38,8 @@ pub struct ViewArgs {
     pub elevation: f64,
     /// Distance of the camera from the centre, in base distances.
     ///
-    /// 1 is 0.65 of the distance of ParaView's Reset Camera (docs/guide/pictures.md); with --fit, that at which all
-    /// that is fitted is just in the picture.
+    /// 1 is 0.65 of the distance of ParaView's Reset Camera (docs/guide/pictures.md), or, with --fit, the closest
+    /// distance at which everything fits.
     #[arg(long, value_name = "D", default_value_t = 1.0, conflicts_with = "views")]
     pub distance: f64,
     /// Particle radius in world units [default: the view's, else the default].
@@ -78,12 +78,12 @@ pub struct ViewArgs {
     pub center: Option<Vec<f64>>,
     /// Width of the picture in world units [default: the whole box].
     ///
-    /// In perspective the width at the centre, in place of --distance.
+    /// In perspective, the width at the centre, instead of --distance.
     #[arg(long, value_name = "W", hide_short_help = true, conflicts_with = "views")]
     pub width: Option<f64>,
-    /// Depth of the slab about the centre, world units [default: everything].
+    /// Depth of the slab around the centre, world units [default: everything].
     ///
-    /// Only particles whose centres lie in it count. By default an orthographic density counts every particle once.
+    /// Only particles with their centres in it count. By default an orthographic density counts every particle once.
     #[arg(long, value_name = "D", hide_short_help = true, conflicts_with = "views")]
     pub depth: Option<f64>,
     /// Frame this as tightly as possible.
@@ -128,7 +128,7 @@ fn center(corners: &[[f64; 3]; 8]) -> [f64; 3] {
 }
 
 fn fitted(length: f64) -> Result<f64> {
-    let fault = || Error::argument("--fit: the region to fit has no extent; choose --width or --distance");
+    let fault = || Error::argument("--fit: there is no extent to fit; choose --width or --distance");
     if length > 0.0 && length.is_finite() { Ok(length) } else { Err(fault()) }
 }
 
@@ -184,7 +184,7 @@ impl ViewArgs {
         }
         for (name, length) in [("width", self.width), ("depth", self.depth)] {
             if let Some(l) = length.filter(|l| !(*l > 0.0 && l.is_finite())) {
-                return Err(Error::argument(format!("--{name} {l} must be positive: a {name} of world units")));
+                return Err(Error::argument(format!("--{name} {l} must be positive, in world units")));
             }
         }
         let size = self.size.unwrap_or(Size { width: 1920, height: 1080 });

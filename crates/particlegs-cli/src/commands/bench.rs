@@ -21,9 +21,9 @@ use std::sync::Arc;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-`list` names the experiments and the paper's figure or table that each reproduces. Results are stored in
-DIR/kept: an interrupted command continues where it stopped. DIR/report.html has everything in one page;
-beside it are JSON, CSV, SVG, PNG and Markdown (docs/guide/laboratory.md).
+`list` lists the experiments and which part of the paper each reproduces. Results are cached in
+DIR/kept, so an interrupted command continues where it stopped. DIR/report.html shows everything on
+one page; JSON, CSV, SVG, PNG and Markdown files are beside it (docs/guide/laboratory.md).
 
 Examples:
   particlegs bench list
@@ -35,21 +35,21 @@ pub struct Arguments {
     /// Experiment, `all`, or `list`.
     #[arg(value_name = "NAME")]
     name: String,
-    /// Snapshots, each its first file or its folder: the first is measured and compared with the others.
+    /// Snapshots, each given by its first file or folder; the first is measured and compared with the others.
     #[arg(value_name = "SNAPSHOT", value_hint = ValueHint::AnyPath)]
     snapshots: Vec<PathBuf>,
     /// Folder for results.
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     output: Option<PathBuf>,
-    /// Small pictures, few sizes, one view per orbit: a quick trial of everything.
+    /// Use small pictures, few sizes and one view per orbit, to check that everything runs.
     #[arg(long)]
     quick: bool,
-    /// With `all`: also the experiments that train models, which take hours; with `gpu`: also the published recipe.
+    /// With `all`, also run the experiments that train models (hours); with `gpu`, also the published recipe.
     #[arg(long)]
     training: bool,
-    /// Python with the packages of lab/requirements.txt: SZ3, ZFP, VTK.
+    /// Python interpreter with the packages of lab/requirements.txt: SZ3, ZFP, VTK.
     ///
-    /// Without it their measurements are skipped and listed as skipped.
+    /// Otherwise their measurements are skipped and listed as skipped.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::ExecutablePath)]
     python: Option<PathBuf>,
     /// Views per orbit [default: 2; 1 with --quick].
@@ -58,17 +58,17 @@ pub struct Arguments {
     /// Picture size in pixels [default: 1920x1080; 640x360 with --quick].
     #[arg(long, value_name = "WxH", value_parser = parse_size, hide_short_help = true)]
     size: Option<Size>,
-    /// Ratios of raw bytes to bytes of a file.
+    /// Compression ratios to measure.
     #[arg(long, value_name = "R,R,...", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     ratios: Option<Vec<f64>>,
-    /// Seeds, where a draw or a start is random [default: 3; 2 with --quick].
+    /// Number of seeds for results that are random [default: 3; 2 with --quick].
     #[arg(long, value_name = "N", hide_short_help = true)]
     seeds: Option<usize>,
     /// Train with this share of the published recipe's pixels, steps and Gaussians [default: each experiment's own].
     #[arg(long, value_name = "S", hide_short_help = true)]
     scale: Option<f64>,
-    /// Minutes after which published-run, or `gpu --training`, pauses; the same command continues it [default: 120; 2
-    /// with --quick].
+    /// Minutes after which `published-run` or `gpu --training` pauses; the same command continues [default: 120; 2 with
+    /// --quick].
     #[arg(long, value_name = "M", hide_short_help = true)]
     minutes: Option<f64>,
     #[command(flatten)]
@@ -93,7 +93,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let chosen = experiments::named(&a.name, a.training)?;
     let settings = a.settings(a.device.open()?)?;
     let (Some(output), false) = (&a.output, a.snapshots.is_empty()) else {
-        return Err(Error::argument("`bench` takes a snapshot and a folder for the results: SNAPSHOT -o DIR"));
+        return Err(Error::argument("`bench` needs a snapshot and a folder for the results: SNAPSHOT -o DIR"));
     };
     let context = a.common.clone().start()?;
     context.reads(a.snapshots.iter().map(PathBuf::as_path), false)?;
@@ -202,16 +202,16 @@ impl Arguments {
             (self.seeds.is_some(), "--seeds"),
         ];
         if let Some((_, name)) = of_experiments.iter().find(|(given, _)| *given) {
-            return Err(Error::argument(format!("`bench gpu` makes its own scenes and ignores {name}")));
+            return Err(Error::argument(format!("`bench gpu` makes its own scenes: omit {name}")));
         }
         if let Some(words) = self.snapshot.describe() {
-            return Err(Error::argument(format!("`bench gpu` makes its own scenes and ignores {words}")));
+            return Err(Error::argument(format!("`bench gpu` makes its own scenes: omit {words}")));
         }
         let of_training =
             [(self.output.is_some(), "-o"), (self.scale.is_some(), "--scale"), (self.minutes.is_some(), "--minutes")];
         match of_training.iter().find(|(given, _)| *given) {
             Some((_, name)) if !self.training => {
-                Err(Error::argument(format!("`bench gpu` needs --training for {name}")))
+                Err(Error::argument(format!("`bench gpu` uses {name} only with --training")))
             }
             _ if self.training && self.output.is_none() => {
                 Err(Error::argument("`bench gpu --training` needs a folder for its checkpoint: -o DIR"))

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(after_help = "\
-Fits one block and writes its model file; a block that is done is skipped. After SIGTERM, SIGUSR1 or
-Ctrl-C it writes a checkpoint, and the exit code is 75: run it again to continue.
+Fits one block and writes its model file; a block that is done is skipped. On SIGTERM, SIGUSR1 or
+Ctrl-C it writes a checkpoint and exits with code 75; run it again to continue.
 
 Examples:
   particlegs block job 0
@@ -20,7 +20,7 @@ pub struct Arguments {
     /// Folder of the job.
     #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
     job: PathBuf,
-    /// Number of the block, counted from 0, or `env:NAME` for a variable that holds it.
+    /// Block number, from 0, or `env:NAME` to read it from an environment variable.
     #[arg(value_name = "I")]
     block: String,
     #[command(flatten)]

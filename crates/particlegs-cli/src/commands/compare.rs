@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(after_help = "\
-Pictures are scored by PSNR, masked PSNR and SSIM; surface densities that --raw wrote by log10(A / B) over the
-pixels where B is above zero (docs/guide/pictures.md).
+Pictures are scored by PSNR, masked PSNR and SSIM; surface densities from --raw by log10(A / B) over
+the pixels where B is above zero (docs/guide/pictures.md).
 
 Examples:
   particlegs reference snapshot --views views.json --style paraview -o truth
@@ -22,10 +22,10 @@ Examples:
   particlegs render model.pgs --style density --raw -o drawn
   particlegs compare drawn truth")]
 pub struct Arguments {
-    /// Picture (PNG) or values written by --raw, or a folder of them.
+    /// Picture (PNG) or --raw values to score, or a folder of them.
     #[arg(value_name = "A", value_hint = ValueHint::AnyPath)]
     a: PathBuf,
-    /// Picture, values or folder to compare with; folders by file name.
+    /// What to compare it with; in a folder, the files of the same names.
     #[arg(value_name = "B", value_hint = ValueHint::AnyPath)]
     b: PathBuf,
     #[command(flatten)]

@@ -43,7 +43,7 @@ Examples:
   particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl --resume
   particlegs compress --train paper --law alpha-blend --print-config > paper.toml
 
-docs/guide/choosing.md says which ratio and effort to choose."
+docs/guide/choosing.md helps to choose a ratio and an effort."
 )]
 pub struct Arguments {
     /// Snapshot: its first file, its folder, or raw columns x y z (w).
@@ -52,7 +52,7 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    /// Folder for pictures: snapshot, model and error side by side, surface density.
+    /// Folder for pictures: snapshot, model and error side by side, and surface density.
     #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
     /// Memory limit, such as 2GiB: larger snapshots are fitted block by block.
@@ -63,9 +63,9 @@ pub struct Arguments {
     /// Blocks hold about equal numbers of particles.
     #[arg(long, display_order = LATER, value_name = "K", hide_short_help = true, value_parser = number_of_blocks)]
     blocks: Option<u32>,
-    /// Folder for the scratch files of --memory [default: that of the model file].
+    /// Folder for the scratch files of --memory [default: the folder of the model file].
     ///
-    /// The files are removed when the run ends, however it ends.
+    /// They are removed when the run ends, even if it fails.
     #[arg(
         long,
         display_order = LATER,
@@ -171,8 +171,7 @@ impl Arguments {
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &CommandContext) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
         let written = crate::pictures::write(folder, model, particles, context).inspect_err(|_| {
-            context
-                .message(&format!("note: the model was written ({}); its pictures were not", self.output().display()));
+            context.message(&format!("note: wrote the model ({}), but not its pictures", self.output().display()));
         })?;
         written.iter().for_each(|path| context.message(&format!("wrote {}", path.display())));
         Ok(())
@@ -192,7 +191,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     let ratio = raw_bytes as f64 / bytes.len() as f64;
     let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
-        "{place} already exists, made from this snapshot with the same options: {} particles -> {gaussians} Gaussians, \
+        "{place}: already exists, made from this snapshot with the same options: {} particles -> {gaussians} Gaussians, \
          {} bytes, ratio {ratio:.1}{told}",
         model.metadata.count,
         bytes.len(),
@@ -218,7 +217,7 @@ fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, secon
         text += &format!("\n{}", info_model::describe_goal(goal, done.model.metadata.units.length_text()));
     }
     if a.fit.is_fast() {
-        text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
+        text += "\n--effort fast keeps fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
     let Model { certificate, metadata, layers } = &done.model;
     let (told, verdict) = info_model::describe_new_model(certificate.as_ref(), metadata, layers, a.output(), context);

@@ -29,7 +29,7 @@ Examples:
   particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
   particlegs convert snapshot -o cut --region 0,10,0,10,5,6
   particlegs convert snapshot -o few.npy --sample 100000 --seed 7
-  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model, as published: y down"
+  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model: y is down"
 )]
 pub struct Arguments {
     /// Snapshot: its first file, its folder, or raw columns x y z (w); or an alpha-blend model.
@@ -37,11 +37,11 @@ pub struct Arguments {
     input: Vec<PathBuf>,
     /// File to write, or a folder for raw columns and meta.json.
     ///
-    /// The ending of the name chooses the format: .npy, .hdf5, .h5, .vtp, .dump, .lammpstrj; of an
-    /// alpha-blend model .ply, the splats of viewers.
+    /// The extension selects the format: .npy, .hdf5, .h5, .vtp, .dump, .lammpstrj; for an alpha-blend model .ply, as
+    /// splats for viewers.
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::AnyPath)]
     output: PathBuf,
-    /// Output format, where the name does not show it.
+    /// Output format, if the name does not tell.
     #[arg(long, value_name = "FORMAT", value_parser = clap::builder::PossibleValuesParser::new(writers()))]
     to: Option<String>,
     /// Number of copies of the periodic box along x, y and z.
@@ -113,7 +113,7 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &CommandContext) -
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
-        let what = "a model can only be converted to splats, by an output name that ends in .ply";
+        let what = "a model can only be converted to splats, with an output name that ends in .ply";
         let hint = "draw particles with `recover`, then convert them";
         return Err(Error::argument_with(what, hint));
     }
@@ -121,7 +121,7 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &CommandContext) -
     let decoded = codec::decode_with(bytes, &name_of(model), context)?;
     let bytes = write_splats(&decoded, None, &[], &a.output, context)?;
     if decoded.vizmapper().is_some() {
-        context.message("note: the VizMapper is left out: a PLY file holds splats only");
+        context.message("note: the VizMapper is left out: a PLY file holds only splats");
     }
     let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());
     let text = format!("{}: {gaussians} splats, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);

@@ -10,7 +10,7 @@ Examples:
   particlegs devices
   particlegs devices --json -
 
-docs/guide/gpu.md says what GPUs do, and what to do when none is found.")]
+docs/guide/gpu.md says what GPUs are used for, and what to do if none is found.")]
 pub struct Arguments {
     #[command(flatten)]
     common: Common,

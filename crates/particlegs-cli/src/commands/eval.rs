@@ -20,9 +20,9 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(after_help = "\
-Pictures of the far, mid and near orbits are compared in three styles. Beside each score stand the
-noise-free score, the gap to it, and what an all-black picture and a uniform box score, which a model
-must clearly beat (docs/guide/certificate.md).
+Compares pictures from the far, mid and near orbits in three styles. Beside each score are the
+noise-free score, the gap to it, and the scores of an all-black picture and a uniform box, which a
+model must clearly beat (docs/guide/certificate.md).
 
 Examples:
   particlegs eval model.pgs snapshot
@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Their radii and opacities are drawn at random (--seed).
     #[arg(long, value_name = "N", default_value_t = 8)]
     frames: usize,
-    /// Score in the views of a views file instead.
+    /// Score the views of a views file instead.
     ///
     /// Scores are averaged by orbit: the part of a view's name before the first `_`.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "frames")]
@@ -49,7 +49,7 @@ pub struct Arguments {
     /// Picture size in pixels.
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, conflicts_with = "views")]
     size: Size,
-    /// Folder for pictures: snapshot, model and error side by side, surface density.
+    /// Folder for pictures: snapshot, model and error side by side, and surface density.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
     #[command(flatten)]
@@ -89,7 +89,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(
-            "warning: the model was made from {} particles, the snapshot has {}",
+            "warning: the model was made from {} particles, but the snapshot has {}",
             model.metadata.count,
             particles.len()
         ));

@@ -21,26 +21,26 @@ use std::time::Instant;
 #[derive(Args)]
 #[command(
     after_help = "\
-Particles: `recover` draws them from the model, `convert` writes them in every format.
+For particles, run `recover`, then `convert` to any format.
 
 Examples:
   particlegs export M.pgs -o page.html
   particlegs export M.pgs -o splats.ply --color density
   particlegs export M.pgs -o density.vti --grid 256",
     after_long_help = "\
-What each format leaves out (the file says so too):
-  .ply .glb .gltf   splats for viewers that sort and blend. Of an optical-depth model they approximate
-                    the picture at one radius and opacity; counts, masses and the box are left out
-  .npy .vti .fits   mass, or number, per volume, averaged over each cell: what is smaller than a cell
-  .npz .csv         nothing of the Gaussians; blocks, certificate, the network of an alpha-blend model
-  .html             nothing: the page holds the file
+What is lost; each file says so itself:
+  .ply .glb .gltf   counts, masses and the box; the splats are for viewers that sort and blend, and
+                    approximate an optical-depth model at one radius and opacity
+  .npy .vti .fits   structure smaller than a cell: cells hold mass or number per volume
+  .npz .csv         blocks, certificate and VizMapper; the Gaussians are complete
+  .html             nothing: the page contains the model file
 
-Particles: `recover` draws them from the model, `convert` writes them in every format:
+For particles, run `recover`, then `convert` to any format:
   particlegs recover M.pgs -o particles && particlegs convert particles -o particles.hdf5
 
 Examples:
   particlegs export M.pgs -o page.html                        # opens in any browser, offline
-  particlegs export M.pgs -o splats.ply                       # as 3-D Gaussian splatting stores them
+  particlegs export M.pgs -o splats.ply                       # as for 3-D Gaussian splatting
   particlegs export M.pgs -o splats.glb --color layer         # glTF with KHR_gaussian_splatting
   particlegs export M.pgs -o splats.ply --opacity 0.5 --color density --colormap viridis
   particlegs export M.pgs -o density.npy --grid 256           # and density.json beside it
@@ -57,15 +57,15 @@ pub struct Arguments {
     model: PathBuf,
     /// File to write: .html .ply .glb .gltf .npy .vti .fits .npz .csv.
     ///
-    /// The ending of the name chooses the format.
+    /// The extension selects what is written.
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::FilePath)]
     output: PathBuf,
-    /// What to write, where the ending does not show it.
+    /// What to write, if the extension does not tell.
     #[arg(long, value_name = "KIND", value_parser = named::<Kind>())]
     kind: Option<Kind>,
     /// Layers to write: species such as gas or dm, names that `info` lists, or `all`.
     ///
-    /// A page holds all of them, and opens with these.
+    /// A page contains all layers, and opens with these.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
     layers: Vec<String>,
     #[command(flatten)]
@@ -85,7 +85,7 @@ pub struct Arguments {
 #[derive(Args)]
 #[command(next_help_heading = "Splats (.ply, .glb, .gltf)")]
 struct SplatArgs {
-    /// What colours show.
+    /// What the colours show.
     #[arg(long, value_name = "WHAT", default_value = "grey", value_parser = named::<ColorBy>())]
     color: ColorBy,
 }
@@ -171,8 +171,7 @@ impl Export<'_> {
             && model.vizmapper().is_none()
             && let Some(option) = a.radius.map(|_| "--radius").or(a.opacity.map(|_| "--opacity"))
         {
-            let what =
-                format!("{option} has no effect here: the VizMapper of this alpha-blend model does not depend on it");
+            let what = format!("{option} has no effect here: this alpha-blend model has no VizMapper");
             return Err(Error::argument(what));
         }
         let (range, colormap) = (range_of(a.range.as_deref())?, a.colormap.unwrap_or_default());
@@ -192,8 +191,8 @@ impl Export<'_> {
         })?;
         if faint.particles > 0.01 {
             context.message(&format!(
-                "note: {:.0} % of the Gaussians, with {:.0} % of the particles, are fainter than 1/255, which viewers \
-                 leave out; a larger --opacity or --radius shows them",
+                "note: {:.0} % of the Gaussians, with {:.0} % of the particles, are fainter than 1/255, so viewers \
+                 do not draw them; a larger --opacity or --radius shows them",
                 100.0 * faint.gaussians,
                 100.0 * faint.particles
             ));
@@ -227,7 +226,7 @@ impl Export<'_> {
             "total": total, "outside": outside,
         });
         self.notes.set("density", report.clone());
-        self.notes.say(format!("{total} in all cells, {outside} outside them; unit of density: {unit}"));
+        self.notes.say(format!("{total} in all cells, {outside} beyond them; unit of density: {unit}"));
         let write = |out: &Path| write_density(self.kind, &density, &self.notes, out, context);
         let bytes = match beside {
             None => context.write_snapshot(&a.output, kept, write)?,
@@ -241,7 +240,7 @@ impl Export<'_> {
             }
         };
         let [x, y, z] = grid.cells;
-        let what = format!("{x} x {y} x {z} cells, {} in all, in {unit}", total as f32);
+        let what = format!("{x} x {y} x {z} cells, {} in total, in {unit}", total as f32);
         Ok((bytes, what, json!({ "grid": report })))
     }
 }

@@ -33,8 +33,8 @@ use std::time::Instant;
     mut_arg("gaussians", |a| a.help("Largest number of Gaussians, stored at the nominal precision")),
     after_help = "\
 Follows the published recipe: 60 000 steps at 1080p on pictures of the whole snapshot, with wider
-ranges of the VizMapper and densification for the first half; --scale shortens it. The result has
-one block, and the size of the model where no target is given.
+VizMapper ranges, and densification in the first half; --scale shortens it. The result has one
+block, and without a target the size of the model.
 
 Examples:
   particlegs merge job -o merged.pgs && particlegs finetune merged.pgs snapshot/ -o tuned.pgs
@@ -45,7 +45,7 @@ pub struct Arguments {
     /// Model file with the alpha-blend law.
     #[arg(required_unless_present = "print_config", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     model: Option<PathBuf>,
-    /// Whole snapshot that the model was made from.
+    /// The whole snapshot that the model was made from.
     #[arg(required_unless_present = "print_config", value_name = "SNAPSHOT")]
     snapshot: Vec<PathBuf>,
     /// Model file to write.
@@ -53,7 +53,7 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,
-    /// Scores that are measured on the decoded model and stored in the file.
+    /// How much to measure on the decoded model and store in the file.
     #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
     certificate: CertificateLevel,
     /// Memory limit, such as 1GiB: the particles are kept on disk.

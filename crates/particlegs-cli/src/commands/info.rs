@@ -19,7 +19,7 @@ pub struct Arguments {
     /// Model file, or a snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "FILE")]
     input: Vec<PathBuf>,
-    /// Do not read the particles of a snapshot: their bounds are left out.
+    /// Do not read the particles of a snapshot, and leave out their bounds.
     #[arg(long)]
     no_bounds: bool,
     #[command(flatten)]

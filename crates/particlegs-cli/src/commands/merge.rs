@@ -6,6 +6,7 @@ use crate::inputs;
 use crate::job_args::JobSnapshot;
 use crate::outputs;
 use crate::outputs::ForceArgs;
+use crate::text_wrap::counted;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
@@ -20,23 +21,23 @@ use std::time::Instant;
 #[command(after_help = "\
 Coded blocks are copied, so nothing is lost, and the order of the parts does not matter. The default
 particle radius, the bounds and the counts are those of the whole; scores in the parts are dropped.
-Alpha-blend models: as published, the VizMapper comes from the part with the first block (by layer,
-then by position); `finetune` trains the merged model on the whole snapshot.
+For alpha-blend models the VizMapper comes from the part with the first block (by layer, then by
+position), as published; `finetune` trains the merged model on the whole snapshot.
 
-The folder of a job gives the same file as `compress`, measured against the snapshot.
+A job folder gives the same file as `compress`, measured against the snapshot.
 
 Examples:
   particlegs merge west.pgs east.pgs -o whole.pgs
   particlegs merge job -o whole.pgs
   particlegs merge blocks/*.pgs -o whole.pgs && particlegs verify whole.pgs snapshot/")]
 pub struct Arguments {
-    /// Model files, or the folder of one job.
+    /// Model files, or one job folder.
     #[arg(required = true, value_name = "A.pgs|JOB")]
     parts: Vec<PathBuf>,
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     output: PathBuf,
-    /// Scores to measure for a job's file [default: as planned].
+    /// How much to measure of a job's file against its snapshot [default: as planned].
     #[arg(long, value_name = "LEVEL", value_parser = named::<CertificateLevel>())]
     certificate: Option<CertificateLevel>,
     #[command(flatten)]
@@ -61,19 +62,20 @@ pub fn run(a: Arguments) -> Result<()> {
     let seconds = start.elapsed().as_secs_f64();
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
     if info.metadata.law == LawKind::AlphaBlend && parts > 1 {
-        let network = match info.vizmapper {
-            Some(_) => "the VizMapper comes from the part with the first block",
-            None => "the part with the first block has no VizMapper, so the file has none",
-        };
-        context.message(&format!("note: {network}, as published; it was trained only on that part"));
+        context.message(match info.vizmapper {
+            Some(_) => "note: the VizMapper is that of the part with the first block, as published; it was trained on that part only",
+            None => "note: the part with the first block has no VizMapper, so the merged file has none",
+        });
     }
     let blocks: Vec<_> = info.layers.iter().flat_map(|l| &l.content).collect();
     let gaussians: u64 = blocks.iter().map(|b| u64::from(b.gaussians)).sum();
     let (layers, blocks, particles) = (info.layers.len(), blocks.len(), info.metadata.count);
     let mut text = format!(
-        "{}: {parts} parts, {blocks} blocks in {layers} layers, {gaussians} Gaussians for {particles} particles, {} bytes, \
-         in {seconds:.2} s",
+        "{}: {}, {} in {}, {gaussians} Gaussians for {particles} particles, {} bytes, in {seconds:.2} s",
         a.output.display(),
+        counted(parts, "part"),
+        counted(blocks, "block"),
+        counted(layers, "layer"),
         bytes.len()
     );
     // A job's file is measured; one of files has no certificate, and nothing is said of it.

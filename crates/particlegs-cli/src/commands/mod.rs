@@ -28,6 +28,26 @@ mod view;
 use clap::Subcommand;
 use particlegs_pipeline::Result;
 
+/// The groups that the help lists.
+pub const GROUPS: [(&str, &[&str]); 6] = [
+    ("Make", &["compress", "simplify", "merge"]),
+    ("Look", &["view", "render", "reference"]),
+    ("Measure", &["info", "verify", "eval", "compare", "stats"]),
+    ("Convert", &["convert", "export", "recover"]),
+    ("Cluster", &["plan", "scatter", "block", "status", "finetune"]),
+    (
+        "Other",
+        &[
+            "devices",
+            #[cfg(feature = "lab")]
+            "bench",
+            "man",
+            "completions",
+            "help",
+        ],
+    ),
+];
+
 /// The verbs.
 // Parsed once: its size costs nothing.
 #[allow(clippy::large_enum_variant)]
@@ -35,77 +55,51 @@ use particlegs_pipeline::Result;
 pub enum Command {
     /// Compress a snapshot into a model file.
     Compress(compress::Arguments),
-    /// Make a model smaller, without its snapshot.
-    Simplify(simplify::Arguments),
-    /// Merge model files, or the blocks of a job, without loss.
-    Merge(merge::Arguments),
-    /// Look at models in a browser.
-    View(view::Arguments),
-    /// Draw pictures of a model.
-    Render(render::Arguments),
-    /// Draw pictures of all particles of a snapshot.
-    Reference(reference::Arguments),
-    /// Describe a model file or a snapshot.
-    Info(info::Arguments),
-    /// Check a model file or a job, and measure its scores again.
-    Verify(verify::Arguments),
+    /// Compare pictures or surface densities: two files, or two folders.
+    Compare(compare::Arguments),
     /// Score the pictures of a model against those of its snapshot.
     Eval(eval::Arguments),
-    /// Score pictures against others: two files, or two folders.
-    Compare(compare::Arguments),
-    /// Compare statistics: density, P(k), xi(r), groups, neighbours.
-    Stats(stats::Arguments),
-    /// Compare models with other compressors: every table and figure.
-    #[cfg(feature = "lab")]
-    Bench(bench::Arguments),
-    /// Convert a snapshot to another format; tile, crop or subsample it.
-    Convert(convert::Arguments),
-    /// Write a model for other viewers: splats, density grids, tables.
-    Export(export::Arguments),
-    /// Draw synthetic particles from a model.
-    Recover(recover::Arguments),
-    /// Plan a compression as a job of many tasks.
+    /// Plan a compression as a job of many tasks, for a cluster.
     Plan(plan::Arguments),
     /// Sort the particles of a job's snapshot by block.
     Scatter(scatter::Arguments),
     /// Fit one block of a job.
     Block(block::Arguments),
-    /// Show how far a job is.
+    /// Show the progress of a job.
     Status(status::Arguments),
+    /// Merge model files, or the blocks of a job, into one file, without loss.
+    Merge(merge::Arguments),
     /// Train a merged alpha-blend model on its whole snapshot.
     Finetune(finetune::Arguments),
-    /// List the GPUs that can draw and train.
+    /// Make a model smaller, without its snapshot.
+    Simplify(simplify::Arguments),
+    /// Draw synthetic particles from a model.
+    Recover(recover::Arguments),
+    /// Export a model: web page, splats, density grid or table.
+    Export(export::Arguments),
+    /// Convert a snapshot to another format; tile, crop or subsample it.
+    Convert(convert::Arguments),
+    /// Render pictures of all particles of a snapshot.
+    Reference(reference::Arguments),
+    /// Render pictures of a model.
+    Render(render::Arguments),
+    /// List the GPUs that can render and train.
     Devices(devices::Arguments),
-    /// Print the completion script of a shell.
+    /// View models in a browser.
+    View(view::Arguments),
+    /// Compare statistics: density, P(k), xi(r), groups, neighbours.
+    Stats(stats::Arguments),
+    /// Describe a model file or a snapshot.
+    Info(info::Arguments),
+    /// Check that a model file or job is intact, and measure its scores again.
+    Verify(verify::Arguments),
+    /// Benchmark models against other compressors, with tables and figures.
+    #[cfg(feature = "lab")]
+    Bench(bench::Arguments),
+    /// Print a shell completion script.
     Completions(completions::Arguments),
     /// Write manual pages.
     Man(man::Arguments),
-}
-
-/// Headings in the help of the program, each with the command that it stands above.
-const HEADINGS: [(&str, &str); 6] = [
-    ("compress", "Make models"),
-    ("view", "Look"),
-    ("info", "Measure"),
-    ("convert", "Convert"),
-    ("plan", "Run on a cluster"),
-    ("devices", "Other commands"),
-];
-
-/// The program with its commands listed by what they are for.
-pub fn with_headings(program: clap::Command) -> clap::Command {
-    let mut list = String::new();
-    for command in program.get_subcommands() {
-        if let Some((_, heading)) = HEADINGS.iter().find(|(first, _)| *first == command.get_name()) {
-            list += &format!("{heading}:\n");
-        }
-        let about = command.get_about().expect("every command says what it does");
-        list += &format!("  {:<12} {about}\n", command.get_name());
-    }
-    program.help_template(format!(
-        "{{about}}\n\n{{usage-heading}} {{usage}}\n\n{list}\nOptions:\n{{options}}\n\n\
-         `particlegs COMMAND -h` shows the main options of a command, `--help` all of them."
-    ))
 }
 
 /// Runs one.

@@ -21,14 +21,14 @@ use std::path::{Path, PathBuf};
 Example:
   particlegs plan snapshot/ -o job --blocks 64 --emit slurm > job.slurm && bash job.slurm",
     after_long_help = "\
-A job is a folder. Its tasks run on any machine that sees it, in any order, and may be repeated:
+A job is a folder. Its tasks can run on any machine that can access it, and can be repeated:
   particlegs plan snapshot/ -o job --blocks 64
   particlegs scatter job              (all chunks; or one: particlegs scatter job 3)
   particlegs block job 0              (one block; in a Slurm array: env:SLURM_ARRAY_TASK_ID)
   particlegs merge job -o snapshot.pgs
-`particlegs status job` shows how far it is. The file is that of `compress --blocks 64`.
+`particlegs status job` shows the progress. The file is the same as that of `compress --blocks 64`.
 
-A script for Slurm or Snakemake does all of it (docs/guide/cluster.md):
+A script for Slurm or Snakemake can do all of this (docs/guide/cluster.md):
   particlegs plan snapshot/ -o job --blocks 64 --emit slurm > job.slurm && bash job.slurm
   particlegs plan snapshot/ -o job --blocks 64 --emit snakemake > Snakefile && snakemake --cores all"
 )]
@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Folder of the job.
     #[arg(long, short, alias = "out", value_name = "JOB", value_hint = ValueHint::DirPath)]
     output: PathBuf,
-    /// Number of blocks; `auto`: as many as --memory needs.
+    /// Number of blocks; `auto` chooses it from --memory.
     ///
     /// Blocks hold about equal numbers of particles.
     #[arg(long, value_name = "K|auto", default_value = "auto")]
@@ -86,7 +86,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
     context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.tune.config_file()), a.force.force)?;
     if a.emit.is_some() && context.outputs().on_standard_output() {
-        return Err(Error::argument("--emit prints its script to standard output: name a file for --json"));
+        return Err(Error::argument("--emit prints its script to standard output: write --json to a file"));
     }
     // What is in the folder is looked at by the plan itself; only an input it must not be.
     context.outputs().writes_job(&a.output)?;

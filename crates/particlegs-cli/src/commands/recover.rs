@@ -16,7 +16,7 @@ use std::time::Instant;
 #[derive(Args)]
 #[command(after_help = "\
 The particles are SYNTHETIC: drawn from the model, not simulated. meta.json beside them says so, and
-which analyses the measurements in the model file support.
+lists the analyses that the measurements in the model file support.
 
 Examples:
   particlegs recover M.pgs -o particles
@@ -35,13 +35,13 @@ pub struct Arguments {
     /// How particles are drawn.
     #[arg(long, value_name = "METHOD", default_value = "count", value_parser = named::<Method>())]
     method: Method,
-    /// Factor on the widths of the Gaussians.
+    /// Scale the widths of the Gaussians by this factor.
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     scale: f64,
     /// Layers to draw from: species such as gas or dm, or names that `info` lists [default: all].
     #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
-    /// Form of the particles.
+    /// Format of the particles.
     #[arg(long, value_name = "FORM", default_value = "raw", value_parser = one_of(FORMS))]
     form: RawForm,
     #[command(flatten)]
@@ -84,7 +84,7 @@ pub fn run(a: Arguments) -> Result<()> {
         if !options.is_there(&a.output, &model, hash)? {
             return Err(context.refused(&a.output));
         }
-        let text = format!("{} already exists, drawn from this model with the same options", a.output.display());
+        let text = format!("{}: already exists, drawn from this model with the same options", a.output.display());
         return context.finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
     let particles = options.total(&model);

@@ -48,7 +48,7 @@ pub struct Arguments {
     /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write: NAME.png, .pdf or .svg.
+    /// Folder for the pictures (NAME.png for each view), or, for one view, the file to write: NAME.png, .pdf or .svg.
     #[arg(
         long = "output",
         short,
@@ -71,10 +71,10 @@ pub struct Arguments {
     figure: FigureArgs,
     #[command(flatten)]
     density: DensityArgs,
-    /// Spread each particle over the sphere that reaches its K-th nearest other particle [default: points].
+    /// Smooth each particle over a sphere that reaches its K-th nearest neighbour [default: points].
     ///
-    /// By the cubic spline kernel, around the box where that repeats; neighbours are among all particles that are
-    /// drawn. 16 to 64 are common. Particles count whose centres are within --depth.
+    /// Uses the cubic spline kernel, across periodic boundaries, with neighbours among all particles that are drawn. 16
+    /// to 64 are common. A particle counts if its centre is within --depth.
     #[arg(
         long,
         value_name = "K",
@@ -98,7 +98,7 @@ const STYLES: [NamedChoice<ParticleStyle>; 6] = [
     (
         Some((ToneStyle::Paraview, true)),
         "paraview",
-        "As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA",
+        "ParaView 6's default picture, with shot noise: dual depth peeling, 8-bit blending, FXAA",
     ),
     (Some((ToneStyle::ParaviewNoFxaa, true)), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
     (Some((ToneStyle::Expected, true)), "expected", "255 (1 - exp(-tau)) for the optical depth tau: noise-free"),
@@ -185,8 +185,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let device = a.device.open()?;
     if device.is_some() && density {
-        let what = "densities are drawn on the CPU only";
-        return Err(Error::argument_with(what, "leave --device away"));
+        let what = "surface densities are rendered on the CPU only";
+        return Err(Error::argument_with(what, "omit --device"));
     }
     let on_device = device.map(|d| d.particles(reference.input(), &context)).transpose()?;
     let painter = renderer(&reference, on_device, a.style, &subject, &context);

@@ -45,7 +45,7 @@ Examples:
   particlegs render model.pgs --azimuth 30 --save-views view.json -o pictures
   particlegs render model.pgs --style density --colormap magma -o sigma
   particlegs render model.pgs --layer stars -o stars
-  particlegs render model.pgs --style density --projection orthographic --width 30 --depth 5 -o slab.pdf
+  particlegs render m.pgs --style density --projection orthographic --width 30 --depth 5 -o slab.pdf
   particlegs render a.pgs b.pgs --panels --style density --background white -o compared.pdf
   particlegs render model.pgs --like published.png -o again.png
   particlegs render model.pgs --turntable 120 --video turn.mp4
@@ -54,10 +54,10 @@ Examples:
 docs/guide/pictures.md describes styles, cameras, figures, films and views files."
 )]
 pub struct Arguments {
-    /// Model file, or, with --panels, several.
+    /// Model file; several with --panels.
     #[arg(required = true, value_name = "MODEL", value_hint = ValueHint::FilePath)]
     models: Vec<PathBuf>,
-    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write: NAME.png, .pdf or .svg.
+    /// Folder for the pictures (NAME.png for each view), or, for one view, the file to write: NAME.png, .pdf or .svg.
     #[arg(
         long = "output",
         short,
@@ -78,7 +78,7 @@ pub struct Arguments {
     color_by_layer: bool,
     /// Reuse the camera, style, colours and range stored in a PNG from this program.
     ///
-    /// Options on the command line take precedence over the picture's.
+    /// Other options on the command line override what is stored.
     #[arg(
         long,
         value_name = "PNG",
@@ -87,10 +87,10 @@ pub struct Arguments {
         conflicts_with_all = ["views", "path", "azimuth", "elevation", "distance", "projection", "center", "width", "depth", "fit"]
     )]
     like: Option<PathBuf>,
-    /// Draw all models and views into one figure, with one range and one colour bar.
+    /// Draw all models and views in one figure, with a common range and colour bar.
     #[arg(long, hide_short_help = true, conflicts_with_all = ["turntable", "path", "video", "raw"])]
     panels: bool,
-    /// Panels in a row [default: those of one view; of one model up to three].
+    /// Panels per row [default: one per model; up to three for a single model].
     #[arg(long, value_name = "N", hide_short_help = true, requires = "panels")]
     columns: Option<usize>,
     /// Captions of the panels, row by row [default: names of models and views].
@@ -173,7 +173,7 @@ impl RenderOptions {
         if a.style.is_none() {
             let hint = "choose one with --style";
             let no_style =
-                || Error::input_with(path, format!("no model can be drawn in its style `{}`", told.style), hint);
+                || Error::input_with(path, format!("its style `{}` is not one for models", told.style), hint);
             let style = STYLES.iter().find(|(_, name, _)| *name == told.style);
             asked.style = style.ok_or_else(no_style)?.0;
         }
@@ -188,7 +188,7 @@ impl RenderOptions {
             asked.range = asked.range.or(told.range.filter(|r| r[0] > 0.0 && r[1] > r[0]));
         }
         if let (None, Some(name)) = (asked.figure.background, &told.background) {
-            asked.figure.background = Some(Background::from_str(name, false).map_err(|_| unknown("ground", name))?);
+            asked.figure.background = Some(Background::from_str(name, false).map_err(|_| unknown("background", name))?);
         }
         asked.like = Some((set, told.units.unwrap_or_default()));
         Ok(asked)
@@ -215,8 +215,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let mut asked = RenderOptions::new(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
-        let what = format!("{} models are given, but only one can be drawn", read.len());
-        return Err(Error::argument_with(what, "draw them into one figure with --panels"));
+        let what = format!("{} models are given, but a picture shows only one", read.len());
+        return Err(Error::argument_with(what, "draw them in one figure with --panels"));
     }
     let mut read = read.into_iter();
     let Some(first) = read.next() else { return Err(Error::argument("no model is given")) };
@@ -346,8 +346,8 @@ fn renderer<'a>(
     let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
     let scene = Scene::new(&read.model);
     if device.is_some() && (look.is_none() || !layers.is_empty()) {
-        let what = "densities and coloured layers are drawn on the CPU only";
-        return Err(Error::argument_with(what, "leave --device away"));
+        let what = "surface densities and coloured layers are rendered on the CPU only";
+        return Err(Error::argument_with(what, "omit --device"));
     }
     let on_device = device.map(|d| d.scene(&scene)).transpose()?;
     let side_by_side = on_device.is_none();

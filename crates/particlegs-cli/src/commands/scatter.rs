@@ -10,13 +10,14 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(after_help = "\
-Copies the particles of the snapshot, chunk by chunk, into one bucket for each block. Chunks that are
-done are skipped. After SIGTERM, SIGUSR1 or Ctrl-C the exit code is 75: run it again to continue.")]
+Copies the particles of the snapshot, chunk by chunk, into one bucket per block. Chunks that are done
+are skipped. On SIGTERM, SIGUSR1 or Ctrl-C it exits with code 75; run it again to
+continue.")]
 pub struct Arguments {
     /// Folder of the job.
     #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
     job: PathBuf,
-    /// Number of a chunk, counted from 0, or `env:NAME` for a variable that holds it [default: all].
+    /// Chunk number, from 0, or `env:NAME` to read it from an environment variable [default: all].
     #[arg(value_name = "I")]
     chunk: Option<String>,
     #[command(flatten)]

@@ -17,8 +17,8 @@ use std::time::Instant;
 
 #[derive(Args)]
 #[command(mut_group("TargetArgs", |g| g.required(true)), after_help = "\
-Gaussians are merged in pairs, beginning with those that show least; counts, mass and moments are
-kept. A model of the same size compressed from the particles is better; this needs no particles.
+Merges Gaussians in pairs, the least visible merges first; counts, mass and moments are kept. This
+needs no particles, but a model compressed from them to the same size is better.
 
 Examples:
   particlegs simplify M.pgs -o small.pgs --ratio 1000

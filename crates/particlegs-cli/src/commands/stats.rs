@@ -26,10 +26,10 @@ Examples:
   particlegs stats snapshot model.pgs -o stats --only density,spectrum
   particlegs stats model.pgs held-out -o stats --only likelihood",
     after_long_help = "\
-Writes stats.json, tables as CSV, and plots as SVG and PNG (or as in --plots). A model is measured
-from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass about
-centres; pairs, groups, neighbours and g(r) need particles.
-A model and particles, in either order, also give the likelihood of those under it.
+Writes stats.json, tables as CSV, and plots as SVG and PNG unless --plots says otherwise. A model is
+measured from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass
+around centres; pairs, groups, neighbours and g(r) need particles.
+A model and particles, in either order, also give the likelihood of the particles under the model.
 docs/guide/statistics.md defines every measure.
 
 Examples:
@@ -44,7 +44,7 @@ pub struct Arguments {
     /// Truth: a snapshot's file or folder, or a model file.
     #[arg(value_name = "TRUTH")]
     truth: PathBuf,
-    /// Recovered particles, a snapshot or a model file to compare with it.
+    /// What to compare with it: recovered particles, a snapshot or a model file.
     #[arg(value_name = "OTHER")]
     other: PathBuf,
     /// Folder for the results.
@@ -77,25 +77,25 @@ pub struct Arguments {
     /// xi(r): smallest and largest separation.
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     separations: Option<Vec<f64>>,
-    /// xi(r): approximate number of distances to compute in a band of separations.
+    /// xi(r): approximate number of distances to compute per band of separations.
     ///
-    /// Where there are more, a sample of the particles is taken as primaries.
+    /// If there are more, a sample of the particles is used as primaries.
     #[arg(long, value_name = "N", default_value_t = 300_000_000, hide_short_help = true)]
     pairs: u64,
     /// g(r): largest distance [default: 4 mean spacings, at most half the box].
     #[arg(long, value_name = "R", hide_short_help = true)]
     rdf_max: Option<f64>,
-    /// Profile: axis to print.
+    /// Profile: axis whose results are printed.
     #[arg(long, value_name = "AXIS", default_value = "z", hide_short_help = true, value_parser = ["x", "y", "z"])]
     profile_axis: String,
     /// Profile: number of slabs.
     #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
     profile_bins: usize,
-    /// Haloes: text file with x, y, z and perhaps a radius in each line, such as a catalogue of haloes.
+    /// Haloes: text file with x, y, z and optionally a radius in each line, such as a halo catalogue.
     ///
-    /// Column names above the numbers, with or without #, say which are used, and the header gives their units: lists of Rockstar,
-    /// consistent-trees and AHF are read as they are. Without a file, the centres are those of the truth's groups of
-    /// 100 particles and more, the 1000 largest of them.
+    /// The header, with or without #, names the columns and their units; lists from Rockstar, consistent-trees and AHF
+    /// are read as they are. Without a file, the centres are those of the truth's 1000 largest groups with 100
+    /// particles or more.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     centres: Option<PathBuf>,
     /// Haloes: largest radius [default: the file's, else 2 mean spacings].
@@ -107,25 +107,25 @@ pub struct Arguments {
     /// Groups: linking length in mean spacings.
     #[arg(long, value_name = "B", default_value_t = 0.2)]
     linking: f64,
-    /// Groups: the linking length itself, such as 0.02Mpc; a number alone is in the truth's unit.
+    /// Groups: the linking length itself, such as 0.02Mpc; a plain number is in the truth's unit.
     ///
-    /// In a zoom (a region of lighter particles in a box of heavier ones) the lighter ones are linked, by default at 0.2 of
-    /// their own mean spacing.
+    /// In a zoom simulation (light particles in a box of heavier ones) only the light ones are linked, by default at 0.2
+    /// of their own mean spacing.
     #[arg(long, value_name = "LENGTH", conflicts_with = "linking")]
     linking_length: Option<String>,
-    /// Groups: radius of the apertures about their centres, in mean spacings.
+    /// Groups: radius of the apertures around their centres, in mean spacings.
     #[arg(long, value_name = "F", default_value_t = 0.128, hide_short_help = true)]
     aperture: f64,
-    /// Neighbours: number of particles whose nearest neighbour is searched.
+    /// Neighbours: number of particles to find the nearest neighbour of.
     #[arg(long, value_name = "N", default_value_t = 500_000, hide_short_help = true)]
     neighbours: usize,
-    /// Treat every axis as open, whatever the files say.
+    /// Treat no axis as periodic, whatever the files say.
     #[arg(long)]
     open: bool,
     /// Write tables only, no plots.
     #[arg(long)]
     no_plots: bool,
-    /// Files of each plot.
+    /// File formats of the plots.
     #[arg(long, value_name = "KIND,...", default_value = "svg,png", hide_short_help = true)]
     #[arg(value_parser = named::<FileKind>(), value_delimiter = ',', conflicts_with = "no_plots")]
     plots: Vec<FileKind>,

@@ -21,19 +21,19 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
-    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify M.pgs samples/nbody64 --full --store\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file, and 9 for a certificate that is not what is measured or\ncontradicts itself (docs/guide/exit-codes.md)."
+    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify M.pgs samples/nbody64 --full --store\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file, and 9 for a certificate that differs from the\nmeasurement or contradicts itself (docs/guide/exit-codes.md)."
 )]
 pub struct Arguments {
-    /// Model file, or the folder of a job.
+    /// Model file or job folder.
     #[arg(value_name = "MODEL|JOB")]
     model: PathBuf,
-    /// Snapshot that the model was made from: its hash is compared, its certificate measured again.
+    /// Snapshot that the model was made from, to compare its hash and measure the certificate again.
     #[arg(value_name = "SNAPSHOT")]
     snapshot: Vec<PathBuf>,
-    /// Measure all that a certificate can hold, as `compress --certificate full` does.
+    /// Measure a full certificate, as `compress --certificate full` does.
     #[arg(long, requires = "snapshot")]
     full: bool,
-    /// Replace the file's certificate by the new measurement, if nothing stored differs.
+    /// Store the new measurements in the file, if no stored value differs from them.
     #[arg(long, requires = "snapshot")]
     store: bool,
     #[command(flatten)]
@@ -80,7 +80,10 @@ pub fn run(a: Arguments) -> Result<()> {
     if counts != model.metadata.count || mass_error > 1e-9 {
         return Err(Error::corrupt(
             place,
-            format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}"),
+            format!(
+                "its Gaussians stand for {counts} of {} particles, and their mass is off by {mass_error:e}",
+                model.metadata.count
+            ),
         ));
     }
     let of_several = source_check::is_of_several(&bytes, &model, &place)?;
@@ -127,7 +130,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let sound = report.judge(&place);
     if a.store && sound.is_ok() {
         store(&a.model, &bytes, &model, report.measured_again.as_ref())?;
-        context.message(&format!("{place}: stored what was measured"));
+        context.message(&format!("{place}: stored the measured certificate"));
     }
     context.finish(text(&report, &model, of_several, &place).trim_end(), &report)?;
     sound
@@ -147,7 +150,7 @@ fn with_certificate(path: &Path, bytes: &[u8], model: &Model, certificate: Optio
 impl VerifyReport {
     /// An error where what is stored is not what was measured, or cannot be at all.
     fn judge(&self, place: &str) -> Result<()> {
-        let hint = "the certificate was altered, or another version of the program measured it: do not trust the file until you know which";
+        let hint = "the certificate was altered, or another version of the program measured it: do not trust the file before you know which";
         let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
         if !self.contradictions.is_empty() {
             return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
@@ -155,8 +158,8 @@ impl VerifyReport {
         if let Some([name, stored, found]) = self.source_differences.first() {
             return Err(Error::Differs {
                 place: place.into(),
-                what: format!("its {name} is {stored} in the file, but {found} in the snapshot"),
-                hint: "use the options that made the model (`info` shows them); otherwise its metadata was altered"
+                what: format!("its {name} is {stored} in the file and {found} in the snapshot"),
+                hint: "give the options that the model was made with (`info` shows them); if they are the same, its metadata was altered"
                     .into(),
             });
         }
@@ -164,12 +167,12 @@ impl VerifyReport {
             .figures
             .iter()
             .filter(|f| f.differs)
-            .map(|f| format!("{} is stored as {}, but measured as {}", f.name, f.stored, f.measured))
+            .map(|f| format!("{} is stored as {} and measured as {}", f.name, f.stored, f.measured))
             .collect();
         match off.first() {
             None => Ok(()),
             Some(first) => Err(differs(format!(
-                "{} of {} values in its certificate differ: {first}",
+                "{} of {} figures of its certificate differ: {first}",
                 off.len(),
                 self.figures.len()
             ))),
@@ -179,13 +182,13 @@ impl VerifyReport {
 
 fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
-        "{place}: intact: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
+        "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
         r.model_bytes, r.law, r.gaussians, r.particles, r.mass_error
     );
     if r.measured_again.is_some() && of_several {
-        text += "source: merged from several snapshots, whose hashes are not stored; the number of particles agrees with this one\n";
+        text += "source: merged from several snapshots, so there is no hash to compare; the number of particles is the same\n";
     } else if r.measured_again.is_some() {
-        text += "source: the file was made from this snapshot\n";
+        text += "source: this is the snapshot that the file was made from\n";
     }
     text += &format!("certificate: {}\n", r.certificate);
     let unit = model.metadata.units.length_text();
@@ -202,9 +205,9 @@ fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> Strin
         (None, None) => {}
     }
     for [name, stored, found] in &r.source_differences {
-        text += &format!("{name}: differs: {stored} in the file, {found} in the snapshot\n");
+        text += &format!("{name}: {stored} in the file, {found} in the snapshot: differs\n");
     }
-    for (what, lines) in [("impossible", &r.contradictions), ("implausible", &r.doubts)] {
+    for (what, lines) in [("impossible", &r.contradictions), ("suspicious", &r.doubts)] {
         lines.iter().for_each(|line| text += &format!("{what}: {line}\n"));
     }
     match (&r.measured_again, &r.stored) {
@@ -224,7 +227,7 @@ fn beside(figures: &[CertificateFigure]) -> String {
 
 fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     if !a.snapshot.is_empty() {
-        return Err(Error::argument("a job knows its snapshot: give only the folder"));
+        return Err(Error::argument("a job already names its snapshot: give only the folder"));
     }
     let job = Job::open(&a.model)?;
     let snapshot = JobSnapshot::from_job(&job)?;
@@ -233,7 +236,7 @@ fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     let status = job.status()?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(
-        "{}: intact: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are complete",
+        "{}: sound: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are done and intact",
         a.model.display(),
         done(&status.chunks),
         status.chunks.len(),
@@ -274,7 +277,7 @@ fn measure(
     if !differences.is_empty() {
         return Ok((None, differences));
     }
-    context.message("the file was made from this snapshot; measuring");
+    context.message("this is the snapshot that the file was made from; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
     let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, certificate_check::level_of);
     let level = if a.full { CertificateLevel::Full } else { stored };

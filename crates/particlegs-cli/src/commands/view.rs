@@ -36,8 +36,8 @@ Examples:
   particlegs view a.pgs b.pgs --no-open --port 8317
   particlegs view model.pgs --no-open --allow-host hub.example.org
 
-The printed address holds a secret, a new one each time; set PARTICLEGS_TOKEN (32 or more letters and
-digits) to choose it. docs/guide/view.md describes SSH, Open OnDemand and jupyter-server-proxy."
+The printed address contains a secret token, new each time; set PARTICLEGS_TOKEN, 32 or more letters
+and digits, to choose it. docs/guide/view.md describes SSH, Open OnDemand and jupyter-server-proxy."
 )]
 pub struct Arguments {
     /// Model files; several are shown side by side with one camera.
@@ -48,13 +48,13 @@ pub struct Arguments {
     /// All its particles are drawn beside the model, from the same camera.
     #[arg(long = "snapshot", value_name = "SNAP", value_hint = ValueHint::AnyPath)]
     particles: Vec<PathBuf>,
-    /// Port to listen on; 0 takes any free port [default: 8317, or any free port].
+    /// Port to listen on; 0 picks any free one [default: 8317, or any free one if that is taken].
     #[arg(long, value_name = "P")]
     port: Option<u16>,
-    /// Address to listen on; any but a loopback address lets other machines in.
+    /// Address or name to listen on; anything but a loopback address lets other machines in.
     #[arg(long, value_name = "H", default_value = "127.0.0.1")]
     host: String,
-    /// Host name of a proxy, as in the browser's address; may be repeated.
+    /// Host name of a proxy to the page, as in the browser's address bar; may be repeated.
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
     /// Do not start a browser.
@@ -125,8 +125,8 @@ fn listen(a: &Arguments, context: &CommandContext) -> Result<Server> {
     })?;
     if server.is_widened() {
         context.message(&format!(
-            "warning: --host {}: other machines can reach the page, and whoever knows its address sees the models; \
-             what goes over the network is not encrypted",
+            "warning: --host {}: other machines can reach the page, anyone who knows its address can see the models, \
+             and the connection is not encrypted",
             a.host
         ));
     }
@@ -178,9 +178,9 @@ fn announce(
         text += &format!("\n{elsewhere}");
     }
     if let Some(ssh) = &ssh {
-        text += &format!("\nOn your own machine run this, then open the address there:\n{ssh}");
+        text += &format!("\nOn your own machine, run this and then open the address there:\n{ssh}");
     }
-    text += "\nCtrl-C ends it.";
+    text += "\nPress Ctrl-C to stop.";
     let models: Vec<_> = viewed.names().map(|(name, n)| json!({ "name": name, "gaussians": n })).collect();
     let report = json!({
         "url": url, "url_elsewhere": elsewhere, "host": a.host, "port": server.port(), "token": server.token(), "ssh": ssh,
@@ -198,7 +198,7 @@ fn open(server: &Server, context: &CommandContext) -> Result<()> {
         return Ok(());
     }
     if start_browser(&server.url_for_once()?).is_err() {
-        context.message("no browser could be started: open the address");
+        context.message("no browser could be started: open the address yourself");
     }
     Ok(())
 }
@@ -206,10 +206,10 @@ fn open(server: &Server, context: &CommandContext) -> Result<()> {
 fn describe(event: &Event) -> String {
     match event {
         Event::RefusedHost(name) => {
-            format!("refused: a request for host {name}; if a proxy of yours sent it, add `--allow-host {name}`")
+            format!("refused: a request for host {name}; if it came from your proxy, add `--allow-host {name}`")
         }
         Event::RefusedOrigin => {
-            "refused: a request from a page of another site; if that is your proxy's, name it by `--allow-host`".into()
+            "refused: a request from another site's page; if that is your proxy, name it with `--allow-host`".into()
         }
     }
 }

@@ -89,13 +89,13 @@ impl Film {
         let folder = self.frames.as_deref().unwrap_or(Path::new("."));
         let set = FileSet::in_folder(parent(&self.path))?;
         let staged = set.path().join(self.path.file_name().unwrap_or_default());
-        context.begin("joining frames by ffmpeg", 0);
+        context.begin("joining frames with ffmpeg", 0);
         let ran = run(&self.arguments(folder, names.len(), &staged)).and_then(|()| there(&staged));
         context.end();
         context.check()?;
         if let Err(why) = ran {
             let arguments = self.arguments(folder, names.len(), &self.path);
-            let what = format!("{why}; the frames are kept; this command joins them: {}", line(&arguments));
+            let what = format!("{why}; the frames are kept, and this command joins them: {}", line(&arguments));
             return Err(Error::io(&self.path, std::io::Error::other(what)));
         }
         set.finish()?;

@@ -57,7 +57,7 @@ impl Finisher<'_> {
                     (b.min[k] - room..=b.max[k] + room).contains(&camera.focal_point[k])
                 });
                 if !inside {
-                    return Err("the point that the camera looks at lies outside the particles");
+                    return Err("the camera looks at a point outside the particles");
                 }
                 Ok((camera.distance() / focal, "at the centre"))
             }
@@ -72,7 +72,7 @@ impl Finisher<'_> {
         }
         let length = round_below(LONGEST_BAR * width);
         let unit = journal_unit(self.quantities.length_unit().unwrap_or_default());
-        let unit = if unit.is_empty() { "(unknown unit)".into() } else { unit };
+        let unit = if unit.is_empty() { "(unit not known)".into() } else { unit };
         let comoving = if self.quantities.is_comoving() { "comoving" } else { "" };
         let notes = [comoving, note].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
         let notes = if notes.is_empty() { String::new() } else { format!(" ({notes})") };

@@ -102,6 +102,6 @@ fn of_one_size(first: &Mutex<Option<particlegs_pipeline::picture::Size>>, image:
     if size == image.size() {
         return Ok(());
     }
-    let what = "the frames' labels have different widths, and the frames different sizes".to_string();
-    Err(Error::Argument { what, hint: "remove the labels with --no-annotations, or use --colorbar inside".into() })
+    let what = "labels of different widths make the frames different in size".to_string();
+    Err(Error::Argument { what, hint: "omit labels with --no-annotations, or use --colorbar inside".into() })
 }

@@ -41,7 +41,7 @@ impl ViewContent {
     fn say_if_empty(&self, view: &View, context: &CommandContext) {
         if matches!(self, ViewContent::Density(plane) if plane.data.iter().all(|v| *v == 0.0)) {
             let name = &view.name;
-            context.message(&format!("warning: view `{name}` is empty: no particle is in its window; move --center or widen --width and --depth"));
+            context.message(&format!("warning: view `{name}` is empty: no particle lies in its window; move --center or widen --width and --depth"));
         }
     }
 }

@@ -66,8 +66,8 @@ impl DrawingJob<'_> {
         let raw = target.density.raw;
         let out = folder.map(|path| PictureOut::new(path, set.views.len(), raw, context)).transpose()?;
         if film.as_ref().is_some_and(|f| f.form != FilmFormat::Gif) && !matches!(out, Some(PictureOut::Folder(_))) {
-            let what = "--video joins the frames of a folder, but -o is a picture";
-            return Err(Error::argument_with(what, "name a folder, or remove -o"));
+            let what = "--video needs a folder for its frames, but -o names a picture";
+            return Err(Error::argument_with(what, "name a folder, or omit -o"));
         }
         if let Some(out) = &out {
             match raw {

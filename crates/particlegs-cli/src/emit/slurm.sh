@@ -2,7 +2,7 @@
 # A particlegs job for Slurm, written by `particlegs plan --emit slurm`. It is yours: edit it.
 #   bash THIS_FILE          on a login node: submits scatter -> blocks -> merge and returns
 #   bash THIS_FILE          again, after failures: what is done is skipped, what is interrupted continues
-# What came of it: particlegs status JOB. What tasks said: JOB/logs.
+# Progress: particlegs status JOB. Logs of the tasks: JOB/logs.
 set -euo pipefail
 
 program=@PROGRAM@

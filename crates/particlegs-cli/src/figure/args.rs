@@ -16,15 +16,15 @@ pub struct FigureArgs {
     /// Position of the colour bar and the scale bar [default: outside].
     #[arg(long, value_enum, value_name = "WHERE", hide_short_help = true, conflicts_with = "no_annotations")]
     pub colorbar: Option<ColorbarArg>,
-    /// Background of the picture and the page [default: a black picture, on a white page where there is one].
+    /// Background of the picture and the page [default: black picture, white page].
     ///
-    /// On white, grey levels are inverted and colour maps reversed: dense regions are dark.
+    /// On white, grey levels are inverted and colour maps reversed, so that dense regions are dark.
     #[arg(long, value_enum, value_name = "COLOUR", hide_short_help = true)]
     pub background: Option<Background>,
-    /// Draw coordinates along the edges, or the box with its axes.
+    /// Draw coordinates around the picture, or the box with its axes on it.
     #[arg(long, value_enum, value_name = "WHAT", hide_short_help = true, conflicts_with = "no_annotations")]
     pub axes: Option<Axes>,
-    /// Draw a scale bar (densities, PDF and SVG always have one).
+    /// Draw a scale bar, as densities, PDF and SVG have by default.
     #[arg(long, hide_short_help = true, conflicts_with = "no_annotations")]
     pub scale_bar: bool,
     /// Title above the picture.
@@ -33,10 +33,10 @@ pub struct FigureArgs {
     /// Width of the whole figure, such as 84mm, 17cm, 3.3in, 240pt [default of PDF and SVG: 84mm].
     #[arg(long, value_name = "LENGTH", hide_short_help = true, value_parser = parse_length)]
     pub figure_width: Option<f64>,
-    /// Height of letters in points [default of PDF and SVG: 8].
+    /// Font size in points [default of PDF and SVG: 8].
     #[arg(long, value_name = "POINTS", hide_short_help = true, value_parser = parse_points)]
     pub font_size: Option<f64>,
-    /// Pixels per inch: the least resolution with --figure-width, otherwise a label in the PNG.
+    /// Pixels per inch: a minimum with --figure-width, else only stored in the PNG.
     #[arg(long, value_name = "N", hide_short_help = true, value_parser = parse_dpi)]
     pub dpi: Option<f64>,
     /// Draw no colour bar and no scale bar.
@@ -55,7 +55,7 @@ pub enum ColorbarArg {
     None,
 }
 
-/// The ground.
+/// The background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Background {
     /// Light on black.
@@ -138,7 +138,7 @@ impl FigureArgs {
         let texts = self.title.iter().chain(more);
         let missing: String = texts.map(|t| missing(t)).collect();
         if !missing.is_empty() {
-            context.message(&format!("note: the font has no letters for `{missing}`; they are drawn as boxes"));
+            context.message(&format!("note: the font lacks the characters `{missing}`: boxes are drawn instead"));
         }
     }
 }

@@ -22,7 +22,7 @@ fn info_and_verify_say_what_it_is() {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let network = "layers of 4, 64, 64, 2 values, 4610 parameters in 4812 bytes; scale within 0.1, opacity within 0.3";
     assert!(words.contains(network), "{text}");
-    assert!(text.contains("4352 bytes as PLY, 68 a Gaussian"), "{text}");
+    assert!(text.contains("4352 bytes as PLY, 68 per Gaussian"), "{text}");
     let info = dir.says("info m.pgs");
     assert_eq!((info["metadata"]["law"].as_str(), info["published_bytes"].as_u64()), (Some("alpha-blend"), Some(4352)));
     assert_eq!((&info["vizmapper"]["parameters"], &info["vizmapper"]["ranges"]["floor"]), (&4610.into(), &0.4.into()));
@@ -64,7 +64,7 @@ fn merging_takes_the_network_of_the_first_block() {
     }
     let merged = |parts: &str, name: &str| {
         let [_, said] = dir.runs(&format!("merge {parts} -o {name}"));
-        assert!(said.contains("note: the VizMapper comes from the part with the first block"), "{said}");
+        assert!(said.contains("note: the VizMapper is that of the part with the first block"), "{said}");
         dir.bytes(name)
     };
     assert_eq!(merged("a.pgs b.pgs", "ab.pgs"), merged("b.pgs a.pgs", "ba.pgs"));

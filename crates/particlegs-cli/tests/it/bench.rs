@@ -67,27 +67,27 @@ fn what_cannot_be_measured_is_refused() {
     let dir = folder();
     let unknown = "no experiment \"nothing\": all, rate-distortion";
     dir.fails("bench nothing x -o y", 2, unknown);
-    dir.fails("bench all", 2, "`bench` takes a snapshot and a folder for the results");
+    dir.fails("bench all", 2, "`bench` needs a snapshot and a folder for the results");
     dir.fails(&format!("{BENCH} a --ratios 0.5"), 2, "--ratios: 0.5 is not above 1");
     // A folder of something else is left alone, and so is the snapshot's own.
     std::fs::create_dir(dir.at("other")).unwrap();
     dir.write("other/mine.txt", "mine");
     for place in ["other", "clumps"] {
-        dir.fails(&format!("{BENCH} {place}"), 8, "holds other files and no results of `bench`");
+        dir.fails(&format!("{BENCH} {place}"), 8, "contains other files and no results of `bench`");
     }
     assert_eq!(listing(&dir.at("other")), ["mine.txt"]);
     dir.fails(&format!("{BENCH} b --python {}", dir.at("python").display()), 3, "python");
 }
 
-/// Whether or not there is a card.
+/// Whether or not there is a GPU.
 #[test]
 fn what_does_nothing_for_a_card_is_refused() {
     let gpu = |more: &[&str], why: &str| fails(particlegs().args(["bench", "gpu"]).args(more), 2, why);
-    gpu(&["snapshot"], "`bench gpu` makes its own scenes and ignores SNAPSHOT");
-    gpu(&["--size", "160x90"], "ignores --size");
-    gpu(&["--scale", "0.1"], "`bench gpu` needs --training for --scale");
-    gpu(&["-o", "measured"], "`bench gpu` needs --training for -o");
-    gpu(&["--training"], "takes a folder that keeps its checkpoint: -o DIR");
+    gpu(&["snapshot"], "`bench gpu` makes its own scenes: omit SNAPSHOT");
+    gpu(&["--size", "160x90"], "omit --size");
+    gpu(&["--scale", "0.1"], "`bench gpu` uses --scale only with --training");
+    gpu(&["-o", "measured"], "`bench gpu` uses -o only with --training");
+    gpu(&["--training"], "needs a folder for its checkpoint: -o DIR");
 }
 
 #[test]

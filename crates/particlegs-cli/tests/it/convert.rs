@@ -96,6 +96,6 @@ fn compare_names_what_it_cannot_score() {
     write(&b, "alone.png", 17, 0);
     let failed = dir.command("compare a b").assert().failure().code(3);
     assert!(String::from_utf8_lossy(&failed.get_output().stdout).contains("28.13 dB"));
-    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("16x16 pixels against 17x17"));
+    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("sizes differ, 16x16 and 17x17 pixels"));
     dir.command("compare a c").assert().failure().code(6);
 }

@@ -267,6 +267,6 @@ fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
     let text = said(&out);
     assert!(mapped, "the columns were not mapped: {text}");
     assert_eq!(out.status.code(), Some(6), "{:?}: {text}", out.status);
-    assert_eq!(text.lines().filter(|l| l.starts_with("error: a file ended while it was read")).count(), 1, "{text}");
+    assert_eq!(text.lines().filter(|l| l.starts_with("error: a file ended while being read")).count(), 1, "{text}");
     assert_eq!(dir.listing(), before);
 }

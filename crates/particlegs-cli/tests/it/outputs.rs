@@ -383,7 +383,7 @@ fn files_that_belong_together_appear_together() {
             Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
             code => {
                 assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}");
-                assert!(said(&out).contains("the model was written"), "{blocks}");
+                assert!(said(&out).contains("note: wrote the model"), "{blocks}");
             }
         }
         failed[1] += usize::from(!out.status.success());

@@ -86,14 +86,14 @@ fn smoothed_pictures_are_the_same_whatever_the_threads() {
 fn what_cannot_be_smoothed_or_compared_is_said() {
     let dir = folder();
     dir.fails("reference cloud -o out --style density --smooth 6000", 2, "there are 6000");
-    dir.fails("reference cloud -o out --smooth 16", 2, "--smooth does nothing here");
+    dir.fails("reference cloud -o out --smooth 16", 2, "--smooth has no effect here");
     dir.command("reference cloud -o out --style density --smooth 1").assert().failure().code(2);
     drawn(&dir, "reference cloud -o a --smooth 16 --raw");
     drawn(&dir, "render cloud.pgs -o b --raw --center 0.5,0.5,0.6");
     let compare = || dir.command("compare b a").output().unwrap();
     let out = compare();
     assert_eq!(out.status.code(), Some(3));
-    assert!(said(&out).contains("different windows"));
+    assert!(said(&out).contains("their views differ"));
     // Files that were cut or are no numbers are said in their place.
     let whole = dir.bytes("b/view.f32");
     dir.write("b/view.f32", &whole[..whole.len() - 5]);
@@ -101,6 +101,6 @@ fn what_cannot_be_smoothed_or_compared_is_said() {
     dir.write("b/view.f32", vec![0xff; whole.len()]);
     assert!(said(&compare()).contains("not finite"));
     dir.write("b/view.json", "{}");
-    assert!(said(&compare()).contains("not what --raw writes"));
+    assert!(said(&compare()).contains("not written by --raw"));
     assert_eq!(listing(&dir.at("b")), ["view.f32", "view.json"]);
 }

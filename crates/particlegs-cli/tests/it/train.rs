@@ -124,7 +124,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
         signal(&child, name);
         assert_eq!(child.wait().unwrap().code(), Some(130), "{law}");
         assert!(dir.runs("verify m.pgs")[0].contains(law));
-        dir.fails(&words, 8, "it is left from an interrupted run");
+        dir.fails(&words, 8, "left by an interrupted run");
         let kept = std::fs::read(&checkpoint).unwrap();
         std::fs::write(&checkpoint, &kept[..kept.len() / 2]).unwrap();
         dir.fails(&resume, 3, "truncated or altered");
@@ -244,7 +244,7 @@ fn configurations_come_back_and_faults_are_named() {
         ("cameras.radius = [2.0, 1.0]", 2, "cameras.radius"),
         ("cameras.held_out = 1.0", 2, "cameras.held_out"),
         ("loss.dssim = nan", 2, "loss.dssim"),
-        ("law = \"alpha-blend\"", 3, "trains by optical-depth"),
+        ("law = \"alpha-blend\"", 3, "trains with optical-depth"),
     ];
     for (text, code, told) in cases {
         dir.write("tiny.toml", text);

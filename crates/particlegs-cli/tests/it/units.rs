@@ -130,7 +130,7 @@ fn weights_that_are_not_masses_have_their_own_name_and_unit() {
     s.says("render m.pgs --style density --size 60x40 -o f.svg");
     assert!(s.text("f.svg").contains(">Σ of Charge (e nm⁻²)<"), "the title of the colour bar");
     let [info, _] = s.runs("info m.pgs");
-    assert!(info.contains("999 of `Charge` in all"), "{info}");
+    assert!(info.contains("999 of `Charge` in total"), "{info}");
     s.says("export m.pgs -o m.csv");
     assert!(s.text("m.csv").contains("Charge [e]"));
     let fits = s.says("export m.pgs -o m.fits --grid 8");

@@ -100,10 +100,10 @@ fn what_cannot_be_done_is_refused_before_the_work() {
     }
     // Options that would do nothing.
     refused("a.npz --radius 1", 2, "--radius has no effect here; it applies to pages and splats");
-    refused("a.vti --color layer", 2, "--color does nothing here");
+    refused("a.vti --color layer", 2, "--color has no effect here");
     refused("a.ply --grid 8", 2, "--grid has no effect here; it applies to density");
-    refused("a.csv --cell 1", 2, "--cell does nothing here");
-    refused("a.ply --colormap viridis", 2, "--colormap does nothing here");
+    refused("a.csv --cell 1", 2, "--cell has no effect here");
+    refused("a.ply --colormap viridis", 2, "--colormap has no effect here");
     // Extremes that are not out of range.
     for more in ["--radius 1e-300", "--radius 1e100", "--opacity 1e-300"] {
         let out = dir.command(&format!("export m.pgs -o x.ply -q --force {more}")).output().unwrap();

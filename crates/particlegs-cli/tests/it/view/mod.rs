@@ -103,7 +103,7 @@ fn what_cannot_be_shown_is_said_before_anything_is_served() {
         ("missing.pgs", 6, "missing.pgs"),
         ("spiral", 3, "not a model file"),
         ("spiral.pgs --snapshot nowhere", 6, "nowhere"),
-        ("spiral.pgs --every 2", 2, "--every does nothing here"),
+        ("spiral.pgs --every 2", 2, "--every has no effect here"),
         ("spiral.pgs --allow-host https://hub.example.org", 2, "is not the name of a host"),
         ("spiral.pgs --host 192.0.2.1", 2, "cannot listen at 192.0.2.1"),
     ] {

@@ -202,5 +202,8 @@ fn ctrl_c_ends_it_while_a_picture_is_drawn() {
     std::thread::sleep(Duration::from_millis(300));
     let (code, out, said) = serving.end("-INT");
     assert_eq!(code, Some(0), "{said}");
-    assert!(out.trim() == "Ctrl-C ends it." && said.lines().all(|line| line.starts_with("note: ")), "{out}{said}");
+    assert!(
+        out.trim() == "Press Ctrl-C to stop." && said.lines().all(|line| line.starts_with("note: ")),
+        "{out}{said}"
+    );
 }
