@@ -75,7 +75,7 @@ impl SnapshotScan {
                 all.sample.append(content.sample);
                 all.outside = all.outside.and(content.outside);
                 let missing =
-                    || crate::Error::input(place, format!("run {run} of layer `{}` is missing", layer.layer.name));
+                    || crate::Error::input(place, format!("data chunk {run} of layer `{}` is missing", layer.layer.name));
                 all.runs.push(content.scan.ok_or_else(missing)?);
             }
             start += layer.layer.content;
