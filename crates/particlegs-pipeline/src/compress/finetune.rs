@@ -138,8 +138,11 @@ impl NewFile {
     fn new(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
-            let what = format!("a model of the {} law cannot be fine-tuned and does not need it: its blocks add up \
-                                exactly", law.name());
+            let what = format!(
+                "a model of the {} law cannot be fine-tuned and does not need it: its blocks add up \
+                                exactly",
+                law.name()
+            );
             return Err(Error::argument_with(what, Hint::train_from_snapshot()));
         }
         let [layer] = &model.layers[..] else {
@@ -148,7 +151,9 @@ impl NewFile {
         let size = match options.target.check()? {
             Target::Default => Some(model_bytes),
             Target::Psnr(_) | Target::Goal(_) => {
-                return Err(Error::argument("fine-tuning needs a size, a ratio or a number of Gaussians as its target"));
+                return Err(Error::argument(
+                    "fine-tuning needs a size, a ratio or a number of Gaussians as its target",
+                ));
             }
             target => target.bytes(raw_bytes(model)),
         };
@@ -176,10 +181,7 @@ impl NewFile {
         let most_gaussians = match (options.target, self.block_bytes) {
             (Target::Gaussians(k), _) if k < own => {
                 let what = format!("the target is {k} Gaussians, but the model already has {own}");
-                return Err(Error::unreachable(
-                    what,
-                    Hint::from("use ").option("gaussians", own).words(" or more"),
-                ));
+                return Err(Error::unreachable(what, Hint::from("use ").option("gaussians", own).words(" or more")));
             }
             (Target::Gaussians(k), _) => Some(k),
             (_, Some(bytes)) => said.or_else(|| {

@@ -53,15 +53,17 @@ impl CompressionPlan {
             return Err(Error::argument_with(what, Hint::choose_species()));
         }
         if alpha && options.certificate == CertificateLevel::Blocks {
-            let what =
-                "a certificate by blocks needs the optical-depth law: alpha-blend models do not add up";
+            let what = "a certificate by blocks needs the optical-depth law: alpha-blend models do not add up";
             return Err(Error::argument(what));
         }
         check_box(&scan.bounds, cell, name)?;
         let outside = scan.outside.judge(source.count(), name)?;
-        let no_box = cell.is_none().then(|| "the snapshot states no periodic box, so no axis is treated as periodic".to_string());
+        let no_box = cell
+            .is_none()
+            .then(|| "the snapshot states no periodic box, so no axis is treated as periodic".to_string());
         let fields = &source.meta.fields;
-        let left_out = (!fields.is_empty()).then(|| format!("the model does not store these fields: {}", fields.join(", ")));
+        let left_out =
+            (!fields.is_empty()).then(|| format!("the model does not store these fields: {}", fields.join(", ")));
         options.target.check()?;
         let known = SourceFacts { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
         let plan = CompressionPlan {
