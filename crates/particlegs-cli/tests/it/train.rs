@@ -148,7 +148,7 @@ fn minutes_bound_the_whole_run() {
     let start = Instant::now();
     let [_, told] = dir.runs(&format!("{} {bounds}", trained("optical-depth", "m.pgs")));
     assert!(start.elapsed().as_secs_f64() < 30.0);
-    assert!(told.contains("ended by the time limit"));
+    assert!(told.contains("reached its time limit"));
     let report = dir.json("r.json");
     let run = &report["trained"][0];
     assert!(run["iterations"].as_u64().unwrap() < run["of"].as_u64().unwrap(), "{run}");
@@ -239,7 +239,7 @@ fn configurations_come_back_and_faults_are_named() {
         ("bogus = 1", 3, "unknown field `bogus`"),
         ("evaluate_every = \"often\"", 3, "evaluate_every"),
         ("[cameras]\norbits = 1 2", 3, "line 2"),
-        ("stages = []", 2, "no stage has iterations"),
+        ("stages = []", 2, "at least one stage must have iterations"),
         ("evaluate_every = 0", 2, "evaluate_every"),
         ("cameras.radius = [2.0, 1.0]", 2, "cameras.radius"),
         ("cameras.held_out = 1.0", 2, "cameras.held_out"),
