@@ -15,9 +15,9 @@ const FAR: f64 = 200.0;
 /// middle.
 pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
     let Projection::Orthographic { height_world } = camera.projection else {
-        let what = "a frame of axes belongs to orthographic views: in perspective a length has no fixed size in pixels";
-        let hint = Hint::from("give ").option("projection", "orthographic").words(", or ");
-        let hint = hint.option("axes", "cube").words(", which draws the box with its axes");
+        let what = "axes on the edges need an orthographic view: in perspective, lengths have no fixed size in pixels";
+        let hint = Hint::from("use ").option("projection", "orthographic").words(", or ");
+        let hint = hint.option("axes", "cube").words(", which draws the axes of the box");
         return Err(Error::argument_with(what, hint));
     };
     let frame = camera.frame()?;

@@ -29,7 +29,7 @@ struct Margins {
 
 /// Places a figure's parts; letters are `em` high.
 pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
-    let Some(first) = figure.panels.first() else { return Err(Error::argument("a figure without a picture")) };
+    let Some(first) = figure.panels.first() else { return Err(Error::argument("a figure needs at least one picture")) };
     let size = first.image.size();
     let [w, h] = [size.width as f64, size.height as f64];
     let columns = figure.columns.clamp(1, figure.panels.len());
@@ -50,8 +50,8 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
             }
             scale = (total - margins.across(columns)) / (columns as f64 * w);
             if scale * w < 2.0 * em {
-                let what = format!("a figure {total:.0} points wide has no room for letters of {em} points");
-                let hint = Hint::from("choose a larger ").option("figure-width", "").words(" or a smaller ");
+                let what = format!("a figure {total:.0} points wide is too narrow for letters of {em} points");
+                let hint = Hint::from("use a larger ").option("figure-width", "").words(" or a smaller ");
                 return Err(Error::argument_with(what, hint.option("font-size", "")));
             }
         }
@@ -244,7 +244,7 @@ mod tests {
             assert!((sheet.width - width).abs() < 1e-6, "{}", sheet.width);
         }
         let small = layout(&figure(Size { width: 64, height: 64 }, 2, true), 8.0, FigureSpace::Width(60.0));
-        assert!(small.unwrap_err().to_string().contains("no room"));
+        assert!(small.unwrap_err().to_string().contains("too narrow"));
     }
 
     #[test]

@@ -66,7 +66,7 @@ impl PageFont {
             .stem_v(80.0)
             .font_file2(file);
         let cut = subsetter::subset(font::FONT, 0, &self.renumbered)
-            .map_err(|e| Error::argument(format!("the font cannot be cut for a PDF: {e}")))?;
+            .map_err(|e| Error::argument(format!("the font cannot be embedded in the PDF: {e}")))?;
         let length = cut.len() as i32;
         pdf.stream(file, &deflated(&cut)).filter(Filter::FlateDecode).pair(Name(b"Length1"), length);
         let mut map = UnicodeCmap::new(Name(b"Custom"), ADOBE);

@@ -359,7 +359,7 @@ fn entries(plot: &Plot, x: AxisScale, y: AxisScale) -> Vec<(LegendSample<'_>, St
     let named = plot.series.iter().filter(|s| !s.name.is_empty());
     let mut all: Vec<_> = named.map(|s| (LegendSample::Series(s), s.name.clone() + unseen(s, x, y))).collect();
     if plot.series.iter().any(|s| identical(s, x).next().is_some()) {
-        all.push((LegendSample::Nothing, "at the top edge: identical".into()));
+        all.push((LegendSample::Nothing, "top edge: identical".into()));
     }
     let levels = plot.levels.iter().enumerate().filter(|(_, (name, _))| !name.is_empty());
     all.extend(levels.map(|(i, (name, level))| (LegendSample::Level(i), format!("{name} ({})", number(*level)))));
@@ -489,7 +489,7 @@ mod tests {
         let count = |text: &str, what: &str| text.matches(what).count();
         assert_eq!(count(&with, "<polygon"), count(&without, "<polygon") + 1);
         assert_eq!(count(&with, "stroke-width=\"1.2\""), count(&without, "stroke-width=\"1.2\""));
-        assert!(with.contains("at the top edge: identical") && !without.contains("top edge"));
+        assert!(with.contains("top edge: identical") && !without.contains("top edge"));
         // Nothing but such has no axis to stand on.
         let all = Plot { levels: vec![], ..plot(vec![Point::new(5.0, f64::INFINITY)]) };
         assert!(!shows(&all) && shows(&some));

@@ -106,8 +106,8 @@ pub fn provenance(path: &Path, context: &Context<'_>) -> Result<String> {
         }
     });
     let lacks = || {
-        let hint = "name a PNG that `particlegs render` or `particlegs reference` wrote, unaltered by other programs";
-        Error::input_with(path, "it does not say what it is a picture of", hint)
+        let hint = "use a PNG from `particlegs render` or `particlegs reference` that no other program has changed";
+        Error::input_with(path, "the PNG does not contain the settings of its view", hint)
     };
     String::from_utf8(found.ok_or_else(lacks)?).map_err(|_| lacks())
 }
@@ -143,6 +143,6 @@ mod tests {
         }
         std::fs::write(&path, coded(&FigureImage::Gray(gray), &PngMetadata::default(), PngEffort::Small).unwrap())
             .unwrap();
-        assert!(provenance(&path, &Context::SILENT).unwrap_err().to_string().contains("does not say"));
+        assert!(provenance(&path, &Context::SILENT).unwrap_err().to_string().contains("does not contain"));
     }
 }

@@ -268,7 +268,7 @@ fn trees_whose_walks_never_end_are_refused() {
         adopt(folder);
     };
     let errors = each([("tree".to_string(), Box::new(alter) as Box<dyn Fn(&Path)>)]);
-    assert!(errors[0][0].contains("not a valid plan"), "{errors:?}");
+    assert!(errors[0][0].contains("the plan is not valid"), "{errors:?}");
 }
 
 #[test]

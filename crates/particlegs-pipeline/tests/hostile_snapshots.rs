@@ -108,7 +108,7 @@ fn boxes_that_do_not_hold_the_data_are_said_or_refused() {
     }
     p.meta.cell = Some(Cell::orthogonal([80.0; 3]));
     let notes = compress(&p, &options(), &mut NoCheckpoints, &Context::SILENT).unwrap().notes;
-    assert!(notes.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles lie outside")), "{notes:?}");
+    assert!(notes.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles are outside")), "{notes:?}");
 }
 
 #[test]

@@ -164,7 +164,7 @@ impl Config {
     /// Resolution, steps and counts in proportion to `scale` in (0, 1].
     pub fn scaled(mut self, scale: f64) -> Result<Config> {
         if !(scale > 0.0 && scale <= 1.0) {
-            return Err(Error::argument(format!("a scale of {scale} is outside (0, 1]")));
+            return Err(Error::argument(format!("the scale must be above 0 and at most 1, not {scale}")));
         }
         let steps = |n: u64| ((n as f64 * scale).round() as u64).max(u64::from(n > 0));
         let pixels = |n: usize| ((n as f64 * scale).round() as usize).max(16.min(n));
@@ -211,7 +211,7 @@ impl Config {
         let ordered = |r: &[f64; 2]| r[0] > 0.0 && r[0] <= r[1] && r[1].is_finite();
         let share = |s: f64| (0.0..=1.0).contains(&s);
         if c.orbits.is_empty() || !c.orbits.iter().all(|o| *o > 0.0 && o.is_finite()) {
-            return fail("cameras.orbits must be positive distances, at least one");
+            return fail("cameras.orbits must contain at least one distance, and all must be positive");
         }
         if c.frames < 2 || c.frames > 1_000_000 {
             return fail("cameras.frames must be 2 to 1000000");
@@ -219,31 +219,35 @@ impl Config {
         let beyond = (c.radius[1]..1e6).contains(&c.wide_radius);
         if !(ordered(&c.radius) && ordered(&c.opacity) && beyond) {
             return fail(
-                "cameras.radius and cameras.opacity must rise from above 0, wide_radius must be beyond radius",
+                "cameras.radius and cameras.opacity must be above 0 and ascending, and wide_radius must not be \
+                 below radius",
             );
         }
         if !(share(c.wide) && (0.0..1.0).contains(&c.held_out)) {
-            return fail("cameras.wide must be within 0 to 1, cameras.held_out below 1");
+            return fail("cameras.wide must be 0 to 1, and cameras.held_out at least 0 and below 1");
         }
         if self.stages.is_empty() || self.stages.iter().all(|s| s.iterations == 0) {
-            return fail("no stage has iterations");
+            return fail("at least one stage must have iterations");
         }
         for s in &self.stages {
             let side = |n: usize| (16..=16_384).contains(&n);
             let whole = s.crop == [0, 0];
             let inside = (0..2).all(|k| side(s.crop[k]) && s.crop[k] <= s.size[k]);
             if !s.size.into_iter().all(side) || !(1..=8).contains(&s.oversample) || !(whole || inside) {
-                return fail("a stage's size must be 16 to 16384 pixels, its crop within that, oversample 1 to 8");
+                return fail(
+                    "a stage's size must be 16 to 16384 pixels, its crop must fit into it, and oversample \
+                             must be 1 to 8",
+                );
             }
             if !share(s.internal) {
-                return fail("a stage's internal must be within 0 to 1");
+                return fail("a stage's internal must be 0 to 1");
             }
         }
         if self.evaluate_every == 0 || self.evaluate_views == 0 {
             return fail("evaluate_every and evaluate_views must be at least 1");
         }
         if !(self.loss.smooth >= 0.0 && share(self.loss.dssim) && self.checkpoint_seconds >= 0.0) {
-            return fail("loss.smooth and checkpoint_seconds must not be negative, loss.dssim within 0 to 1");
+            return fail("loss.smooth and checkpoint_seconds must not be negative, and loss.dssim must be 0 to 1");
         }
         self.optical_depth.check()?;
         self.alpha_blend.check()

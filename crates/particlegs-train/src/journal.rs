@@ -71,12 +71,12 @@ impl<'a> Journal<'a> {
 
     /// When the time is up before the steps are done.
     pub fn late(&self, at: &RunStatus) {
-        self.say(&format!("note: training ended by the time limit after {} of {} steps", at.iteration, at.iterations));
+        self.say(&format!("note: training reached its time limit after {} of {} steps", at.iteration, at.iterations));
     }
 
     pub fn end(&self) {
         if self.faulty > NAMED {
-            self.say(&format!("warning: gradients were not finite in {} steps and were left out there", self.faulty));
+            self.say(&format!("warning: gradients that were not finite were ignored in {} steps", self.faulty));
         }
     }
 
@@ -89,7 +89,7 @@ impl<'a> Journal<'a> {
         let more = if n.count > 1 { format!(" and {} more", n.count - 1) } else { String::new() };
         let what = format!("{} of Gaussian {}{more}", n.group, n.gaussian);
         let steps = if self.faulty > NAMED { format!(" (in {} steps so far)", self.faulty) } else { String::new() };
-        self.say(&format!("warning: step {}: gradient of {what} is not finite, left out{steps}", at.iteration));
+        self.say(&format!("warning: step {}: gradient of {what} is not finite and is ignored{steps}", at.iteration));
         let line = LogLine { not_finite: Some(what), not_finite_steps: Some(self.faulty), ..LogLine::default() };
         self.log(line, at);
     }

@@ -197,7 +197,7 @@ impl<'a> Training<'a> {
             best: BestState::default(),
         };
         match pieces.get(KEY).and_then(|b| TrainingState::from_bytes(&b)) {
-            Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("the checkpoint: {what}")))?,
+            Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("bad checkpoint: {what}")))?,
             None => run.evaluate()?,
         }
         let stopped = match run.stages(subject, pieces) {
@@ -242,7 +242,7 @@ impl<'a> Training<'a> {
                 Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() })?)
             }
             (LawKind::OpticalDepth, InitialGaussians::Model(_)) => {
-                let what = "a model of the optical-depth law is not trained further";
+                let what = "a trained model of the optical-depth law cannot be trained further";
                 return Err(Error::argument_with(what, Hint::train_from_snapshot()));
             }
             (LawKind::AlphaBlend, InitialGaussians::Fit(m)) => {
@@ -394,7 +394,7 @@ impl TrainingLoop<'_> {
     }
 
     fn finish(mut self, stopped: bool) -> Result<TrainedMixture> {
-        let fail = |what| Error::argument(format!("the best state: {what}"));
+        let fail = |what| Error::argument(format!("the best state of training cannot be restored: {what}"));
         self.learner.restore(&self.best.state).map_err(fail)?;
         // As they are: those that were decoded on the way would be rounded twice.
         let mixture = self.learner.mixture();

@@ -28,7 +28,7 @@ impl TrainingState {
 
 fn column<'a, T>(all: &'a BTreeMap<String, Vec<T>>, name: &str, len: usize) -> Result<&'a [T], String> {
     let found = all.get(name).filter(|c| c.len() == len);
-    found.map(|c| &c[..]).ok_or_else(|| format!("no column `{name}` of {len} numbers"))
+    found.map(|c| &c[..]).ok_or_else(|| format!("it has no column `{name}` of {len} numbers"))
 }
 
 /// What a file of a state begins with.

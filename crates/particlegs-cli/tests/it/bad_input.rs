@@ -55,7 +55,7 @@ fn arguments_out_of_range() {
 #[test]
 fn sizes_below_the_smallest_name_it() {
     let dir = TestFolder::new();
-    dir.fails("compress SAMPLE -o m.pgs --size 100B --effort fast", 5, "smallest file");
+    dir.fails("compress SAMPLE -o m.pgs --size 100B --effort fast", 5, "smallest possible file");
     assert!(dir.listing().is_empty());
 }
 

@@ -81,7 +81,7 @@ fn a_picture_is_drawn_alike_from_what_it_says() {
     assert!(s.bytes("a.png") != s.bytes("b.png"));
     // Pictures without that text, and what is no picture, are refused.
     s.write("no.png", [&s.bytes("a.png")[..40], b"more"].concat());
-    refused(&s, "a.pgs -o c.png --like no.png", 3, "does not say what it is a picture of");
+    refused(&s, "a.pgs -o c.png --like no.png", 3, "does not contain the settings of its view");
     refused(&s, "a.pgs -o c.png --like a.pgs", 3, "a.pgs");
     refused(&s, "a.pgs -o a.png --like a.png", 8, "is an input");
     assert!(!s.at("c.png").exists());
@@ -186,8 +186,8 @@ fn films_with_colons_in_their_names_are_files() {
 #[test]
 fn figures_that_cannot_be_are_refused() {
     let s = folder();
-    refused(&s, "a.pgs -o x.pdf --axes frame", 2, "belongs to orthographic views");
-    refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "no room");
+    refused(&s, "a.pgs -o x.pdf --axes frame", 2, "need an orthographic view");
+    refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "too narrow");
     refused(&s, "a.pgs -o x.png --depth=-1", 2, "--depth -1");
     refused(&s, "a.pgs -o x.png --center 1,2", 2, "--center takes");
     for words in ["render a.pgs -o x.png --figure-width 84 --quiet", "render a.pgs --quiet"] {

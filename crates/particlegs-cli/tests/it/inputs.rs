@@ -234,12 +234,12 @@ fn stated_units_are_compared_with_what_files_say() {
         ["info in", "compress in -o u.pgs --gaussians 2 --certificate=none"]
             .map(|words| dir.runs(&format!("{words} {more}")).concat())
     };
-    let nm = "the unit of length is taken as nm; the file says Angstrom";
+    let nm = "the unit of length is nm as stated, not Angstrom";
     assert!(told("--length-unit nm").iter().all(|t| t.contains(nm)));
-    assert!(told("--length-unit Angstrom").iter().all(|t| !t.contains("is taken as")));
-    assert!(told("--length-unit parsecs-ish").iter().all(|t| t.contains("no unit of length that is known")));
+    assert!(told("--length-unit Angstrom").iter().all(|t| !t.contains("as stated")));
+    assert!(told("--length-unit parsecs-ish").iter().all(|t| t.contains("is not a known unit of length")));
     assert!(told("--mass-unit Msun/h").iter().all(|t| !t.contains("known")));
-    assert!(told("--box 80").iter().all(|t| t.contains("the box is taken as 80 x 80 x 80")));
+    assert!(told("--box 80").iter().all(|t| t.contains("the box is 80 x 80 x 80")));
 }
 
 #[test]

@@ -93,9 +93,9 @@ fn what_is_missing_broken_or_changed_is_named() {
     dir.says("plan snapshot -o job --blocks 3 --effort fast");
     let merge = "merge job -o m.pgs";
     dir.fails("block job 0", 3, "00000.bin: this chunk has not been sorted yet");
-    dir.fails("scatter job 3", 2, "chunk 3 is outside the 3");
+    dir.fails("scatter job 3", 2, "there is no chunk 3");
     dir.runs("scatter job --quiet");
-    dir.fails("block job 3", 2, "block 3 is outside the 3");
+    dir.fails("block job 3", 2, "there is no block 3");
     dir.fails("block job x", 2, "not a number");
     dir.fails("block job env:PARTICLEGS_NO_SUCH_VARIABLE", 2, "is not set");
     dir.command("block job env:TASK --quiet").env("TASK", "1").assert().success();
@@ -104,8 +104,8 @@ fn what_is_missing_broken_or_changed_is_named() {
     dir.runs("block job 0 --quiet");
     dir.runs("block job 2 --quiet");
     // Another plan in the same folder, and a folder that is not a job's.
-    dir.fails("plan snapshot -o job --blocks 4", 8, "it already holds another plan");
-    dir.fails("plan snapshot -o . --blocks 4", 8, "holds `");
+    dir.fails("plan snapshot -o job --blocks 4", 8, "already contains another plan");
+    dir.fails("plan snapshot -o . --blocks 4", 8, "the folder contains `");
     // Half-written files.
     let block = "job/blocks/00002.pgs";
     let whole = dir.bytes(block);
@@ -138,8 +138,8 @@ fn plans_that_cannot_be_are_refused() {
     let dir = TestFolder::new();
     snapshot(&dir.at("few"), &[vec![0.0, 1.0, 2.0], vec![0.0; 3], vec![0.0; 3]]);
     for (words, code, text) in [
-        ("few --blocks 4", 2, "4 blocks are outside 1 to 3"),
-        ("few --blocks 0", 2, "0 blocks are outside"),
+        ("few --blocks 4", 2, "use 1 to 3 blocks"),
+        ("few --blocks 0", 2, "use 1 to 3 blocks"),
         ("few --blocks many", 2, "neither a number nor `auto`"),
         ("few --psnr 30", 2, "all blocks together"),
         ("few --min-correlation 0.9 --cell 1", 2, "all blocks together"),
@@ -155,8 +155,8 @@ fn plans_that_cannot_be_are_refused() {
     dir.fails("compress SAMPLE -o m.pgs --memory 1GB --blocks 2 --scratch nowhere", 6, "nowhere");
     std::fs::create_dir(dir.at("job")).unwrap();
     for (plan, code, text) in [
-        ("{\"particlegs_job\": 99}", 4, "newer program"),
-        ("{\"particlegs_job\": 1}", 4, "older program: plan again"),
+        ("{\"particlegs_job\": 99}", 4, "newer version of the program"),
+        ("{\"particlegs_job\": 1}", 4, "older version of the program"),
         ("{}", 3, "not a plan"),
     ] {
         dir.write("job/plan.json", plan);

@@ -145,7 +145,7 @@ fn views_that_cannot_be_drawn() {
     bad(&|v| v["views"][0]["opacity"] = 0.into(), "opacity");
     bad(&|v| v["views"][0]["position"] = v["views"][0]["focal_point"].clone(), "focal point");
     bad(&|v| v["views"][0]["name"] = "../escape".into(), "name");
-    bad(&|v| v["views"] = Value::Array(vec![]), "without views");
+    bad(&|v| v["views"] = Value::Array(vec![]), "contains no views");
     bad(&|v| v["views"] = 3.into(), "views file");
     assert!(!dir.at("out").exists());
     dir.fails("render m.pgs --style expected --out m.pgs/below-a-file", 6, "below-a-file");

@@ -118,10 +118,10 @@ fn compress_and_a_job_agree_on_every_fixture() {
     let of = |name: &str| &outcomes.iter().find(|o| o.0.ends_with(name)).unwrap().1[0];
     let tells = |name: &str, text: &str| of(name).told.iter().any(|line| line.contains(text));
     assert!(
-        tells("tilted-far.lammpstrj", "5 of 300 particles lie more than a box length")
+        tells("tilted-far.lammpstrj", "5 of 300 particles are more than a box length")
             && tells("far.lammpstrj", "more than a box length outside")
     );
-    assert!(tells("tilted-out.lammpstrj", "lie outside the periodic box") && tells("out.lammpstrj", "5 of 300"));
+    assert!(tells("tilted-out.lammpstrj", "are outside the periodic box") && tells("out.lammpstrj", "5 of 300"));
     assert!(tells("3n_f4.npy", "no periodic box"));
     assert_eq!([of("tilted-far.lammpstrj").code, of("tilted-out.lammpstrj").code], [3, 0]);
     let made = outcomes.iter().filter(|o| o.1[0].bytes.is_some()).count();

@@ -85,7 +85,7 @@ fn smoothed_pictures_are_the_same_whatever_the_threads() {
 #[test]
 fn what_cannot_be_smoothed_or_compared_is_said() {
     let dir = folder();
-    dir.fails("reference cloud -o out --style density --smooth 6000", 2, "there are 6000");
+    dir.fails("reference cloud -o out --style density --smooth 6000", 2, "not 6000");
     dir.fails("reference cloud -o out --smooth 16", 2, "--smooth has no effect here");
     dir.command("reference cloud -o out --style density --smooth 1").assert().failure().code(2);
     drawn(&dir, "reference cloud -o a --smooth 16 --raw");

@@ -135,9 +135,9 @@ fn the_published_convention_and_bad_options() {
     assert_eq!(s["density"]["cells"], serde_json::json!([24, 24, 24]));
     assert!(s["groups"].is_null() && s["moments"].is_null());
     for (more, code, why) in [
-        ("--grid 1", 2, "outside 2 to 8192"),
+        ("--grid 1", 2, "must be 2 to 8192"),
         ("--grid 8192", 7, "bytes of memory"),
-        ("--separations 3,1", 2, "must ascend"),
+        ("--separations 3,1", 2, "ascending order"),
         ("--only groups --linking 0", 2, "linking"),
     ] {
         dir.fails(&format!("stats thin thin -o a {more}"), code, why);
@@ -226,7 +226,7 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
     };
     let (own, notes) = groups("own", "");
     assert!(
-        notes.contains("link the finest 2000 of 3000 particles") && notes.contains("0 of 2 groups hold heavier"),
+        notes.contains("link the lightest 2000 of 3000 particles") && notes.contains("0 of 2 groups contain heavier"),
         "{notes}"
     );
     assert_eq!((own["linked"][0].as_u64(), own["contaminated"][0].as_u64()), (Some(2000), Some(0)));
@@ -239,7 +239,8 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
     assert_eq!(groups("all", "--linking-length 3").0["largest"][0], 2000);
     let slab = stats(&dir, "zoom.csv zoom.csv", "slab", "--only moments --no-plots --box 100,100,0");
     assert_eq!(slab["domain"]["periodic"], serde_json::json!([true, true, false]));
-    for (asked, why) in [("3 Msun", "not a unit of length"), ("0kpc", "not a length above 0"), ("Mpc", "not a length")]
+    for (asked, why) in
+        [("3 Msun", "not a unit of length"), ("0kpc", "not a positive length"), ("Mpc", "not a positive length")]
     {
         let words = format!("stats zoom.csv zoom.csv -o no {options} --linking-length");
         fails(dir.command(&words).arg(asked), 2, why);

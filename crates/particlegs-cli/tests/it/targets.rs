@@ -75,8 +75,8 @@ fn what_is_out_of_reach_is_said_with_the_best() {
 fn what_cannot_be_measured_is_refused_before_the_fit() {
     let dir = TestFolder::new();
     for (options, why) in [
-        ("--max-pk-error 1% --k-max 30", "have a largest wave number of 8.0425"),
-        ("--max-pk-error 1% --k-max 0.1", "the longest wave of the box has k = 0.2513"),
+        ("--max-pk-error 1% --k-max 30", "particles in this box is 8.0425"),
+        ("--max-pk-error 1% --k-max 0.1", "the smallest wave number of the box is 0.2513"),
         ("--max-pk-error 1% --k-max=-1", "--max-pk-error: no wave number: -1"),
         ("--max-pk-error 150% --k-max 2", "1.5 is not a share between 0 and 1"),
         ("--max-pk-error lots --k-max 2", "not a share, such as 1% or 0.01"),
@@ -86,7 +86,7 @@ fn what_cannot_be_measured_is_refused_before_the_fit() {
         ("--min-correlation 0.9 --cell 26", "cells of 26 are too large"),
         ("--min-correlation 0.9 --cell 1e-4", "cells of 0.0001 are too small"),
         ("--groups-within 10% --from 19", "20 or more: not from 19"),
-        ("--groups-within 10% --from 5000", "groups of 5000 particles and more"),
+        ("--groups-within 10% --from 5000", "groups of 5000 particles or more"),
         ("--groups-within 10% --from 100 --ratio 100", "cannot be used with"),
         ("--groups-within 10% --from 100 --psnr 30", "cannot be used with"),
     ] {
@@ -96,6 +96,6 @@ fn what_cannot_be_measured_is_refused_before_the_fit() {
     let line: Vec<f32> = (0..1000).map(|i| (i % 97) as f32).collect();
     snapshot(&dir.at("open"), &[line.clone(), line.iter().map(|v| v * v % 89.0).collect(), line]);
     let words = "compress open -o m.pgs --max-pk-error 1% --k-max 0.1";
-    dir.fails(words, 2, "a power spectrum needs a periodic box");
+    dir.fails(words, 2, "a power spectrum needs a box");
     assert!(!dir.at("m.pgs").exists());
 }

@@ -127,9 +127,9 @@ fn stopped_runs_leave_the_best_and_go_on() {
         dir.fails(&words, 8, "left by an interrupted run");
         let kept = std::fs::read(&checkpoint).unwrap();
         std::fs::write(&checkpoint, &kept[..kept.len() / 2]).unwrap();
-        dir.fails(&resume, 3, "truncated or altered");
+        dir.fails(&resume, 3, "is truncated or has been changed");
         std::fs::write(&checkpoint, &kept).unwrap();
-        dir.fails(&format!("{resume} --seed 7"), 3, "of another command");
+        dir.fails(&format!("{resume} --seed 7"), 3, "belongs to another command");
         dir.runs(&format!("{resume} -q"));
         assert!(!checkpoint.exists());
         let whole = unbroken(&dir, &format!("{} --iterations 60", trained(law, "whole.pgs")));
@@ -148,7 +148,7 @@ fn minutes_bound_the_whole_run() {
     let start = Instant::now();
     let [_, told] = dir.runs(&format!("{} {bounds}", trained("optical-depth", "m.pgs")));
     assert!(start.elapsed().as_secs_f64() < 30.0);
-    assert!(told.contains("ended by the time limit"));
+    assert!(told.contains("reached its time limit"));
     let report = dir.json("r.json");
     let run = &report["trained"][0];
     assert!(run["iterations"].as_u64().unwrap() < run["of"].as_u64().unwrap(), "{run}");
@@ -196,14 +196,14 @@ fn blocks_and_fine_tuning() {
     let said = dir.says(&format!("{tune} --gaussians {} -q", 2 * own));
     assert_eq!(said["step_factor"], 1.0);
     assert!(said["gaussians"].as_u64().unwrap() <= 2 * own as u64);
-    dir.fails(&format!("{tune} --gaussians 3"), 5, &format!("the model has {own}"));
+    dir.fails(&format!("{tune} --gaussians 3"), 5, &format!("the model already has {own}"));
 
     snapshot(&dir.at("other"), &[vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 5.0], vec![0.0, 4.0, 2.0]]);
     let to = "-o x.pgs --config tiny.toml";
     dir.fails(&format!("finetune m.pgs other {to}"), 3, "not the snapshot that m.pgs was made from");
     dir.runs("compress SAMPLE -o plain.pgs --effort fast --certificate=none -q");
     dir.fails(&format!("finetune plain.pgs SAMPLE {to}"), 2, "only alpha-blend models can be fine-tuned");
-    dir.fails(&format!("finetune m.pgs SAMPLE {to} --size 5kB"), 5, "the head and the network alone");
+    dir.fails(&format!("finetune m.pgs SAMPLE {to} --size 5kB"), 5, "the header and the network");
 }
 
 /// Weights are not kept by the published law: a weighted snapshot has the same size and the same job.
@@ -239,7 +239,7 @@ fn configurations_come_back_and_faults_are_named() {
         ("bogus = 1", 3, "unknown field `bogus`"),
         ("evaluate_every = \"often\"", 3, "evaluate_every"),
         ("[cameras]\norbits = 1 2", 3, "line 2"),
-        ("stages = []", 2, "no stage has iterations"),
+        ("stages = []", 2, "at least one stage must have iterations"),
         ("evaluate_every = 0", 2, "evaluate_every"),
         ("cameras.radius = [2.0, 1.0]", 2, "cameras.radius"),
         ("cameras.held_out = 1.0", 2, "cameras.held_out"),
@@ -267,7 +267,7 @@ fn what_cannot_be_is_refused_before_the_work() {
         ("--minutes 0", 2, "--minutes"),
         ("--scale 2", 2, "--scale"),
         ("--iterations 0", 2, "--iterations"),
-        ("--law alpha-blend --size 5kB", 5, "the head and the network alone"),
+        ("--law alpha-blend --size 5kB", 5, "the header and the network"),
         ("--log nowhere/l.jsonl", 6, "nowhere/l.jsonl"),
         ("--memory 1GB --scratch nowhere", 6, "nowhere"),
     ] {
@@ -275,7 +275,7 @@ fn what_cannot_be_is_refused_before_the_work() {
     }
     snapshot(&dir.at("two"), &[vec![0.0, 1.0, 2.0, 3.0], vec![1.0; 4], vec![2.0; 4], vec![1.0, 1.0, 8.0, 8.0]]);
     let layers = "compress two -o m.pgs --layers mass --train fast --law alpha-blend --config tiny.toml";
-    dir.fails(layers, 2, "the alpha-blend law has one layer");
+    dir.fails(layers, 2, "the alpha-blend law supports one layer");
     // A log that cannot be written to costs no model.
     let [_, told] = dir.runs(&trained("--log /dev/full --certificate=none --iterations 60"));
     assert!(told.contains("nothing more is logged"), "{told}");

@@ -74,8 +74,9 @@ impl SnapshotScan {
                 weights.push(content.weight);
                 all.sample.append(content.sample);
                 all.outside = all.outside.and(content.outside);
-                let missing =
-                    || crate::Error::input(place, format!("run {run} of layer `{}` is missing", layer.layer.name));
+                let missing = || {
+                    crate::Error::input(place, format!("data chunk {run} of layer `{}` is missing", layer.layer.name))
+                };
                 all.runs.push(content.scan.ok_or_else(missing)?);
             }
             start += layer.layer.content;
@@ -190,7 +191,7 @@ mod tests {
         assert!(
             error
                 .to_string()
-                .contains(": 1 with a mass or weight that is not above 0 and below 3e38; the first has index 140000"),
+                .contains(": 1 with a mass or weight that is not between 0 and 3e38; the first has index 140000"),
             "{error}"
         );
     }

@@ -33,7 +33,7 @@ impl KdTree {
     pub fn new(sample: &PositionSample, blocks: u32) -> Result<Self> {
         let count = sample.position[0].len();
         if blocks == 0 || blocks as usize > count.max(1) {
-            return Err(Error::argument(format!("{blocks} blocks are outside 1 to {count}, the number of particles")));
+            return Err(Error::argument(format!("use 1 to {count} blocks, at most one per particle, not {blocks}")));
         }
         let mut tree = KdTree { nodes: Vec::new(), blocks: 0 };
         let mut order: Vec<u32> = (0..count as u32).collect();
@@ -57,13 +57,15 @@ impl KdTree {
         let rank = wanted.clamp(1, order.len() - 1);
         let (_, &mut middle, _) = order.select_nth_unstable_by(rank, |a, b| by(column, *a, *b));
         let at = cut(column, order, column[middle as usize])
-            .ok_or_else(|| Error::argument("there are fewer different positions than blocks: ask for fewer blocks"))?;
+            .ok_or_else(|| Error::argument("there are fewer distinct positions than blocks: use fewer blocks"))?;
         // Of equal order whatever the sort did: the halves' own order does not matter.
         order.sort_unstable_by(|a, b| (column[*a as usize] >= at).cmp(&(column[*b as usize] >= at)));
         let split = order.partition_point(|&i| column[i as usize] < at);
         let (below, above) = order.split_at_mut(split);
         if below.len() < lower as usize || above.len() < (blocks - lower) as usize {
-            return Err(Error::argument("too many particles have the same position for so many blocks: ask for fewer"));
+            return Err(Error::argument(
+                "too many particles share one position for this many blocks: use fewer blocks",
+            ));
         }
         let below = self.grow(sample, below, lower)?;
         let above = self.grow(sample, above, blocks - lower)?;

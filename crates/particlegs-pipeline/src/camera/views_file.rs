@@ -58,13 +58,16 @@ impl ViewsFile {
         };
         let set = ViewSet { size: Size { width, height }, views: views.into_iter().map(view).collect::<Result<_>>()? };
         if set.views.is_empty() {
-            return Err(Error::input(path, "a views file without views"));
+            return Err(Error::input(path, "the views file contains no views"));
         }
         let mut names = std::collections::BTreeSet::new();
         for v in &set.views {
             if let Some(fault) = fault_of_name(&v.name) {
                 let start: String = v.name.chars().take(40).collect();
-                return Err(Error::input(path, format!("view name `{start}` {fault}; pictures are named after it")));
+                return Err(Error::input(
+                    path,
+                    format!("view name `{start}` {fault}; pictures take their file names from it"),
+                ));
             }
             if !names.insert(v.name.as_str()) {
                 return Err(Error::input(path, format!("two views are named `{}`", v.name)));
@@ -94,8 +97,8 @@ fn fault_of_name(name: &str) -> Option<&'static str> {
         "" => Some("is empty"),
         _ if name.len() > LONGEST_NAME => Some("is longer than 200 bytes"),
         _ if name.starts_with('.') => Some("begins with a dot"),
-        _ if name.contains(['/', '\\']) => Some("has a slash or a backslash"),
-        _ if name.contains(char::is_control) => Some("has control characters"),
+        _ if name.contains(['/', '\\']) => Some("contains a slash or a backslash"),
+        _ if name.contains(char::is_control) => Some("contains control characters"),
         _ => None,
     }
 }

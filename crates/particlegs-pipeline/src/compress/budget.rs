@@ -22,7 +22,7 @@ impl CompressionPlan {
                 let share = block.count as f64 / self.metadata.count as f64;
                 Ok(Share::Gaussians(((number as f64 * share).round() as u64).max(1)))
             }
-            _ => Err(Error::argument("a quality cannot be divided among blocks: ask for a size or a ratio")),
+            _ => Err(Error::argument("a quality target cannot be divided among blocks: use a size or a ratio")),
         }
     }
 
@@ -31,8 +31,10 @@ impl CompressionPlan {
         let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
         if blocks.iter().any(|b| b.size_met == SizeOutcome::TooLarge) {
-            let what =
-                format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
+            let what = format!(
+                "the target is {target} bytes, but the smallest possible file of this snapshot has \
+                         {smallest} bytes"
+            );
             if self.recipe().target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
                 let hint = Hint::larger_file(smallest).words(", or for ").option("ratio", format!("{ratio:.4}"));
@@ -42,8 +44,8 @@ impl CompressionPlan {
         }
         Ok(blocks.iter().all(|b| b.size_met == SizeOutcome::TooSmall).then(|| {
             format!(
-                "the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the \
-                 particles' noise (a number of Gaussians as the target sets it)"
+                "the file has {smallest} bytes, less than the target of {target}: more Gaussians would fit the \
+                 particles' noise (set a number of Gaussians to get more)"
             )
         }))
     }

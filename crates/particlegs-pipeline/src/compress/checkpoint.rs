@@ -65,8 +65,8 @@ impl Checkpoint {
     pub fn fault(&self) -> Option<&'static str> {
         match self.found {
             CheckpointState::Ours | CheckpointState::Nothing => None,
-            CheckpointState::Broken => Some("not a complete checkpoint: it is truncated or altered"),
-            CheckpointState::Other => Some("a checkpoint of another command, snapshot or configuration"),
+            CheckpointState::Broken => Some("the checkpoint is truncated or has been changed"),
+            CheckpointState::Other => Some("the checkpoint belongs to another command, snapshot or configuration"),
         }
     }
 

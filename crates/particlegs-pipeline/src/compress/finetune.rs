@@ -72,7 +72,7 @@ pub fn finetune(
     let file = NewFile::new(model, model_bytes, options)?;
     let count = particles.len() as u64;
     if count != model.metadata.count {
-        let what = format!("the model was made from {} particles, the snapshot has {count}", model.metadata.count);
+        let what = format!("the model was made from {} particles, but the snapshot has {count}", model.metadata.count);
         return Err(Error::argument(what));
     }
     let mut clock = Clock::default();
@@ -138,16 +138,22 @@ impl NewFile {
     fn new(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
-            let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
+            let what = format!(
+                "a model of the {} law cannot be fine-tuned and does not need it: its blocks add up \
+                                exactly",
+                law.name()
+            );
             return Err(Error::argument_with(what, Hint::train_from_snapshot()));
         }
         let [layer] = &model.layers[..] else {
-            return Err(Error::argument("an alpha-blend model has one layer"));
+            return Err(Error::argument("an alpha-blend model must have exactly one layer"));
         };
         let size = match options.target.check()? {
             Target::Default => Some(model_bytes),
             Target::Psnr(_) | Target::Goal(_) => {
-                return Err(Error::argument("a model is fine-tuned to a size, a ratio or a number of Gaussians"));
+                return Err(Error::argument(
+                    "fine-tuning needs a size, a ratio or a number of Gaussians as its target",
+                ));
             }
             target => target.bytes(raw_bytes(model)),
         };
@@ -161,8 +167,8 @@ impl NewFile {
         let beside = (codec::size_without_blocks(&metadata, options.certificate, &[head]) + network) as u64;
         let block_bytes = size.map(|size| {
             size.checked_sub(beside).filter(|left| *left > 0).ok_or_else(|| {
-                let what = format!("{size} bytes were asked for; the head and the network alone take {beside}");
-                Error::unreachable(what, "ask for a larger file")
+                let what = format!("the target is {size} bytes, but the header and the network alone take {beside}");
+                Error::unreachable(what, "use a larger target")
             })
         });
         Ok(NewFile { metadata, layer, beside, block_bytes: block_bytes.transpose()? })
@@ -174,11 +180,8 @@ impl NewFile {
         let (own, said) = (model.gaussians() as u64, options.training.alpha_blend.most_gaussians);
         let most_gaussians = match (options.target, self.block_bytes) {
             (Target::Gaussians(k), _) if k < own => {
-                let what = format!("{k} Gaussians were asked for; the model has {own}");
-                return Err(Error::unreachable(
-                    what,
-                    Hint::from("ask for ").option("gaussians", own).words(" or more"),
-                ));
+                let what = format!("the target is {k} Gaussians, but the model already has {own}");
+                return Err(Error::unreachable(what, Hint::from("use ").option("gaussians", own).words(" or more")));
             }
             (Target::Gaussians(k), _) => Some(k),
             (_, Some(bytes)) => said.or_else(|| {
@@ -198,7 +201,7 @@ impl NewFile {
         let coded = CodedGaussians::to_size(&encoder, bytes, None, check)?;
         if coded.size_met == SizeOutcome::TooLarge {
             let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
-            let what = format!("{asked} bytes were asked for; the smallest file has {smallest} bytes");
+            let what = format!("the target is {asked} bytes, but the smallest possible file has {smallest} bytes");
             return Err(Error::unreachable(what, Hint::larger_file(smallest)));
         }
         Ok(coded)

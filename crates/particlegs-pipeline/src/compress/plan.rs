@@ -45,23 +45,25 @@ impl CompressionPlan {
     ) -> Result<CompressionPlan> {
         let (name, cell) = (&source.meta.name, source.meta.cell.as_ref());
         if source.layers.is_empty() || source.layers.iter().any(|l| l.layer.content == 0) {
-            return Err(Error::input(name, "no particles, or a layer without any"));
+            return Err(Error::input(name, "the snapshot, or one of its layers, has no particles"));
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
-            let what = "the alpha-blend law has one layer, and the snapshot several";
+            let what = "the alpha-blend law supports one layer, but the snapshot has several";
             return Err(Error::argument_with(what, Hint::choose_species()));
         }
         if alpha && options.certificate == CertificateLevel::Blocks {
-            let what =
-                "models of the alpha-blend law do not add up: a certificate by blocks is of the optical-depth law";
+            let what = "a certificate by blocks needs the optical-depth law: alpha-blend models do not add up";
             return Err(Error::argument(what));
         }
         check_box(&scan.bounds, cell, name)?;
         let outside = scan.outside.judge(source.count(), name)?;
-        let no_box = cell.is_none().then(|| "the snapshot states no periodic box, so nothing is periodic".to_string());
+        let no_box = cell
+            .is_none()
+            .then(|| "the snapshot states no periodic box, so no axis is treated as periodic".to_string());
         let fields = &source.meta.fields;
-        let left_out = (!fields.is_empty()).then(|| format!("fields that the model leaves out: {}", fields.join(", ")));
+        let left_out =
+            (!fields.is_empty()).then(|| format!("the model does not store these fields: {}", fields.join(", ")));
         options.target.check()?;
         let known = SourceFacts { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
         let plan = CompressionPlan {
@@ -95,9 +97,9 @@ impl CompressionPlan {
         let (asked, beside) = (self.recipe().target.bytes(self.raw_bytes()), self.overhead());
         let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
         let what = format!(
-            "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
+            "the target is {bytes} bytes, but the header and the network of an alpha-blend model alone take {beside}"
         );
-        let hint = Hint::from("ask for a larger file, or set `vizmapper = false` in [alpha_blend] of ");
+        let hint = Hint::from("use a larger target, or set `vizmapper = false` in [alpha_blend] of ");
         Err(Error::unreachable(what, hint.option("config", "")))
     }
 

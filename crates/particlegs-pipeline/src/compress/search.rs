@@ -145,13 +145,13 @@ fn next(above: Option<SearchTrial>, below: Option<SearchTrial>, wanted: f64, sca
 fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &CompressionPlan) -> Error {
     let goal = best.goal;
     let what = format!(
-        "{} was asked for; at best {} was reached, with {gaussians} Gaussians",
+        "the target {} cannot be reached: the best result was {}, with {gaussians} Gaussians",
         goal.describe(plan.metadata.units.length_text()),
         goal.describe_value(best.reached)
     );
     let words = match goal.kind {
-        GoalKind::Psnr => "ask for less, or for a size".to_string(),
-        _ => format!("ask for less, or for a number of Gaussians: up to {} are tried", scale.most),
+        GoalKind::Psnr => "use a lower target, or a size".to_string(),
+        _ => format!("use a lower target, or set a number of Gaussians: the search stops at {}", scale.most),
     };
     Error::unreachable(what, words)
 }

@@ -16,7 +16,7 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != LawKind::OpticalDepth {
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
-        return Err(Error::argument_with(what, "train one with fewer Gaussians on the snapshot"));
+        return Err(Error::argument_with(what, "train a model with fewer Gaussians on the snapshot"));
     }
     metadata.recipe.steps.push(RecipeStep::Simplify(target));
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
@@ -30,13 +30,13 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
         Target::Ratio(_) | Target::Size(_) => {
             let bytes = target.bytes(raw_bytes).unwrap_or(0);
             if bytes >= model_bytes {
-                let what = format!("{bytes} bytes were asked for; the model has {model_bytes} already");
-                return Err(Error::unreachable(what, "ask for a larger ratio than the model's own"));
+                let what = format!("the target is {bytes} bytes, but the model has only {model_bytes}");
+                return Err(Error::unreachable(what, "use a larger ratio than the model's own"));
             }
             job.to_size(bytes, raw_bytes)?
         }
         Target::Default | Target::Psnr(_) | Target::Goal(_) => {
-            return Err(Error::argument("a model is simplified to a ratio, a size or a number of Gaussians"));
+            return Err(Error::argument("simplifying needs a ratio, a size or a number of Gaussians as its target"));
         }
     };
     let bytes = job.file(coded)?;
@@ -75,8 +75,10 @@ impl Reduction<'_> {
         let there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let fewest = self.layers.len();
         if number > there as u64 || number < fewest as u64 {
-            let what =
-                format!("{number} Gaussians were asked for: the model has {there}, and {fewest} at least are needed");
+            let what = format!(
+                "the number of Gaussians must be at least {fewest} and less than the model's {there}, not \
+                         {number}"
+            );
             return Err(Error::argument(what));
         }
         let (mut left, mut there_left) = (number as usize, there);
@@ -108,8 +110,11 @@ impl Reduction<'_> {
         }
         if coded.last().is_some_and(|c| c.size_met == SizeOutcome::TooLarge) {
             let smallest = overhead + coded.iter().map(|c| codec::stored_bytes(&c.bytes) as u64).sum::<u64>();
-            let what = format!("{target} bytes were asked for; the smallest file of this model has {smallest} bytes");
-            let hint = format!("ask for a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
+            let what = format!(
+                "the target is {target} bytes, but the smallest possible file of this model has \
+                                {smallest} bytes"
+            );
+            let hint = format!("use a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
             return Err(Error::unreachable(what, hint));
         }
         Ok(coded)

@@ -52,7 +52,7 @@ impl Job {
     ) -> Result<BlockReport> {
         let blocks = self.manifest.plan.recipe().blocks;
         if block >= blocks {
-            let what = format!("block {block} is outside the {blocks} that this job has, counted from 0");
+            let what = format!("there is no block {block}: this job has {blocks} blocks, numbered from 0");
             return Err(Error::argument(what));
         }
         if let Some(report) = self.report(block)?
@@ -68,7 +68,8 @@ impl Job {
         if checkpoint.fault().is_some() {
             let place = checkpoint.path().display();
             context.message(&format!(
-                "warning: {place}: damaged, or of another plan; the block starts from the beginning"
+                "warning: {place}: the checkpoint is damaged or belongs to another plan; the block starts from the \
+                 beginning"
             ));
         }
         let before = checkpoint.len();
@@ -111,10 +112,10 @@ struct JobFolder<'a, F> {
 
 impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
     fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles> {
-        let source = self.source.take().ok_or_else(|| Error::argument("a snapshot is opened once"))?;
+        let source = self.source.take().ok_or_else(|| Error::argument("the snapshot was opened a second time"))?;
         let particles = self.job.gather(block, source, context)?;
         if particles.is_empty() {
-            return Err(Error::input(&self.job.folder, format!("block {block} holds no particles")));
+            return Err(Error::input(&self.job.folder, format!("block {block} has no particles")));
         }
         let own = BlockParticles::new(&particles, self.job.manifest.plan.metadata.law);
         // Columns are shared, not copied.

@@ -155,13 +155,13 @@ impl<'a> Buckets<'a> {
         let mut head = [0; HEAD];
         let read = file.read_exact(&mut head);
         let buckets = Buckets { job, chunk, file, length, path };
-        read.map_err(|_| buckets.broken("half-written"))?;
+        read.map_err(|_| buckets.broken("the file is incomplete"))?;
         let (body, crc) = head.split_at(HEAD - 4);
         if &body[..8] != MAGIC || crc32fast::hash(body).to_le_bytes() != crc || body[48..56] != length.to_le_bytes() {
-            return Err(buckets.broken("half-written or changed"));
+            return Err(buckets.broken("the file is incomplete or was changed"));
         }
         if body[8..40] != job.id || body[40..48] != chunk.to_le_bytes() {
-            return Err(buckets.broken("belongs to another plan"));
+            return Err(buckets.broken("the file belongs to another plan"));
         }
         Ok(buckets)
     }
@@ -185,7 +185,7 @@ impl<'a> Buckets<'a> {
                 let crc = u32::from_le_bytes(std::array::from_fn(|b| body[body.len() - 4 + b]));
                 Ok(BucketEntry { offset: u64_at(0), bytes, crc, counts })
             }
-            _ => Err(self.broken("changed")),
+            _ => Err(self.broken("the file was changed")),
         }
     }
 
@@ -194,7 +194,7 @@ impl<'a> Buckets<'a> {
         let mut values = vec![0f32; entry.bytes as usize / 4];
         self.read_at(entry.offset, bytemuck::cast_slice_mut(&mut values))?;
         if crc32fast::hash(bytemuck::cast_slice(&values)) != entry.crc {
-            return Err(self.broken("its particles changed"));
+            return Err(self.broken("the particles in the file were changed"));
         }
         Ok(values)
     }
@@ -202,7 +202,7 @@ impl<'a> Buckets<'a> {
     fn read_at(&mut self, offset: u64, bytes: &mut [u8]) -> Result<()> {
         let read = self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.read_exact(bytes));
         read.map_err(|e| match e.kind() {
-            std::io::ErrorKind::UnexpectedEof => self.broken("half-written"),
+            std::io::ErrorKind::UnexpectedEof => self.broken("the file is incomplete"),
             _ => Error::io(&self.path, e),
         })
     }

@@ -69,21 +69,24 @@ impl Manifest {
         names.dedup();
         let named = names.len() == plan.layers.len() && names.iter().all(|n| n.len() <= 255);
         let checks = [
-            (plan.tree.is_sound() && plan.tree.blocks() == plan.recipe().blocks, "its tree and its blocks differ"),
-            (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.content > 0), "a layer without particles"),
-            (counts == Some(m.count) && m.count <= 1 << 53, "its layers do not sum to its particles"),
-            (named && plan.layers.len() <= MOST_LAYERS, "its layers are too many, or their names"),
-            (plan.layers.iter().all(|l| l.mass.unit().is_none_or(positive)), "a mass that is not positive"),
-            ((1..=runs.max(1)).contains(&self.chunk_runs), "its chunks"),
-            ([0, runs.div_ceil(self.chunk_runs.max(1))].contains(&self.chunks), "its chunks"),
-            ((0..3).all(|k| b.min[k] <= b.max[k]) && cell, "its bounds or its box"),
-            (finite(&self.origin) && finite(&b.min) && finite(&b.max), "positions that are not finite"),
+            (
+                plan.tree.is_sound() && plan.tree.blocks() == plan.recipe().blocks,
+                "the tree has another number of blocks",
+            ),
+            (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.content > 0), "a layer has no particles"),
+            (counts == Some(m.count) && m.count <= 1 << 53, "the layers do not add up to the number of particles"),
+            (named && plan.layers.len() <= MOST_LAYERS, "there are too many layers, or a layer's name is wrong"),
+            (plan.layers.iter().all(|l| l.mass.unit().is_none_or(positive)), "a mass is not positive"),
+            ((1..=runs.max(1)).contains(&self.chunk_runs), "the number of chunks is wrong"),
+            ([0, runs.div_ceil(self.chunk_runs.max(1))].contains(&self.chunks), "the number of chunks is wrong"),
+            ((0..3).all(|k| b.min[k] <= b.max[k]) && cell, "the bounds or the box are wrong"),
+            (finite(&self.origin) && finite(&b.min) && finite(&b.max), "a position is not finite"),
             (
                 positive(m.default_radius) && m.default_opacity > 0.0 && m.default_opacity <= 1.0,
-                "its radius or opacity",
+                "the radius or the opacity is wrong",
             ),
-            (plan.recipe().target.check().is_ok(), "its target"),
-            (plan.training.as_ref().is_none_or(|t| t.check().is_ok()), "its training"),
+            (plan.recipe().target.check().is_ok(), "the target is wrong"),
+            (plan.training.as_ref().is_none_or(|t| t.check().is_ok()), "the training configuration is wrong"),
         ];
         checks.into_iter().find(|c| !c.0).map(|c| c.1)
     }
@@ -109,23 +112,26 @@ impl Job {
         let text = read_own(&path, FORM)?.ok_or_else(|| {
             Error::input_with(
                 folder,
-                "no plan.json: not a job's folder",
-                Hint::default().command("plan", "").words(" makes one"),
+                "this is not a job folder: it has no plan.json",
+                Hint::default().command("plan", "").words(" creates one"),
             )
         })?;
-        let no_plan = |e: serde_json::Error| Error::input(&path, format!("not a plan: {e}"));
+        let no_plan = |e: serde_json::Error| Error::input(&path, format!("this is not a plan: {e}"));
         let version = serde_json::from_slice::<ManifestVersion>(&text).map_err(no_plan)?.particlegs_job;
         let what = match version.cmp(&u64::from(VERSION)) {
             Ordering::Equal => None,
-            Ordering::Greater => Some("the plan of a newer program"),
-            Ordering::Less => Some("the plan of an older program: plan again, in another folder"),
+            Ordering::Greater => Some("a newer version of the program made this plan: update particlegs"),
+            Ordering::Less => Some(
+                "an older version of the program made this plan: run `plan` again, in another \
+                                    folder",
+            ),
         };
         if let Some(what) = what {
             return Err(Error::Compatibility { place: path.display().to_string(), what: what.into() });
         }
         let manifest: Manifest = serde_json::from_slice(&text).map_err(no_plan)?;
         if let Some(fault) = manifest.fault() {
-            return Err(Error::input(&path, format!("not a valid plan: {fault}")));
+            return Err(Error::input(&path, format!("the plan is not valid: {fault}")));
         }
         let id = *blake3::hash(&text).as_bytes();
         let starts = manifest.layer_runs();
@@ -199,11 +205,11 @@ impl Job {
             && source.origin == self.manifest.origin
             && source.layers.iter().zip(planned).all(|(a, b)| a.layer.name == b.name && a.layer.content == b.content);
         if !same {
-            return Err(self.changed("its layers are others"));
+            return Err(self.changed("its layers are different"));
         }
         for (layer, planned) in source.layers.iter_mut().zip(planned) {
             if planned.mass.is_weighted() && !layer.layer.mass.is_weighted() {
-                return Err(self.changed("its masses are others"));
+                return Err(self.changed("its masses are different"));
             }
             layer.layer.mass = planned.mass;
         }
@@ -212,7 +218,7 @@ impl Job {
 
     pub(super) fn changed(&self, how: &str) -> Error {
         let what = format!("the snapshot changed after `plan`: {how}");
-        Error::input_with(&self.manifest.plan.metadata.source, what, "plan again, in another folder")
+        Error::input_with(&self.manifest.plan.metadata.source, what, "run `plan` again, in another folder")
     }
 
     /// Layer by layer, the part of some of the snapshot's runs that lies in it.

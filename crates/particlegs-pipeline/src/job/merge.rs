@@ -20,7 +20,7 @@ impl Job {
     ) -> Result<Vec<u8>> {
         let plan = &self.manifest.plan;
         if particles.is_some_and(|p| p.source_hash() != plan.metadata.source_hash) {
-            return Err(self.changed("its hash is another"));
+            return Err(self.changed("its hash is different"));
         }
         self.check_done()?;
         context.begin("merging", u64::from(plan.recipe().blocks));
@@ -37,7 +37,7 @@ impl Job {
         if count != planned {
             return Err(Error::input(
                 &self.folder,
-                format!("its blocks hold {count} particles, {planned} were planned"),
+                format!("the blocks have {count} particles, but the plan has {planned}"),
             ));
         }
         let file = |certificate: Option<&Certificate>| plan.file(&blocks, certificate);
@@ -45,7 +45,7 @@ impl Job {
             CertificateLevel::None => None,
             CertificateLevel::Blocks => Some(self.added_up(context)?),
             CertificateLevel::Quick | CertificateLevel::Full => {
-                let needed = || Error::argument("this certificate is measured on the particles, which are not given");
+                let needed = || Error::argument("this certificate needs the snapshot");
                 let particles = particles.ok_or_else(needed)?;
                 let measure =
                     CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
@@ -82,7 +82,7 @@ impl Job {
             read => read?,
         };
         if blake3::hash(&bytes).to_hex().as_str() != report.model {
-            return Err(broken("incomplete or altered: it does not match its report"));
+            return Err(broken("the file is incomplete or was changed: it does not match its report"));
         }
         let name = path.display().to_string();
         let info = codec::read_info(&bytes, &name)?;

@@ -42,9 +42,9 @@ impl Job {
     /// The same plan again changes nothing.
     pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, context: &Context<'_>) -> Result<Job> {
         if task.options.target.goal().is_some() {
-            let hint = Hint::from("ask for a size, a ratio or a number of Gaussians; ").command("compress", "");
-            let what = "a quality is met by all blocks together, which a job cannot do";
-            return Err(Error::argument_with(what, hint.words(" takes a PSNR target")));
+            let hint = Hint::from("use a size, a ratio or a number of Gaussians; ").command("compress", "");
+            let what = "a job cannot search for a quality, which depends on all blocks together";
+            return Err(Error::argument_with(what, hint.words(" accepts a quality target")));
         }
         check_folder(folder)?;
         let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
@@ -127,8 +127,8 @@ fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
         Ok(Some(there)) if replace && is_plan(&there) => clear(folder).map(|()| false),
         _ => Err(Error::output(
             folder,
-            "it already holds another plan",
-            "name another folder, or replace this one's plan",
+            "the folder already contains another plan",
+            "use another folder, or replace the plan",
         )),
     }
 }
@@ -156,8 +156,8 @@ fn check_folder(folder: &Path) -> Result<()> {
     match entries.find(|e| !ours(e.file_name())) {
         None => output::check_writable(&folder.join("plan.json")),
         Some(other) => {
-            let what = format!("holds `{}`", other.file_name().to_string_lossy());
-            Err(Error::output(folder, what, "a job needs a folder of its own"))
+            let what = format!("the folder contains `{}`", other.file_name().to_string_lossy());
+            Err(Error::output(folder, what, "use a new or empty folder"))
         }
     }
 }

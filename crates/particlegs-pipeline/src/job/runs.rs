@@ -28,21 +28,21 @@ pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunScan]) -> Result<()> 
 
 /// Reads `count` runs of plan `id`.
 pub(super) fn read(path: &Path, id: &[u8; 32], count: u64) -> Result<Vec<RunScan>> {
-    let broken = |what: &str| Error::input_with(path, what, "plan again, in another folder");
+    let broken = |what: &str| Error::input_with(path, what, "run `plan` again, in another folder");
     let most = count.saturating_mul(WIDTH as u64).saturating_add(44);
     let form = Form { title: "the runs of this plan", begins: Begins::With(MAGIC), most, expansion: 2 };
     let bytes = match read_own(path, form) {
-        Ok(bytes) => bytes.ok_or_else(|| broken("missing"))?,
+        Ok(bytes) => bytes.ok_or_else(|| broken("the file is missing"))?,
         Err(Error::Input { what, .. }) => return Err(broken(&what)),
         Err(e) => return Err(e),
     };
-    let body = bytes.len().checked_sub(4).filter(|n| *n >= 40).ok_or_else(|| broken("half-written"))?;
+    let body = bytes.len().checked_sub(4).filter(|n| *n >= 40).ok_or_else(|| broken("the file is incomplete"))?;
     let (body, crc) = bytes.split_at(body);
     if &body[..8] != MAGIC || crc32fast::hash(body).to_le_bytes() != crc {
-        return Err(broken("half-written or changed"));
+        return Err(broken("the file is incomplete or was changed"));
     }
     if body[8..40] != id[..] || (body.len() - 40) as u64 != count.saturating_mul(WIDTH as u64) {
-        return Err(broken("belongs to another plan"));
+        return Err(broken("the file belongs to another plan"));
     }
     Ok(body[40..].chunks_exact(WIDTH).map(run).collect())
 }

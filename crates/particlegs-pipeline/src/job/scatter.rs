@@ -20,7 +20,7 @@ impl Job {
     ) -> Result<bool> {
         let chunks = self.manifest.chunks;
         if chunk >= chunks {
-            let what = format!("chunk {chunk} is outside the {chunks} that this job has, counted from 0");
+            let what = format!("there is no chunk {chunk}: this job has {chunks} chunks, numbered from 0");
             return Err(Error::argument(what));
         }
         if self.chunk_path(chunk).is_file() {
@@ -60,7 +60,7 @@ impl Job {
         let name = &self.manifest.plan.layers[layer].name;
         let first = run * crate::particles::RUN as u64;
         let last = first + chunk.len() as u64 - 1;
-        Err(self.changed(&format!("its particles {first} to {last} of `{name}` differ")))
+        Err(self.changed(&format!("particles {first} to {last} of layer `{name}` are different")))
     }
 
     /// A run's particles sorted by block; order is kept within.

@@ -78,7 +78,7 @@ impl Job {
         if let Some(source) = source {
             let scan = SnapshotScan::new(&self.as_planned(source)?, &m.plan.metadata.source, false, context)?;
             if scan.runs != self.runs {
-                return Err(self.changed("its particles are others"));
+                return Err(self.changed("its particles are different"));
             }
         }
         context.begin("verifying", m.chunks + u64::from(m.plan.recipe().blocks));
@@ -96,7 +96,7 @@ impl Job {
         }
         context.end();
         if missing.is_empty() && particles != m.plan.metadata.count {
-            let what = format!("its blocks hold {particles} particles, the plan {}", m.plan.metadata.count);
+            let what = format!("the blocks have {particles} particles, but the plan has {}", m.plan.metadata.count);
             return Err(Error::input(&self.folder, what));
         }
         Ok(())
@@ -112,7 +112,7 @@ impl Job {
             let corner = |c: [f64; 3]| each_axis(|k| (c[k] - self.manifest.origin[k]) as f32);
             let reached = self.manifest.plan.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
-                let what = format!("its particles are not those of block {block}");
+                let what = format!("the particles in the file are not those of block {block}");
                 return Err(Error::input_with(&path, what, self.run_again("block", block, true)));
             }
             particles = particles.saturating_add(decoded.count);

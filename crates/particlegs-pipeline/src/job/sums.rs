@@ -17,6 +17,7 @@ use std::path::PathBuf;
 
 const MAGIC: &[u8; 8] = b"PGSSUMS1";
 const HEAD: usize = 8 + 32;
+const CHANGED: &str = "the file was changed";
 /// A section's length and checksum.
 const ENTRY: usize = 8 + 4;
 const TAIL: usize = ENTRY * SumsSection::ALL.len() + 4;
@@ -113,21 +114,21 @@ impl<'a> BlockSums<'a> {
         })?;
         let mut sums = BlockSums { job, block, path, file, entries: Vec::new() };
         let tail = length.checked_sub(TAIL as u64).filter(|at| *at >= HEAD as u64);
-        let tail = tail.ok_or_else(|| sums.broken("half-written"))?;
+        let tail = tail.ok_or_else(|| sums.broken("the file is incomplete"))?;
         let (head, rest) = (sums.at(0, HEAD)?, sums.at(tail, TAIL)?);
         if head[..8] != MAGIC[..] || head[8..] != job.id {
-            return Err(sums.broken("of another plan"));
+            return Err(sums.broken("the file belongs to another plan"));
         }
         let (entries, crc) = rest.split_at(TAIL - 4);
         let mut place = HEAD as u64;
         for entry in entries.chunks_exact(ENTRY) {
             let length = u64::from_le_bytes(std::array::from_fn(|b| entry[b]));
-            let end = place.checked_add(length).filter(|end| *end <= tail).ok_or_else(|| sums.broken("changed"))?;
+            let end = place.checked_add(length).filter(|end| *end <= tail).ok_or_else(|| sums.broken(CHANGED))?;
             sums.entries.push((place, length, u32::from_le_bytes(std::array::from_fn(|b| entry[8 + b]))));
             place = end;
         }
         if place != tail || crc != job.checksum(entries).to_le_bytes() {
-            return Err(sums.broken("changed"));
+            return Err(sums.broken(CHANGED));
         }
         Ok(sums)
     }
@@ -136,14 +137,14 @@ impl<'a> BlockSums<'a> {
         let number = SumsSection::ALL.iter().position(|s| *s == section).unwrap_or(0);
         let (place, length, crc) = self.entries[number];
         let bytes = self.at(place, length as usize)?;
-        if crc32fast::hash(&bytes) == crc { Ok(bytes) } else { Err(self.broken("changed")) }
+        if crc32fast::hash(&bytes) == crc { Ok(bytes) } else { Err(self.broken(CHANGED)) }
     }
 
     fn at(&mut self, place: u64, length: usize) -> Result<Vec<u8>> {
         let mut bytes = vec![0; length];
         let read = self.file.seek(SeekFrom::Start(place)).and_then(|_| self.file.read_exact(&mut bytes));
         read.map_err(|e| match e.kind() {
-            std::io::ErrorKind::UnexpectedEof => self.broken("half-written"),
+            std::io::ErrorKind::UnexpectedEof => self.broken("the file is incomplete"),
             _ => Error::io(&self.path, e),
         })?;
         Ok(bytes)

@@ -17,11 +17,11 @@ pub(crate) fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Res
     let refused = |what: String| Err(Error::input_with(name, what, "check the unit of length and the box"));
     let [least, most] = LENGTHS;
     if !bounds.min.iter().chain(&bounds.max).all(|x| x.abs() <= most) {
-        return refused(format!("coordinates beyond {most:e}"));
+        return refused(format!("coordinates exceed {most:e}"));
     }
     let extent = bounds.extent();
     if let Some(k) = (0..3).find(|&k| extent[k] > 0.0 && extent[k] < least) {
-        return refused(format!("particles spread over {:e} along {}, less than {least:e}", extent[k], AXES[k]));
+        return refused(format!("the extent of {:e} along {} is less than {least:e}", extent[k], AXES[k]));
     }
     let Some(cell) = cell else { return Ok(()) };
     let sizes = cell.vectors.map(|v| v.iter().fold(0.0, |m: f64, x| m.max(x.abs())));
@@ -97,13 +97,13 @@ impl ParticlesOutsideBox {
     pub(crate) fn judge(self, count: u64, name: &str) -> Result<Option<String>> {
         let ParticlesOutsideBox { all, far } = self;
         if far > 0 {
-            let what = format!("{far} of {count} particles lie more than a box length outside the periodic box");
+            let what = format!("{far} of {count} particles are more than a box length outside the periodic box");
             return Err(Error::input_with(name, what, "check the unit of length and the box"));
         }
         Ok((all > 0).then(|| {
             format!(
-                "{name}: {all} of {count} particles lie outside the periodic box, by less than its length: they are \
-                 counted at their periodic images inside it"
+                "{name}: {all} of {count} particles are outside the periodic box by less than its length; their \
+                 periodic images inside it are used"
             )
         }))
     }

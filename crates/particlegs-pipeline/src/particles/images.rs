@@ -20,7 +20,7 @@ impl NearestImages {
     /// Images about the middle of `crop`, which must not be wider than the cell where it repeats.
     pub fn about(crop: &Bounds, cell: Option<&Cell>, name: &str) -> Result<Self> {
         let Some(cell) = cell else {
-            let hint = Hint::state_box().words(", or use ").option("region", "").words(", which does not wrap around");
+            let hint = Hint::state_box().words(", or use ").option("region", "").words(", which stays inside the box");
             return Err(Error::input_with(name, "a region across the boundary needs a periodic box", hint));
         };
         let cell = cell.reduced();
@@ -29,9 +29,9 @@ impl NearestImages {
         let wide = |a: usize| (0..3).map(|k| extent[k] * fractions[k][a].abs()).sum::<f64>();
         if let Some(a) = (0..3).find(|&a| cell.periodic[a] && wide(a) > 1.0 + WIDER) {
             return Err(Error::argument(match cell.lengths() {
-                Some(l) => format!("a region {} wide on axis {a} is wider than the box of {}", extent[a], l[a]),
+                Some(l) => format!("the region ({} on axis {a}) is wider than the box ({})", extent[a], l[a]),
                 None => {
-                    format!("a region {} x {} x {} does not fit into the tilted box", extent[0], extent[1], extent[2])
+                    format!("the region {} x {} x {} does not fit into the tilted box", extent[0], extent[1], extent[2])
                 }
             }));
         }

@@ -112,11 +112,11 @@ impl ReadLayer {
         let wrong = |what: String| Error::input(&self.layer.name, what);
         reader.read(runs.clone(), context, &|run, chunk| {
             if !runs.contains(&run) {
-                return Err(wrong(format!("run {run} came, which was not asked for")));
+                return Err(wrong(format!("the reader returned data chunk {run}, which was not requested")));
             }
             let told = (self.layer.content - run * RUN as u64).min(RUN as u64);
             if chunk.len() as u64 != told || self.layer.mass.is_weighted() && chunk.weight.is_none() {
-                return Err(wrong(format!("{} particles in run {run}, {told} were told", chunk.len())));
+                return Err(wrong(format!("data chunk {run} has {} particles instead of {told}", chunk.len())));
             }
             let weight = chunk.weight.filter(|_| self.layer.mass.is_weighted());
             if shift == [0.0; 3] {

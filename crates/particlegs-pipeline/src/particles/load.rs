@@ -44,7 +44,7 @@ fn layers(source: &LayeredParticles) -> Result<Vec<Layer<Range<usize>>>> {
         end = usize::try_from(l.layer.content)
             .ok()
             .and_then(|n| start.checked_add(n))
-            .ok_or_else(|| Error::input(&source.meta.name, "more particles than memory counts"))?;
+            .ok_or_else(|| Error::input(&source.meta.name, "too many particles for this machine"))?;
         Ok(l.layer.with(start..end))
     };
     source.layers.iter().map(place).collect()
@@ -64,7 +64,7 @@ fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], context: &C
     let wrong = |what: String| Error::input(&layer.layer.name, what);
     layer.read(origin, 0..runs, context, &|run, chunk| {
         let Some(mut columns) = places[run as usize].lock().unwrap_or_else(|e| e.into_inner()).take() else {
-            return Err(wrong(format!("run {run} came twice")));
+            return Err(wrong(format!("the reader returned data chunk {run} twice")));
         };
         (0..3).for_each(|k| columns[k].copy_from_slice(chunk.position[k]));
         match (columns.get_mut(3), chunk.weight) {
@@ -77,7 +77,7 @@ fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], context: &C
     let left = |p: Mutex<Option<_>>| p.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
     let missing = places.into_iter().map(left).filter(|left| *left).count();
     if missing > 0 {
-        return Err(wrong(format!("{missing} of {runs} runs are missing")));
+        return Err(wrong(format!("{missing} of {runs} data chunks are missing")));
     }
     Ok(())
 }

@@ -51,18 +51,18 @@ impl SnapshotMeta {
                 .filter(|_| sound)
                 .ok_or_else(|| Error::argument(format!("box lengths {} must be positive", listed(&lengths))))?;
             if let Some(said) = self.cell.replace(cell).filter(|said| *said != cell) {
-                notes.push(format!("the box is taken as {cell}; the file says {said}"));
+                notes.push(format!("the box is {cell} as stated, not {said} as in the file"));
             }
         }
         let mut state = |of: &str, stated: Option<&str>, said: &mut Option<Unit>, dimension| {
             let Some(text) = stated else { return };
             if !Unit::is_known(text, dimension) {
-                notes.push(format!("`{text}` is no unit of {of} that is known: it is kept as a label"));
+                notes.push(format!("`{text}` is not a known unit of {of}, so it is only a label"));
             }
             let unit = Unit::parse(text, dimension);
             if let Some(other) = said.replace(unit).filter(|other| other.text != text) {
                 notes.push(format!(
-                    "the unit of {of} is taken as {text}; the file says {}; no number is converted",
+                    "the unit of {of} is {text} as stated, not {} as in the file; no number is converted",
                     other.text
                 ));
             }

@@ -17,13 +17,13 @@ impl Particles {
             [_, _, _] | [_, _, _, _] => open_columns(paths)?,
             more => {
                 return Err(Error::argument(format!(
-                    "{} files were named; raw data are a folder or three or four columns",
+                    "raw data must be one folder, or three or four column files, not {} files",
                     more.len()
                 )));
             }
         };
         if particles.is_empty() {
-            return Err(Error::input(&paths[0], "no particles"));
+            return Err(Error::input(&paths[0], "the snapshot has no particles"));
         }
         Ok(particles)
     }
@@ -35,7 +35,7 @@ fn open_folder(folder: &Path) -> Result<Particles> {
         return Err(Error::input_with(
             missing,
             "missing",
-            "a snapshot folder holds xx.f32, yy.f32, zz.f32 and, with weights, ww.f32",
+            "a snapshot folder must contain xx.f32, yy.f32, zz.f32 and, if there are weights, ww.f32",
         ));
     }
     let weights = folder.join("ww.f32");
@@ -54,7 +54,7 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
         if column.len() != columns[0].len() {
             return Err(Error::input(
                 path,
-                format!("{} values, but {} has {}", column.len(), paths[0].display(), columns[0].len()),
+                format!("the file has {} values, but {} has {}", column.len(), paths[0].display(), columns[0].len()),
             ));
         }
     }
@@ -63,7 +63,7 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
     let Sidecar { mut meta, origin, layers } = sidecar::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if layers.last().is_some_and(|l| l.content.end != columns[0].len()) {
-        let what = format!("its `layers` do not hold the {} particles beside it", columns[0].len());
+        let what = format!("the particles of its `layers` do not add up to the {} in the columns", columns[0].len());
         return Err(Error::input(&sidecar, what));
     }
     Ok(Particles::from_column_list(columns, origin, meta, layers))
@@ -73,7 +73,13 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
 fn map_raw(path: &Path) -> Result<Column> {
     let (map, length) = map_file(path)?;
     if length % 4 != 0 {
-        return Err(Error::input(path, format!("{length} bytes is not a multiple of 4: not a float32 column")));
+        return Err(Error::input(
+            path,
+            format!(
+                "this is not a float32 column: its {length} bytes are not a multiple \
+                                               of 4"
+            ),
+        ));
     }
     Ok(match map {
         None => Column::owned(Vec::new()),
@@ -123,13 +129,13 @@ impl InvalidParticles {
     pub(crate) fn refusal(self, place: &str) -> Error {
         let faults = [
             (self.positions, "a position that is not finite"),
-            (self.weights, "a mass or weight that is not above 0 and below 3e38"),
+            (self.weights, "a mass or weight that is not between 0 and 3e38"),
         ];
         let faults = faults.into_iter().filter(|(count, _)| *count > 0);
         let said: Vec<String> = faults.map(|(count, what)| format!("{count} with {what}")).collect();
-        let what = format!("invalid particles: {}; the first has index {}", said.join(", "), self.first);
+        let what = format!("there are invalid particles: {}; the first has index {}", said.join(", "), self.first);
         let hint = Hint::default().option("skip-invalid", "").words(" leaves them out; ");
-        Error::input_with(place, what, hint.option("mass-field", "none").words(" counts all particles alike"))
+        Error::input_with(place, what, hint.option("mass-field", "none").words(" ignores masses"))
     }
 }
 

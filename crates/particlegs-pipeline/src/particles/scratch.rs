@@ -32,7 +32,7 @@ impl Storage {
     /// Says what scratch space is about to be taken, if any.
     pub fn announce(&self, what: &str, bytes: u64, context: &Context<'_>) {
         if let Storage::Disk(folder) = self {
-            context.message(&format!("scratch file for {what}: {bytes} bytes in {}", folder.display()));
+            context.message(&format!("the scratch file for {what} takes {bytes} bytes in {}", folder.display()));
         }
     }
 

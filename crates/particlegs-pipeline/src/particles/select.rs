@@ -54,7 +54,7 @@ impl Selection {
         if self.crop.as_ref().is_none_or(fine) {
             return Ok(self);
         }
-        let what = "the region must be finite, with its lower bound below its upper bound on each axis";
+        let what = "the region must be finite, and its lower bound must be below its upper bound on each axis";
         Err(Error::argument(what))
     }
 
@@ -188,7 +188,7 @@ impl<'a> SelectedParticles<'a> {
         context: &Context<'_>,
     ) -> Result<Self> {
         if selection.every == 0 {
-            return Err(Error::argument("keeping every 0th particle keeps none; 1 keeps all"));
+            return Err(Error::argument("the interval between particles must be at least 1, not 0"));
         }
         let mut meta = particles.meta.clone();
         let cell = meta.cell.take().map(|cell| tiling.cell(&cell));
@@ -240,7 +240,7 @@ impl<'a> SelectedParticles<'a> {
             })?)
         };
         if self.total() == 0 {
-            return Err(Error::argument("the selection holds no particles"));
+            return Err(Error::argument("the selection contains no particles"));
         }
         Ok(())
     }
@@ -407,7 +407,7 @@ impl<'a> SelectedParticles<'a> {
             images.nearest(&chunk, offset, self.origin, &mut run.columns);
         }
         if run.columns[..3].iter().flatten().any(|v| !v.is_finite()) {
-            return Err(Error::input(&self.particles.meta.name, "positions that do not fit into float32"));
+            return Err(Error::input(&self.particles.meta.name, "some positions are too large for float32"));
         }
         run.columns[3].clear();
         run.columns[3].extend_from_slice(chunk.weight.unwrap_or(&[]));
@@ -475,7 +475,7 @@ impl<'a> SelectedParticles<'a> {
         let available: u64 = histogram.iter().sum();
         if wanted == 0 || wanted > available {
             return Err(Error::argument(format!(
-                "a sample of {wanted} is outside 1 to {available}, the number of particles"
+                "the sample must be 1 to {available} (the number of particles), not {wanted}"
             )));
         }
         let mut left = wanted;

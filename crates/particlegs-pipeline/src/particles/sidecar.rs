@@ -80,7 +80,7 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let none = [0.0; 3];
     let Some(text) = read_own(file, FILE)? else { return Ok(Sidecar { meta, origin: none, layers: Vec::new() }) };
     let form: SidecarForm =
-        serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("not a snapshot's metadata: {e}")))?;
+        serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("this is not snapshot metadata: {e}")))?;
     let positive = |v: &f64| *v > 0.0 && v.is_finite();
     if let Some(lengths) = form.lengths {
         let lengths = match lengths {
@@ -134,14 +134,13 @@ fn periodic(said: Option<PeriodicAxes>) -> [bool; 3] {
 /// Layers one after the other; those without particles are left out.
 fn layers(forms: Vec<LayerForm>, file: &Path) -> Result<Vec<Layer<Range<usize>>>> {
     if !forms.is_empty() && forms.iter().all(|f| f.particles == 0) {
-        return Err(Error::input(file, "its `layers` hold no particles"));
+        return Err(Error::input(file, "its `layers` contain no particles"));
     }
     let mut end = 0usize;
     let mut layers = Vec::with_capacity(forms.len().min(1024));
     for form in forms {
         let start = end;
-        end =
-            start.checked_add(form.particles).ok_or_else(|| Error::input(file, "`layers` hold too many particles"))?;
+        end = start.checked_add(form.particles).ok_or_else(|| Error::input(file, "too many particles in `layers`"))?;
         let LayerForm { name, particle_mass, weighted, .. } = form;
         if start < end {
             layers.push(Layer { name, mass: Mass::new(weighted, particle_mass), content: start..end });
@@ -164,7 +163,7 @@ mod tests {
         };
         let layer = |name: &str, n: u32| format!("{{\"name\": \"{name}\", \"particles\": {n}}}");
         assert_eq!(layers(&[layer("a", 0), layer("b", 3), layer("c", 2)].join(",")).unwrap(), [0..3, 3..5]);
-        assert!(layers(&layer("a", 0)).unwrap_err().to_string().contains("hold no particles"));
+        assert!(layers(&layer("a", 0)).unwrap_err().to_string().contains("contain no particles"));
         assert!(layers("").unwrap().is_empty());
     }
 }

@@ -22,7 +22,7 @@ impl Tiling {
     /// `repeats` tiles along each axis of the snapshot's cell.
     pub fn new(repeats: [u32; 3], particles: &Particles) -> Result<Self> {
         if repeats.contains(&0) {
-            return Err(Error::argument(format!("tiles {repeats:?} must be 1 or more along each axis")));
+            return Err(Error::argument(format!("use at least 1 tile along each axis, not {repeats:?}")));
         }
         let name = &particles.meta.name;
         let cell = particles
@@ -37,7 +37,7 @@ impl Tiling {
         let total = repeats.iter().try_fold(particles.len() as u64, |n, &r| n.checked_mul(u64::from(r)));
         match total {
             Some(n) if n <= i64::MAX as u64 / 16 => Ok(tiling),
-            _ => Err(Error::argument(format!("{repeats:?} tiles are more particles than can be counted"))),
+            _ => Err(Error::argument(format!("{repeats:?} tiles have too many particles: use fewer tiles"))),
         }
     }
 

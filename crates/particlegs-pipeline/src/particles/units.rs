@@ -39,7 +39,7 @@ impl Particles {
             Particles::from_column_list(columns.into_iter().chain(weights).collect(), origin, self.meta, self.layers);
         let bounds = moved.bounds();
         if bounds.min.iter().chain(&bounds.max).any(|v| !v.is_finite()) {
-            return Err(Error::input(&moved.meta.name, "float32 does not hold its positions in that unit of length"));
+            return Err(Error::input(&moved.meta.name, "in that unit its positions are too large for float32"));
         }
         Ok(moved)
     }

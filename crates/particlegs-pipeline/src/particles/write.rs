@@ -78,7 +78,7 @@ impl SnapshotWriter {
             return Err(Error::input_with(
                 out,
                 "an .npy file of positions cannot store the weights",
-                "name a folder instead",
+                "write to a folder instead",
             ));
         }
         let header = if form == RawForm::Columns {

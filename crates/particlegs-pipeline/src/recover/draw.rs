@@ -174,7 +174,7 @@ impl DrawRules {
                 None => run.columns[k].extend(column.map(|&v| v as f32)),
             }
             if run.columns[k].iter().any(|v| !v.is_finite()) {
-                return Err(Error::input(&layer.layer.name, "particles of this layer do not fit into float32"));
+                return Err(Error::input(&layer.layer.name, "some positions in this layer are too large for float32"));
             }
         }
         Ok(())

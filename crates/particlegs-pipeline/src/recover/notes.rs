@@ -13,7 +13,7 @@ than the Gaussians that it was drawn from";
 
 /// Said where the file has no certificate.
 const NOTHING: &str =
-    "nothing was measured when the model was made: compare with the source (`particlegs stats`) before use";
+    "the model has no certificate: compare the particles with the source (`particlegs stats`) before use";
 
 /// Said of models of the alpha-blend law.
 const BY_OPACITY: &str = "numbers of particles go by the opacities of a model that was fitted to pictures alone: densities \
@@ -64,7 +64,7 @@ fn supports(certificate: Option<&Certificate>, unit: Option<&str>, options: &Opt
     for (group, entries) in c.groups() {
         match (group.tag, entries) {
             (MetricGroup::DENSITY, Some(entries)) => all.push(format!(
-                "{} (the model's own, measured when it was made; a draw adds its shot noise)",
+                "{} (measured for the model itself when it was made; drawing particles adds shot noise)",
                 group.describe(&entries, unit)
             )),
             (MetricGroup::SCIENCE, Some(entries)) => all.push(group.describe(&entries, unit)),
@@ -84,21 +84,22 @@ fn with_method(mut all: Vec<String>, options: &Options, own: bool) -> Vec<String
     match options.method {
         super::Method::Count => {}
         super::Method::Spaced => all.push(
-            "made for distances to the nearest neighbour, set by one simulation at one ratio: compare before use; clumps \
-             smaller than a Gaussian are made up, so that correlations and groups on their scale are not the source's"
+            "distances to the nearest neighbour, tuned with one simulation at one ratio: compare before use; clumps \
+             smaller than a Gaussian are invented, so correlations and groups on their scale differ from the \
+             source's"
                 .into(),
         ),
         super::Method::Stratified => all.push(
             "counts in cells: their shot noise is below that of a random draw; distances to neighbours are too even"
                 .into(),
         ),
-        other => all.push(format!("method `{}` is there for comparison: prefer `count`", other.name())),
+        other => all.push(format!("method `{}` is meant for comparison: prefer `count`", other.name())),
     }
     if options.scale != 1.0 {
-        all.push(format!("Gaussians were scaled by {}: densities are not the model's", options.scale));
+        all.push(format!("the Gaussians were scaled by {}: densities differ from the model's", options.scale));
     }
     if !own {
-        all.push("another number of particles than the source's: shot noise and spacing differ from it".into());
+        all.push("the number of particles differs from the source's, so shot noise and spacing differ too".into());
     }
     all
 }

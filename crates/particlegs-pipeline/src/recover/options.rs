@@ -9,12 +9,14 @@ particlegs_core::named_values! {
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub enum Method {
         #[default]
-        Count = "count": "From each Gaussian, as many as it represents (published as V0)",
-        Volume = "volume": "In proportion to count times volume; of alpha-blend models to opacity times volume (V1)",
-        Ellipsoid = "ellipsoid": "Uniformly within ellipsoids of three standard deviations (V4)",
-        Grid = "grid": "Uniformly within the cells of a grid of 512³ that hold centres of Gaussians (V6)",
-        Stratified = "stratified": "As count, but evenly spread: less shot noise in cells, too regular at small distances",
-        Spaced = "spaced": "As count, but clumped within Gaussians: nearest-neighbour distances are close to the truth",
+        Count = "count": "Each Gaussian's own number of particles (published as V0)",
+        Volume = "volume": "In proportion to count times volume, or opacity times volume for alpha-blend models (V1)",
+        Ellipsoid = "ellipsoid": "Uniformly inside ellipsoids of three standard deviations (V4)",
+        Grid = "grid": "Uniformly inside the cells of a 512³ grid that contain centres of Gaussians (V6)",
+        Stratified = "stratified": "Like count, but evenly spread: less shot noise in cells, too regular at small \
+                                    distances",
+        Spaced = "spaced": "Like count, but clumped inside Gaussians: nearest-neighbour distances are close to the \
+                            truth",
     }
 }
 
@@ -54,7 +56,7 @@ impl Options {
         if self.scale > 0.0 && self.scale.is_finite() {
             return Ok(());
         }
-        Err(Error::argument(format!("a scale of {} is not positive", self.scale)))
+        Err(Error::argument(format!("the scale must be positive, not {}", self.scale)))
     }
 
     /// Number of particles that are drawn from `model`.

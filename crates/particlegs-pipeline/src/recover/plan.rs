@@ -48,7 +48,7 @@ impl RecoveryPlan {
         let own: u64 = model.layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
         let total = wanted.unwrap_or(own);
         if total == 0 || total > MOST {
-            return Err(Error::argument(format!("{total} particles were asked for: 1 to 2^53 can be drawn")));
+            return Err(Error::argument(format!("the number of particles must be 1 to 2^53, not {total}")));
         }
         let by_volume = method.by_volume(model.metadata.law);
         let shared = by_volume || total != own;

@@ -99,7 +99,7 @@ impl Projector {
         view.check(size)?;
         let Projection::Perspective { fov_deg } = view.camera.projection else {
             return Err(Error::argument(format!(
-                "view `{}`: pictures of all particles in ParaView's looks need a perspective camera",
+                "view `{}`: pictures of all particles in a ParaView style need a perspective camera",
                 view.name
             )));
         };

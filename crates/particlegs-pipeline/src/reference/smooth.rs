@@ -316,7 +316,7 @@ mod tests {
         let refused = |result: Result<Reference<'_>>| result.err().map(|e| e.to_string()).unwrap_or_default();
         for neighbours in [100, usize::MAX] {
             let line = refused(Reference::new(&particles).smoothed(neighbours, &Context::SILENT));
-            assert!(line.contains("there are 100") && !line.contains('\n'), "{line}");
+            assert!(line.contains("not 100") && !line.contains('\n'), "{line}");
         }
         assert!(matches!(Reference::new(&particles).smoothed(9, &cancelled()), Err(Error::Cancelled)));
         let smoothed = Reference::new(&particles).smoothed(9, &Context::SILENT).unwrap();

@@ -98,12 +98,14 @@ fn grid_of_edge(edge: f64, domain: &Domain) -> Result<Grid> {
     let length = domain.longest();
     Err(Error::argument(if cells < *ASKED_CELLS.start() {
         format!(
-            "cells of {edge} are too large to compare densities in: the box, {length:.4} at its longest, has {cells} of them and {} are needed",
+            "cells of {edge} are too large to compare densities: the longest edge of the box, {length:.4}, has \
+             {cells} of them, and at least {} are needed",
             ASKED_CELLS.start()
         )
     } else {
         format!(
-            "cells of {edge} are too small: the box, {length:.4} at its longest, has {cells:.3e} of them, and {:.3e} are the most",
+            "cells of {edge} are too small: the longest edge of the box, {length:.4}, has {cells:.3e} of them, and \
+             at most {:.3e} are supported",
             ASKED_CELLS.end()
         )
     }))

@@ -30,7 +30,7 @@ pub fn evaluate(
 ) -> Result<Evaluation> {
     let (meta, to) = (&particles.meta, model.metadata.unit_system());
     if meta.unit_system().conversion_of(&meta.name, &to)?.0.length != 1.0 {
-        return Err(Error::input(&meta.name, "its unit of length is not the model's: convert it first"));
+        return Err(Error::input(&meta.name, "its unit of length differs from the model's: convert it first"));
     }
     let truth = Reference::new(particles);
     let mut comparison = ModelComparison::new(model, &truth, None);
@@ -94,7 +94,7 @@ impl<'a> ModelComparison<'a> {
     /// Scores of all looks in `views`.
     pub fn evaluate(&self, views: &[View], size: Size, context: &Context<'_>) -> Result<Evaluation> {
         if views.is_empty() {
-            return Err(Error::argument("no views to score in"));
+            return Err(Error::argument("there are no views to score"));
         }
         views.iter().try_for_each(|v| v.check(size))?;
         let mut scored = Vec::with_capacity(views.len());

@@ -121,19 +121,20 @@ impl<'a> GoalMetric<'a> {
 /// How spectra up to `k_max` are taken: as the certificate's.
 fn spectrum_to(k_max: f64, domain: &Domain, particles: usize) -> Result<SpectrumOptions> {
     if domain.periodic != [true; 3] {
-        let what = "a power spectrum needs a periodic box that the particles fill, and there is none";
+        let what = "a power spectrum needs a box that is periodic along all axes";
         return Err(Error::argument_with(what, Hint::state_box()));
     }
     let options = spectrum_options(domain, particles);
     let (longest, most) = (2.0 * PI / domain.longest(), options.k_max);
     if k_max > most * (1.0 + 1e-9) {
         return Err(Error::argument(format!(
-            "P(k) up to k = {k_max} cannot be measured: {particles} particles in this box have a largest wave number of {most:.4}"
+            "P(k) up to k = {k_max} cannot be measured: the largest wave number for {particles} particles in this \
+             box is {most:.4}"
         )));
     }
     if k_max < longest * (1.0 - 1e-9) {
         return Err(Error::argument(format!(
-            "P(k) up to k = {k_max} cannot be measured: the longest wave of the box has k = {longest:.4}"
+            "P(k) up to k = {k_max} cannot be measured: the smallest wave number of the box is {longest:.4}"
         )));
     }
     Ok(SpectrumOptions { k_max: k_max.max(longest), ..options })
@@ -148,7 +149,7 @@ fn power_of(
 ) -> Result<CachedTransform> {
     let truth = CachedTransform::new(Subject::Particles(particles), domain, options, context)?;
     if truth.against_itself(context)?.largest_power_deviation().is_none() {
-        let what = format!("up to k = {} the particles have no power above the scatter of their noise", options.k_max);
+        let what = format!("up to k = {}, the power of the particles does not exceed their noise", options.k_max);
         return Err(Error::argument(what));
     }
     Ok(truth)
@@ -158,29 +159,28 @@ fn power_of(
 fn sizes_of(from: f64, particles: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Vec<u64>> {
     let (least, count) = (GROUP_CLASSES[0], particles.len() as u64);
     if from < least as f64 {
-        return Err(Error::argument(format!("groups are counted from {least} particles on, not from {from}")));
+        return Err(Error::argument(format!("the smallest group must have at least {least} particles, not {from}")));
     }
     if count > MOST_DRAWN {
         return Err(Error::argument(format!(
-            "groups are counted among at most {MOST_DRAWN} particles, and there are {count}"
+            "groups can be counted in at most {MOST_DRAWN} particles, but there are {count}"
         )));
     }
     let Some(linking) = linking(domain, domain.spacing(particles.len())) else {
-        return Err(Error::argument("groups cannot be counted: the box is thinner than links allow"));
+        return Err(Error::argument("groups cannot be counted: the box is too thin for the linking length"));
     };
     let groups = linking.groups(particles, context)?;
     if groups.finest.is_some() {
-        let what = "numbers of groups are no goal for a zoom, whose masses the model may mix";
-        return Err(Error::argument_with(what, "choose its finest particles alone"));
+        let what = "the number of groups cannot be a target for a zoom simulation: the model may mix its masses";
+        return Err(Error::argument_with(what, "select only its lightest particles"));
     }
     let sizes = groups.sizes;
     let found = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
     if found < FEWEST_GROUPS {
-        let what = format!(
-            "the particles have {found} groups of {from} particles and more; their number is compared where there are {FEWEST_GROUPS}"
-        );
+        let what =
+            format!("there are {found} groups of {from} particles or more, but a comparison needs {FEWEST_GROUPS}");
         let hint = match sizes.get(FEWEST_GROUPS as usize - 1) {
-            Some(size) => format!("count them from {size} on").into(),
+            Some(size) => format!("use {size} as the smallest group").into(),
             None => Hint::default(),
         };
         return Err(Error::argument_with(what, hint));
@@ -199,8 +199,8 @@ mod tests {
         // The same grid as the certificate's, to the wave number that is asked for.
         let options = spectrum_to(2.0, &cube, 64 * 64 * 64).unwrap();
         assert_eq!(options, SpectrumOptions { k_max: 2.0, ..spectrum_options(&cube, 64 * 64 * 64) });
-        assert!(told(&cube, 8.1).contains("a largest wave number of 8.0425"));
-        assert!(told(&cube, 0.2).contains("has k = 0.2513"));
-        assert!(told(&Domain { periodic: [true, true, false], ..cube }, 2.0).contains("needs a periodic box"));
+        assert!(told(&cube, 8.1).contains("particles in this box is 8.0425"));
+        assert!(told(&cube, 0.2).contains("smallest wave number of the box is 0.2513"));
+        assert!(told(&Domain { periodic: [true, true, false], ..cube }, 2.0).contains("periodic along all axes"));
     }
 }

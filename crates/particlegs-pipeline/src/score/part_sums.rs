@@ -57,7 +57,7 @@ impl PartSums<'_> {
     }
 
     fn none(&self, part: u32) -> Error {
-        Error::corrupt(format!("the sums of block {part}"), "they are not of this plan's grids")
+        Error::corrupt(format!("the sums of block {part}"), "they belong to grids of another plan")
     }
 
     /// The noise-free pictures alone: ParaView's own, in which splats hide each other, do not add up.

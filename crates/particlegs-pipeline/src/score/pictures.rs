@@ -75,7 +75,7 @@ impl SceneSetting {
 
     /// What a user reads while waiting.
     fn name(&self, view: &View) -> String {
-        format!("{} at {} radii and {} opacities:", view.name, self.radius, self.opacity)
+        format!("{} at {} default radii and {} default opacities:", view.name, self.radius, self.opacity)
     }
 }
 

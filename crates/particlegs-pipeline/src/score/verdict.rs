@@ -1,6 +1,7 @@
 //! What a model is good for, in plain words: one judgement of a certificate, the same wherever it is
 //! told. The thresholds and their reasons: docs/guide/certificate.md.
 
+use super::science::MOST_DRAWN;
 use crate::model::{
     CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores, PictureSetting,
     decimals, per_length,
@@ -46,8 +47,8 @@ pub const SPACING_HOLDS: f64 = 0.1;
 /// The spacing holds roughly within this share.
 pub const SPACING_ROUGHLY: f64 = 0.25;
 
-const NEEDS_FULL: &str = "it takes a full certificate";
-const ADDED_UP: &str = "the certificate is added up of blocks";
+const NEEDS_FULL: &str = "needs a full certificate";
+const ADDED_UP: &str = "the certificate is a sum over blocks";
 
 particlegs_core::named_values! {
     /// What a model may be used for.
@@ -116,7 +117,7 @@ impl Assessment {
 
     /// The verdict on a file whose figures nobody has measured again.
     pub fn unverified() -> Vec<Assessment> {
-        let why = "the snapshot is needed, to measure again what the file says";
+        let why = "verifying the file's figures needs the snapshot";
         UseCase::ALL.map(|of| Assessment { of, word: Grade::NotVerified, why: why.into() }).into()
     }
 
@@ -130,7 +131,7 @@ impl Assessment {
         };
         let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
-        let groups = c.groups.as_ref().map_or_else(|| groups(c), matched_groups);
+        let groups = c.groups.as_ref().map_or_else(|| groups(c, metadata.count), matched_groups);
         let findings =
             [pictures(c), at_large_radius(c), close_up(c), density, spectrum(c, metadata), groups, spacing(c, unit)];
         UseCase::ALL.into_iter().zip(findings).map(|(of, (word, why))| Assessment { of, word, why }).collect()
@@ -145,7 +146,7 @@ fn pictures(c: &Certificate) -> Finding {
     let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::new(&o.expected)).collect();
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
-        return (Grade::NotMeasured, "nothing is lit at the default radius and opacity".into());
+        return (Grade::NotMeasured, "every pixel is black at the default radius and opacity".into());
     };
     (worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.describe("worst orbit"))
 }
@@ -158,7 +159,7 @@ fn at_large_radius(c: &Certificate) -> Finding {
 
 /// From within, at the default radius and opacity.
 fn close_up(c: &Certificate) -> Finding {
-    at_setting(c, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
+    at_setting(c, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from inside".into())
 }
 
 /// The worst view of the first setting of a kind, which is at the default opacity.
@@ -172,7 +173,7 @@ fn at_setting(
         return (Grade::NotMeasured, NEEDS_FULL.into());
     };
     let Some(gain) = PictureGain::new(&at.expected.worst) else {
-        return (Grade::NotMeasured, "nothing is lit, or all is white".into());
+        return (Grade::NotMeasured, "every pixel is black or every pixel is white".into());
     };
     (gain.word(gain.subset_is_better, limits), gain.describe(&format!("worst view, {}", name(at))))
 }
@@ -215,11 +216,11 @@ impl PictureGain {
         let Some(model) = self.model else { return "identical to the noise-free picture".into() };
         let less = if self.more_similar { "" } else { ", with no better SSIM" };
         let subset = match self.subset {
-            Some(s) if s.is_finite() => format!("a random subset of the same bytes {s:.1}, "),
-            Some(_) => "a random subset of the same bytes is identical, ".into(),
+            Some(s) if s.is_finite() => format!("a random subset of the same size scores {s:.1}; "),
+            Some(_) => "a random subset of the same size is identical; ".into(),
             None => String::new(),
         };
-        format!("{model:.1} dB where {} scores {:.1}{less}; {subset}masked PSNR, {of}", self.name, self.trivial)
+        format!("{model:.1} dB, against {:.1} dB for {}{less}; {subset}masked PSNR, {of}", self.trivial, self.name)
     }
 }
 
@@ -232,7 +233,8 @@ fn density(c: &Certificate) -> Finding {
         d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial,
     );
     let why = format!(
-        "correlation {:.4} on {} cells along the longest edge; mean error {:.2} where a trivial density has {trivial:.2}",
+        "correlation {:.4} on {} cells along the longest edge; mean error {:.2}, against {trivial:.2} for a trivial \
+         density",
         d.correlation, d.cells, d.mean_absolute_error
     );
     (word, why)
@@ -247,11 +249,11 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let from = |good: &dyn Fn(&CellDensity) -> bool| densities.iter().rev().take_while(|d| good(d)).last();
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let told = |d: &CellDensity, word| {
-        let (even, more) = if word == Grade::DoesNot { ("even ", "") } else { ("", " and more") };
+        let (even, more) = if word == Grade::DoesNot { ("even ", "") } else { ("", " or larger") };
         let (&CellDensity { edge, particles, correlation, mean_absolute_error, .. }, trivial) = (d, trivial(d));
         let why = format!(
             "correlation {correlation:.4} {even}in cells of {}{unit}{more}; {particles:.0} particles in each, mean \
-             error {mean_absolute_error:.2} where a trivial density has {trivial:.2}",
+             error {mean_absolute_error:.2}, against {trivial:.2} for a trivial density",
             decimals(edge)
         );
         (word, why)
@@ -260,7 +262,7 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
         (Some(d), ..) => told(d, Grade::Holds),
         (None, Some(d), _) => told(d, Grade::Roughly),
         (None, None, Some(d)) => told(d, Grade::DoesNot),
-        _ => (Grade::NotMeasured, "too few particles".into()),
+        _ => (Grade::NotMeasured, "there are too few particles".into()),
     }
 }
 
@@ -272,18 +274,18 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     }
     let (k_max, one, five, of) = match (&c.held_out, &c.science) {
         (Some(h), _) => {
-            (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), ", of models of halves")
+            (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), ", with half the particles")
         }
         (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
             (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
         }
-        _ => return (Grade::NotMeasured, "too few particles".into()),
+        _ => return (Grade::NotMeasured, "there are too few particles".into()),
     };
     let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
     let within = |percent: u32, limit: Limit| match limit {
         Limit::At(k) => format!("within {percent} % up to k = {} {unit}", wavenumber(k)),
-        Limit::Never => format!("within {percent} % nowhere"),
+        Limit::Never => format!("not within {percent} % at any k"),
         Limit::NotMeasured => format!("within {percent} %: not measured"),
     };
     let word = graded(reaches(one), reaches(five));
@@ -291,7 +293,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
         Grade::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    (word, format!("{why}; measured to {}{of}", wavenumber(k_max)))
+    (word, format!("{why}; measured up to k = {}{of}", wavenumber(k_max)))
 }
 
 /// In three digits that are not zeros, whatever the unit.
@@ -308,15 +310,16 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
     let largest = &classes[GROUP_CLASSES.len() - 1];
     let size = GROUP_CLASSES[GROUP_CLASSES.len() - 1];
     let (Some(completeness), Some(number)) = (largest.completeness, largest.number) else {
-        return (Grade::NotMeasured, format!("no groups of {size} particles"));
+        return (Grade::NotMeasured, format!("there are no groups of {size} particles or more"));
     };
     let hold = classes.iter().rev().take_while(|c| good(c, MATCHED_HOLD, NUMBERS_HOLD)).count();
     if hold > 0 {
         let from = GROUP_CLASSES[GROUP_CLASSES.len() - hold];
-        return (Grade::Holds, format!("matched by position, and in number, from {from} particles a group on"));
+        return (Grade::Holds, format!("positions and numbers match for groups of {from} particles or more"));
     }
     let why = format!(
-        "{:.0} % of groups of {size} and more particles have a counterpart; {:.0} % of those drawn are one, their number is {:+.0} %",
+        "{:.0} % of the groups of {size} particles or more have a counterpart; {:.0} % of the drawn groups match \
+         one, and their number differs by {:+.0} %",
         100.0 * completeness,
         100.0 * largest.purity.unwrap_or(0.0),
         100.0 * (number - 1.0)
@@ -327,7 +330,7 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
 /// A smooth model knows how dense it is at a place, and not how its particles keep apart.
 fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     let Some(s) = &c.spacing else {
-        let why = if c.blocks.is_some() { ADDED_UP } else { "too few particles" };
+        let why = if c.blocks.is_some() { ADDED_UP } else { "there are too few particles" };
         return (Grade::NotMeasured, why.into());
     };
     let within = |share: f64| {
@@ -335,8 +338,8 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     };
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let why = format!(
-        "nearest neighbour at {}{unit}, of the particles at {}; medians, the first of particles drawn, 5th \
-         percentiles {:.2} and {:.2} of them",
+        "drawn particles are {}{unit} apart, {} in the snapshot; these are median distances to the nearest neighbour, \
+         and the 5th percentiles are {:.2} and {:.2} of them",
         decimals(s.drawn_median),
         decimals(s.median),
         s.drawn_regularity,
@@ -345,19 +348,20 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     (graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
 
-fn groups(c: &Certificate) -> Finding {
+fn groups(c: &Certificate, particles: u64) -> Finding {
     match c.science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
         Limit::NotMeasured => {
             let why = match (c.blocks, c.pictures) {
                 (Some(_), _) => ADDED_UP,
                 (None, None) => NEEDS_FULL,
-                (None, Some(_)) => "too few groups",
+                (None, Some(_)) if particles > MOST_DRAWN => "there are too many particles",
+                (None, Some(_)) => "there are too few groups",
             };
             (Grade::NotMeasured, why.into())
         }
-        Limit::Never => (Grade::DoesNot, "numbers are within 10 % at no size".into()),
+        Limit::Never => (Grade::DoesNot, "group numbers are not within 10 % at any size".into()),
         Limit::At(n) => {
-            let why = format!("numbers within 10 % from {n} particles a group on");
+            let why = format!("numbers are within 10 % for groups of {n} particles or more");
             (graded(n <= GROUPS_HOLD, n <= GROUPS_ROUGHLY), why)
         }
     }
@@ -405,7 +409,7 @@ mod tests {
         assert_eq!(word(&with(Some(26.0), Some(12.0)), UseCase::Pictures), Grade::Roughly);
         assert_eq!(word(&with(Some(12.0), Some(29.4)), UseCase::Pictures), Grade::DoesNot);
         let why = finding(&with(Some(29.4), Some(12.0)), UseCase::Pictures).why;
-        assert!(why.contains("30.5 dB where an empty picture scores 29.4"), "{why}");
+        assert!(why.contains("30.5 dB, against 29.4 dB for an empty picture"), "{why}");
         // No better in structure is no better.
         let mut dim = c;
         dim.views.orbits[0].expected.uniform_box.as_mut().unwrap().ssim = 0.76;
@@ -434,7 +438,7 @@ mod tests {
             [word(&with(30.4), UseCase::Pictures), word(&with(30.5), UseCase::Pictures)],
             [Grade::Holds, Grade::Roughly]
         );
-        assert!(finding(&with(25.0), UseCase::Pictures).why.contains("a random subset of the same bytes 20.0"));
+        assert!(finding(&with(25.0), UseCase::Pictures).why.contains("a random subset of the same size scores 20.0"));
     }
 
     #[test]

@@ -52,10 +52,10 @@ pub(crate) fn check_radius(m: &Metadata, seed: u64) -> Result<()> {
         return Ok(());
     }
     let what = format!(
-        "a particle radius of {} covers {most:.0} pixels of the pictures that are measured, by each of {} particles",
+        "at a particle radius of {}, each of {} particles would cover {most:.0} pixels of the certificate's pictures",
         m.default_radius, m.count
     );
-    Err(Error::input_with(&m.source, what, "choose a smaller radius, or no certificate"))
+    Err(Error::input_with(&m.source, what, "use a smaller radius, or no certificate"))
 }
 
 /// The certificate's from close up: three, as near as the reference pictures' `inside`.

@@ -24,9 +24,9 @@ pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
         (Some(a), Some(b)) => same_box(&a, &b, other.name)?,
         (Some(_), None) => {
             check_box(&other.bounds, truth.cell, other.name)?;
-            notes.push("the other states no periodic box: the truth's is taken".into());
+            notes.push("the other input states no periodic box, so the truth's box is used".into());
         }
-        (None, Some(_)) => notes.push("the truth states no periodic box: the other's is not looked at".into()),
+        (None, Some(_)) => notes.push("the truth states no periodic box, so the other input's box is ignored".into()),
         (None, None) => {}
     }
     Ok(notes)
@@ -70,8 +70,8 @@ fn same_box(truth: &Cell, other: &Cell, name: &str) -> Result<()> {
     if same {
         return Ok(());
     }
-    let what = format!("its box is {other}, the truth's is {truth}: they cannot be compared");
-    Err(Error::input_with(name, what, "compare snapshots of one box in one unit of length"))
+    let what = format!("its box is {other}, but the truth's box is {truth}, so they cannot be compared");
+    Err(Error::input_with(name, what, "compare snapshots with the same box and the same unit of length"))
 }
 
 #[cfg(test)]

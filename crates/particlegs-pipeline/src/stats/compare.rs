@@ -45,7 +45,7 @@ pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context
     check(o)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {
         if subject.count() == 0 {
-            return Err(Error::input(name, "no particles to measure"));
+            return Err(Error::input(name, "there are no particles to measure"));
         }
     }
     let (converted, of_units) = other.in_units_of(truth)?;
@@ -69,7 +69,11 @@ pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context
     let of_pairs = |m| particles.is_some() && wants(m);
     let of_particles = [Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Rdf];
     if particles.is_none() && of_particles.iter().any(|m| wants(*m)) {
-        notes.push("pairs, groups, neighbours and g(r) need particles: recover them from the model first".into());
+        notes.push(
+            "pairs, groups, neighbours and g(r) were skipped, because they need particles: recover particles \
+                    from the model first"
+                .into(),
+        );
     }
     let neighbours = match particles {
         Some(pair) if wants(Measure::Neighbours) => Some(job.neighbours(pair)?),
@@ -114,19 +118,19 @@ fn check(o: &StatsOptions) -> Result<()> {
         if value >= low && value <= high {
             Ok(())
         } else {
-            Err(Error::argument(format!("{name} {value} is outside {low} to {high}")))
+            Err(Error::argument(format!("{name} must be {low} to {high}, not {value}")))
         }
     };
-    within("cells of the density grid", o.cells as f64, 2.0, 8192.0)?;
-    within("cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
-    within("bins per decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
+    within("the number of cells of the density grid", o.cells as f64, 2.0, 8192.0)?;
+    within("the number of cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
+    within("the number of bins per decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
     within("the linking length in mean spacings", o.linking, 1e-6, 2.0)?;
     within("the aperture in mean spacings", o.aperture, 1e-6, 100.0)?;
-    within("the smallest group", o.smallest_group as f64, 2.0, 1e9)?;
+    within("the size of the smallest group", o.smallest_group as f64, 2.0, 1e9)?;
     within("the sample of neighbours", o.neighbour_sample as f64, 2.0, 4e9)?;
     within("the axis of a profile", o.profile_axis as f64, 0.0, 2.0)?;
-    within("slabs of a profile", o.profile_bins as f64, 1.0, 10_000.0)?;
-    within("shells about a halo", o.halo_bins as f64, 1.0, 1000.0)?;
+    within("the number of slabs of a profile", o.profile_bins as f64, 1.0, 10_000.0)?;
+    within("the number of shells around a halo", o.halo_bins as f64, 1.0, 1000.0)?;
     if let Some(r) = o.rdf_max {
         within("the largest distance of g(r)", r, f64::MIN_POSITIVE, f64::MAX)?;
     }
@@ -135,14 +139,14 @@ fn check(o: &StatsOptions) -> Result<()> {
         within("the radius of a halo", r, f64::MIN_POSITIVE, f64::MAX)?;
     }
     if o.centers.iter().flatten().any(|(c, _)| c.iter().any(|v| !v.is_finite())) {
-        return Err(Error::argument("centres of haloes must be finite"));
+        return Err(Error::argument("the centres of haloes must be finite"));
     }
     if let Some(k) = o.k_max {
         within("the largest wave number", k, f64::MIN_POSITIVE, f64::MAX)?;
     }
     match o.separations {
         Some([low, high]) if !(low > 0.0 && high > low && high.is_finite()) => {
-            Err(Error::argument(format!("separations {low:e} to {high:e} must ascend from above 0")))
+            Err(Error::argument(format!("separations must be above 0 and in ascending order, not {low:e} to {high:e}")))
         }
         Some([low, high]) if high / low > WIDEST_SEPARATIONS => Err(Error::argument(format!(
             "separations {low:e} to {high:e} span more than a factor of {WIDEST_SEPARATIONS:e}"
@@ -184,24 +188,29 @@ impl ComparisonJob<'_> {
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![];
         if self.wants(&[Measure::Spectrum]) && self.domain.periodic.contains(&false) && !self.paper() {
-            notes.push("axes that are not periodic: P(k) treats them as if they were".into());
+            notes.push("some axes are not periodic, but P(k) treats them as periodic".into());
         }
         let bounds = self.pair[0].bounds();
         for k in (0..3).filter(|k| bounds.extent()[*k] == 0.0 && bounds.extent() != [0.0; 3]) {
             let (axis, length) = (["x", "y", "z"][k], self.domain.length[k]);
             notes.push(format!(
-                "all particles have one {axis}: volumes, spacing and g(r) take the box to be {length:.4e} thick there"
+                "all particles have the same {axis}: for volumes, spacing and g(r) the box is assumed to be \
+                 {length:.4e} thick there"
             ));
         }
         if self.wants(&[Measure::Density, Measure::Profile]) && self.domain.tilt.is_some() {
-            notes.push("the box is tilted: cells, slices and profiles lie along the edges of its reduced cell".into());
+            notes.push("the box is tilted: cells, slices and profiles follow the edges of its reduced cell".into());
         }
         if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
-            notes.push("pairs, groups, neighbours and g(r) count particles, whatever their weights".into());
+            notes.push("pairs, groups, neighbours and g(r) count particles and ignore their weights".into());
         }
         let gridded = self.wants(&[Measure::Density, Measure::Spectrum]);
         if gridded && self.pair.iter().any(|s| s.particles().is_none()) {
-            notes.push("a model's density is its mixture integrated over the cells (NGP window, no shot noise)".into());
+            notes.push(
+                "the density of the model is its mixture integrated over the cells (NGP window, no shot \
+                        noise)"
+                    .into(),
+            );
         }
         let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == LawKind::AlphaBlend);
         if self.pair.iter().any(alpha) {
@@ -211,8 +220,8 @@ impl ComparisonJob<'_> {
         }
         if self.paper() {
             notes.push(
-                "published convention: NGP on a grid stretched over the bounds, one box length for k, no shot noise \
-                 subtracted, no window corrected, neighbours among a thinned set"
+                "the published convention uses NGP on a grid stretched over the bounds, one box length for k, no \
+                 correction for shot noise or window, and neighbours in a random subset"
                     .into(),
             );
         }
@@ -299,7 +308,7 @@ impl ComparisonJob<'_> {
         let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
         let counts = [count(0)?, count(1)?];
         if counts.iter().any(PairCounts::sampled) {
-            notes.push("pairs at large separations are of a random sample of particles with all others".into());
+            notes.push("pairs at large separations are counted for a random sample of particles".into());
         }
         Ok(counts)
     }
@@ -308,14 +317,14 @@ impl ComparisonJob<'_> {
     fn rdf(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
         let longest = longest_separation(&self.domain);
         if let Some(wanted) = self.o.rdf_max.filter(|r| *r > longest) {
-            notes.push(format!("g(r) ends at {longest:.4e}, as far as the box goes, not at {wanted:.4e}"));
+            notes.push(format!("g(r) ends at {longest:.4e} instead of {wanted:.4e}, because the box is too small"));
         }
         let edges = rdf_edges(self.o.rdf_max.unwrap_or(RDF_SPACINGS * self.spacing(0)).min(longest));
         let options = PairOptions { edges, band: 10.0, budget: self.o.pair_budget / 3, seed: self.o.seed };
         let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
         let counts = [count(0)?, count(1)?];
         if counts.iter().any(PairCounts::sampled) {
-            notes.push("g(r) is of a random sample of particles with all others".into());
+            notes.push("g(r) is measured for a random sample of particles".into());
         }
         Ok(counts)
     }
@@ -369,12 +378,13 @@ impl ComparisonJob<'_> {
             None => {
                 let longest = longest_link(&self.domain);
                 notes.push(format!(
-                    "no groups: links of {length:.4e} are longer than a third of the box, {longest:.4e}"
+                    "groups were not measured: the linking length, {length:.4e}, is more than a third of the box, \
+                     {longest:.4e}"
                 ));
             }
             Some(LinkedGroups { groups, linked: number, contaminated: Some(contaminated) }) => notes.push(format!(
-                "groups of the {} link the finest {number} of {} particles, {:.4e} apart on average: {contaminated} of {} \
-                 groups hold heavier ones",
+                "groups of the {} link the lightest {number} of {} particles, which are {:.4e} apart on average: \
+                 {contaminated} of {} groups contain heavier particles",
                 ["truth", "other"][side],
                 positions.len(),
                 linked.spacing,
@@ -405,12 +415,16 @@ impl ComparisonJob<'_> {
             (None, None) => (vec![], vec![]),
         };
         if centers.is_empty() {
-            notes.push("no haloes: no centres are given, and the truth has no groups of 100 particles".into());
+            notes.push(
+                "haloes were not measured: there are no centres, and the truth has no groups of 100 \
+                        particles"
+                    .into(),
+            );
             return Ok(None);
         }
         let radii: Vec<f64> = stated.iter().map(|r| self.o.halo_radius.or(*r).unwrap_or(default)).collect();
         if let Some(r) = radii.iter().find(|r| **r > longest) {
-            return Err(Error::argument(format!("the radius of a halo, {r:.6}, is above half the box, {longest:.6}")));
+            return Err(Error::argument(format!("the halo radius {r:.6} is more than half the box, {longest:.6}")));
         }
         let side = |s: usize| HaloSide { subject: self.pair[s], positions: positions[s] };
         let places = HaloPlaces { centers: &centers, radii: &radii, bins: self.o.halo_bins };
@@ -460,7 +474,10 @@ impl ComparisonJob<'_> {
         let radius = self.o.aperture * self.spacing(0);
         let longest = longest_separation(&self.domain);
         if radius > longest {
-            notes.push(format!("no masses of cores: the aperture, {radius:.4e}, is wider than the box, {longest:.4e}"));
+            notes.push(format!(
+                "core masses were not measured: the aperture, {radius:.4e}, is wider than the box, \
+                                {longest:.4e}"
+            ));
             return Ok(Vec::new());
         }
         let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();

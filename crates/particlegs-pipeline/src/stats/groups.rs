@@ -93,10 +93,13 @@ pub fn find_groups(
 ) -> Result<Groups> {
     let longest = longest_link(domain);
     if !(linking_length > 0.0 && linking_length <= longest) {
-        return Err(Error::argument(format!("linking length {linking_length} is outside 0 to {longest:.6}")));
+        return Err(Error::argument(format!(
+            "the linking length must be above 0 and at most {longest:.6}, not \
+                                            {linking_length}"
+        )));
     }
     if positions.len() >= u32::MAX as usize {
-        return Err(Error::argument("groups of more than 4294967295 particles; take a sample"));
+        return Err(Error::argument("groups can be found in at most 4294967294 particles: use a sample"));
     }
     particlegs_files::memory::require("friends of friends", positions.len() as u64 * 80)?;
     let rows = CellRows::new(positions, domain, linking_length);

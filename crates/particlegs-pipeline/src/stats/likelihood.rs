@@ -60,7 +60,7 @@ pub fn likelihood(
     let mixtures: Vec<&Mixture> = model.layers.iter().flat_map(|l| l.content.iter().map(|b| &b.gaussians)).collect();
     let total: f64 = mixtures.iter().map(|m| m.count.iter().sum::<f64>()).sum();
     if total <= 0.0 || particles.is_empty() {
-        return Err(Error::input("likelihood", "no particles to score"));
+        return Err(Error::input("likelihood", "there are no particles to score"));
     }
     context.begin("likelihood", RUNS as u64);
     let chosen = sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed);

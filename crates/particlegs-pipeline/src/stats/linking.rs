@@ -203,7 +203,7 @@ pub(super) fn length_in(text: &str, system: &UnitSystem<'_>) -> Result<f64> {
     let ends = (1..=text.len()).rev().filter(|n| text.is_char_boundary(*n));
     let number = ends.filter_map(|n| Some((n, text[..n].trim_end().parse::<f64>().ok()?))).next();
     let Some((end, value)) = number.filter(|(_, v)| v.is_finite() && *v > 0.0) else {
-        return Err(Error::argument(format!("`{text}` is not a length above 0, such as 0.02Mpc")));
+        return Err(Error::argument(format!("`{text}` is not a positive length, such as 0.02Mpc")));
     };
     let unit = text[end..].trim();
     if unit.is_empty() {
@@ -214,7 +214,7 @@ pub(super) fn length_in(text: &str, system: &UnitSystem<'_>) -> Result<f64> {
         return Err(refused(format!("`{unit}` is not a unit of length")));
     }
     if system.units.length.is_none() {
-        return Err(refused("the particles state no unit of length to convert it to".into()));
+        return Err(refused("the particles state no unit of length, so it cannot be converted".into()));
     }
     let units = Units::new(Some(unit), None, None);
     let own = UnitSystem { units: &units, ..*system };

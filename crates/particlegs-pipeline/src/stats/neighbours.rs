@@ -66,7 +66,7 @@ pub fn nearest_distances(
 ) -> Result<NearestDistances> {
     let n = particles.len();
     if n < 2 || n >= u32::MAX as usize || o.sample < 2 {
-        return Err(Error::argument("nearest neighbours need from 2 to 4294967294 particles"));
+        return Err(Error::argument("nearest neighbours need 2 to 4294967294 particles"));
     }
     particlegs_files::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
     context.begin("nearest neighbours", o.sample.min(n) as u64);

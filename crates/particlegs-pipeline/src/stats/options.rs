@@ -13,10 +13,10 @@ particlegs_core::named_values! {
         Groups = "groups": "Friends-of-friends groups and the mass in their cores",
         Neighbours = "neighbours": "Distances to the nearest neighbour",
         Moments = "moments": "Moments of the positions along the axes",
-        Likelihood = "likelihood": "Likelihood of particles under a model, in bits a particle",
+        Likelihood = "likelihood": "Likelihood of particles under a model, in bits per particle",
         Rdf = "rdf": "g(r), the radial distribution function",
         Profile = "profile": "Density along the axes",
-        Haloes = "haloes": "Density and enclosed mass about centres",
+        Haloes = "haloes": "Density and enclosed mass around centres",
     }
 }
 
@@ -26,7 +26,7 @@ particlegs_core::named_values! {
     #[serde(rename_all = "lowercase")]
     pub enum Convention {
         Correct = "correct": "Cubic cells; the mass assignment and the shot noise are corrected",
-        Paper = "paper": "Those of the published table",
+        Paper = "paper": "Definitions of the published table",
     }
 }
 

@@ -100,7 +100,7 @@ pub fn count_pairs(
     let ascending = edges.windows(2).all(|e| e[0] < e[1]) && edges.first().is_some_and(|e| *e >= 0.0);
     if bins == 0 || !ascending || edges[bins] > longest_separation(domain) * (1.0 + 1e-9) {
         return Err(Error::argument(format!(
-            "separations must ascend from 0 or above to at most {:.6}",
+            "separations must be in ascending order, from 0 or more to at most {:.6}",
             longest_separation(domain)
         )));
     }

@@ -105,7 +105,7 @@ impl Learner for AlphaLearner {
     }
 
     fn restore(&mut self, state: &TrainingState) -> std::result::Result<(), String> {
-        let n = state.columns.get(ParameterGroup::Opacity.name()).ok_or("no column `opacity`")?.len();
+        let n = state.columns.get(ParameterGroup::Opacity.name()).ok_or("it has no column `opacity`")?.len();
         let steps = state.doubles("steps", GROUPS + 1)?;
         let averages = |name: &str, len: usize, steps: f64| -> std::result::Result<Averages, String> {
             let first = state.column(&format!("{name}.first"), len)?.to_vec();
@@ -128,7 +128,7 @@ impl Learner for AlphaLearner {
             )),
         };
         // All is there: nothing was changed until now.
-        let all = all.try_into().map_err(|_| "groups are missing")?;
+        let all = all.try_into().map_err(|_| "it lacks parameter groups")?;
         if let (Some(m), Some((parameters, averages))) = (&mut self.gaussians.mapper, network) {
             m.parameters = parameters;
             self.gaussians.mapper_averages = averages;

@@ -31,7 +31,7 @@ impl AlphaLearner {
         config: AlphaConfig,
     ) -> Result<Self> {
         if subject.is_empty() || number == 0 {
-            return Err(Error::argument("training starts from one particle at least"));
+            return Err(Error::argument("training needs at least one particle and one Gaussian to start from"));
         }
         let f = &scale.frame;
         let points: Vec<[f64; 3]> = sample(subject.len(), number, scale.seed)
@@ -86,7 +86,7 @@ impl AlphaLearner {
         config: AlphaConfig,
     ) -> Result<Self> {
         if parameters.is_empty() {
-            return Err(Error::argument("training starts from one Gaussian at least"));
+            return Err(Error::argument("training needs at least one Gaussian to start from"));
         }
         if let Some((i, group)) = super::pass::faults(&parameters, &AlphaParameters::default()).first() {
             return Err(Error::argument(format!("Gaussian {i}: its {} is not finite", group.name())));

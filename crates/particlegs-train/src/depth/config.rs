@@ -84,20 +84,20 @@ impl DepthConfig {
         let r = &self.rates;
         let within = |v: f64, low: f64, high: f64| (low..=high).contains(&v);
         let checks = [
-            ("rate must be above 0, at most 1", self.rate > 0.0 && self.rate <= 1.0),
-            ("last_rate must be above 0, at most 1", self.last_rate > 0.0 && self.last_rate <= 1.0),
-            ("rates must be within 0 to 100", [r.place, r.shape, r.count].iter().all(|v| within(*v, 0.0, 100.0))),
-            ("count_pull must be within 0 to 100", within(self.count_pull, 0.0, 100.0)),
-            ("relocate must be within 0 to 0.25", within(self.relocate, 0.0, 0.25)),
-            ("code_from must be within 0 to 1", within(self.code_from, 0.0, 1.0)),
+            ("rate must be above 0 and at most 1", self.rate > 0.0 && self.rate <= 1.0),
+            ("last_rate must be above 0 and at most 1", self.last_rate > 0.0 && self.last_rate <= 1.0),
+            ("all rates must be 0 to 100", [r.place, r.shape, r.count].iter().all(|v| within(*v, 0.0, 100.0))),
+            ("count_pull must be 0 to 100", within(self.count_pull, 0.0, 100.0)),
+            ("relocate must be 0 to 0.25", within(self.relocate, 0.0, 0.25)),
+            ("code_from must be 0 to 1", within(self.code_from, 0.0, 1.0)),
             (
-                "settle_from and settle must be within 0 to 1",
+                "settle_from and settle must be 0 to 1",
                 [self.settle_from, self.settle].iter().all(|s| within(*s, 0.0, 1.0)),
             ),
-            ("calm must be within 0 to 1000", within(self.calm, 0.0, 1e3)),
+            ("calm must be 0 to 1000", within(self.calm, 0.0, 1e3)),
             ("average must be 1 to 1e9", within(self.average, 1.0, 1e9)),
             (
-                "beta1 and beta2 must be at least 0, below 1",
+                "beta1 and beta2 must be at least 0 and below 1",
                 [self.beta1, self.beta2].iter().all(|b| (0.0..1.0).contains(b)),
             ),
         ];

@@ -236,7 +236,7 @@ impl Learner for DepthLearner {
         };
         let groups = &self.parameters.groups;
         if m != groups.of.len() {
-            return Err(format!("{m} Gaussians, where the run begins with {}", groups.of.len()));
+            return Err(format!("it has {m} Gaussians, but the run starts with {}", groups.of.len()));
         }
         // Who is in which group follows from the start, as these Gaussians did.
         let [counts, aims] = ["group counts", "group aims"].map(|name| state.doubles(name, groups.counts.len()));
