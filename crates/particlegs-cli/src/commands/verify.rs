@@ -172,7 +172,7 @@ impl VerifyReport {
         match off.first() {
             None => Ok(()),
             Some(first) => Err(differs(format!(
-                "{} of {} figures of its certificate differ: {first}",
+                "{} of {} values in its certificate differ: {first}",
                 off.len(),
                 self.figures.len()
             ))),
