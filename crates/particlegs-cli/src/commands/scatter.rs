@@ -10,9 +10,8 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(after_help = "\
-Copies the particles of the snapshot, chunk by chunk, into one bucket per block. Chunks that are done
-are skipped. On SIGTERM, SIGUSR1 or Ctrl-C it exits with code 75; run it again to
-continue.")]
+Copies the particles of the snapshot, chunk by chunk, into one bucket per block. Chunks that are
+done are skipped. On SIGTERM, SIGUSR1 or Ctrl-C it exits with code 75; run it again to continue.")]
 pub struct Arguments {
     /// Folder of the job.
     #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
