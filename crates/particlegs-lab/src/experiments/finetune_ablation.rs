@@ -55,9 +55,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     if let [first, .., noise_free] = &rows[..] {
         notes.extend(ablation::room_note("the first row", first, noise_free, &sizes));
     }
-    notes.push(
-        "The first row has several seeds of fine-tuning of one merged model; other rows have one seed.".into(),
-    );
+    notes.push("The first row has several seeds of fine-tuning of one merged model; other rows have one seed.".into());
     Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
 

@@ -75,8 +75,7 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
         let scores: Vec<f64> = scores.into_iter().flatten().collect();
         Ok((!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64))
     })?;
-    let scored =
-        scored.ok_or_else(|| Error::input(&of.name, "its pictures are identical to the model's"))?;
+    let scored = scored.ok_or_else(|| Error::input(&of.name, "its pictures are identical to the model's"))?;
     Ok((10.0 * (scored - BELOW)).floor() / 10.0)
 }
 
