@@ -117,7 +117,7 @@ impl<'a> Lab<'a> {
 
     /// What is not measured for want of a Python; nothing where there is one.
     pub fn left_out(&self) -> Option<String> {
-        let words = "SZ3 and ZFP were not measured: they take a Python with their libraries.";
+        let words = "SZ3 and ZFP were not measured: they need a Python with their libraries.";
         self.settings.python.is_none().then(|| words.into())
     }
 

@@ -99,7 +99,7 @@ fn finite_ends(column: &[f32]) -> [f64; 2] {
 fn check_bound(bound: f64) -> Result<()> {
     match bound > 0.0 && bound.is_finite() {
         true => Ok(()),
-        false => Err(Error::argument(format!("a bound of {bound} is not positive and finite"))),
+        false => Err(Error::argument(format!("the bound must be positive and finite, not {bound}"))),
     }
 }
 

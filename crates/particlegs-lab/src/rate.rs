@@ -45,7 +45,7 @@ pub fn at_size(
 ) -> Result<SizeBound> {
     if bytes == 0 || particles[0].is_empty() {
         return Err(Error::argument(format!(
-            "{bytes} bytes of {} particles: one of each at least",
+            "at least one byte and one particle are needed, not {bytes} bytes for {} particles",
             particles[0].len()
         )));
     }
@@ -165,7 +165,8 @@ impl BoundCheck {
         match self {
             BoundCheck::Held(_) => None,
             BoundCheck::Exceeded(run) => Some(format!(
-                "the bound of {} is broken: an error of {}, {:e} beyond it and half a float32 ulp",
+                "the bound of {} does not hold: the error is {}, which exceeds the bound and half a float32 ulp by \
+                 {:e}",
                 run.bound, run.largest_error, run.excess
             )),
             BoundCheck::Failed(error) => Some(error.to_string()),
@@ -201,10 +202,10 @@ fn run(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) -> Resu
     let n = particles[0].len();
     if decoded.iter().any(|c| c.len() != n) {
         let got = decoded[0].len();
-        return Err(Error::input(baseline.name(), format!("{got} particles came back of {n}")));
+        return Err(Error::input(baseline.name(), format!("{got} particles were decoded instead of {n}")));
     }
     if !coded.order.as_deref().is_none_or(|order| is_order(order, n)) {
-        return Err(Error::input(baseline.name(), "its order does not name every particle once"));
+        return Err(Error::input(baseline.name(), "its order is not a permutation of the particles"));
     }
     let (mut largest_error, mut excess) = (0f64, 0f64);
     for (own, error) in errors(particles, &decoded, coded.order.as_deref()) {

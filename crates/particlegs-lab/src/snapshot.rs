@@ -44,8 +44,8 @@ impl Snapshot {
     pub fn weights_note(&self) -> Option<String> {
         (self.particles.raw_bytes() > self.position_bytes()).then(|| {
             format!(
-                "Particles of {} have masses of their own: our models keep them within the bytes that are told, the other \
-                 compressors keep positions alone, and ratios are of positions.",
+                "The particles of {} have individual masses. Our models store them within the listed bytes; the \
+                 other compressors store only positions. Ratios count positions only.",
                 self.name
             )
         })

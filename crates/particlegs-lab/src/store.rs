@@ -107,10 +107,9 @@ impl ResultStore {
     /// `None` where this program made all of them.
     pub fn of_others(&self) -> Option<String> {
         let all = self.kept_of.lock().unwrap_or_else(PoisonError::into_inner);
-        let told =
-            |c: &Option<String>| c.as_ref().map_or("a commit that they do not tell".into(), |c| format!("commit {c}"));
+        let told = |c: &Option<String>| c.as_ref().map_or("an unknown commit".into(), |c| format!("commit {c}"));
         let others: Vec<String> = all.iter().filter(|c| c.as_deref() != COMMIT).map(told).collect();
-        (!others.is_empty()).then(|| format!("Some results were kept from earlier runs, of {}", others.join(", ")))
+        (!others.is_empty()).then(|| format!("Some results were reused from earlier runs, of {}", others.join(", ")))
     }
 }
 

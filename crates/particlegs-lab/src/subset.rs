@@ -26,7 +26,7 @@ pub fn subset(
     let n = particles[0].len();
     if u32::try_from(n).is_err() || !particles.iter().flatten().all(|v| v.is_finite()) {
         return Err(Error::argument(format!(
-            "a subset is taken of finite coordinates of fewer than {} particles",
+            "a subset needs finite coordinates and fewer than {} particles",
             1u64 << 32
         )));
     }

@@ -162,8 +162,8 @@ pub fn identical_note<'a>(all: impl IntoIterator<Item = (String, &'a [Score])>) 
     let said: Vec<String> = some.map(|(name, same, of)| format!("{name} ({same} of {of})")).collect();
     (!said.is_empty()).then(|| {
         format!(
-            "No lit pixel differs from the truth's in pictures of {}: they have no number of decibels. Means are over the \
-             other pictures; where there is no other, tables say `identical`, and plots show it at their top edge.",
+            "In pictures of {}, no lit pixel differs from the truth, so they have no decibels. Means are over the \
+             other pictures; if there are none, tables show `identical`, and plots show a point at their top edge.",
             said.join("; ")
         )
     })

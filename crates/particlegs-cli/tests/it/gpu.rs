@@ -203,7 +203,7 @@ fn slow_a_gpu_is_measured_and_trains_in_pieces() {
         let loss = |name: &str| row[name].as_f64().unwrap();
         assert!(loss("last loss") > 0.0 && loss("last loss") < loss("first loss"), "{row}");
     }
-    positive(&particles[0], &["particles", "s a picture"]);
+    positive(&particles[0], &["particles", "s per picture"]);
     // The recipe goes on where it was, on the same particles; the rows are those of the first time.
     let second = piece("5");
     assert_eq!((frames, training), (rows(&second, "gpu-frames"), rows(&second, "gpu-steps")));
@@ -211,7 +211,7 @@ fn slow_a_gpu_is_measured_and_trains_in_pieces() {
         |of: &serde_json::Value, name: &str| rows(of, "gpu-recipe")[0][name].as_f64().unwrap_or_else(|| panic!("{of}"));
     let [before, after] = [&first, &second].map(|of| number(of, "steps"));
     assert!(before < after && after == number(&second, "of"), "{before} {after}");
-    let [before, after] = [&first, &second].map(|of| number(of, "s of all pieces"));
+    let [before, after] = [&first, &second].map(|of| number(of, "s of all runs"));
     assert!(before > 0.0 && after > before);
     let [before, after] = [&first, &second].map(|of| number(of, "held out, masked PSNR, dB"));
     assert!(before > 5.0 && after >= before, "{before} {after}");

@@ -185,20 +185,20 @@ pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String;
     let [small, large] = sizes;
     let (frames, steps) = (frames(lab), config.iterations());
     let start = config.start_gaussians.unwrap_or(0);
-    let quick = "Quick settings: pictures of stamp size, to see that all of it runs. Nothing here is a finding.";
+    let quick = "Quick settings: tiny pictures, to check that everything runs. These numbers are not results.";
     let mut notes = vec![
         format!(
-            "The published recipe (preset `paper`, law `alpha-blend`) scaled as a whole by {scale}: pixels along \
-             either side, steps, every schedule that counts steps and pictures are that share of the published ones, \
-             first Gaussians its square: as many to a pixel. Rates of learning are not changed. Of the whole recipe \
-             that is {steps} steps from {start} Gaussians, first at {small}, then at {large}. Gaussians travel a smaller \
-             way than in the paper, so signs compare, decibels do not."
+            "The published recipe (preset `paper`, law `alpha-blend`) is scaled by {scale}: picture sides, steps, \
+             schedules and the number of pictures are multiplied by it, and the number of first Gaussians by its \
+             square, so that there are as many per pixel. Learning rates are unchanged. The whole recipe takes \
+             {steps} steps from {start} Gaussians, first at {small}, then at {large}. Gaussians move less far than \
+             in the paper, so signs can be compared, but not decibels."
         ),
         format!(
-            "Scored are the decoded files, against ParaView's picture of all particles: {frames} views on each of the \
-             orbits 1.0, 0.7 and 0.5, radius and opacity drawn from the published range, the mean over the orbits. The \
-             paper scores PSNR of whole pictures at the size of its first stage, here {small}; masked PSNR counts lit \
-             pixels alone, at {large} what the last stages were trained for as well."
+            "Scores compare the decoded files with ParaView's pictures of all particles: {frames} views on each of \
+             the orbits 1.0, 0.7 and 0.5, with radius and opacity drawn from the published range, averaged over the \
+             orbits. The paper scores the PSNR of whole pictures at the size of its first stage, here {small}. \
+             Masked PSNR counts only lit pixels; {large} is the size that the last stages were trained for."
         ),
     ];
     notes.extend(lab.settings.quick.then(|| quick.to_string()));
@@ -210,8 +210,7 @@ pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a AblationRow>) -> 
     let held: Vec<&str> = rows.into_iter().filter(|r| r.held).map(|r| r.label.as_str()).collect();
     (!held.is_empty()).then(|| {
         format!(
-            "Held by the most Gaussians that this experiment lets a model have, so that their number is not the recipe's \
-             own: {}.",
+            "These models reached this experiment's limit on Gaussians, so the recipe did not choose their number: {}.",
             held.join("; ")
         )
     })
@@ -228,8 +227,8 @@ pub(super) fn room_note(
     let median = |row: &AblationRow| Some(Spread::new(&row.measured(0))?.median);
     let (from, to) = (median(first)?, median(noise_free)?);
     Some(format!(
-        "What there is to gain: the noise-free picture of all particles, which no model is to pass, has {:.2} dB of PSNR \
-         at {} more than {what}. The paper's eight blocks gain {:.2} dB.",
+        "Possible gain: the noise-free picture of all particles, an upper bound for models, has {:.2} dB more PSNR \
+         at {} than {what}. The paper's eight blocks gain {:.2} dB.",
         to - from,
         sizes[0],
         published::EIGHT.psnr - published::SINGLE.psnr
@@ -240,9 +239,9 @@ pub(super) fn room_note(
 pub(super) fn noise_note(first: &AblationRow, sizes: &[String; 2]) -> String {
     let [small, large] = sizes;
     format!(
-        "Noise of one run: {} runs of the first row, which differ in their seed alone, lie within {:.2} dB of PSNR and \
-         {:.2} dB of masked PSNR at {small}, and {:.2} dB of masked PSNR at {large}. A change within that is said to \
-         be within noise; the paper's artifact tells of 0.3 dB.",
+        "Noise of one run: {} runs of the first row that differ only in their seed agree within {:.2} dB of PSNR \
+         and {:.2} dB of masked PSNR at {small}, and {:.2} dB of masked PSNR at {large}. Smaller changes are marked \
+         as within noise. The paper's artifact states 0.3 dB.",
         first.gaussians.len(),
         first.noise(0),
         first.noise(1),

@@ -14,7 +14,7 @@ use particlegs_pipeline::Result;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "blocks",
-    title: "Blocks that are fitted on their own, at the same size of file",
+    title: "Separately fitted blocks at the same file size",
     paper: "tab:block, fig:block_distance",
     trains: false,
     weight: 60,
@@ -82,7 +82,7 @@ fn table(all: &[BlockCountScores], noise_free: &[Vec<Score>]) -> ResultTable {
         "paper: SSIM",
         "paper: Gaussians, thousands",
     ];
-    let mut table = ResultTable::new("blocks", "Our law in blocks, at the same size of file", &heads);
+    let mut table = ResultTable::new("blocks", "Our law in blocks, at the same file size", &heads);
     let pictures = |scores: &[Vec<Score>], change: TableCell| {
         let of = |pick| means_over(scores, &groups::in_range(), pick);
         let decibels = |pick| TableCell::decibels(&of(pick));
@@ -154,16 +154,16 @@ fn curves<'a>(all: &'a [BlockCountScores], noise_free: &'a [Vec<Score>]) -> Vec<
 fn notes(lab: &Lab<'_>, truth: &ReferenceViews, frames: usize, all: &[BlockCountScores]) -> Vec<String> {
     let mut notes = vec![
         format!(
-            "Optical-depth models at ratio {RATIO}, all of them: a k-d tree cuts the particles into blocks of equal \
-             counts, each block is fitted without the others and has its share of the bytes, and what they hold is \
-             added up. Nothing is trained or fine-tuned, since optical depths add exactly. The paper's blocks grow \
-             instead: its models of more blocks are larger files, so its gain is of blocks and of bytes together. \
-             `published-blocks` does that sweep."
+            "All models follow the optical-depth law, at ratio {RATIO}. A k-d tree cuts the particles into blocks \
+             of equal counts; each block is fitted separately with its share of the bytes, and the blocks are added \
+             up. Nothing is trained or fine-tuned, because optical depths add exactly. In the paper, more blocks \
+             make larger files, so its gain comes from blocks and bytes together; `published-blocks` repeats that \
+             sweep."
         ),
         format!(
-            "Scored against ParaView's picture of all particles at {}: {frames} views at each distance, in the same \
-             directions and with the same radii and opacities at all of them; of each number {}. \
-             Masked PSNR, PSNR and SSIM are means over far, mid and near (1.0, 0.7 and 0.5 base distances).",
+            "Scores compare with ParaView's pictures of all particles at {}: {frames} views at each distance, with \
+             the same directions, radii and opacities; for each number of blocks {}. Masked PSNR, PSNR and SSIM are \
+             means over far, mid and near (1.0, 0.7 and 0.5 base distances).",
             in_pixels(truth.size),
             describe_seeds(lab, &all.iter().map(|m| m.scores.len()).collect::<Vec<_>>())
         ),
@@ -176,8 +176,8 @@ fn notes(lab: &Lab<'_>, truth: &ReferenceViews, frames: usize, all: &[BlockCount
     if let Some([far, near]) = eight.and_then(|m| distances::gains(&all[0].scores, &m.scores)) {
         let [paper_far, paper_near] = paper::EIGHT_GAINS;
         notes.push(format!(
-            "Eight blocks against one: {far:+.2} dB far, {near:+.2} dB near at the same bytes (paper, fine-tuned and \
-             {:.1} times as large: {paper_far:+.2} and {paper_near:+.2} dB).",
+            "Eight blocks compared with one: {far:+.2} dB far, {near:+.2} dB near at the same size (paper, \
+             fine-tuned and {:.1} times as large: {paper_far:+.2} and {paper_near:+.2} dB).",
             paper::EIGHT.megabytes / paper::SINGLE.megabytes
         ));
     }

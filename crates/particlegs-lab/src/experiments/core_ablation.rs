@@ -53,9 +53,10 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     notes.push(ablation::noise_note(&rows[0], &sizes));
     notes.extend(ablation::held_note(rows.iter().chain(&more)));
     notes.push(format!(
-        "Our rows have the {bytes} bytes of the first run of the whole recipe: a fit to the particles, without \
-         pictures, and the same trained on pictures by the preset `fast` with a last stage as large. Bytes as PLY are 68 \
-         a Gaussian, as published. Time is wall-clock, on a machine that may have had other work."
+        "Our rows have the {bytes} bytes of the first run of the whole recipe: a fit to the particles without \
+         pictures, and the same fit trained on pictures with the preset `fast` and a last stage of the same size. A \
+         Gaussian takes 68 bytes as PLY, as published. Time is wall-clock time on a machine that may have been \
+         busy."
     ));
     Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
@@ -128,8 +129,8 @@ fn all_groups() -> Vec<ViewGroup> {
 
 /// What the network is worth by radius and opacity.
 fn by_factor(full: &AblationRow, without: &AblationRow, large: &str) -> ResultTable {
-    let heads = ["factor of the default", "whole, dB", "without VizMapper, dB", "the VizMapper's part, dB"];
-    let title = format!("Where the VizMapper counts: masked PSNR at the mid orbit, {large}");
+    let heads = ["factor of the default", "whole, dB", "without VizMapper, dB", "gain by the VizMapper, dB"];
+    let title = format!("Effect of the VizMapper: masked PSNR at the mid orbit, {large}");
     let mut table = ResultTable::new("core-ablation-factors", title, &heads);
     for (label, group) in factors() {
         let of = |row: &AblationRow| -> Vec<Option<f64>> {

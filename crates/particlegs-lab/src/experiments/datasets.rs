@@ -48,13 +48,14 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
         return Err(Error::input(&snapshot.name, e.to_string()));
     }
     let mut notes = vec![format!(
-        "Presets were tuned on nbody128 and nbody64; no other data set was seen while tuning. Default effort, ratio {COMPARED}; {} views, radius and opacity from the published ranges. The table beside each \
-         method says how far our models are above it: the sign is what is to carry over. What has no file near that \
-         size has no mark in the figure.",
+        "Presets were tuned only on nbody128 and nbody64. Settings: default effort, ratio {COMPARED}, {} views, \
+         radius and opacity from the published ranges. The second table shows how far our models are above each \
+         method; the sign should hold for other data sets. Methods without a file near that size have no point in \
+         the figure.",
         3 * lab.settings.frames
     )];
     if snapshots.len() == 1 {
-        notes.push("Only one snapshot was given: name others after it to compare.".into());
+        notes.push("There was only one snapshot: name more snapshots to compare data sets.".into());
     }
     let pictures = sets.iter().flat_map(|s| s.rows.iter().map(move |r| (s, r))).flat_map(|(s, r)| {
         r.pictures(lab).map(|(name, scores)| (format!("{}, {name}", s.snapshot.name), scores)).collect::<Vec<_>>()
@@ -127,7 +128,7 @@ fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
 /// How far ours is above each other way, a column a data set.
 fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<&str> = ["method"].into_iter().chain(sets.iter().map(|s| s.snapshot.name.as_str())).collect();
-    let title = format!("Our models above other ways, masked PSNR, dB, at ratio {COMPARED}");
+    let title = format!("Our models above other methods, masked PSNR, dB, at ratio {COMPARED}");
     let row = |method: CompressionMethod| {
         let above = |s: &DatasetComparison<'_>| {
             if s.missed(method) {

@@ -45,8 +45,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let tables = vec![ablation::table("finetune-ablation", title, &rows, &sizes)];
     let mut notes = ablation::notes(lab, scale(lab), &recipe, &sizes);
     notes.push(format!(
-        "Each of the {BLOCKS} blocks was trained by all those steps and the merged model fine-tuned for {} at {} \
-         (published: 60 000 at 1920 x 1080), so that the larger size is beyond what fine-tuning saw.",
+        "Each of the {BLOCKS} blocks was trained for all those steps, and the merged model was fine-tuned for {} \
+         steps at {} (published: 60 000 at 1920 x 1080), so fine-tuning never saw the larger size.",
         config.iterations(),
         sizes[0]
     ));
@@ -55,9 +55,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     if let [first, .., noise_free] = &rows[..] {
         notes.extend(ablation::room_note("the first row", first, noise_free, &sizes));
     }
-    notes.push(
-        "Seeds of the first row are those of fine-tuning; the merged model is the same. Other rows have one.".into(),
-    );
+    notes.push("The first row has several seeds of fine-tuning of one merged model; other rows have one seed.".into());
     Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
 

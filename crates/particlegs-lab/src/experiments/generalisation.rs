@@ -44,11 +44,11 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let noise_free = groups::noise_free(lab, snapshot, &truth)?;
     let mut found = ExperimentResults::default();
     found.notes.push(format!(
-        "An optical-depth model at ratio {RATIO}, {}, against ParaView's picture of all \
-         particles at {}: {frames} views a group, in the same directions in all groups. Over distances radius and \
-         opacity are drawn from the published range, the same draws at each; over factors the distance is 0.7. \
-         Noise-free is the mean picture of all particles against the same target, which models of the particles are \
-         hardly to pass. The fit sees no picture: \"trained\" and \"beyond\" are the published method's.",
+        "An optical-depth model at ratio {RATIO}, {}, compared with ParaView's pictures of all particles at {}: \
+         {frames} views per group, in the same directions in all groups. For distances, radius and opacity are \
+         drawn from the published range, with the same draws at each distance; for factors, the distance is 0.7. \
+         Noise-free is the score of the mean picture of all particles, which models can hardly exceed. The fit uses \
+         no pictures: \"trained\" and \"beyond\" refer to the published method.",
         describe_seeds(lab, &[made.len()]),
         in_pixels(truth.size)
     ));
@@ -57,8 +57,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     match lab.settings.training {
         true => beside_published(lab, snapshot, &mut found)?,
         false => found.notes.push(
-            "The published law was not trained in this run: where training is asked for, its model stands beside ours of the same \
-             bytes. Figures of the paper are in the columns beside."
+            "The published law was not trained in this run. If training is requested, its model is compared with \
+             ours of the same size. Separate columns show the paper's numbers."
                 .into(),
         ),
     }
@@ -136,9 +136,9 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
     });
     let said: Vec<String> = said.collect();
     vec![format!(
-        "Masked PSNR against that at factor 1: {}. The peak of PSNR is fixed while pictures brighten, so that the same \
-         relative error costs more decibels; the noise-free picture changes with them too, and what a model changes \
-         beyond that is its own.",
+        "Masked PSNR relative to factor 1: {}. The peak of PSNR is fixed while pictures become brighter, so the \
+         same relative error costs more decibels. The noise-free picture changes for the same reason; only a \
+         model's change beyond that is due to the model.",
         said.join("; ")
     )]
 }
@@ -166,8 +166,8 @@ fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentRe
     let noise_free = groups::noise_free(lab, snapshot, &truth)?;
     let (scale, size) = (training::scale(lab), in_pixels(size));
     found.notes.push(format!(
-        "The published law: its recipe scaled as a whole by {scale}, as in `core-ablation`, and our untrained fit of the \
-         same {bytes} bytes, scored at {size}, the size of its last stages."
+        "The published law: its recipe scaled by {scale}, as in `core-ablation`, and our untrained fit of the same \
+         {bytes} bytes, scored at {size}, the size of its last stages."
     ));
     found.notes.extend(edge(&models));
     add(found, "generalisation-published", &models, &noise_free, &format!(", {size}"));
@@ -181,8 +181,8 @@ fn edge(models: &[SweepModel]) -> Option<String> {
     let [ours, theirs] = [0, 1].map(|k| radius.fall(&models[k].scores, 2.5));
     let (ours, theirs) = (ours?, theirs?);
     Some(format!(
-        "At 2.5 default radii the published law falls {theirs:+.2} dB from factor 1, ours {ours:+.2} dB: of the fall \
-         {:+.2} dB are the law's.",
+        "From factor 1 to 2.5 default radii, the published law changes by {theirs:+.2} dB and ours by {ours:+.2} \
+         dB: {:+.2} dB of the change are due to the law.",
         theirs - ours
     ))
 }

@@ -68,6 +68,6 @@ pub fn named(name: &str, training: bool) -> Result<Vec<&'static Experiment>> {
     let found = EXPERIMENTS.iter().find(|e| e.name == name).map(|e| vec![e]);
     found.ok_or_else(|| {
         let names: Vec<&str> = EXPERIMENTS.iter().map(|e| e.name).collect();
-        Error::argument(format!("no experiment {name:?}: all, {}", names.join(", ")))
+        Error::argument(format!("there is no experiment {name:?}: use `all` or one of {}", names.join(", ")))
     })
 }

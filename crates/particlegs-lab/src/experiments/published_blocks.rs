@@ -170,9 +170,9 @@ fn growth(all: &[BlockTuningRow], particles: usize) -> Plot {
     let straight = points.iter().filter_map(linear).collect();
     Plot {
         name: "published-blocks-growth".into(),
-        title: "Gaussians of a block by its particles".into(),
-        x: PlotAxis::logarithmic("particles a block"),
-        y: PlotAxis::logarithmic("Gaussians a block, before fine-tuning"),
+        title: "Gaussians of a block by number of particles".into(),
+        x: PlotAxis::logarithmic("particles per block"),
+        y: PlotAxis::logarithmic("Gaussians per block, before fine-tuning"),
         series: vec![
             Series { name: "published recipe".into(), style: 0, dashed: false, points },
             Series { name: "in proportion".into(), style: 7, dashed: true, points: straight },
@@ -184,12 +184,12 @@ fn growth(all: &[BlockTuningRow], particles: usize) -> Plot {
 fn notes(lab: &Lab<'_>, recipe: &Config, tuning: &Config, one: &AblationRow, sizes: &[String; 2]) -> Vec<String> {
     let mut notes = ablation::notes(lab, scale(lab), recipe, sizes);
     notes.push(format!(
-        "Every block is trained by all those steps in its own frame, merged by the published transform with the first \
-         one's VizMapper, and fine-tuned on the whole for {} steps at {} (published: 60 000 at 1920 x 1080). The \
-         recipe of a block is the single block's; the paper's artifact has other rates and a higher least opacity for \
-         blocks in a set. Changes are from one block as it was trained. The row of one block is fine-tuned as long: \
-         what it gains is of the steps, not of blocks, and the paper has no such row. Bytes are those of the \
-         fine-tuned file.",
+        "Every block is trained for all those steps in its own frame. The blocks are merged by the published \
+         transform with the first block's VizMapper, and the whole is fine-tuned for {} steps at {} (published: 60 \
+         000 at 1920 x 1080). Each block follows the recipe of a single block; the paper's artifact uses other \
+         rates and a higher least opacity for blocks in a set. Changes are relative to one block as trained. The \
+         row of one block is fine-tuned equally long, which shows the gain from the steps alone; the paper has no \
+         such row. Bytes are those of the fine-tuned file.",
         tuning.iterations(),
         sizes[0]
     ));
@@ -202,7 +202,8 @@ fn near_and_far(all: &[BlockTuningRow], one: &AblationRow) -> Option<String> {
     let eight = all.iter().find(|m| m.blocks == 8)?;
     let [far, near] = distances::gains(&one.scores[0], &eight.tuned.scores[0])?;
     let [paper_far, paper_near] = paper::EIGHT_GAINS;
-    let alike = if (near > far) == (paper_near > paper_far) { "more near than far in both" } else { "not alike" };
+    let alike =
+        if (near > far) == (paper_near > paper_far) { "more near than far in both" } else { "not as in the paper" };
     let tuned = all.iter().find(|m| m.blocks == 1).and_then(|m| {
         let at = |row: &AblationRow| {
             Spread::new(&means_over(&row.scores[0], &[ViewGroup::orbit(0.5)], masked)).map(|s| s.median)
@@ -210,9 +211,9 @@ fn near_and_far(all: &[BlockTuningRow], one: &AblationRow) -> Option<String> {
         Some(at(&m.tuned)? - at(one)?)
     });
     let steps =
-        tuned.map_or(String::new(), |t| format!(" One block that is fine-tuned as long gains {t:+.2} dB near."));
+        tuned.map_or(String::new(), |t| format!(" One block that is fine-tuned equally long gains {t:+.2} dB near."));
     Some(format!(
-        "Eight blocks, fine-tuned, against one: {far:+.2} dB far, {near:+.2} dB near (paper {paper_far:+.2} and \
+        "Eight fine-tuned blocks compared with one: {far:+.2} dB far, {near:+.2} dB near (paper {paper_far:+.2} and \
          {paper_near:+.2} dB): {alike}.{steps}"
     ))
 }

@@ -84,7 +84,7 @@ fn plot(curve: &[TrainingScore], levels: Vec<(String, f64)>, size: &str) -> Plot
     let points = curve.iter().filter_map(point).collect();
     Plot {
         name: "published-run".into(),
-        title: format!("The published recipe while it trains, {size}"),
+        title: format!("The published recipe during training, {size}"),
         x: PlotAxis::linear("steps"),
         y: PlotAxis::linear("masked PSNR on held-out views, dB"),
         series: vec![Series { name: "published recipe".into(), style: 1, dashed: false, points }],
@@ -98,7 +98,7 @@ pub(super) fn table(curve: &[TrainingScore]) -> ResultTable {
         let (score, seconds) = (TableCell::number(e.held_out_masked_psnr, 3), TableCell::number(e.seconds, 0));
         [TableCell::count(e.iteration), score, TableCell::count(e.gaussians), seconds]
     };
-    let title = "The published recipe while it trains";
+    let title = "The published recipe during training";
     ResultTable::new("published-run-curve", title, &heads).with(curve.iter().map(row))
 }
 
@@ -108,21 +108,21 @@ fn notes(lab: &Lab<'_>, run: &TrainingResult, config: &Config, snapshot: &Snapsh
     let seconds = run.curve.last().map_or(0.0, |e| e.seconds);
     let standing = match run.unfinished {
         Some(_) => format!(
-            "The run is not done: scored last at step {done} of {of}, after {seconds:.0} s of training. The same command \
-             goes on from there for another {} minutes. What is measured here is its best so far.",
+            "The run is not finished: it was last scored at step {done} of {of}, after {seconds:.0} s of training. \
+             The same command continues from there for another {} minutes. These results are its best so far.",
             minutes(lab)
         ),
-        None => format!("The run is done: {of} steps, {seconds:.0} s of training."),
+        None => format!("The run is finished: {of} steps, {seconds:.0} s of training."),
     };
     let (every, evaluated) = (config.alpha_blend.reset_every, config.evaluate_every);
     let dips = format!(
-        "The recipe takes all opacities down every {every} steps, and the run is scored every {evaluated}: a score just \
-         after a reset is low, and the next is not."
+        "The recipe resets all opacities every {every} steps, and the run is scored every {evaluated} steps: scores \
+         just after a reset are low."
     );
     let each = run.made.bytes.len() as f64 / run.made.model.gaussians().max(1) as f64;
     let size = format!(
-        "The model that is scored is the best by {} held-out views, coded: {each:.1} bytes a Gaussian, the file whole, \
-         where the paper counts {}. Views are turned by the seed.",
+        "The scored model is the best in {} held-out views, after coding: the whole file takes {each:.1} bytes per \
+         Gaussian, where the paper counts {}. The seed rotates the views.",
         config.evaluate_views,
         paper::BYTES_A_GAUSSIAN
     );
@@ -135,14 +135,15 @@ fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<Strin
     let start = |c: &Config| c.start_gaussians.unwrap_or(0);
     vec![
         format!(
-            "What differs from the paper. Particles: {} instead of 280 953 867, in a box of another shape, with the \
-             radius that is the same share of their spacing.",
+            "Differences from the paper: {} particles instead of 280 953 867, in a box of another shape; the radius \
+             is the same fraction of their spacing.",
             snapshot.particles.len()
         ),
         format!(
-            "The recipe is scaled as a whole by {}: pictures of {small}, then {large} (published 1920 x 1080 and 5760 x \
-             3240), {} steps ({}), {} first Gaussians ({}), as many to a pixel, {} pictures ({}), every schedule in \
-             proportion; rates of learning are the published ones. So Gaussians travel a smaller way, and there are fewer of them.",
+            "The recipe is scaled by {}: pictures of {small}, then {large} (published 1920 x 1080 and 5760 x 3240), \
+             {} steps ({}), {} first Gaussians ({}), which are as many per pixel, {} pictures ({}), and all \
+             schedules in proportion. Learning rates are the published ones, so there are fewer Gaussians and they \
+             move less far.",
             scale(lab),
             config.iterations(),
             published.iterations(),
@@ -151,12 +152,12 @@ fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<Strin
             config.cameras.frames,
             published.cameras.frames
         ),
-        "The paper trains in two stages; the last 12 000 steps of its second, with a fifth of the cameras inside, are \
-         the third here, as in its artifact. What the paper leaves unsaid (low-pass, frame, schedules, thresholds) \
-         follows the artifact: docs/law/published.md names each."
+        "The paper trains in two stages; the last 12 000 steps of its second stage, with a fifth of the cameras \
+         inside, are the third stage here, as in its artifact. Details that the paper does not state (low-pass, \
+         frame, schedules, thresholds) follow the artifact and are listed in docs/law/published.md."
             .into(),
-        "The curve's levels are of the run's own held-out views; the table's scores of other views, on each of the three \
-         orbits, of the decoded files."
+        "The curve shows scores in the run's own held-out views. The table shows scores of the decoded files in \
+         other views on each of the three orbits."
             .into(),
     ]
 }
@@ -165,8 +166,8 @@ fn beside(rows: &[AblationRow; 3], sizes: &[String; 2]) -> Option<String> {
     let of = |row: usize, measure| rows[row].measured(measure).first().copied();
     let (small, large) = (of(1, 1)? - of(0, 1)?, of(1, 2)? - of(0, 2)?);
     Some(format!(
-        "Our untrained fit of the same bytes against the run: {small:+.2} dB of masked PSNR at {}, {large:+.2} dB at {}; \
-         in {:.1} s.",
+        "Our untrained fit of the same bytes compared with the run: {small:+.2} dB of masked PSNR at {}, \
+         {large:+.2} dB at {}, in {:.1} s.",
         sizes[0],
         sizes[1],
         rows[1].seconds.first()?

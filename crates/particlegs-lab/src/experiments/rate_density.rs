@@ -37,11 +37,11 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
 pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable {
     ResultTable::new(
         "rate-distortion-density",
-        "Density by size of file",
+        "Density by file size",
         &[
             "method",
             "ratio",
-            "held-out bits a particle",
+            "held-out bits per particle",
             "correlation in cells",
             "P(k), large scales, mean deviation",
             "P(k), largest deviation",
@@ -79,14 +79,14 @@ pub(super) fn density_plots(lab: &Lab<'_>, all: &[MethodDensity], bits: f64) -> 
     };
     let mut held_out = plot(
         "bits",
-        "Density of particles that were left out, by size of file",
-        PlotAxis::linear("held-out bits a particle"),
+        "Density at held-out particles, by file size",
+        PlotAxis::linear("held-out bits per particle"),
         |d| d.held_out_bits,
     );
     held_out.levels = vec![("all particles".into(), bits), ("uniform box".into(), 0.0)];
     let mut groups = plot(
         "groups",
-        "Groups of 100 particles and more, by size of file",
+        "Groups of 100 particles and more, by file size",
         PlotAxis::linear("groups, found / truth"),
         |d| d.groups,
     );
@@ -94,12 +94,10 @@ pub(super) fn density_plots(lab: &Lab<'_>, all: &[MethodDensity], bits: f64) -> 
     let large = "mean |P / P truth - 1|, k to a quarter of the largest";
     vec![
         held_out,
-        plot("large-scales", "Power spectrum at large scales, by size of file", PlotAxis::logarithmic(large), |d| {
+        plot("large-scales", "Power spectrum at large scales, by file size", PlotAxis::logarithmic(large), |d| {
             d.large_scales
         }),
-        plot("power", "Power spectrum, by size of file", PlotAxis::logarithmic("largest |P / P truth - 1|"), |d| {
-            d.power
-        }),
+        plot("power", "Power spectrum, by file size", PlotAxis::logarithmic("largest |P / P truth - 1|"), |d| d.power),
         groups,
     ]
 }

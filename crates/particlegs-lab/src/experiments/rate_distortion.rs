@@ -68,30 +68,32 @@ fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint], truth: &ReferenceView
     let size = truth.size;
     let mut notes = vec![
         format!(
-            "Pictures: {} views of {}x{} on the far, mid and near orbits, radius and opacity drawn from the published ranges; \
-             all particles as ParaView draws them are the truth, and other compressors' decoded particles are drawn by \
-             the same renderer. Means are of decibels over views. Ratio: bytes of float32 positions over bytes of the \
-             whole file.",
+            "Pictures: {} views of {}x{} on the far, mid and near orbits, with radius and opacity drawn from the \
+             published ranges. The truth is all particles as ParaView draws them; the same renderer draws the \
+             decoded particles of other compressors. Means are averages of decibels over views. Ratio: bytes of \
+             float32 positions over bytes of the whole file.",
             truth.views.len(),
             size.width,
             size.height
         ),
-        "`noise-free` is what a model scores that knows every particle but not the sampling noise of one picture; \
-         `uniform box` and `all black` are floors that hold nothing of the data."
+        "`noise-free` is the score of a perfect model, which has every particle but not the sampling noise of one \
+         picture; `uniform box` and `all black` contain nothing of the data."
             .into(),
         format!(
-            "Pictures of what has a draw in it, and of models at ratio {COMPARED}, were done with {} seeds: median, \
-             smallest and largest. Density was measured with the first seed alone.",
+            "Pictures of randomised methods, and of models at ratio {COMPARED}, were measured with {} seeds: \
+             median, smallest and largest. Density was measured only with the first seed.",
             lab.settings.seeds
         ),
-        "Every compressor's bound was verified after decoding in this run, to half a float32 ulp; a failure stands in the \
-         table of bounds. Seconds of SZ3 and ZFP include the pipe to their Python and, in Morton order, the sort. Every size was met by a search for the bound; what a compressor cannot reach is as close as it \
-         comes, and in the density's tables nothing where that is off by more than a tenth."
+        "Every compressor's bound was verified after decoding in this run, to half a float32 ulp; the table of \
+         bounds shows failures. Times of SZ3 and ZFP include the pipe to their Python and, in Morton order, the \
+         sort. The bound for every size was found by a search. If a compressor cannot reach a size, its nearest \
+         size is used; the density tables omit sizes that differ by more than a tenth."
             .into(),
-        "Density: counts in cells, P(k), r(k), groups and cores are of the particles that came back, of a model of as many \
-         particles drawn from it by `count`; those have the noise of a draw. Held-out bits: a random half of the particles was kept in as many bytes, and the other half scored: models by \
-         their own density, particles by an adaptive kernel to the 16th neighbour. Groups of a subset are of its own \
-         particles, each of which stands for many."
+        "Density: counts in cells, P(k), r(k), groups and cores are measured on the decoded particles, and for a \
+         model on as many particles drawn by `count`, which adds the noise of a draw. Held-out bits: a random half \
+         of the particles was compressed to as many bytes, and the other half was scored, by a model's own density \
+         or by an adaptive kernel to the 16th neighbour of decoded particles. Groups of a subset consist of its own \
+         particles, each of which represents many."
             .into(),
     ];
     let sources: Vec<String> = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
@@ -99,10 +101,10 @@ fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint], truth: &ReferenceView
     notes.extend(lab.left_out());
     if lab.settings.training {
         notes.push(format!(
-            "`{}`: alpha-blend with VizMapper by the published recipe at a scale of {}, every schedule in proportion; \
-             files of low ratios hold more Gaussians than it makes, and others bound their number. Its density follows \
-             opacities that were fitted to pictures. At its own scale the recipe has pictures and steps that these runs \
-             do not have: see published-run.",
+            "`{}`: alpha-blend with VizMapper, trained by the published recipe at a scale of {}, with all schedules \
+             in proportion. Files of low ratios have room for more Gaussians than it makes; other files limit their \
+             number. Its density follows opacities that were fitted to pictures. At full scale the recipe has more \
+             pictures and steps than these runs: see published-run.",
             CompressionMethod::AlphaBlend.name(lab),
             training::scale(lab)
         ));
@@ -125,13 +127,13 @@ fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint], truth: &ReferenceView
 fn margins(lab: &Lab<'_>, rows: [&[RatePoint]; 2], raw: f64, beside: [ReferenceScores; 2]) -> ResultTable {
     let mut table = ResultTable::new(
         "rate-distortion-margins",
-        format!("At ratio {COMPARED}: masked PSNR, and how far our models are above"),
+        format!("Masked PSNR at ratio {COMPARED}, and the lead of our models"),
         &[
             "",
             "drawn radius and opacity, dB",
-            "ours above, dB",
+            "lead of ours, dB",
             "default radius and opacity, dB",
-            "ours above there, dB",
+            "lead of ours there, dB",
         ],
     );
     let at =
@@ -162,10 +164,10 @@ fn margins(lab: &Lab<'_>, rows: [&[RatePoint]; 2], raw: f64, beside: [ReferenceS
 fn pictures(lab: &Lab<'_>, rows: &[RatePoint], raw: f64) -> ResultTable {
     ResultTable::new(
         "rate-distortion-pictures",
-        "Pictures by size of file",
+        "Pictures by file size",
         &[
             "method",
-            "ratio asked",
+            "target ratio",
             "ratio",
             "bytes",
             "masked PSNR, dB",
@@ -199,7 +201,7 @@ fn bounds(lab: &Lab<'_>, rows: &[RatePoint], unit: &str) -> ResultTable {
     let mut table = ResultTable::new(
         "rate-distortion-bounds",
         "Bounds, verified after decoding",
-        &["method", "ratio asked", &bound, &error, "held", "compression, s", "decompression, s"],
+        &["method", "target ratio", &bound, &error, "held", "compression, s", "decompression, s"],
     );
     for r in rows.iter().filter(|r| matches!(r.method, CompressionMethod::Baseline { jitter: false, .. })) {
         let Some(run) = r.runs.first() else { continue };
@@ -231,7 +233,7 @@ fn picture_plot(
     };
     Plot {
         name: format!("rate-distortion-{name}"),
-        title: format!("{} of pictures by size of file", label.split(',').next().unwrap_or(label)),
+        title: format!("{} of pictures by file size", label.split(',').next().unwrap_or(label)),
         x: PlotAxis::logarithmic(BY_SIZE),
         y: PlotAxis::linear(label),
         series: CompressionMethod::all_and_trained(lab).into_iter().map(curve).collect(),

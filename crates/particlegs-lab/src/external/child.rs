@@ -72,7 +72,7 @@ impl Child {
             let written = writer.join().unwrap_or_else(|_| Err(io::Error::other("the writer failed")));
             match (answer, written) {
                 (Ok(answer), Ok(())) => Ok(answer),
-                (Ok(_), Err(_)) => Err("answered before it had read the request".into()),
+                (Ok(_), Err(_)) => Err("it answered before it had read the request".into()),
                 (Err(broken), _) => Err(broken),
             }
         })
@@ -103,7 +103,7 @@ impl Drop for Child {
 }
 
 fn read_answer(answers: &mut impl Read) -> Result<ChildReply, String> {
-    let ended = |_| "ended before it answered".to_string();
+    let ended = |_| "it ended before it answered".to_string();
     let mut head = [0; 9];
     answers.read_exact(&mut head).map_err(ended)?;
     let length = u64::from_le_bytes(head[1..].try_into().expect("eight bytes"));
@@ -111,14 +111,14 @@ fn read_answer(answers: &mut impl Read) -> Result<ChildReply, String> {
         b'K' => ChildReply::Bytes,
         b'E' => |text| ChildReply::Error(line(&text)),
         b'M' => |text| ChildReply::Missing(line(&text)),
-        _ => return Err("does not answer as lab/compressors.py does".into()),
+        _ => return Err("the answer does not come from lab/compressors.py".into()),
     };
     // Memory grows with what comes, not with what is said to come.
     let mut bytes = Vec::new();
     let read = answers.take(length).read_to_end(&mut bytes);
     match read {
         Ok(n) if n as u64 == length => Ok(kind(bytes)),
-        _ => Err("ended within its answer".into()),
+        _ => Err("it ended in the middle of its answer".into()),
     }
 }
 

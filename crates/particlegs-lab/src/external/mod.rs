@@ -77,7 +77,7 @@ impl External {
 
     /// Three columns one after the other.
     fn decompress(&self, name: &str, bytes: &[u8]) -> Result<Vec<u8>> {
-        let wrong = || Error::input(name, "not what this coder made");
+        let wrong = || Error::input(name, "the bytes do not come from this compressor");
         let (data, _) = packed::opened(bytes).ok_or_else(wrong)?;
         self.shared.ask(&Request { what: b'd', name, bound: 0.0, particles: 0, data })
     }
@@ -113,8 +113,8 @@ impl SharedChild {
     }
 
     fn not_started(&self, error: &std::io::Error) -> Error {
-        let hint = "name a Python 3 that has the packages of lab/requirements.txt";
-        Error::input_with(&self.program, format!("cannot be started: {error}"), hint)
+        let hint = "use a Python 3 that has the packages of lab/requirements.txt";
+        Error::input_with(&self.program, format!("the program cannot be started: {error}"), hint)
     }
 
     fn lacks(&self, packages: &str) -> Error {

@@ -65,7 +65,7 @@ fn requests_and_answers_pass_the_pipes_whole() {
 #[test]
 fn a_python_that_is_not_there_or_lacks_packages_is_told_in_one_line() {
     let error = External::start(Path::new("/nowhere/python")).err().unwrap();
-    assert!(error.to_string().starts_with("/nowhere/python: cannot be started"), "{error}");
+    assert!(error.to_string().starts_with("/nowhere/python: the program cannot be started"), "{error}");
     assert!(error.hint().to_string().contains("requirements.txt"));
     // No package is there without site-packages.
     let lacking = ["-I", "-S", "-u", "-c", SCRIPT].map(String::from).to_vec();
@@ -81,11 +81,11 @@ fn what_is_no_such_child_is_told() {
         let arguments = arguments.iter().map(|a| (*a).to_string()).collect();
         External::from_command(Path::new(program), arguments).err().unwrap().to_string()
     };
-    assert_eq!(of("sh", &["-c", "echo no such option >&2; exit 3"]), "sh: ended before it answered: no such option");
-    assert_eq!(of("sh", &["-c", "exit 3"]), "sh: ended before it answered: exit status: 3");
+    assert_eq!(of("sh", &["-c", "echo no such option >&2; exit 3"]), "sh: it ended before it answered: no such option");
+    assert_eq!(of("sh", &["-c", "exit 3"]), "sh: it ended before it answered: exit status: 3");
     // One that gives back what it gets, and one that writes without end and reads nothing.
-    assert!(of("cat", &[]).contains("does not answer as"));
-    assert!(of("sh", &["-c", "while echo yyyyyyyyyyy; do :; done"]).contains("does not answer as"));
+    assert!(of("cat", &[]).contains("the answer does not come from"));
+    assert!(of("sh", &["-c", "while echo yyyyyyyyyyy; do :; done"]).contains("the answer does not come from"));
 }
 
 #[test]
@@ -135,9 +135,14 @@ fn bounds_and_bytes_are_checked_before_the_child_sees_them() {
     let uneven: PositionColumns = [vec![1.0], vec![], vec![1.0]];
     assert!(matches!(sz3(&external).compress(&uneven, 1.0), Err(Error::Argument { .. })));
     let mut bytes = sz3(&external).compress(&particles, 1.0).unwrap().bytes;
-    assert!(sz3(&external).decompress(&bytes).err().unwrap().to_string().contains("not of one length"));
+    assert!(
+        sz3(&external).decompress(&bytes).err().unwrap().to_string().contains("the decoded columns differ in length")
+    );
     bytes[5] ^= 1;
-    assert_eq!(sz3(&external).decompress(&bytes).err().unwrap().to_string(), "SZ3: not what this coder made");
+    assert_eq!(
+        sz3(&external).decompress(&bytes).err().unwrap().to_string(),
+        "SZ3: the bytes do not come from this compressor"
+    );
 }
 
 #[test]

@@ -105,7 +105,7 @@ fn failures_are_told_with_their_figures() {
     let nan = verified(&RoundingBaseline { off: f32::NAN, drop: 0 }, &particles, 0.15);
     assert!(matches!(&nan, BoundCheck::Exceeded(run) if run.excess == f64::INFINITY));
     let fewer = verified(&RoundingBaseline { off: 0.0, drop: 1 }, &particles, 0.15);
-    assert_eq!(fewer.failure().unwrap(), "steps: 39 particles came back of 40");
+    assert_eq!(fewer.failure().unwrap(), "steps: 39 particles were decoded instead of 40");
     assert!(!is_order(&[0, 0], 2) && !is_order(&[0, 2], 2) && !is_order(&[0], 2) && is_order(&[1, 0], 2));
 }
 

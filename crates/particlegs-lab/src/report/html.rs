@@ -27,7 +27,7 @@ pub fn html(sections: &[Section], provenance: &Provenance, png: &dyn Fn(&Picture
 
 fn section(s: &Section, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     let e = s.experiment;
-    let paper = if e.paper.is_empty() { String::new() } else { format!("; of the paper: {}", e.paper) };
+    let paper = if e.paper.is_empty() { String::new() } else { format!("; in the paper: {}", e.paper) };
     let mut text = format!(
         "<section id=\"{}\"><h2>{}</h2>\n<p class=\"how\"><code>particlegs bench {}</code>{}</p>\n",
         e.name,

@@ -7,13 +7,13 @@ use particlegs_figure::shows;
 /// The page; figures are looked for in the folder `figures`, relative to it.
 pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> String {
     let e = section.experiment;
-    let mut text = format!("# {}\n\nMade by `particlegs bench {}`, and nothing of it by hand", e.title, e.name);
-    text += &if e.paper.is_empty() { ".\n".into() } else { format!("; of the paper: {}.\n", e.paper) };
+    let mut text = format!("# {}\n\nMade by `particlegs bench {}` without manual edits", e.title, e.name);
+    text += &if e.paper.is_empty() { ".\n".into() } else { format!("; in the paper: {}.\n", e.paper) };
     match &section.found {
         Ok(found) => text += &body(found, figures),
         Err(why) => text += &format!("\nNot measured: {}\n", escaped(why)),
     }
-    text += "\n## Where it is from\n\n";
+    text += "\n## Provenance\n\n";
     provenance.describe().iter().for_each(|line| text += &format!("- {}\n", escaped(line)));
     text
 }

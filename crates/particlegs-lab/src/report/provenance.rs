@@ -45,12 +45,12 @@ impl Provenance {
     pub fn describe(&self) -> Vec<String> {
         let commit = self.commit.as_ref().map_or(String::new(), |c| format!(", commit {c}"));
         let memory = self.memory_bytes.map_or(String::new(), |b| format!(", {:.0} GiB", b as f64 / 1073741824.0));
-        let processor = self.processor.as_deref().unwrap_or("processor not known");
+        let processor = self.processor.as_deref().unwrap_or("unknown CPU");
         let mut lines = vec![
             format!("Command: `{}`", self.command),
             format!("particlegs {}{commit}", self.version),
             format!("Machine: {processor}, {} threads{memory}, {}", self.threads, self.system),
-            format!("Seeds: {} from {} on", self.seeds[1], self.seeds[0]),
+            format!("Seeds: {} seeds, starting at {}", self.seeds[1], self.seeds[0]),
         ];
         for (name, particles, hash) in &self.snapshots {
             lines.push(format!("Snapshot {name}: {particles} particles, BLAKE3 {hash}"));

@@ -8,7 +8,7 @@ const SHARE: f64 = 0.3;
 const WIDTH: usize = 480;
 
 /// What captions say of [`brightened`].
-pub(super) const BRIGHTENED: &str = "Grey levels are shown brightened, as the square roots of their shares of white.";
+pub(super) const BRIGHTENED: &str = "Grey levels are brightened: the pictures show the square root of each level.";
 
 /// The level that is shown for one: the square root of shares of white.
 fn brightened(level: u8) -> u8 {

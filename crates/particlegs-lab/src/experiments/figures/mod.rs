@@ -115,7 +115,7 @@ fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPict
 
 fn artefact(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, STREAKS)?;
-    let title = format!("Close up: all particles, the model and {} at one size", other.name);
+    let title = format!("Close up: all particles, the model and {} at one file size", other.name);
     let what = "The centre 30 % of the first far and the first near view, as ParaView draws all particles.";
     Some(beside(shown, other, "artefact", title, what, close_up))
 }
@@ -143,8 +143,8 @@ fn sizes(other: &MethodPictures) -> String {
         |b: BoundReport| format!(" at a bound of {:.4}, and its largest error is {:.4}", b.asked, b.largest_error);
     let bound = other.bound.map_or(String::new(), said);
     format!(
-        "{BRIGHTENED} Decibels are masked PSNR of the whole view's own levels against all particles, measured in \
-         this run; {} has {} bytes{bound}.",
+        "{BRIGHTENED} Decibels are the masked PSNR of the whole view at its original levels against all particles, \
+         measured in this run; {} has {} bytes{bound}.",
         other.name, other.bytes
     )
 }
@@ -190,13 +190,16 @@ fn notes(made: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> V
     let unit = snapshot.unit();
     let streaks = match others.iter().any(|o| o.name.starts_with(STREAKS)) {
         true => String::new(),
-        false => format!(" {STREAKS}, which the paper shows, was not there: the best of those is shown in its place."),
+        false => format!(
+            " {STREAKS}, which the paper shows, was not available; the best other compressor replaces \
+                          it."
+        ),
     };
     vec![format!(
-        "The model is of ratio {:.0}, {} bytes; other ways ({}) have a size within 1 % of the model's, or the nearest \
-         that they have, and where one has a bound ({unit}) every decoded coordinate was held to it.{streaks} Pictures \
-         of particles are drawn by ParaView's exact rules, the model's in the same look; radius and opacity of a view \
-         are drawn from the published ranges.",
+        "The model has ratio {:.0} and {} bytes. The other methods ({}) have a size within 1 % of the model's, or \
+         their nearest; where a method has a bound ({unit}), every decoded coordinate was checked against \
+         it.{streaks} Pictures of particles follow ParaView's exact rules, and the model's pictures have the same \
+         look. The radius and the opacity of each view are drawn from the published ranges.",
         snapshot.position_bytes() as f64 / made.bytes.len() as f64,
         made.bytes.len(),
         names.join("; "),

@@ -38,7 +38,7 @@ pub(super) fn at_size(
         match other(lab, snapshot, method, bytes, truth) {
             Ok(other) => others.push(other),
             Err(e @ (Error::Cancelled | Error::Io { .. })) => return Err(e),
-            Err(e) => failed.push(format!("{} is left out: {e}", method.name(lab))),
+            Err(e) => failed.push(format!("{} was skipped: {e}", method.name(lab))),
         }
     }
     Ok((others, failed))
@@ -63,7 +63,7 @@ fn other(
     let draw = |view: &View| {
         kept_picture(lab, &("other", &inputs, cache_key(view, truth.size)), || {
             let FileContent::Particles(particles, factor) = &or_made(&mut kept, keep)?.content else {
-                return Err(Error::input(method.name(lab), "gave no particles"));
+                return Err(Error::input(method.name(lab), "returned no particles"));
             };
             let view = View { radius: view.radius * factor, ..view.clone() };
             lab.draws_particles(particles, truth.bounds, Style::Paraview)?(&view, truth.size)
@@ -77,5 +77,5 @@ fn other(
 /// The scores of pictures of the views of `truth`, in its order.
 pub(super) fn scores(truth: &ReferenceViews, pictures: &[Gray8]) -> Result<Vec<Score>> {
     let mut pictures = pictures.iter().cloned();
-    truth.score(|view| pictures.next().ok_or_else(|| Error::argument(format!("no picture of {}", view.name))))
+    truth.score(|view| pictures.next().ok_or_else(|| Error::argument(format!("there is no picture of {}", view.name))))
 }

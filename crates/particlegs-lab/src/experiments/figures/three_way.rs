@@ -145,8 +145,9 @@ fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
         name: "three-way".into(),
         title: "All particles, the model, and particles drawn from it".into(),
         caption: format!(
-            "Above the whole of the first far view, below the centre 30 % of the first near one. {BRIGHTENED} Decibels \
-             are masked PSNR of the whole view's own levels against all particles, measured in this run."
+            "Top: the whole first far view. Bottom: the centre 30 % of the first near view. {BRIGHTENED} Decibels \
+             are the masked PSNR of the whole view at its original levels against all particles, measured in this \
+             run."
         ),
         columns: 3,
         colours: None,
@@ -161,10 +162,10 @@ fn note(ways: &[RendererScores], truth: &ReferenceViews) -> String {
     let gap = ways.first().and_then(median).zip(ways.get(1).and_then(median)).map(|(a, b)| a - b);
     let gap = gap.map_or("not measured".into(), |g| format!("{g:.1} dB"));
     format!(
-        "Three-way: {} views, radius and opacity drawn from the published ranges; particles drawn from the model \
-         (first seed) and all particles are drawn by the same rules, ParaView's. The median of the model lies {gap} \
-         above that of particles drawn by `count` (paper: 11 dB). Drawn particles have shot noise of their own, \
-         which differs from the truth's however good the density is.{same}",
+        "Three-way comparison: {} views, with radius and opacity drawn from the published ranges. Particles drawn \
+         from the model (first seed) and all particles are rendered by ParaView's rules. The median of the model is \
+         {gap} above that of particles drawn by `count` (paper: 11 dB). Drawn particles have their own shot noise, \
+         which differs from the truth's even if the density is perfect.{same}",
         truth.views.len()
     )
 }

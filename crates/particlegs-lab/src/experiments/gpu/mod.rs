@@ -26,7 +26,7 @@ use work::WorkBound;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "gpu",
-    title: "Frames and steps of training a second of a GPU",
+    title: "Frames and training steps per second on a GPU",
     paper: "",
     trains: false,
     weight: 0,
@@ -67,7 +67,7 @@ struct GpuTables {
 
 /// Tables are kept where the published recipe is trained too: its pieces do not measure again.
 fn run(lab: &Lab<'_>, _: &[Snapshot]) -> Result<ExperimentResults> {
-    let device = lab.gpu.as_ref().ok_or_else(|| Error::argument("no GPU is open to be measured"))?;
+    let device = lab.gpu.as_ref().ok_or_else(|| Error::argument("this experiment needs a GPU"))?;
     let quick = lab.settings.quick;
     let now = || measure(device, quick, lab.context);
     let (mut tables, notes) = match lab.settings.training {
@@ -112,15 +112,15 @@ fn measure(device: &Arc<Device>, quick: bool, context: &Context<'_>) -> Result<(
     tables.attempt(&few, hd, |tables| particles::row(bench, tables, &few, hd))?;
     context.end();
     let columns = ["copies, GB/s", "G atomic adds/s", "G float32 operations/s"];
-    let mut own = ResultTable::new("gpu-rates", "What the GPU does at most", &columns);
+    let mut own = ResultTable::new("gpu-rates", "Highest rates of the GPU", &columns);
     own.row([rates.copied_bytes, rates.additions, rates.operations].map(|rate| TableCell::number(1e-9 * rate, 2)));
     let mut notes = vec![format!(
-        "Measured on {}. Copies, adds, ops: the share of the GPU's rates that is taken by what a frame, a step or a picture \
-         moves, adds and computes at least; 100 % is as fast as it goes.",
+        "Measured on {}. Copies, adds, ops: the minimum work of a frame, a step or a picture as a percentage of the \
+         GPU's highest rates; 100 % is the fastest possible.",
         device.name()
     )];
     if tables.kernels.rows.is_empty() {
-        notes.push("Kernels are not timed: the GPU shows no clock.".into());
+        notes.push("Kernels were not timed: the GPU has no timer queries.".into());
     }
     notes.append(&mut tables.failed);
     Ok((vec![own, tables.frames, tables.steps, tables.particles, tables.kernels], notes))
@@ -137,8 +137,8 @@ fn recipe(lab: &Lab<'_>, made: &TiledScene) -> Result<[ResultTable; 2]> {
     let piece = Duration::from_secs_f64(60.0 * settings.minutes.unwrap_or(MINUTES[own]));
     let task = TrainingTask::published(config, 1, settings.seed);
     let run = trained_on(lab, &snapshot.particles, &snapshot.hash, &task, Some(piece))?;
-    let title = "The published recipe so far: the same command goes on until all steps are done";
-    let columns = ["share", "particles", "steps", "of", "s of all pieces", "Gaussians", "held out, masked PSNR, dB"];
+    let title = "The published recipe so far: run the same command again until all steps are done";
+    let columns = ["share", "particles", "steps", "of", "s of all runs", "Gaussians", "held out, masked PSNR, dB"];
     let mut table = ResultTable::new("gpu-recipe", title, &columns);
     table.row([
         TableCell::number(scale, 3),
@@ -158,10 +158,10 @@ impl GpuTables {
         let frames = ["Gaussians", "pixels", "law", "look", "changes", "summed by", "radius, px", "footprints"];
         let frames = [&frames[..], &["frames/s", "frames/s, read back"]].concat();
         let steps = ["Gaussians", "pixels", "law", "footprints", "steps", "steps/s", "first loss", "last loss"];
-        let particles = ["particles", "pixels", "look", "pictures", "s a picture", "s to load"];
+        let particles = ["particles", "pixels", "look", "pictures", "s per picture", "s to load"];
         GpuTables {
-            frames: table("gpu-frames", "Frames a second of models", &frames),
-            steps: table("gpu-steps", "Steps of training a second", &steps),
+            frames: table("gpu-frames", "Frames per second of models", &frames),
+            steps: table("gpu-steps", "Training steps per second", &steps),
             particles: table("gpu-particles", "Pictures of all particles", &particles),
             kernels: ResultTable::new("gpu-kernels", "Time of kernels", &["of", "kernel", "runs", "ms"]),
             failed: Vec::new(),
@@ -174,7 +174,7 @@ impl GpuTables {
             Err(Error::Cancelled) => Err(Error::Cancelled),
             Err(e) => {
                 self.failed.push(format!(
-                    "Not all measured: {} Gaussians, {}: {e}",
+                    "Not measured completely: {} Gaussians, {}: {e}",
                     made.gaussians.len(),
                     pixels(size)
                 ));

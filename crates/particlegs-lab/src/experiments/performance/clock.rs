@@ -25,7 +25,7 @@ impl Machine {
     }
 
     pub fn describe(&self) -> String {
-        format!("{} threads of {}", self.threads, self.processor.as_deref().unwrap_or("a processor that is not known"))
+        format!("{} threads of {}", self.threads, self.processor.as_deref().unwrap_or("an unknown CPU"))
     }
 }
 

@@ -82,7 +82,7 @@ pub(super) fn table(
     let mut table = ResultTable::new(
         "performance-commands",
         "Whole commands: time and memory",
-        &["command", "seconds", "processor seconds", "peak memory, MiB", "load"],
+        &["command", "seconds", "CPU seconds", "peak memory, MiB", "load"],
     );
     if let Some(all) = grown.iter().find(|g| g.what == "all") {
         row(&mut table, "`compress`: the model at that ratio, with its certificate", std::slice::from_ref(&all.ran));

@@ -75,17 +75,17 @@ pub(super) fn compress(lab: &Lab<'_>, snapshot: &std::path::Path, out: &std::pat
 pub(super) fn table(all: &[GrowthPoint]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-growth",
-        format!("Growth with the number of particles: `compress --ratio {COMPARED}` as a whole command"),
+        format!("Growth with the number of particles: the whole command `compress --ratio {COMPARED}`"),
         &[
             "particles",
             "of the snapshot",
             "bytes of the file",
             "seconds",
-            "processor seconds",
+            "CPU seconds",
             "peak memory, MiB",
             "load",
-            "microseconds a particle",
-            "peak bytes a particle",
+            "microseconds per particle",
+            "peak bytes per particle",
         ],
     );
     for g in all {
@@ -128,7 +128,7 @@ pub(super) fn plots(all: &[GrowthPoint]) -> Vec<Plot> {
         Plot { name: format!("performance-growth-{name}"), title: title.into(), x, y, series, levels: vec![] }
     };
     vec![
-        plot("seconds", "Time of a compression", "seconds of the whole command", |g| {
+        plot("seconds", "Time of a compression", "time of the whole command, s", |g| {
             Some(g.ran.cost.as_ref()?.seconds)
         }),
         plot("memory", "Memory of a compression", "peak memory, MiB", |g| {

@@ -30,7 +30,7 @@ use views::TimingViews;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "performance",
-    title: "Performance: seconds, milliseconds and memory, beside VTK's own Point Gaussian",
+    title: "Performance: time and memory, compared with VTK's Point Gaussian",
     paper: "tab:perf, fig:scale",
     trains: false,
     weight: 40,

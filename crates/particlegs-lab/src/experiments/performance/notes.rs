@@ -24,22 +24,22 @@ pub(super) fn notes(of: &Snapshot, all: &PerformanceTimings<'_>, machine: &Machi
     let gaussians = all.steps.compressions.last().map_or(0, |c| c.1.gaussians);
     let mut notes = vec![
         format!(
-            "Everything was timed on {}: {} particles, and a model of {gaussians} Gaussians at ratio {COMPARED}. Pictures \
-             are drawn on the processor, by us and by VTK. A frame goes from particles or Gaussians in memory to grey \
-             levels in memory; the model's renderer and VTK keep their buffers from frame to frame, ours of all particles takes \
-             its own anew. Frames under a new camera: one on \
-             each of the three orbits, at the default radius and opacity; under a new radius and opacity: three pairs of \
-             the published ranges, under one camera. The model's were drawn three times each, the others once. Speed-ups \
-             are ratios of the same view in the same run.",
+            "Everything was timed on {}: {} particles, and a model of {gaussians} Gaussians at ratio {COMPARED}. \
+             Both our renderers and VTK draw pictures on the CPU. A frame goes from particles or Gaussians in \
+             memory to grey levels in memory. The model's renderer and VTK reuse their buffers; our renderer of all \
+             particles allocates new ones for each frame. Frames with a new camera: one on each of the three \
+             orbits, at the default radius and opacity. Frames with a new radius and opacity: three pairs from the \
+             published ranges with one camera. The model's frames were drawn three times each, the others once. \
+             Speed-ups are ratios for the same view in the same run.",
             machine.describe(),
             of.particles.len(),
         ),
         format!(
-            "The paper's figures are of an {}, {:.0} million particles and {:.0} thousand Gaussians: its milliseconds and \
-             ours are not of one machine, nor of one number of particles, and stand beside each other for their order \
-             alone. Its ParaView rebuilds its buffers when radius or opacity change (its row \"Combined\" stands in ours \
-             of a new radius and opacity); our renderers have no such step, a model needs none. On the GPU its model took \
-             {:.0} MB for drawing and {:.0} MB for training.",
+            "The paper used an {}, {:.0} million particles and {:.0} thousand Gaussians. Machine and number of \
+             particles differ from ours, so only the order of the times can be compared. Its ParaView rebuilds its \
+             buffers when radius or opacity change (its row \"Combined\" is in our row of a new radius and \
+             opacity); our renderers need no such step. On the GPU its model took {:.0} MB for drawing and {:.0} MB \
+             for training.",
             paper::HARDWARE,
             paper::PARTICLES / 1e6,
             paper::GAUSSIANS / 1e3,
@@ -49,9 +49,8 @@ pub(super) fn notes(of: &Snapshot, all: &PerformanceTimings<'_>, machine: &Machi
     ];
     notes.extend(vtk(all.frames));
     notes.push(
-        "Peak memory is what no file backs (RssAnon and RssShmem of /proc), looked at every millisecond: snapshots that are \
-         mapped are not in it. Whole commands are given the positions as raw float32, with a certificate where they \
-         compress."
+        "Peak memory is RssAnon and RssShmem of /proc, read every millisecond; it does not include memory-mapped \
+         snapshots. Whole commands read the positions as raw float32, and `compress` measures a certificate."
             .into(),
     );
     notes.extend(growth(all.grown));
@@ -75,10 +74,10 @@ fn vtk(all: &[SizeTimings]) -> Vec<String> {
             })
             .collect();
         notes.push(format!(
-            "VTK {} draws its Point Gaussian off-screen by {}, set up as ParaView does it (Gaussian shader, not emissive, four \
-             peels, FXAA): where that is a software renderer, VTK is slower than on a GPU, and the speed-up is that of \
-             two programs on one processor, not the paper's. No further frame was begun after a time limit: frames under \
-             new cameras, and under new radii and opacities, were {}.",
+            "VTK {} draws its Point Gaussian off-screen with {}, set up as in ParaView (Gaussian shader, not \
+             emissive, four peels, FXAA). With a software renderer, VTK is slower than on a GPU, and the speed-up \
+             compares two programs on one CPU, unlike the paper's. VTK drew frames until a time limit; the numbers \
+             of frames with new cameras, and with new radii and opacities, were {}.",
             v.version,
             v.opengl,
             counts.join(", "),
@@ -93,25 +92,26 @@ fn growth(grown: &[GrowthPoint]) -> Option<String> {
     };
     let seconds = of(|c| Some(c.seconds))?;
     let memory = of(|c| c.peak.map(|b| b as f64));
-    let memory = memory.map_or(String::new(), |m| format!(", peak memory as its power {m:.2}"));
+    let memory = memory.map_or(String::new(), |m| format!(", and peak memory as N^{m:.2}"));
     Some(format!(
-        "Growth: over these numbers of particles the seconds of a compression grow as the number's power {seconds:.2}{memory} \
-         (least squares in logarithms). Subsets are random, and as sparse as they are few; copies are of the whole box."
+        "Growth: for these numbers of particles N, the time of a compression grows as N^{seconds:.2}{memory} (least \
+         squares in logarithms). Smaller snapshots are random subsets of the box, and larger ones are copies of the \
+         whole box."
     ))
 }
 
 fn scaling(scale: &ScaleBlocks) -> String {
-    let ours = scale.powers().map_or("could not be told".to_string(), |[bytes, gaussians]| {
-        format!("grow as its power {bytes:.2} (bytes) and {gaussians:.2} (Gaussians)")
+    let ours = scale.powers().map_or("could not be fitted to the number".to_string(), |[bytes, gaussians]| {
+        format!("grow as N^{bytes:.2} (bytes) and N^{gaussians:.2} (Gaussians) with the number N")
     });
     let published = scale::power(paper::SCALE.into_iter()).unwrap_or(f64::NAN);
     format!(
-        "Scale: blocks are parts of the box, halved along x, y, z and x, from its lower and its upper corner; each is a \
-         snapshot of its own, fitted with effort fast to the masked PSNR of {} dB (look `expected`, six held-out views of \
-         the block, particle radius by its own spacing). That is {} dB below what the whole box has at ratio {COMPARED} in six other \
-         views, as means over six views of one model differ by about as much: the ratio that the whole box needs stands in \
-         the table. Models {ours} of the particles. The paper's \
-         two points give {published:.2} for Gaussians: its blocks are trained alike, to no quality that is named, with a \
+        "Scale: blocks are parts of the box, halved along x, y, z and x, from its lower and its upper corner. Each \
+         is its own snapshot, fitted with effort fast to a masked PSNR of {} dB (look `expected`, six held-out \
+         views of the block, particle radius from its own spacing). That is {} dB below the whole box at ratio \
+         {COMPARED} in six other views, because means over six views of one model differ by about that much; the \
+         table shows the ratio that the whole box needs. Models {ours} of particles. The paper's two points give an \
+         exponent of {published:.2} for Gaussians: its blocks are trained alike, to no stated quality, with a \
          capacity that hardly depends on their particles.",
         scale.quality,
         scale::BELOW,
@@ -129,12 +129,12 @@ fn loads(all: &PerformanceTimings<'_>) -> String {
     loads.extend(all.steps.compressions.iter().map(|c| c.1.load));
     loads.extend([all.steps.decoding.load, all.steps.opening.as_ref().and_then(|t| t.load)]);
     let loads: Vec<f64> = loads.into_iter().flatten().collect();
-    let told = Spread::new(&loads).map_or("is not told by this system".into(), |s| {
-        format!("was {:.1} (from {:.1} to {:.1}) when they were taken", s.median, s.low, s.high)
+    let told = Spread::new(&loads).map_or("is not available on this system".into(), |s| {
+        format!("was {:.1} ({:.1} to {:.1}) during the measurements", s.median, s.low, s.high)
     });
     format!(
-        "Load of the machine (mean number of processes that want to run, over a minute, this one's included) {told}: above \
-         the number of its threads, times are of a busy machine. Times are kept as all results are, by the commit of the \
-         program, the processor and the number of threads: to take them again, name another folder."
+        "The load of the machine (mean number of runnable processes over a minute, with this one) {told}. If it \
+         exceeds the number of threads, the machine was busy. Like all results, times are stored by commit, CPU and \
+         number of threads: to measure again, use another folder."
     )
 }

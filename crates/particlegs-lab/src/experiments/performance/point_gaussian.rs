@@ -85,7 +85,7 @@ pub(super) fn measure(
     machine: &Machine,
 ) -> Result<std::result::Result<PointGaussian, String>> {
     let Some(python) = &lab.settings.python else {
-        return Ok(Err("it takes a Python with the packages of lab/requirements.txt".into()));
+        return Ok(Err("it needs a Python with the packages of lab/requirements.txt".into()));
     };
     let script = blake3::hash(SCRIPT.as_bytes()).to_hex()[..16].to_string();
     let key = (&of.hash, shots.key(), limit(lab), compared, (script, installed(python)), machine);
@@ -119,7 +119,7 @@ fn child(
     let ran = run(command.args(["-u", "-c", SCRIPT]), &request.to_string(), folder, lab.context)?;
     let Some(cost) = ran.cost else { return Err(Error::input(python, ran.said)) };
     let answer: ScriptOutput = serde_json::from_str(&ran.said)
-        .map_err(|e| Error::input(python, format!("does not answer as lab/point_gaussian.py does: {e}")))?;
+        .map_err(|e| Error::input(python, format!("the answer does not come from lab/point_gaussian.py: {e}")))?;
     let agrees = match compared {
         true => Some([
             agreement(lab, of, shots, folder, "plain.gray", ToneStyle::ParaviewNoFxaa)?,
@@ -151,7 +151,7 @@ fn agreement(
     let (path, size): (_, Size) = (folder.join(name), shots.size);
     let data = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
     if data.len() != size.pixels() {
-        return Err(Error::input(&path, format!("holds {} pixels, not {}", data.len(), size.pixels())));
+        return Err(Error::input(&path, format!("has {} pixels, not {}", data.len(), size.pixels())));
     }
     Ok(Agreement::new(&Gray8 { size, data }, &ours::picture(lab, of, &shots.first, size, look)?))
 }

@@ -75,8 +75,7 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
         let scores: Vec<f64> = scores.into_iter().flatten().collect();
         Ok((!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64))
     })?;
-    let scored =
-        scored.ok_or_else(|| Error::input(&of.name, "its pictures are the model's: no quality to compare at"))?;
+    let scored = scored.ok_or_else(|| Error::input(&of.name, "its pictures are identical to the model's"))?;
     Ok((10.0 * (scored - BELOW)).floor() / 10.0)
 }
 
@@ -131,7 +130,7 @@ impl ScaleBlocks {
         let mut table = ResultTable::new(
             "performance-scale",
             format!("Blocks of the box at one quality: masked PSNR of {} dB", self.quality),
-            &["block", "particles", "Gaussians", "bytes", "particles a Gaussian", "raw bytes / bytes"],
+            &["block", "particles", "Gaussians", "bytes", "particles per Gaussian", "raw bytes / bytes"],
         );
         for b in &self.blocks {
             let n = b.particles as f64;

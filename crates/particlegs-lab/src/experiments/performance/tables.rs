@@ -31,11 +31,11 @@ pub(super) fn frames(all: &[SizeTimings]) -> ResultTable {
             "all particles, `expected`",
             "all particles, `paraview`",
             "all particles, VTK",
-            "model faster than `paraview`, times",
-            "model faster than VTK, times",
+            "model's speed-up over `paraview`",
+            "model's speed-up over VTK",
             "paper: ParaView",
             "paper: its model",
-            "paper: faster, times",
+            "paper: speed-up",
         ],
     );
     let kinds: [(&str, bool, FrameSelector); 2] =
@@ -151,8 +151,8 @@ pub(super) fn phases(compressions: &[(&'static str, Phases)]) -> ResultTable {
 pub(super) fn agreement(all: &[SizeTimings]) -> Option<ResultTable> {
     let mut table = ResultTable::new(
         "performance-agreement",
-        "The same picture by VTK and by our renderer of all particles",
-        &["look", "pixels", "PSNR, dB", "masked PSNR, dB", "pixels that differ", "largest difference, levels of 255"],
+        "The same picture from VTK and from our renderer of all particles",
+        &["look", "pixels", "PSNR, dB", "masked PSNR, dB", "different pixels", "largest difference, levels of 255"],
     );
     for at in all {
         let Some(agrees) = at.vtk.as_ref().ok().and_then(|v| v.agrees) else { continue };

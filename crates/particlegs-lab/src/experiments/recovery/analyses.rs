@@ -50,9 +50,9 @@ const ANALYSES: [Analysis; 11] = [
 
 /// A row an analysis, a column a ratio.
 pub(super) fn table(m: &RecoveryMeasurements) -> ResultTable {
-    let mut columns = vec!["analysis".to_string(), "limits: yes / care".into()];
+    let mut columns = vec!["analysis".to_string(), "limits: yes / with care".into()];
     columns.extend(m.sizes.iter().map(|o| format!("ratio {}", o.name)));
-    let title = "Which analyses of particles drawn by `count` are supported, by ratio".to_string();
+    let title = "Analyses that particles drawn by `count` support, by ratio".to_string();
     let mut t = ResultTable { name: "recovery-analyses".into(), title, columns, rows: Vec::new() };
     for a in &ANALYSES {
         let judged = m.sizes.iter().map(|o| TableCell::text(grade((a.figure)(o), a.limits)));

@@ -23,7 +23,7 @@ use particlegs_pipeline::recover::Method;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "recovery",
-    title: "Particles drawn back from models, by method, size of file and number of blocks",
+    title: "Particles recovered from models, by method, file size and number of blocks",
     paper: "tab:recovery_methods, tab:recovery_blocks, fig:recovery:slices, fig:recovery:stats",
     trains: false,
     weight: 120,

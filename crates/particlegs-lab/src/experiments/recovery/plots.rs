@@ -143,7 +143,7 @@ fn groups(m: &RecoveryMeasurements) -> Plot {
     let truth = Series { name: "truth".into(), style: 8, dashed: false, points: truth };
     let series = of_methods(m, |o| number(1, &o.all));
     let title = format!("Friends-of-friends groups by size at ratio {RATIO:.0}, by method");
-    let x = PlotAxis::logarithmic("smallest size of the class, particles (each to 1.41 times it)");
+    let x = PlotAxis::logarithmic("smallest size of the class, particles (each up to 1.41 times it)");
     plot("recovery-groups", title, x, PlotAxis::logarithmic("groups"), [vec![truth], series].concat())
 }
 

@@ -48,8 +48,8 @@ pub(super) fn pictures(drawn: &RecoverySource<'_>) -> Result<Pictures> {
 
 fn caption(grid: &Grid) -> String {
     format!(
-        "Density over its mean, colours in equal steps of its logarithm, black for all below them. {} x {} columns across \
-         x and y through {} cells along z in the middle of the box, about {PLANES} particles each in the mean; nearest \
+        "Density over its mean on a logarithmic colour scale; lower values are black. {} x {} columns along x and y \
+         through {} cells along z in the middle of the box, with about {PLANES} particles each on average; nearest \
          grid point.",
         grid.cells[0],
         grid.cells[1],

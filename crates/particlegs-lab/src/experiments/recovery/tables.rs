@@ -37,7 +37,7 @@ fn up_to(facts: &[Facts], of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
     }
 }
 
-const PAPER: [&str; 4] = ["paper: correlation", "paper: MAE", "paper: nearest mean / truth", "paper: xi off, %"];
+const PAPER: [&str; 4] = ["paper: correlation", "paper: MAE", "paper: nearest mean / truth", "paper: xi error, %"];
 
 fn published(row: Option<paper::PublishedRecovery>) -> Vec<TableCell> {
     let Some(r) = row else { return vec![TableCell::Empty; 4] };
@@ -66,8 +66,8 @@ fn published_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
         "MAE of delta".into(),
         format!("nearest neighbour: mean{truth}, {}", m.unit),
         "nearest mean / truth".into(),
-        "xi off, %: all bins".into(),
-        "xi off, %: from one mean spacing on".into(),
+        "xi error, %: all bins".into(),
+        "xi error, %: from one mean spacing".into(),
     ];
     first.iter().map(|s| (*s).to_string()).chain(own).chain(PAPER.map(String::from)).collect()
 }
@@ -87,7 +87,7 @@ fn of_method(o: &MethodRecovery) -> Vec<TableCell> {
 }
 
 fn of_methods_as_published(m: &RecoveryMeasurements) -> ResultTable {
-    let title = format!("Methods at ratio {RATIO:.0}, in the paper's convention and beside the paper's figures");
+    let title = format!("Methods at ratio {RATIO:.0} in the paper's convention, with the paper's numbers");
     let row =
         |o: &MethodRecovery| [of_method(o), as_published(m, &o.all, &o.paper), published(paper::method(o.method))];
     table("recovery-methods-paper", title, published_heads(m, &["method"]), m.methods.iter().map(row))
@@ -111,12 +111,12 @@ fn spectrum_heads(m: &RecoveryMeasurements, first: &[&str], xi: bool) -> Vec<Str
         "MAE of delta",
         "P(k): largest deviation, %",
         &at,
-        "within 1 % to k",
-        "within 5 % to k",
-        "within 10 % to k",
-        "r(k) at the last k",
-        "r at least 0.99 to k",
-        "r at least 0.9 to k",
+        "within 1 % up to k",
+        "within 5 % up to k",
+        "within 10 % up to k",
+        "r(k) at the largest k",
+        "r at least 0.99 up to k",
+        "r at least 0.9 up to k",
     ];
     let xi = xi.then(|| format!("xi within 10 % from r, {}", m.unit));
     first.iter().chain(&own).map(|s| (*s).to_string()).chain(xi).collect()
@@ -154,7 +154,7 @@ fn spectra_of_sizes(m: &RecoveryMeasurements) -> ResultTable {
 }
 
 fn of_models(m: &RecoveryMeasurements) -> ResultTable {
-    let title = "The models themselves, their mixtures integrated over the cells: no draw, no shot noise".to_string();
+    let title = "The models themselves, with mixtures integrated over the cells: no draw, no shot noise".to_string();
     let rows = m.sizes.iter().map(|o| [of_size(o), spectrum(std::slice::from_ref(&o.model), false)]);
     table("recovery-models", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], false), rows)
 }
@@ -167,7 +167,7 @@ fn of_size(o: &SizeRecovery) -> Vec<TableCell> {
 fn group_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     let classes = m.methods.iter().flat_map(|o| o.all.first()).flat_map(|f| &f.classes).take(3);
     let classes =
-        classes.map(|c| format!("groups of {} (truth {}): off by, %", c.describe(), c.number[0])).collect::<Vec<_>>();
+        classes.map(|c| format!("groups of {} (truth {}): error, %", c.describe(), c.number[0])).collect::<Vec<_>>();
     let rest =
         ["number within 10 % from size", "core mass / truth", "nearest: mean / truth", "nearest: median / truth"];
     let rest = rest.iter().map(|s| (*s).to_string());
@@ -203,7 +203,7 @@ fn groups_of_sizes(m: &RecoveryMeasurements) -> ResultTable {
 }
 
 fn other_draws(m: &RecoveryMeasurements) -> ResultTable {
-    let title = "Our three ways to draw, by ratio and effort".to_string();
+    let title = "Our three drawing methods, by ratio and effort".to_string();
     let rows = m.sizes.iter().flat_map(|o| {
         let draws = [(Method::Count, &o.count), (Method::Stratified, &o.stratified), (Method::Spaced, &o.spaced)];
         draws.map(|(method, facts)| {

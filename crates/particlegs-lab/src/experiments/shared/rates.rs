@@ -89,7 +89,7 @@ pub(crate) fn beside(
 /// longest, at the ratio that is compared alone.
 pub(crate) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios: &[f64]) -> Result<Vec<RatePoint>> {
     let (raw, methods) = (of.position_bytes() as f64, CompressionMethod::all_and_trained(lab));
-    lab.context.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
+    lab.context.begin("methods and sizes", (ratios.len() * methods.len()) as u64);
     let mut rows = Vec::new();
     for &ratio in ratios {
         for &method in &methods {
