@@ -26,7 +26,7 @@ impl Array {
     /// about an origin near the data where the data lie far from 0.
     pub fn reader(self, meta: SnapshotMeta) -> Result<Arc<dyn SnapshotReader>> {
         let Array { bytes, rows, dtype, first, stride } = self;
-        let no_numbers = || Error::input(&meta.name, format!("values of type `{dtype}` are no numbers"));
+        let no_numbers = || Error::input(&meta.name, format!("values of type `{dtype}` are not numbers"));
         let scalar = scalar(&dtype).map_err(|_| no_numbers())?;
         let (kind, big_endian) = (scalar.kind.ok_or_else(no_numbers)?, scalar.big_endian);
         let axes = first.map(|offset| StridedColumn { offset, stride, kind, big_endian });

@@ -32,7 +32,7 @@ pub fn shown(text: &str) -> String {
 impl Ascii {
     /// Finds `count` words in `bytes` from byte `start`.
     pub fn find(bytes: &[u8], start: u64, count: u64) -> Result<Ascii, String> {
-        let missing = || format!("{count} numbers should stand from byte {start} on, and there are fewer");
+        let missing = || format!("expected {count} numbers from byte {start} on, but there are fewer");
         let text = usize::try_from(start).ok().and_then(|s| bytes.get(s..)).ok_or_else(missing)?;
         // Each but the last needs a byte and a blank.
         if count > (text.len() as u64).div_ceil(2) {
@@ -58,7 +58,7 @@ impl Ascii {
     /// Appends numbers `range`. Those of f32 are rounded once, from the decimal.
     pub fn append(&self, bytes: &[u8], range: Range<u64>, kind: NumberType, out: &mut Vec<f64>) -> Result<(), String> {
         if range.end > self.count {
-            return Err("fewer numbers than are asked for".into());
+            return Err("too few numbers".into());
         }
         if range.is_empty() {
             return Ok(());
@@ -67,7 +67,7 @@ impl Ascii {
         // From the kept place before, over the numbers between.
         let mut at = self.starts[(range.start / STEP) as usize] as usize;
         for i in range.start - range.start % STEP..range.end {
-            let word = word(bytes, at).ok_or("fewer numbers than there were")?;
+            let word = word(bytes, at).ok_or("the file has fewer numbers than before")?;
             at = word.end;
             if i >= range.start {
                 let text = &bytes[word.clone()];

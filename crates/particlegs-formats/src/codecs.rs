@@ -11,7 +11,7 @@ pub const MOST_BYTES: usize = 16 << 20;
 /// `length` zero bytes, where that is no more than [`MOST_BYTES`].
 fn space(length: usize) -> Result<Vec<u8>, String> {
     if length > MOST_BYTES {
-        return Err(format!("a compressed block of {length} bytes is larger than {MOST_BYTES}"));
+        return Err(format!("a compressed block has {length} bytes; at most {MOST_BYTES} are supported"));
     }
     Ok(vec![0; length])
 }
@@ -19,11 +19,11 @@ fn space(length: usize) -> Result<Vec<u8>, String> {
 /// Reads exactly `length` bytes, and nothing must follow.
 fn exactly(mut source: impl Read, length: usize) -> Result<Vec<u8>, String> {
     let mut out = space(length)?;
-    source.read_exact(&mut out).map_err(|e| format!("a compressed block is broken: {e}"))?;
+    source.read_exact(&mut out).map_err(|e| format!("a compressed block is damaged: {e}"))?;
     match source.read(&mut [0]) {
         Ok(0) => Ok(out),
         Ok(_) => Err("a compressed block holds more than it should".into()),
-        Err(e) => Err(format!("a compressed block is broken: {e}")),
+        Err(e) => Err(format!("a compressed block is damaged: {e}")),
     }
 }
 
@@ -37,40 +37,40 @@ pub fn lz4(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     let mut out = space(length)?;
     match lz4_flex::block::decompress_into(bytes, &mut out) {
         Ok(n) if n == length => Ok(out),
-        Ok(n) => Err(format!("a block of LZ4 gives {n} bytes instead of {length}")),
-        Err(e) => Err(format!("a block of LZ4 is broken: {e}")),
+        Ok(n) => Err(format!("an LZ4 block decompresses to {n} bytes instead of {length}")),
+        Err(e) => Err(format!("an LZ4 block is damaged: {e}")),
     }
 }
 
 pub fn zstd(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     let decoder = ruzstd::decoding::StreamingDecoder::new_with_max_window_size(bytes, MOST_BYTES as u64)
-        .map_err(|e| format!("a block of Zstandard is broken: {e}"))?;
+        .map_err(|e| format!("a Zstandard block is damaged: {e}"))?;
     exactly(decoder, length)
 }
 
 /// An .xz stream of one block of LZMA2, as liblzma's buffer encoder writes it. The dictionary is
 /// taken as large as the result, whatever the stream says: level 9 says 64 MiB for any block.
 pub fn xz(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
-    let broken = |what: &str| format!("a block of LZMA is broken: {what}");
+    let broken = |what: &str| format!("an LZMA block is damaged: {what}");
     if length > MOST_BYTES {
         return space(length);
     }
     let magic = [0xfd, b'7', b'z', b'X', b'Z', 0];
     let (head, rest) = bytes.split_at_checked(12).ok_or_else(|| broken("it is cut short"))?;
     if head[..6] != magic || crc32fast::hash(&head[6..8]).to_le_bytes() != head[8..12] {
-        return Err(broken("no .xz header"));
+        return Err(broken("the .xz header is missing"));
     }
     let size = rest.first().map_or(0, |&b| 4 * (usize::from(b) + 1));
     let (block, data) = rest.split_at_checked(size).ok_or_else(|| broken("it is cut short"))?;
     let (fields, sum) = block.split_at(size.saturating_sub(4));
     if rest.first() == Some(&0) || crc32fast::hash(fields).to_le_bytes() != *sum {
-        return if length == 0 { Ok(Vec::new()) } else { Err(broken("no block in it")) };
+        return if length == 0 { Ok(Vec::new()) } else { Err(broken("it is empty")) };
     }
     // Flags: one filter, perhaps both sizes; then the filter LZMA2 with a byte of properties.
     let sizes = usize::from(fields[1] & 0x40 != 0) + usize::from(fields[1] & 0x80 != 0);
     let mut filter = &fields[2..];
     for _ in 0..sizes {
-        let end = filter.iter().position(|b| b & 0x80 == 0).ok_or_else(|| broken("its sizes"))?;
+        let end = filter.iter().position(|b| b & 0x80 == 0).ok_or_else(|| broken("its sizes are wrong"))?;
         filter = &filter[end + 1..];
     }
     if fields[1] & 0x3f != 0 || !filter.starts_with(&[0x21, 1]) {

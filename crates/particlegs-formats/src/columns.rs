@@ -124,12 +124,12 @@ impl Snapshot for ColumnarSnapshot {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = self.description.species.get(species);
-        let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
+        let species = species.ok_or_else(|| Error::argument("the file has only one particle type"))?;
         if species.positions.is_empty() && choice.positions.is_none() {
             let vectors = species.fields.iter().filter(|f| f.components == 3);
             let names: Vec<&str> = vectors.map(|f| &f.name[..]).collect();
             let hint = Hint::from("choose with ").option("positions", "").words(format!(": {}", names.join(", ")));
-            return Err(Error::input_with(&self.place, "it does not say which field holds positions", hint));
+            return Err(Error::input_with(&self.place, "it is not clear which field holds positions", hint));
         }
         let mut columns = Vec::new();
         for (k, own) in axes::columns(&self.place, species, choice)?.iter().enumerate() {

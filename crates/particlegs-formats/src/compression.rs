@@ -39,8 +39,8 @@ impl FileCompression {
     /// The error for a stream in the file `path` that `cause` ended after `bytes` of content.
     pub fn broken(self, path: &Path, bytes: u64, cause: &std::io::Error) -> Error {
         let what = match cause.kind() {
-            ErrorKind::UnexpectedEof => format!("its {} stream is cut off after {bytes} bytes of content", self.name()),
-            _ => format!("its {} stream is broken after {bytes} bytes of content: {cause}", self.name()),
+            ErrorKind::UnexpectedEof => format!("the {} data end early, after {bytes} decompressed bytes", self.name()),
+            _ => format!("the {} data are damaged after {bytes} decompressed bytes: {cause}", self.name()),
         };
         Error::input_with(path, what, "copy the file again from its source")
     }
@@ -122,7 +122,7 @@ impl<R: Read> Read for ZstdFrames<R> {
             self.open = false;
             let stated = self.decoder.get_checksum_from_data();
             if stated.is_some() && stated != self.decoder.get_calculated_checksum() {
-                return Err(std::io::Error::new(ErrorKind::InvalidData, "its checksum does not fit"));
+                return Err(std::io::Error::new(ErrorKind::InvalidData, "the checksum is wrong"));
             }
         }
     }

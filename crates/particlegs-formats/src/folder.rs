@@ -28,9 +28,9 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
         several => {
             let names = several.iter().take(NAMED).map(SnapshotFileSet::name).collect::<Vec<_>>().join(", ");
             let more = if several.len() > NAMED { ", ..." } else { "" };
-            let what = format!("a folder with several snapshots: {names}{more}");
+            let what = format!("the folder has several snapshots: {names}{more}");
             let hint =
-                Hint::from("name one of them; ").option("format", "").words(" leaves files of other formats out");
+                Hint::from("name one of them; ").option("format", "").words(" ignores files of other formats");
             Err(Error::input_with(folder, what, hint))
         }
     }
@@ -38,11 +38,11 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
 
 fn none_there(folder: &Path) -> Error {
     match PathKind::from_path(folder) {
-        PathKind::Job => Error::input_with(folder, "a job's folder, not a snapshot", PathKind::Job.to_a_model()),
+        PathKind::Job => Error::input_with(folder, "this is a job folder, not a snapshot", PathKind::Job.to_a_model()),
         _ => Error::input_with(
             folder,
-            "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",
-            "name the snapshot's first file",
+            "the folder holds neither xx.f32, yy.f32, zz.f32 nor a snapshot file",
+            "name the first file of the snapshot",
         ),
     }
 }
@@ -136,7 +136,7 @@ mod tests {
             let error = names(dir.path(), None).unwrap_err().to_string();
             assert!(error.contains(text), "{error}");
         };
-        refused("without a snapshot's file");
+        refused("nor a snapshot file");
         std::fs::write(dir.path().join("picture.png"), b"\x89PNG\r\n\x1a\n").unwrap();
         std::fs::write(dir.path().join("views.json"), b"{}").unwrap();
         put("species.hdf5", "b.hdf5");

@@ -202,8 +202,8 @@ impl StridedParticles {
             }
             _ => {
                 let end = bytes.len();
-                let what = format!("it is said to hold {rows} particles, and ends at {end} bytes before the last");
-                Err(Error::input_with(place, what, "the file is cut short, or its header is wrong: copy it again"))
+                let what = format!("the header says {rows} particles, but the data end early, at byte {end}");
+                Err(Error::input_with(place, what, "the file is cut short or damaged: copy it again"))
             }
         }
     }

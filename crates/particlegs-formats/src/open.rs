@@ -16,7 +16,7 @@ pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<SpoolFil
         None => known(&head).map(drop)?,
         // Not all of an endless device for a format that it is not in; a table may begin with anything.
         Some(name) if head.content.contains(&0) && !(named(name)?.detect)(&head) => {
-            return Err(Error::input(source.place(), format!("does not begin as a file of the format `{name}` does")));
+            return Err(Error::input(source.place(), format!("the first bytes are not those of the format `{name}`")));
         }
         Some(_) => {}
     }
@@ -34,11 +34,11 @@ fn known(head: &FileHead) -> Result<&'static Format> {
         PathKind::Snapshot(format) => Ok(format),
         PathKind::Unknown => Err(match foreign_of(head) {
             Some(foreign) => {
-                Error::input_with(path, format!("{}, which is not read", foreign.title), foreign.hint(path))
+                Error::input_with(path, format!("{}, which this program does not read", foreign.title), foreign.hint(path))
             }
             None => {
-                let hint = Hint::default().option("format", "").words(format!(" forces one of: {}", names()));
-                Error::input_with(path, "not in a format that this program knows", hint)
+                let hint = Hint::default().option("format", "").words(format!(" sets the format; known formats: {}", names()));
+                Error::input_with(path, "the file format is unknown", hint)
             }
         }),
         other => {
@@ -63,10 +63,10 @@ impl Choice {
     /// Refuses what is chosen and means nothing in a format.
     pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
         if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
-            return Err(Error::input(place, "only Gadget files of format 1 have blocks to name"));
+            return Err(Error::input(place, "block names can only be given for Gadget files of format 1"));
         }
         if self.keep_unwrapped && ![crate::lammps::FORMAT.name, crate::xyz::FORMAT.name].contains(&format) {
-            return Err(Error::input(place, "it is not a trajectory, so it has no unwrapped positions"));
+            return Err(Error::input(place, "unwrapped positions are only stored in trajectories"));
         }
         Ok(())
     }

@@ -71,8 +71,8 @@ impl PathKind {
     pub fn describe(self) -> Option<String> {
         Some(match self {
             PathKind::Model => "a model file".into(),
-            PathKind::Job => "a job's folder".into(),
-            PathKind::JobFile => "a file of a job or a checkpoint".into(),
+            PathKind::Job => "a job folder".into(),
+            PathKind::JobFile => "a file of a job folder or a checkpoint".into(),
             PathKind::Snapshot(format) => format!("a snapshot ({})", format.title),
             PathKind::RawFolder => "a snapshot (raw float32 columns)".into(),
             PathKind::Folder => "a folder".into(),
@@ -90,10 +90,10 @@ impl PathKind {
             }
             PathKind::Job => {
                 let hint = Hint::default().command("merge", "").words(" makes the model of it; ");
-                hint.command("status", "").words(" tells how far it is")
+                hint.command("status", "").words(" shows its progress")
             }
-            PathKind::JobFile => Hint::default().command("merge", "").words(" makes a model of the job's folder"),
-            _ => Hint::from("name a model file, as ").command("compress", "").words(" writes it"),
+            PathKind::JobFile => Hint::default().command("merge", "").words(" makes a model of the job folder"),
+            _ => Hint::from("name a model file from ").command("compress", ""),
         }
     }
 
@@ -106,7 +106,7 @@ impl PathKind {
             }
             PathKind::Job => self.to_a_model(),
             PathKind::JobFile => "name the snapshot that the job was planned for".into(),
-            _ => "name a snapshot; docs/guide/formats.md lists what is read".into(),
+            _ => "name a snapshot; docs/guide/formats.md lists the formats".into(),
         }
     }
 }

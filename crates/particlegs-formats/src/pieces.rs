@@ -71,7 +71,7 @@ impl PieceReader {
         for piece in &pieces {
             let before = starts[starts.len() - 1];
             let after = before.checked_add(piece.rows()).filter(|&n| n <= i64::MAX as u64 / 16);
-            starts.push(after.ok_or_else(|| Error::input(&meta.name, "more particles than can be counted"))?);
+            starts.push(after.ok_or_else(|| Error::input(&meta.name, "too many particles to count"))?);
         }
         let mut sample = RowBuffer::default();
         for piece in pieces.iter().filter(|p| p.is_wide() && p.rows() > 0) {
@@ -108,7 +108,7 @@ impl PieceReader {
         }
         let n = (rows.end - rows.start) as usize;
         let whole = out.position.iter().all(|c| c.len() == n) && out.weight.len() == if self.weighted { n } else { 0 };
-        if whole { Ok(()) } else { Err(Error::input(&self.meta.name, "its columns have different lengths")) }
+        if whole { Ok(()) } else { Err(Error::input(&self.meta.name, "the columns have different lengths")) }
     }
 }
 

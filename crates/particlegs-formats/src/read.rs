@@ -253,7 +253,7 @@ fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let description = snapshot.description();
     if choice.frame.is_some() && description.frames.is_none() {
         let name = &description.meta.name;
-        return Err(Error::argument(format!("{name} is one snapshot: it has no frames to choose from")));
+        return Err(Error::argument(format!("{name} is a single snapshot without frames")));
     }
     Ok(snapshot)
 }
@@ -282,7 +282,7 @@ fn bounds_of(reader: &dyn SnapshotReader, context: &Context<'_>) -> Result<Bound
 /// Indices of the species that `names` choose, each once; all without names.
 fn chosen(species: &[Species], names: &[String], place: &str) -> Result<Vec<usize>> {
     if species.is_empty() {
-        return Err(Error::input(place, "no particles"));
+        return Err(Error::input(place, "it holds no particles"));
     }
     if names.is_empty() {
         return Ok((0..species.len()).collect());
@@ -295,8 +295,8 @@ fn chosen(species: &[Species], names: &[String], place: &str) -> Result<Vec<usiz
             let there: Vec<String> = species.iter().map(called).collect();
             Error::input_with(
                 place,
-                format!("no particles of type `{name}`"),
-                format!("there are: {}", there.join(", ")),
+                format!("there are no particles of type `{name}`"),
+                format!("the types are: {}", there.join(", ")),
             )
         })?;
         if !chosen.contains(&index) {

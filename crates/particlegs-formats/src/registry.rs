@@ -28,7 +28,7 @@ pub(crate) fn format_of(head: &FileHead) -> Option<&'static Format> {
 }
 
 pub(crate) fn named(name: &str) -> Result<&'static Format> {
-    let unknown = || Error::argument(format!("format `{name}` is not one of: {}", names()));
+    let unknown = || Error::argument(format!("unknown format `{name}`; known formats: {}", names()));
     FORMATS.iter().find(|f| f.name == name).ok_or_else(unknown)
 }
 

@@ -47,7 +47,7 @@ pub struct Description {
 
 impl Description {
     /// What is said of splats.
-    pub(crate) const SPLATS: &str = "Gaussian splats: their centres are read as points, nothing else of them";
+    pub(crate) const SPLATS: &str = "Gaussian splats: only their centres are read, as points";
 
     /// Of a reader of a species.
     pub(crate) fn meta_of(&self, species: &Species) -> SnapshotMeta {
@@ -67,8 +67,8 @@ pub(crate) fn named(path: &Path) -> SnapshotMeta {
 
 /// The error for a frame that is not among the `count` that there are, one at least.
 pub(crate) fn no_frame(path: &Path, frame: u64, count: u64) -> Error {
-    let there = if count == 1 { "its only one is 0".into() } else { format!("they are 0 to {}", count - 1) };
-    Error::input(path, format!("has no frame {frame}: {there}"))
+    let there = if count == 1 { "the only frame is 0".into() } else { format!("the frames are 0 to {}", count - 1) };
+    Error::input(path, format!("there is no frame {frame}; {there}"))
 }
 
 /// The one file of a format in single files.
@@ -77,7 +77,7 @@ pub(crate) fn only(paths: &[PathBuf]) -> Result<&PathBuf> {
         [one] => Ok(one),
         [] => Err(Error::argument("no file was named")),
         [first, ..] => {
-            let what = format!("{} files were named, and this format has one a snapshot", paths.len());
+            let what = format!("{} files were named, but this format uses one file per snapshot", paths.len());
             Err(Error::input(first, what))
         }
     }
@@ -168,9 +168,9 @@ impl Species {
             Weights::Field(name) => match self.fields.iter().find(|f| f.name == *name && f.components == 1) {
                 Some(field) => match self.weight_kind(field) {
                     WeightKind::Intensive(values) => {
-                        let what = format!("`{name}` cannot be weights: a sum of {values} is no map");
+                        let what = format!("`{name}` cannot be weights: a sum of {values} is meaningless");
                         let hint =
-                            Hint::from("leave ").option("mass-field", "").words(" out to weigh by masses, or give ");
+                            Hint::from("omit ").option("mass-field", "").words(" to weigh by mass, or give ");
                         let hint = hint.option("mass-field", "none").words(" to count particles");
                         Err(Error::input_with(place, what, hint))
                     }
@@ -202,7 +202,7 @@ impl Species {
     /// The error for a field that `name` asks for and the species has not.
     pub(crate) fn missing<'a>(&self, place: &str, name: &str, there: impl Iterator<Item = &'a str>) -> Error {
         let there: Vec<&str> = there.collect();
-        let hint = if there.is_empty() { "there are none".into() } else { format!("there are: {}", there.join(", ")) };
-        Error::input_with(place, format!("{} has no such field `{name}`", self.name), hint)
+        let hint = if there.is_empty() { "there are no fields".into() } else { format!("the fields are: {}", there.join(", ")) };
+        Error::input_with(place, format!("{} has no field `{name}`", self.name), hint)
     }
 }

@@ -55,7 +55,7 @@ impl StoredBytes {
         }
         let most = packed.saturating_mul(coding.most_ratio());
         if coding == StreamCoding::Plain && size != packed || size > most.saturating_add(1024) {
-            return Err(format!("{packed} bytes cannot hold the {size} that are promised"));
+            return Err(format!("{packed} compressed bytes cannot expand to {size}"));
         }
         Ok(StoredBytes { bytes, start: start as usize, packed: packed as usize, size, coding })
     }
@@ -101,7 +101,7 @@ impl Read for CompleteReader<'_> {
         }
         let n = self.inner.read(buffer)?;
         if n == 0 && self.left > 0 {
-            return Err(Error::new(ErrorKind::UnexpectedEof, "the compressed data end too early"));
+            return Err(Error::new(ErrorKind::UnexpectedEof, "the compressed data end early"));
         }
         let Some(crc) = self.crc else {
             self.left = self.left.saturating_sub(n as u64);
@@ -109,7 +109,7 @@ impl Read for CompleteReader<'_> {
         };
         self.sum.update(&buffer[..n]);
         if n as u64 > self.left {
-            return Err(Error::new(ErrorKind::InvalidData, "the compressed data hold more than they should"));
+            return Err(Error::new(ErrorKind::InvalidData, "the compressed data are longer than expected"));
         }
         self.left -= n as u64;
         if n == 0 && self.sum.sum() != crc {

@@ -103,19 +103,19 @@ impl Writer {
         let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
         let refused = |what: String| {
             let writers: Vec<String> = WRITERS.iter().map(Writer::describe).collect();
-            Err(Error::argument_with(what, format!("what can be written: {}", writers.join("; "))))
+            Err(Error::argument_with(what, format!("possible formats: {}", writers.join("; "))))
         };
         if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
-            return refused(format!("{}: .{ending} is not written", out.display()));
+            return refused(format!("{}: cannot write .{ending} files", out.display()));
         }
         let Some(name) = name else { return Ok(meant.unwrap_or(&WRITERS[0])) };
         let Some(writer) = WRITERS.iter().find(|w| w.name == name) else {
-            return refused(format!("output format `{name}` is not known"));
+            return refused(format!("unknown output format `{name}`"));
         };
         match meant {
             Some(meant) if meant.name != name => {
                 let (out, title) = (out.display(), meant.title);
-                refused(format!("{out}: its ending means {title}, and {name} is asked for"))
+                refused(format!("{out}: the ending means {title}, but format {name} was requested"))
             }
             _ => Ok(writer),
         }
@@ -143,7 +143,7 @@ impl Writer {
         ] {
             all.extend(is_there.then(|| what.to_string()));
         }
-        (!all.is_empty()).then(|| format!("{} does not hold: {}", self.title, all.join(", ")))
+        (!all.is_empty()).then(|| format!("{} cannot store: {}", self.title, all.join(", ")))
     }
 
     /// For lists: `hdf5 (.hdf5, .h5)`.

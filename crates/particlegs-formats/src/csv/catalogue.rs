@@ -40,11 +40,11 @@ impl Catalogue {
     /// # Errors
     /// What is wrong, with the line where that is one; the columns, where they do not tell which are meant.
     pub fn parse(bytes: &[u8]) -> Result<Catalogue, String> {
-        let nothing = |what: String| if what == "there are no rows in it" { "no centres in it".into() } else { what };
+        let nothing = |what: String| if what == "there are no rows" { "there are no centres".into() } else { what };
         let guess = Guess::new(bytes, true).map_err(nothing)?;
         let lines = || bytes.split(|&b| b == b'\n').enumerate().skip(guess.rows_after as usize);
         let rows = || lines().filter(|(_, line)| guess.layout.is_row(line));
-        let first = rows().next().ok_or("no centres in it")?.1;
+        let first = rows().next().ok_or("there are no centres")?.1;
         let chosen = chosen(&guess, &tokens(first, guess.layout.separator))?;
         let read = |(i, line): (usize, &[u8])| {
             let values = tokens(line, guess.layout.separator);
@@ -68,7 +68,7 @@ impl Catalogue {
         let radii = named(chosen.radius).or(header.radii).or(header.all);
         if let Some(program) = program.filter(|_| places.is_none() || chosen.radius.is_some() && radii.is_none()) {
             let Program { name, positions, radii } = program;
-            self.notes.push(format!("the header does not state all units: as {name} writes them, positions are in {positions} and radii in {radii}"));
+            self.notes.push(format!("the header does not state all units; assuming those of {name}: positions in {positions}, radii in {radii}"));
         }
         let places = places.or(program.map(|p| p.positions.into()));
         let radii = radii.or(program.map(|p| p.radii.into())).or(places.clone());
@@ -91,7 +91,7 @@ impl Catalogue {
         let (length, unit) = (taken.length, places.units.length_text());
         if let (Some(unit), None) = (unit, to.units.length_text()) {
             notes.push(format!(
-                "centres are in {unit}; the snapshot states no unit of length: it is taken to be the same"
+                "centres are in {unit}; the snapshot states no unit of length and is assumed to use the same"
             ));
         }
         if let (Some((length, unit)), Some(sides)) = (&self.box_length, sides) {
@@ -100,7 +100,7 @@ impl Catalogue {
             if stated.is_ok_and(|stated| sides.iter().any(|side| (side / stated - 1.0).abs() > SAME_BOX)) {
                 let own = to.units.length_text().map_or(String::new(), |text| format!(" {text}"));
                 let [x, y, z] = sides;
-                notes.push(format!("its header states a box of {length} {unit}, and the snapshot's box is {x} x {y} x {z}{own}: they may come from different runs"));
+                notes.push(format!("the header states a box of {length} {unit}, but the snapshot's box is {x} x {y} x {z}{own}: they may come from different runs"));
             }
         }
         let radius = match to.units.length_text() {
@@ -144,7 +144,7 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     }
     let columns = names.len() - guess.first_column;
     if guess.named && columns > 3 {
-        return Err(format!("no columns are called x, y and z; there are: {}", listed()));
+        return Err(format!("no columns are named x, y and z; the columns are: {}", listed()));
     }
     let whole = |c: usize| first.get(c).is_some_and(|v| !v.is_empty() && v.iter().all(u8::is_ascii_digit));
     let from = guess.first_column;
@@ -158,7 +158,7 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     if !told {
         let values: Vec<String> = first.iter().take(8).map(|v| String::from_utf8_lossy(v).into_owned()).collect();
         return Err(format!(
-            "{columns} columns without names ({}, ...): it is not clear which are x, y and z",
+            "the {columns} columns have no names ({}, ...): it is not clear which are x, y and z",
             values.join(", ")
         ));
     }
@@ -167,7 +167,7 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
 
 fn centre(values: &[&[u8]], chosen: &CentreColumns, comma: bool) -> Result<Centre, String> {
     let number = |column: usize| {
-        let word = values.get(column).ok_or_else(|| format!("{} columns are too few for x, y and z", values.len()))?;
+        let word = values.get(column).ok_or_else(|| format!("there are only {} columns, too few for x, y and z", values.len()))?;
         let value = number_with(word, comma).filter(|v| v.is_finite());
         value.ok_or_else(|| format!("{} is not a finite number", shown(word)))
     };
@@ -175,7 +175,7 @@ fn centre(values: &[&[u8]], chosen: &CentreColumns, comma: bool) -> Result<Centr
     let stated = chosen.radius.filter(|r| values.get(*r).is_some_and(|w| !w.is_empty()));
     let radius = stated.map(number).transpose()?;
     if let Some(r) = radius.filter(|r| *r <= 0.0) {
-        return Err(format!("the radius {r} is not above 0"));
+        return Err(format!("the radius {r} is not positive"));
     }
     Ok(([x?, y?, z?], radius))
 }
@@ -319,7 +319,7 @@ mod tests {
         let notes = |sides| Catalogue::parse(list.as_bytes()).unwrap().convert(&to, Some(sides)).unwrap().1;
         assert_eq!(notes([20_000.0; 3]), [""; 0]);
         let said = notes([14_000.0; 3]).concat();
-        assert!(said.contains("a box of 20 Mpc/h, and the snapshot's box is 14000 x 14000 x 14000 kpc/h"), "{said}");
+        assert!(said.contains("a box of 20 Mpc/h, but the snapshot's box is 14000 x 14000 x 14000 kpc/h"), "{said}");
     }
 
     #[test]
@@ -332,9 +332,9 @@ mod tests {
             ("1,2,inf\n", "line 1: `inf` is not"),
             ("1,2,3,-1\n", "line 1: the radius -1"),
             ("1,2,3,NaN\n", "`NaN` is not"),
-            ("#id mass a b c\n1 2 3 4 5\n", "there are: id, mass, a, b, c"),
-            ("1 10.5 8.5 1.5\n", "4 columns without names (1, 10.5, 8.5, 1.5"),
-            ("1 -1 1e12 35.0 1.0\n", "5 columns without names"),
+            ("#id mass a b c\n1 2 3 4 5\n", "the columns are: id, mass, a, b, c"),
+            ("1 10.5 8.5 1.5\n", "4 columns have no names (1, 10.5, 8.5, 1.5"),
+            ("1 -1 1e12 35.0 1.0\n", "5 columns have no names"),
         ] {
             let refused = parsed(text).unwrap_err();
             assert!(refused.contains(what), "{text}: {refused}");

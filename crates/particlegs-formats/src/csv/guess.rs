@@ -37,11 +37,11 @@ impl Guess {
         let begin = usize::from(stated.is_some());
         let comment = comment_of(&all[begin..]);
         let data: Vec<usize> = (begin..all.len()).filter(|&i| is_data(all[i], comment)).take(LOOK).collect();
-        let &first = data.first().ok_or("there are no rows in it")?;
+        let &first = data.first().ok_or("there are no rows")?;
         let rows: Vec<&[u8]> = data.iter().map(|&i| all[i]).collect();
-        let (separator, columns) = separator_of(&rows, stated).ok_or("its rows have different numbers of columns")?;
+        let (separator, columns) = separator_of(&rows, stated).ok_or("rows have different numbers of columns")?;
         if columns > MOST_COLUMNS {
-            return Err(format!("its rows have {columns} columns, more than {MOST_COLUMNS}"));
+            return Err(format!("rows have {columns} columns; at most {MOST_COLUMNS} are supported"));
         }
         let split: Vec<Vec<&[u8]>> = rows.iter().map(|row| tokens(row, separator)).collect();
         let comma = has_decimal_commas(&split);
@@ -79,11 +79,11 @@ fn check_text(head: &[u8]) -> Result<(), String> {
     let line = |at: usize| 1 + head[..at].iter().filter(|&&b| b == b'\n').count();
     let control = |b: &u8| b.is_ascii_control() && !matches!(b, b'\n' | b'\r' | b'\t' | 0x0c);
     if let Some(at) = head.iter().position(control) {
-        return Err(format!("line {} holds the byte {:#04x}: this is not text", line(at), head[at]));
+        return Err(format!("line {} has the byte {:#04x}: this is not a text file", line(at), head[at]));
     }
     match std::str::from_utf8(head) {
         Ok(_) => Ok(()),
-        Err(e) => Err(format!("line {} is no UTF-8 text", line(e.valid_up_to()))),
+        Err(e) => Err(format!("line {} is not UTF-8 text", line(e.valid_up_to()))),
     }
 }
 

@@ -23,7 +23,7 @@ use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
-pub const FORMAT: Format = Format { name: "csv", title: "Table of text", detect, open };
+pub const FORMAT: Format = Format { name: "csv", title: "Text table", detect, open };
 
 fn detect(head: &FileHead) -> bool {
     Guess::new(&head.content, head.content.len() < 1 << 16).is_ok_and(|guess| guess.is_likely)
@@ -32,10 +32,10 @@ fn detect(head: &FileHead) -> bool {
 
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
-        return Err(Error::argument("one table of text is read at a time"));
+        return Err(Error::argument("name one text table at a time"));
     };
     if options.frame.is_some_and(|frame| frame > 0) {
-        return Err(Error::input(path, "a table of text has one frame only"));
+        return Err(Error::input(path, "a text table has only one frame"));
     }
     let content = TextContent::open(path)?;
     let mut lines = LineReader::open(&content, TextPosition::START, None)?;
@@ -47,7 +47,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     lines.pass(u64::MAX, |place, block| builder.add(place, block))?;
     let mut notes = Vec::new();
     if lines.ends_open() {
-        notes.push("the last line has no end: the file may have been cut off there".into());
+        notes.push("the last line has no newline: the file may be cut off there".into());
     }
     let table = builder.until(lines.place()).finish()?;
     let kinds = kinds(&table);

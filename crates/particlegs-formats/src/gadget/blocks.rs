@@ -63,19 +63,19 @@ impl GadgetFile {
         let records = Records { bytes: &bytes, big_endian };
         let mut found = named_records(path, &records, named)?.into_iter();
         let head = found.next().filter(|(name, r)| name == "HEAD" && r.length == HEADER as u64);
-        let (_, head) = head.ok_or_else(|| Error::input(path, "its first record is no Gadget header of 256 bytes"))?;
+        let (_, head) = head.ok_or_else(|| Error::input(path, "the first record is not a 256-byte Gadget header"))?;
         let header = GadgetHeader::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
         let (path, blocks, unknown) = (path.to_path_buf(), vec![], vec![]);
         let mut part = GadgetFile { path, bytes, big_endian, named, header, blocks, unknown, order: vec![] };
         match named {
             true if !stated.is_empty() => {
-                return Err(Error::input(&part.path, "its blocks have names: it is format 2"));
+                return Err(Error::input(&part.path, "block names cannot be given: the file is of format 2, which names its blocks"));
             }
             true => part.place_named(found)?,
             false => part.place_plain(&found.map(|(_, record)| record).collect::<Vec<_>>(), stated)?,
         }
         if part.header.particles() > 0 && part.block("POS").is_none() {
-            return Err(part.cut("it has no block POS"));
+            return Err(part.cut("there is no block POS"));
         }
         Ok(part)
     }
@@ -110,7 +110,7 @@ impl GadgetFile {
     /// Format 1 has no names: the user's, else what lengths and values tell.
     fn place_plain(&mut self, records: &[GadgetRecord], stated: &[String]) -> Result<()> {
         if stated.len() > records.len() {
-            let what = format!("{} blocks are named, and it has {} behind the header", stated.len(), records.len());
+            let what = format!("{} block names were given, but {} blocks follow the header", stated.len(), records.len());
             return Err(Error::input(&self.path, what));
         }
         if stated.is_empty() {
@@ -129,7 +129,7 @@ impl GadgetFile {
                 Some(block) => self.blocks.push(block),
                 None if stated.contains(&name) && name != order::NONE => {
                     let what = format!("block {name} at byte {} has {} bytes", record.offset, record.length);
-                    return Err(Error::input_with(&self.path, what, "the header's counts need another number"));
+                    return Err(Error::input_with(&self.path, what, "this size does not match the particle counts in the header"));
                 }
                 None => self.unknown.push(format!("at byte {}", record.offset)),
             }
@@ -197,7 +197,7 @@ fn named_records(path: &Path, records: &Records<'_>, named: bool) -> Result<Vec<
             if record.length != 8 || out.len() == MOST_BLOCKS {
                 let length = record.length;
                 return Err(fault(format!(
-                    "the record at byte {at} should hold a block's name, and has {length} bytes"
+                    "the record at byte {at} should hold a block name, but has {length} bytes"
                 )));
             }
             let label = &records.bytes[record.offset as usize..][..4];

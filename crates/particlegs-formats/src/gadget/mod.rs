@@ -40,7 +40,7 @@ impl Gadget {
         let present = |t: &usize| parts.iter().any(|p| p.header.count[*t] > 0);
         let types: Vec<usize> = (0..TYPES).filter(present).collect();
         if types.is_empty() {
-            return Err(Error::input(&paths[0], "no particles"));
+            return Err(Error::input(&paths[0], "it holds no particles"));
         }
         let species = types.iter().map(|&t| species(&parts, t)).collect::<Result<_>>()?;
         let mut description = describe(&parts, paths, species);
@@ -57,7 +57,7 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
         if first.big_endian { "big-endian" } else { "little-endian" }
     );
     let mut notes =
-        vec!["the file has no units; Gadget's usual length is kpc/h: state the units of length and mass".to_string()];
+        vec!["the file states no units; Gadget usually uses kpc/h: set the units of length and mass".to_string()];
     let h = &first.header;
     if h.is_cosmological() {
         notes.push(format!("redshift {}, Omega0 {}, OmegaLambda {}", h.redshift, h.omega0, h.omega_lambda));
@@ -65,10 +65,10 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
     let usual = ["POS", "VEL", "ID", "MASS", "U", "RHO", "NE", "NH", "HSML"];
     if first.order.iter().any(|name| !usual.contains(&&name[..])) {
         let order = first.order.join(", ");
-        notes.push(format!("format 1 does not name its blocks: by their lengths and values they are {order}"));
+        notes.push(format!("format 1 does not name its blocks; judging by sizes and values they are {order}"));
     }
     if !first.unknown.is_empty() {
-        notes.push(format!("blocks of unknown layout, not read: {}", first.unknown.join(", ")));
+        notes.push(format!("skipped blocks of unknown layout: {}", first.unknown.join(", ")));
     }
     let files = parts.iter().map(|p| p.path.clone()).collect();
     Description { format, files, meta: h.meta(named(&paths[0])), species, frames: None, notes }
@@ -84,7 +84,7 @@ fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {
     } else if with().all(|p| holds(p, "MASS")) {
         SpeciesMass::Field("MASS".into())
     } else if with().any(|p| holds(p, "MASS")) {
-        return Err(Error::input(&first.path, "some files of the snapshot have a block MASS and some have none"));
+        return Err(Error::input(&first.path, "some files of the snapshot have a block MASS and others do not"));
     } else {
         SpeciesMass::Unknown
     };
@@ -113,7 +113,7 @@ impl Snapshot for Gadget {
         for part in self.parts.iter().filter(|p| p.header.count[t] > 0) {
             let lane = |FieldComponent { field, component }: &FieldComponent| {
                 let block = part.block(field).filter(|b| b.types[t] && *component < b.components);
-                let block = block.ok_or_else(|| Error::input(&part.path, format!("it has no block {field}")))?;
+                let block = block.ok_or_else(|| Error::input(&part.path, format!("there is no block {field}")))?;
                 let lane = part.lane(block, t, *component);
                 Ok(StridedColumn { kind: lane.kind.stored(choice.as_stored), ..lane })
             };

@@ -15,24 +15,24 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec
     let given = GadgetFile::open(&paths[0], &options.blocks)?;
     let files = given.header.files;
     if files > MOST_FILES {
-        return Err(Error::input(&paths[0], format!("the header says {files} files: it is damaged")));
+        return Err(Error::input(&paths[0], format!("the header says {files} files: the header is damaged")));
     }
     let mut notes = Vec::new();
     let names = match names(&paths[0], files) {
         Err(_) if !options.strict && paths.len() == 1 => {
-            notes.push(format!("the header is of a snapshot of {files} files; this file is read as a part of it"));
+            notes.push(format!("the snapshot has {files} files; this file is read as one part of it"));
             vec![paths[0].clone()]
         }
         names => names?,
     };
     if let Some(alien) = paths.iter().find(|p| !names.contains(p)) {
-        let what = format!("not one of the {files} file(s) of the snapshot {}", names[0].display());
-        return Err(Error::input_with(alien, what, "one snapshot at a time"));
+        let what = format!("this is not one of the {files} file(s) of the snapshot {}", names[0].display());
+        return Err(Error::input_with(alien, what, "name one snapshot at a time"));
     }
     let mut parts: Vec<GadgetFile> = Vec::with_capacity(names.len());
     for name in &names {
         if !name.exists() {
-            let what = format!("missing: {} says that the snapshot has {files} files", paths[0].display());
+            let what = format!("this file is missing: {} says that the snapshot has {files} files", paths[0].display());
             return Err(Error::input_with(name, what, "put all files of the snapshot into one folder"));
         }
         let part = GadgetFile::open(name, &options.blocks)?;
@@ -43,7 +43,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec
         if options.strict {
             return Err(Error::input_with(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
         }
-        notes.push(format!("{what}: the particles in the files are read"));
+        notes.push(format!("{what}: using the particles found"));
     }
     Ok((parts, notes))
 }
@@ -60,7 +60,7 @@ fn names(path: &Path, files: u32) -> Result<Vec<PathBuf>> {
         }
         _ => Err(Error::input_with(
             path,
-            format!("one of {files} files of a snapshot, but its name has no number"),
+            format!("the snapshot has {files} files, but this file name has no number"),
             format!("name them NAME.0 to NAME.{}", files - 1),
         )),
     }
@@ -73,7 +73,7 @@ fn check_alike(first: &GadgetFile, part: &GadgetFile) -> Result<()> {
     if same && masses {
         return Ok(());
     }
-    let what = format!("its header differs from that of {}", first.path.display());
+    let what = format!("the header differs from that of {}", first.path.display());
     Err(Error::input_with(&part.path, what, "the files are of different snapshots"))
 }
 
@@ -84,6 +84,6 @@ fn wrong_totals(parts: &[GadgetFile]) -> Vec<String> {
     let sum = |t: usize| parts.iter().map(|p| u64::from(p.header.count[t])).sum::<u64>();
     let wrong = (0..TYPES).filter(|&t| total != [0; TYPES] && sum(t) as u32 != total[t]);
     wrong
-        .map(|t| format!("the header says {} particles of type {t} in all, and there are {}", total[t], sum(t)))
+        .map(|t| format!("the header says {} particles of type {t} in total, but the files have {}", total[t], sum(t)))
         .collect()
 }

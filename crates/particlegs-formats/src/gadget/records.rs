@@ -32,7 +32,7 @@ impl Records<'_> {
     /// the closing mark stands behind it. The fault in words where none fits.
     pub fn at(&self, at: u64) -> Result<GadgetRecord, String> {
         let end = self.bytes.len() as u64;
-        let mark = self.mark(at).ok_or_else(|| format!("it ends at byte {end}, in the middle of a record's mark"))?;
+        let mark = self.mark(at).ok_or_else(|| format!("the file ends at byte {end}, inside a record marker"))?;
         let fits = |length: u64| (at + 8).checked_add(length).is_some_and(|e| e <= end);
         let lengths = (0..=end >> 32).map(|k| u64::from(mark) + (k << 32)).take_while(|&l| fits(l));
         let mut first_close = None;
@@ -46,10 +46,10 @@ impl Records<'_> {
         Err(match first_close.flatten() {
             Some(close) => {
                 format!(
-                    "its record at byte {at} begins with the length {mark} and ends with {close}: they must be equal"
+                    "the record at byte {at} begins with the length {mark} and ends with {close}: they must be equal"
                 )
             }
-            None => format!("its record at byte {at} is said to hold {mark} bytes, and the file ends at byte {end}"),
+            None => format!("the record at byte {at} should have {mark} bytes, but the file ends at byte {end}"),
         })
     }
 }

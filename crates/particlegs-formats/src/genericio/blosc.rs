@@ -23,12 +23,12 @@ pub struct BloscHeader {
 fn int(bytes: &[u8], at: usize) -> Result<usize, String> {
     let four = at.checked_add(4).and_then(|end| bytes.get(at..end)).and_then(|b| <[u8; 4]>::try_from(b).ok());
     let value = four.map(i32::from_le_bytes).and_then(|v| usize::try_from(v).ok());
-    value.ok_or_else(|| "a blosc chunk is cut short or damaged".into())
+    value.ok_or_else(|| "a Blosc chunk is cut short or damaged".into())
 }
 
 impl BloscHeader {
     pub fn parse(bytes: &[u8]) -> Result<BloscHeader, String> {
-        let head = bytes.get(..HEADER).ok_or("a blosc chunk is cut short")?;
+        let head = bytes.get(..HEADER).ok_or("a Blosc chunk is cut short")?;
         let chunk = BloscHeader {
             flags: head[2],
             type_size: usize::from(head[3]).max(1),
@@ -37,10 +37,10 @@ impl BloscHeader {
             size: int(bytes, 12)?,
         };
         if head[0] == 0 || head[0] > 2 {
-            return Err(format!("blosc chunks of version {} are not known", head[0]));
+            return Err(format!("unknown Blosc version {}", head[0]));
         }
         if chunk.size > bytes.len() || (chunk.block == 0 && chunk.length > 0) {
-            return Err("a blosc chunk is cut short or damaged".into());
+            return Err("a Blosc chunk is cut short or damaged".into());
         }
         Ok(chunk)
     }
@@ -51,15 +51,15 @@ impl BloscHeader {
 
     pub fn decode(&self, bytes: &[u8], index: usize) -> Result<Vec<u8>, String> {
         let bytes = &bytes[..self.size.min(bytes.len())];
-        let start = index.checked_mul(self.block).filter(|&s| s < self.length).ok_or("no such blosc block")?;
+        let start = index.checked_mul(self.block).filter(|&s| s < self.length).ok_or("a Blosc block does not exist")?;
         let length = self.block.min(self.length - start);
         if length > codecs::MOST_BYTES {
-            return Err(format!("blosc blocks of {length} bytes are larger than {}", codecs::MOST_BYTES));
+            return Err(format!("a Blosc block has {length} bytes, at most {} are supported", codecs::MOST_BYTES));
         }
         if self.flags & 2 != 0 {
             // Stored as it was.
             let plain = bytes.get(HEADER + start..).and_then(|b| b.get(..length));
-            return Ok(plain.ok_or("a blosc chunk is cut short")?.to_vec());
+            return Ok(plain.ok_or("a Blosc chunk is cut short")?.to_vec());
         }
         let at = int(bytes, HEADER + 4 * index)?;
         let packed = self.streams(bytes, at, length)?;
@@ -82,7 +82,7 @@ impl BloscHeader {
             let size = int(bytes, at)?;
             let from = at + 4;
             let packed = from.checked_add(size).and_then(|end| bytes.get(from..end));
-            self.stream(packed.ok_or("a blosc block ends beyond its chunk")?, stream)?;
+            self.stream(packed.ok_or("a Blosc block ends beyond its chunk")?, stream)?;
             at = from + size;
         }
         Ok(out)
@@ -94,12 +94,12 @@ impl BloscHeader {
             return Ok(());
         }
         match self.flags >> 5 {
-            0 => return blosclz::decompress(packed, out).ok_or_else(|| "a block of BloscLZ is broken".into()),
+            0 => return blosclz::decompress(packed, out).ok_or_else(|| "a BloscLZ block is damaged".into()),
             1 => out.copy_from_slice(&codecs::lz4(packed, out.len())?),
             3 => out.copy_from_slice(&codecs::zlib(packed, out.len())?),
             4 => out.copy_from_slice(&codecs::zstd(packed, out.len())?),
-            2 => return Err("blosc's codec Snappy is not supported: write the file with another".into()),
-            n => return Err(format!("blosc's codec {n} is not known")),
+            2 => return Err("the Blosc codec Snappy is not supported: write the file with another codec".into()),
+            n => return Err(format!("unknown Blosc codec {n}")),
         }
         Ok(())
     }

@@ -70,7 +70,7 @@ impl GenericIoFile {
     pub fn open(path: &Path) -> Result<GenericIoFile> {
         let bytes = Bytes::from_file(path)?;
         let big_endian = signature(&bytes).ok_or_else(|| {
-            Error::input_with(path, "not a GenericIO file", "such files begin with HACC01L or HACC01B")
+            Error::input_with(path, "not a GenericIO file", "GenericIO files begin with HACC01L or HACC01B")
         })?;
         let header = checked_header(path, &bytes, big_endian)?;
         let field = |at: u64| header.int(at);
@@ -99,7 +99,7 @@ impl GenericIoFile {
         let mut before = vec![0u64];
         for variable in &variables {
             let bytes = before[before.len() - 1].checked_add(variable.size);
-            before.push(bytes.ok_or_else(|| header.fault("the sizes of its variables"))?);
+            before.push(bytes.ok_or_else(|| header.fault("the variables are too large"))?);
         }
         Ok(GenericIoFile { path: path.into(), bytes, big_endian, variables, ranks, origin, scale, blocks, before })
     }
@@ -152,8 +152,8 @@ impl GenericIoFile {
             "BLOSC" if header.name(at + 8, 8)?.is_empty() => true,
             other => {
                 let name = &self.variables[variable].name;
-                let what = format!("variable {name} of rank {rank} passed a filter `{other}` that is not known");
-                return Err(Error::input_with(&self.path, what, "write the file without it"));
+                let what = format!("variable {name} of rank {rank} uses the unknown filter `{other}`");
+                return Err(Error::input_with(&self.path, what, "write the file without this filter"));
             }
         };
         Ok(RankColumn { start: header.int(at + 32)?, size: header.int(at + 40)?, blosc })
@@ -172,25 +172,25 @@ fn checked_header<'a>(path: &'a Path, bytes: &'a [u8], big_endian: bool) -> Resu
     let size = all.int(8)?;
     let end = size.checked_add(CRC).filter(|&e| size >= 104 && e <= bytes.len() as u64);
     if end.is_none() {
-        let what = format!("the header is said to have {size} bytes, and the file has {}", bytes.len());
+        let what = format!("the header says that it has {size} bytes, but the file has only {}", bytes.len());
         return Err(Error::input_with(path, what, HINT));
     }
     let (header, rest) = bytes.split_at(size as usize);
     // The sum is stored inverted, little-endian in either byte order.
     if (!crc64(header)).to_le_bytes() != rest[..CRC as usize] {
-        return Err(Error::input_with(path, "the checksum (CRC64) of its header is wrong", HINT));
+        return Err(Error::input_with(path, "the checksum (CRC64) of the header is wrong", HINT));
     }
     Ok(HeaderBytes { path, bytes: header, big_endian })
 }
 
 impl HeaderBytes<'_> {
     fn fault(&self, what: &str) -> Error {
-        Error::input_with(self.path, format!("broken GenericIO header: {what}"), HINT)
+        Error::input_with(self.path, format!("damaged GenericIO header: {what}"), HINT)
     }
 
     fn slice(&self, at: u64, n: usize) -> Result<&[u8]> {
         let at = usize::try_from(at).ok();
-        at.and_then(|at| self.bytes.get(at..at.checked_add(n)?)).ok_or_else(|| self.fault("it is too short"))
+        at.and_then(|at| self.bytes.get(at..at.checked_add(n)?)).ok_or_else(|| self.fault("it is cut short"))
     }
 
     fn int(&self, at: u64) -> Result<u64> {
@@ -218,11 +218,11 @@ impl HeaderBytes<'_> {
             _ => u64::MAX,
         };
         if count > most {
-            return Err(self.fault(&format!("{count} {what} are more than {most}")));
+            return Err(self.fault(&format!("{count} {what}, at most {most} are supported")));
         }
         let end = count.checked_mul(size).and_then(|n| n.checked_add(start));
         if size < least || end.is_none_or(|e| e > self.bytes.len() as u64) {
-            return Err(self.fault(&format!("its {count} {what} do not lie in it")));
+            return Err(self.fault(&format!("the {count} {what} end beyond the file")));
         }
         Ok(())
     }

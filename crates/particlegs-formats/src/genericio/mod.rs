@@ -47,9 +47,9 @@ impl GenericIo {
 fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     let first = &files[0];
     let count = files.iter().flat_map(|f| &f.ranks).try_fold(0u64, |sum, r| sum.checked_add(r.count));
-    let count = count.ok_or_else(|| Error::input(path, "more particles than can be counted"))?;
+    let count = count.ok_or_else(|| Error::input(path, "too many particles to count"))?;
     if count == 0 {
-        return Err(Error::input(path, "no particles"));
+        return Err(Error::input(path, "it holds no particles"));
     }
     // What is cut short is said before anything is read.
     files.iter().try_for_each(|f| f.check())?;
@@ -74,8 +74,8 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     };
     let positions = [axis(0), axis(1), axis(2)].join(",");
     let other: Vec<&str> = first.variables.iter().filter(|v| !has(v)).map(|v| &v.name[..]).collect();
-    let units = "the file has no units; HACC's usual length is Mpc/h: state the unit of length";
-    let unread = (!other.is_empty()).then(|| format!("no numbers, not read: {}", other.join(", ")));
+    let units = "the file states no units; HACC usually uses Mpc/h: set the unit of length";
+    let unread = (!other.is_empty()).then(|| format!("variables that are not numbers are skipped: {}", other.join(", ")));
     let notes = std::iter::once(units.to_string()).chain(unread).collect();
     let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
@@ -100,7 +100,7 @@ impl Snapshot for GenericIo {
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for file in &self.files {
             let variable = |column: &FieldComponent| {
-                let missing = || Error::input(&file.path, format!("it has no variable {}", column.field));
+                let missing = || Error::input(&file.path, format!("there is no variable {}", column.field));
                 file.variable(&column.field).ok_or_else(missing)
             };
             let variables: Vec<usize> = columns.iter().map(variable).collect::<Result<_>>()?;

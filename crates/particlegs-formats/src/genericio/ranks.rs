@@ -37,7 +37,7 @@ impl Ranks {
         let place = file.path.display().to_string();
         let column = |&v: &usize| {
             let variable = &file.variables[v];
-            let what = || format!("variable {} has {} bytes a particle: no number", variable.name, variable.size);
+            let what = || format!("variable {} has {} bytes per particle, which is not a number", variable.name, variable.size);
             Ok((v, variable.kind.ok_or_else(|| Error::input(&place, what()))?.stored(as_stored)))
         };
         let columns = variables.iter().map(column).collect::<Result<_>>()?;
@@ -68,7 +68,7 @@ impl Ranks {
             let (start, end) = (column.start as usize, (column.start + column.size) as usize);
             let sum = &self.file.bytes[end..end + CRC as usize];
             if (!crc64(&self.file.bytes[start..end])).to_le_bytes() != *sum {
-                return Err(self.fault(rank, variable, "its checksum (CRC64) is wrong"));
+                return Err(self.fault(rank, variable, "the checksum (CRC64) is wrong"));
             }
         }
         Ok(())

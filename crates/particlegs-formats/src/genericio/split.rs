@@ -16,30 +16,30 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<GenericIoFile>> {
         return match paths.iter().find(|p| **p != whole) {
             Some(other) => Err(Error::input_with(
                 other,
-                format!("a second file, but {} is whole", whole.display()),
-                "one snapshot at a time",
+                format!("a second file was named, but {} is a whole snapshot", whole.display()),
+                "name one snapshot at a time",
             )),
             None => Ok(vec![first]),
         };
     };
     let parts: Vec<PathBuf> = partitions(&first, partition)?.iter().map(|p| part(&whole, *p)).collect();
     if let Some(alien) = paths.iter().find(|p| **p != whole && !parts.contains(p)) {
-        let what = format!("not one of the files that {} names", whole.display());
-        return Err(Error::input_with(alien, what, "one snapshot at a time"));
+        let what = format!("{} does not list this file", whole.display());
+        return Err(Error::input_with(alien, what, "name one snapshot at a time"));
     }
     let open = |path: &PathBuf| {
         if path.exists() {
             return GenericIoFile::open(path);
         }
-        let what = format!("missing: {} says that it holds a part of the snapshot", whole.display());
+        let what = format!("this file is missing: {} lists it as part of the snapshot", whole.display());
         Err(Error::input_with(path, what, "put all files of the snapshot into one folder"))
     };
     let files: Vec<GenericIoFile> = parts.iter().map(open).collect::<Result<_>>()?;
     if files.is_empty() {
-        return Err(Error::input(&whole, "it names no files"));
+        return Err(Error::input(&whole, "the map lists no files"));
     }
     if let Some(odd) = files.iter().find(|f| f.scale != files[0].scale || f.origin != files[0].origin) {
-        return Err(Error::input(&odd.path, format!("its box differs from that of {}", files[0].path.display())));
+        return Err(Error::input(&odd.path, format!("the box differs from that of {}", files[0].path.display())));
     }
     Ok(files)
 }
@@ -65,12 +65,12 @@ fn partitions(map: &GenericIoFile, variable: usize) -> Result<BTreeSet<i64>> {
             map.variables[variable].kind.filter(|k| matches!(k, NumberType::I32 | NumberType::I64 | NumberType::U32));
         let kind = kind.filter(|_| !column.blosc);
         let kind =
-            kind.ok_or_else(|| Error::input(&map.path, "its map of ranks is stored in a way that is not known"))?;
+            kind.ok_or_else(|| Error::input(&map.path, "the map of ranks has an unknown layout"))?;
         for i in 0..rank.count {
             let at = (column.start + i * kind.bytes()) as usize;
             out.insert(kind.get(&map.bytes[at..], map.big_endian) as i64);
             if out.len() > 65_536 {
-                return Err(Error::input(&map.path, "its map names more than 65536 files"));
+                return Err(Error::input(&map.path, "the map lists more than 65536 files"));
             }
         }
     }

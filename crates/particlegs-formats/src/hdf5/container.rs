@@ -98,7 +98,7 @@ impl Container {
             .map_err(|e| broken(&place, &e))?;
         let block = file.superblock();
         if block.base_address == 0 && block.eof_address > map.len() as u64 {
-            let what = format!("it has {} bytes and should have {}", map.len(), block.eof_address);
+            let what = format!("it has {} bytes but should have {}", map.len(), block.eof_address);
             return Err(Error::input_with(place, what, "the file is cut short: copy it again"));
         }
         Ok(Container { place, path: path.to_path_buf(), map, file, elsewhere })
@@ -177,8 +177,8 @@ impl Container {
 pub(super) fn broken(place: &str, error: &Hdf5Error) -> Error {
     let text = line(error);
     if text.contains("unsupported layout class 3") {
-        let hint = "open the files that it is made of, or copy it with `h5repack`";
-        return Error::input_with(place, "a virtual data set, which is not read", hint);
+        let hint = "open its source files, or copy it with `h5repack`";
+        return Error::input_with(place, "virtual data sets of this kind are not supported", hint);
     }
     if text.contains("unsupported") {
         return Error::input_with(place, text, "rewrite it with `h5repack -f GZIP=4 in.hdf5 out.hdf5`");
@@ -186,7 +186,7 @@ pub(super) fn broken(place: &str, error: &Hdf5Error) -> Error {
     if text.contains("not found") {
         return Error::input(place, text);
     }
-    Error::input_with(place, format!("broken HDF5 file: {text}"), "copy it again; `h5dump -H` shows what is left")
+    Error::input_with(place, format!("damaged HDF5 file: {text}"), "copy it again; `h5dump -H` shows what is readable")
 }
 
 /// An error's text on one line of bounded length, without control characters that names may hold.

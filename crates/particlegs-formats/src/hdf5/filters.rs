@@ -49,14 +49,14 @@ impl Pipeline {
         let stage = |f: &FilterDescription| match f.id {
             FILTER_DEFLATE => Ok(FilterStage::Deflate),
             FILTER_SHUFFLE if f.client_data.first().is_none_or(|&n| n as usize == element) => Ok(FilterStage::Shuffle),
-            FILTER_SHUFFLE => Err(Error::input(place, "broken HDF5 file: shuffled as numbers of another size")),
+            FILTER_SHUFFLE => Err(Error::input(place, "damaged HDF5 file: the shuffle filter has the wrong number size")),
             FILTER_FLETCHER32 => Ok(FilterStage::Fletcher32),
             32000 => Ok(FilterStage::Lzf),
             32004 => Ok(FilterStage::Lz4),
             id if BY_LIBRARY.contains(&id) => Ok(FilterStage::Library(f.clone())),
             id => {
                 let name = UNREAD.iter().find(|u| u.0 == id).map_or(String::new(), |u| format!(" ({})", u.1));
-                let what = format!("it is compressed by HDF5 filter {id}{name}, which is not read");
+                let what = format!("it is compressed with HDF5 filter {id}{name}, which is not supported");
                 let hint = "rewrite the file with the program that wrote it, or `h5repack -f GZIP=4 in.hdf5 out.hdf5`";
                 Err(Error::input_with(place, what, hint))
             }
@@ -121,11 +121,11 @@ fn inflate(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
     // No stream expands more than 1032-fold: a chunk cannot ask for much more than the file has.
     let capacity = limit.min(stored.len().saturating_mul(1032).saturating_add(64));
     let mut out = Vec::new();
-    out.try_reserve_exact(capacity).map_err(|_| format!("no memory for {capacity} bytes"))?;
+    out.try_reserve_exact(capacity).map_err(|_| format!("not enough memory for {capacity} bytes"))?;
     let status = Decompress::new(true).decompress_vec(stored, &mut out, FlushDecompress::Finish);
     match status {
         Ok(Status::StreamEnd) => Ok(out),
-        Ok(_) => Err("its gzip stream does not end".into()),
+        Ok(_) => Err("the gzip data have no end".into()),
         Err(e) => Err(format!("gzip: {e}")),
     }
 }
@@ -138,7 +138,7 @@ fn checked(mut bytes: Cow<'_, [u8]>) -> TextResult<Cow<'_, [u8]>> {
     let swapped = sum.swap_bytes().rotate_left(16);
     let found = fletcher32(&bytes[..length]);
     if found != sum && found != swapped {
-        return Err("its fletcher32 checksum is wrong".into());
+        return Err("the fletcher32 checksum is wrong".into());
     }
     match &mut bytes {
         Cow::Borrowed(slice) => *slice = &slice[..length],
@@ -184,7 +184,7 @@ fn interleave<'a, const SIZE: usize>(plane: impl Fn(usize) -> &'a [u8], out: &mu
 
 /// LZF, as h5py has it: literal runs and references to what was decoded before.
 fn unlzf(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
-    let cut = || "its LZF stream is cut short".to_string();
+    let cut = || "the LZF data are cut short".to_string();
     let mut out = Vec::with_capacity(limit.min(stored.len().saturating_mul(8)));
     let mut rest = stored;
     let byte = |rest: &mut &[u8]| {
@@ -201,12 +201,12 @@ fn unlzf(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
             let more = if control >> 5 == 7 { byte(&mut rest)? } else { 0 };
             let length = (control >> 5) + 2 + more;
             let distance = ((control & 31) << 8 | byte(&mut rest)?) + 1;
-            let start = out.len().checked_sub(distance).ok_or("its LZF stream refers to before its beginning")?;
+            let start = out.len().checked_sub(distance).ok_or("the LZF data refer to bytes before their start")?;
             // The copy may overlap what it writes.
             (start..start + length).for_each(|i| out.push(out[i]));
         }
         if out.len() > limit {
-            return Err("its LZF stream is too long".into());
+            return Err("the LZF data are too long".into());
         }
     }
     Ok(out)
@@ -215,7 +215,7 @@ fn unlzf(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
 /// LZ4 as HDF5's filter has it, big-endian: the length of all (8 bytes) and of a block (4), then of each block
 /// its compressed length (4) and its bytes, which are as they were where that is the block's own.
 fn unlz4(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
-    let cut = || "its LZ4 blocks are cut short".to_string();
+    let cut = || "the LZ4 blocks are cut short".to_string();
     let take = |rest: &mut &[u8], n: usize| {
         let (first, left) = rest.split_at_checked(n).ok_or_else(cut)?;
         *rest = left;
@@ -223,9 +223,9 @@ fn unlz4(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
     };
     let mut rest = stored;
     let (length, block) = (take(&mut rest, 8)?, take(&mut rest, 4)?);
-    let length = usize::try_from(length).ok().filter(|l| *l <= limit).ok_or("its LZ4 blocks are too long")?;
+    let length = usize::try_from(length).ok().filter(|l| *l <= limit).ok_or("the LZ4 blocks are too long")?;
     if block == 0 && length > 0 {
-        return Err("its LZ4 blocks are empty".into());
+        return Err("the LZ4 blocks are empty".into());
     }
     let mut out = Vec::new();
     while out.len() < length {
@@ -236,7 +236,7 @@ fn unlz4(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
         match packed == size {
             true => out.extend_from_slice(bytes),
             // No block expands more than 255-fold.
-            false if size / 255 > packed => return Err("a block of LZ4 is shorter than what it stands for".into()),
+            false if size / 255 > packed => return Err("an LZ4 block is too short for its content".into()),
             false => out.extend(codecs::lz4(bytes, size)?),
         }
     }

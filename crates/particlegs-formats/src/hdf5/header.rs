@@ -66,7 +66,7 @@ impl Hdf5Header {
         let lengths: [f64; 3] = match *size {
             [l] => [l; 3],
             [x, y, z, ..] => [x, y, z],
-            _ => return Err(Error::input(&self.place, "BoxSize has neither one number nor three")),
+            _ => return Err(Error::input(&self.place, "BoxSize must have one number or three")),
         };
         if lengths.iter().any(|l| !l.is_finite() || *l < 0.0) {
             let text = if size.len() == 1 { lengths[0].to_string() } else { format!("{lengths:?}") };
@@ -75,7 +75,7 @@ impl Hdf5Header {
         }
         let Cell { origin, vectors, periodic } = Cell::orthogonal(lengths);
         let Some(mut cell) = Cell::stated(origin, vectors, periodic) else {
-            notes.push("BoxSize is 0: not periodic".into());
+            notes.push("BoxSize is 0: the box is not periodic".into());
             return Ok(None);
         };
         if self.groups.parameters.number(&["PeriodicBoundariesOn"]) == Some(0.0) {
@@ -97,7 +97,7 @@ impl Hdf5Header {
             if let Some(stretch) = self.groups.config.number(&[name]).filter(|&s| s != 1.0) {
                 cell.periodic[k] = false;
                 notes.push(format!(
-                    "built with {name}={stretch}: the volume is {stretch} times BoxSize there, not periodic here"
+                    "built with {name}={stretch}: the box is {stretch} times BoxSize along this axis and is treated as not periodic"
                 ));
             }
         }
@@ -148,10 +148,10 @@ impl Hdf5Header {
         let matter = g.header.number(&["Omega0", "Omega_Matter"]).filter(|&o| o > 0.0);
         let (time, redshift) = (self.time()?, g.header.number(&["Redshift"])?);
         if matter.is_some() && redshift > -1.0 && (time * (1.0 + redshift) - 1.0).abs() < 1e-5 {
-            notes.push("cosmological, since Time is 1/(1 + Redshift) and Omega0 is given; no parameter says so".into());
+            notes.push("assumed cosmological: Time is 1/(1 + Redshift) and Omega0 is given, but no parameter says so".into());
             return Some(true);
         }
-        notes.push("nothing says whether lengths are comoving".into());
+        notes.push("the file does not say whether lengths are comoving".into());
         None
     }
 
@@ -185,7 +185,7 @@ fn count(number: f64, name: &str, place: &str) -> Result<u64> {
     if number >= 0.0 && number.fract() == 0.0 && number <= 9e15 {
         Ok(number as u64)
     } else {
-        Err(Error::input_with(place, format!("{name} has {number}, which is not a count"), "the header is damaged"))
+        Err(Error::input_with(place, format!("{name} contains {number}, which is not a count"), "the header is damaged"))
     }
 }
 

@@ -36,7 +36,7 @@ impl PackedNumber {
         let word = |at: usize| datatype.get(at..at + 2).map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])));
         let byte = |at: usize| datatype.get(at).copied().map(u32::from);
         let read = || Some((byte(0)? & 15, byte(1)?, byte(2)?, word(4)?, word(8)?, word(10)?));
-        let Some((class, flags, sign, size, offset, bits)) = read() else { return Err("a broken type".into()) };
+        let Some((class, flags, sign, size, offset, bits)) = read() else { return Err("a damaged type".into()) };
         let odd = || format!("{bits}-bit numbers in {size} bytes");
         if ![1, 2, 4, 8].contains(&size) || bits == 0 || offset + bits > 8 * size || flags & 0x40 != 0 {
             return Err(odd());
@@ -48,7 +48,7 @@ impl PackedNumber {
             return Ok((!whole).then_some(PackedNumber { big_endian, form }));
         }
         let read = || Some([byte(12)?, byte(13)?, byte(14)?, byte(15)?, word(16)?, word(18)?]);
-        let Some([at, exponent, start, mantissa, low, high]) = read() else { return Err("a broken type".into()) };
+        let Some([at, exponent, start, mantissa, low, high]) = read() else { return Err("a damaged type".into()) };
         let (exponent, mantissa) = (BitField { start: at, bits: exponent }, BitField { start, bits: mantissa });
         let plain = match size {
             4 => (sign, exponent.start, exponent.bits, mantissa.bits, low) == (31, 23, 8, 23, 127),

@@ -102,11 +102,11 @@ impl DataSetSequence<'_> {
             {
                 let there = format!("{} rows of {} numbers", part.table.rows, part.table.components);
                 let what = format!(
-                    "it has {there}, and {} has {stated} rows of {} from it",
+                    "it has {there}, but {} refers to {stated} rows of {}",
                     container.place,
                     set.components()
                 );
-                return Err(Error::input_with(part.place, what, "one of the two files is of another snapshot"));
+                return Err(Error::input_with(part.place, what, "the two files may belong to different snapshots"));
             }
             part.rows = rows;
             parts.push(part);
@@ -121,7 +121,7 @@ impl DataSetSequence<'_> {
             table.kind = table.kind.stored(self.choice.as_stored);
         }
         if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
-            let what = format!("it has {} numbers a row, not {}", table.components, want.component + 1);
+            let what = format!("it has {} numbers per row, not {}", table.components, want.component + 1);
             return Err(Error::input(place, what));
         }
         let (key, rows) = (self.count, 0..table.rows);
@@ -136,7 +136,7 @@ fn side_by_side(mut columns: Vec<Vec<DataSetPart>>) -> Result<Vec<Vec<DataSetPar
     let rows = columns.first().map_or(0, count);
     if let Some(odd) = columns.iter().find(|c| count(c) != rows) {
         let place = odd.first().map_or("", |p| &p.place);
-        return Err(Error::input(place, format!("it has {} rows, the positions have {rows}", count(odd))));
+        return Err(Error::input(place, format!("it has {} rows, but the positions have {rows}", count(odd))));
     }
     columns.iter_mut().for_each(|parts| parts.reverse());
     let mut pieces = Vec::new();
@@ -196,6 +196,6 @@ fn positions(species: &Species, place: &str, name: &str) -> Result<DataSetTarget
             };
             names.iter().enumerate().map(one).collect()
         }
-        _ => Err(Error::argument(format!("positions `{name}` are neither one field nor three"))),
+        _ => Err(Error::argument(format!("positions `{name}` must be one field or three"))),
     }
 }

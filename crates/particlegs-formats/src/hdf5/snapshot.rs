@@ -34,7 +34,7 @@ impl Snapshot for Hdf5Snapshot {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let (Some(kind), Some(found)) = (self.types.get(species), self.description.species.get(species)) else {
-            return Err(Error::argument(format!("there is no particle type {species}")));
+            return Err(Error::argument(format!("particle type {species} does not exist")));
         };
         let (group, description) = (&group_name(*kind)[..], &self.description);
         let source = GroupSource { parts: &self.parts, kind: *kind, group, species: found, description };
@@ -63,7 +63,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
             return Ok(tables);
         }
         if let Some((what, hint)) = tables::foreign(path, &first) {
-            return Err(Error::input_with(path, format!("{what}, which is not read"), hint));
+            return Err(Error::input_with(path, format!("{what}, which this program does not read"), hint));
         }
     }
     let (found, strict) = (Default::default(), options.strict);
@@ -72,7 +72,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
         ([_], true) if !strict => {
             builder.note(format!(
-                "the header is of a snapshot of {} files; this file is read as a part of it",
+                "the snapshot has {} files; this file is read as one part of it",
                 builder.header.files
             ));
             paths.to_vec()
@@ -109,7 +109,7 @@ fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
         [rows, 3] => Ok(rows),
         [0, ..] => Ok(0),
         _ => {
-            let what = format!("positions of the shape {}, not (N, 3)", positions.shape_text());
+            let what = format!("positions have the shape {}, not (N, 3)", positions.shape_text());
             Err(Error::input(format!("{place}/{}", positions.name), what))
         }
     }
@@ -145,10 +145,10 @@ impl SnapshotBuilder {
     /// A count in the header that is not that of the files.
     fn doubt(&mut self, place: &str, what: String) -> Result<()> {
         if self.strict {
-            let hint = "the header is that of another snapshot, or files are missing or not written to their end";
+            let hint = "the header belongs to another snapshot, or files are missing or incomplete";
             return Err(Error::input_with(place, what, hint));
         }
-        self.note(format!("{what}: the particles in the files are read"));
+        self.note(format!("{what}: using the particles found"));
         Ok(())
     }
 
@@ -156,7 +156,7 @@ impl SnapshotBuilder {
     fn rows(&mut self, positions: &DataSet, stated: Option<u64>, place: &str) -> Result<u64> {
         let rows = rows_of(positions, place)?;
         if let Some(stated) = stated.filter(|&s| s != rows) {
-            let what = format!("{} has {rows} rows, and NumPart_ThisFile in the header says {stated}", positions.name);
+            let what = format!("{} has {rows} rows, but NumPart_ThisFile in the header says {stated}", positions.name);
             self.doubt(place, what)?;
         }
         Ok(rows)
@@ -166,7 +166,7 @@ impl SnapshotBuilder {
         let header = Hdf5Header::read(&container)?;
         if header.files != self.header.files || header.total != self.header.total || header.time() != self.header.time()
         {
-            let what = "its header is not that of the first file: it belongs to another snapshot";
+            let what = "the header differs from that of the first file: this file belongs to another snapshot";
             return Err(Error::input_with(path, what, "name one snapshot at a time"));
         }
         let groups = container.groups()?;
@@ -207,7 +207,7 @@ impl SnapshotBuilder {
                 return Err(error);
             }
             if stated != Some(0) {
-                self.note(format!("{group} has no positions (no data set {}): left out", POSITIONS[0]));
+                self.note(format!("{group} has no positions (no data set {}) and is skipped", POSITIONS[0]));
             }
             return Ok(0);
         };
@@ -224,7 +224,7 @@ impl SnapshotBuilder {
             }
             let positions = positions.name.clone();
             for (_, error) in members.unreadable {
-                self.note(format!("not read: {error}"));
+                self.note(format!("skipped: {error}"));
             }
             self.found[kind] = Some(TypeGroup { group, positions, sets: members.sets, aliases });
         }
@@ -243,7 +243,7 @@ impl SnapshotBuilder {
             let there = kind < TYPES && (rows[kind] > 0 || groups.iter().any(|g| g.0 == group_name(kind)));
             if !there {
                 self.note(format!(
-                    "the header counts {stated} particles of type {kind}, and there is no group {}",
+                    "the header counts {stated} particles of type {kind}, but there is no group {}",
                     group_name(kind)
                 ));
             }
@@ -256,11 +256,11 @@ impl SnapshotBuilder {
             let names: Vec<&str> = groups.iter().map(|g| &g.0[..]).take(8).collect();
             let has = if names.is_empty() { "no groups".to_string() } else { names.join(", ") };
             let what = format!(
-                "no group PartType0, PartType1, ... and no data sets of positions in this HDF5 file; it has {has}"
+                "this HDF5 file has no group PartType0, PartType1, ... and no positions; it has {has}"
             );
             let hint = match &elsewhere[..] {
-                [] => "links in a circle are not followed; `h5ls` shows what is in the file".to_string(),
-                names => format!("links to other files ({}) and links in a circle are not followed", names.join(", ")),
+                [] => "circular links are not followed; `h5ls` lists the contents".to_string(),
+                names => format!("links to other files ({}) and circular links are not followed", names.join(", ")),
             };
             return Err(Error::input_with(&container.place, what, hint));
         }
@@ -273,7 +273,7 @@ impl SnapshotBuilder {
             (0..TYPES).map(|k| self.parts.iter().map(|p| p.rows[k]).fold(0, u64::saturating_add)).collect();
         self.check_totals(&place, &counts)?;
         if counts.iter().all(|&n| n == 0) {
-            return Err(Error::input(&paths[0], "no particles in any file of the snapshot"));
+            return Err(Error::input(&paths[0], "no file of the snapshot has particles"));
         }
         let mut notes = std::mem::take(&mut self.notes);
         let cell = self.header.cell(&mut notes)?;
@@ -326,7 +326,7 @@ impl SnapshotBuilder {
         let Some(total) = self.header.total.clone() else { return Ok(()) };
         for (kind, &stated) in total.iter().enumerate().take(TYPES) {
             let there = counts[kind];
-            let what = format!("NumPart_Total says {stated} particles of type {kind}, and the files have {there}");
+            let what = format!("NumPart_Total says {stated} particles of type {kind}, but the files have {there}");
             // Of one file, the same number has been compared with it already.
             let said =
                 self.header.files == 1 && self.header.here.as_ref().is_some_and(|h| h.get(kind) == Some(&stated));

@@ -79,17 +79,17 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<NumberTab
     let place = format!("{}: {group}/{name}", container.place);
     let (set, data) = container.set(group, name)?;
     let Some((kind, big_endian)) = set.number else {
-        let what = format!("numbers of another type than f32, f64 and whole ones: {}", set.kind);
+        let what = format!("the number type {} is not f32, f64 or an integer", set.kind);
         return Err(Error::input_with(&place, what, "write it as f32 or f64, with h5py: `data[:].astype('f4')`"));
     };
     let (rows, components) = match set.shape[..] {
         [rows] => (rows, 1),
         [rows, components] if components > 0 => (rows, components),
-        _ => return Err(Error::input(&place, format!("its shape {} is not a table", set.shape_text()))),
+        _ => return Err(Error::input(&place, format!("the shape {} is not that of a table", set.shape_text()))),
     };
     let numbers = rows.checked_mul(components).and_then(|n| n.checked_mul(kind.bytes()));
     let Some(bytes) = numbers.filter(|&n| n <= i64::MAX as u64) else {
-        return Err(Error::input(&place, format!("its shape {} is too large", set.shape_text())));
+        return Err(Error::input(&place, format!("the shape {} is too large", set.shape_text())));
     };
     let header = container.file.get_or_parse_header(data.address()).map_err(|e| broken(&place, &e))?;
     let mut layout = None;
@@ -100,20 +100,20 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<NumberTab
             HdfMessage::FilterPipeline(p) => filters = &p.filters,
             HdfMessage::ExternalFiles(_) => {
                 let hint = "put it into one file with `h5repack -l CONTI in.hdf5 out.hdf5`";
-                return Err(Error::input_with(&place, "its numbers lie in other files, which are not read", hint));
+                return Err(Error::input_with(&place, "the data are in external files, which are not supported", hint));
             }
             _ => {}
         }
     }
     let found = Finder { container, data: &data, place: &place, shape: &set.shape, element: kind.bytes() };
     let storage = match layout {
-        None => return Err(Error::input(&place, "broken HDF5 file: it has no layout")),
+        None => return Err(Error::input(&place, "damaged HDF5 file: the data set has no layout")),
         Some(DataLayout::Compact { data }) if data.len() as u64 >= bytes => DataSetStorage::Compact(data.clone()),
         Some(DataLayout::Compact { data }) => return Err(found.short(bytes, data.len() as u64)),
         Some(DataLayout::Contiguous { address, size }) => found.flat(*address, *size, bytes)?,
         Some(layout) if is_virtual(layout) => {
             let hint = "copy it with h5py: `new[name] = old[name][:]`";
-            return Err(Error::input_with(&place, "a virtual data set within another, which is not read", hint));
+            return Err(Error::input_with(&place, "nested virtual data sets are not supported", hint));
         }
         Some(DataLayout::Chunked { address, dims, chunk_indexing, .. }) => {
             let pipeline = Pipeline::new(filters, kind.bytes() as usize, &place)?;
@@ -134,12 +134,12 @@ struct Finder<'a> {
 
 impl Finder<'_> {
     fn never_written(&self) -> Error {
-        let hint = "the program that made the file stopped early, or wrote the numbers elsewhere";
-        Error::input_with(self.place, "the data set was never written: it has a shape and no numbers", hint)
+        let hint = "the program that wrote the file stopped early, or wrote the data elsewhere";
+        Error::input_with(self.place, "the data set was never written: it has a shape but no data", hint)
     }
 
     fn short(&self, wanted: u64, there: u64) -> Error {
-        Error::input_with(self.place, format!("it needs {wanted} bytes and has {there}"), "copy the file again")
+        Error::input_with(self.place, format!("it needs {wanted} bytes but has {there}"), "copy the file again")
     }
 
     fn undefined(&self, address: u64) -> bool {
@@ -180,12 +180,12 @@ impl Finder<'_> {
         let rank = self.shape.len();
         // A last dimension, the number's size, is kept by some versions of the layout.
         let dims = dims.get(..rank).filter(|d| dims.len() <= rank + 1 && d.iter().all(|&n| n > 0));
-        let Some(dims) = dims else { return Err(Error::input(self.place, "broken HDF5 file: no shape of chunks")) };
+        let Some(dims) = dims else { return Err(Error::input(self.place, "damaged HDF5 file: the chunk shape is missing")) };
         let (rows, columns) = (u64::from(dims[0]), dims.get(1).map_or(1, |&n| u64::from(n)));
         let components = self.shape.get(1).copied().unwrap_or(1);
         let bytes = rows.checked_mul(columns).and_then(|n| n.checked_mul(self.element)).filter(|&n| n <= MAX_CHUNK);
         let Some(bytes) = bytes else {
-            let what = format!("chunks of {rows} x {columns} numbers, more than {} MiB each", MAX_CHUNK >> 20);
+            let what = format!("chunks of {rows} x {columns} numbers are larger than {} MiB each", MAX_CHUNK >> 20);
             let hint = "write smaller ones: `h5repack -l CHUNK=65536x3 in.hdf5 out.hdf5`";
             return Err(Error::input_with(self.place, what, hint));
         };
@@ -224,7 +224,7 @@ impl Finder<'_> {
                         offsets.truncate(rank);
                         Ok(ChunkEntry { address, size: u64::from(chunk_size), filter_mask, offsets })
                     }
-                    BTreeV1Key::Group { .. } => Err(Hdf5Error::InvalidData("a group's tree for chunks".into())),
+                    BTreeV1Key::Group { .. } => Err(Hdf5Error::InvalidData("the chunk index is a group tree".into())),
                 };
                 leaves.into_iter().map(entry).collect()
             }
@@ -271,7 +271,7 @@ impl Finder<'_> {
                 continue;
             }
             if !at(0).is_multiple_of(rows) || !at(1).is_multiple_of(columns) {
-                return Err(Error::input(self.place, "broken HDF5 file: a chunk between two others"));
+                return Err(Error::input(self.place, "damaged HDF5 file: a chunk overlaps others"));
             }
             let plain = chunks.pipeline.is_plain(entry.filter_mask);
             let size = if plain { bytes } else { entry.size };
@@ -279,7 +279,7 @@ impl Finder<'_> {
                 return Err(self.short(bytes, entry.size));
             }
             let Some(offset) = self.within(entry.address, size) else {
-                let what = format!("its chunk at row {} ends beyond the end of the file", at(0));
+                let what = format!("the chunk at row {} ends beyond the file", at(0));
                 return Err(Error::input_with(self.place, what, "the file is cut short: copy it again"));
             };
             let index = at(0) / rows * across + at(1) / columns;
@@ -288,7 +288,7 @@ impl Finder<'_> {
         places.sort_by_key(|p| p.0);
         if let Some(i) = (0..places.len()).find(|&i| places[i].0 != i as u64) {
             if i > 0 && places[i].0 == places[i - 1].0 {
-                return Err(Error::input(self.place, "broken HDF5 file: a chunk is there twice"));
+                return Err(Error::input(self.place, "damaged HDF5 file: a chunk is listed twice"));
             }
             return Err(self.hole(i as u64 / across * rows));
         }
@@ -299,7 +299,7 @@ impl Finder<'_> {
     }
 
     fn hole(&self, row: u64) -> Error {
-        let what = format!("its rows from {row} were never written, of {}", self.shape[0]);
-        Error::input_with(self.place, what, "the program that made the file stopped early")
+        let what = format!("rows from {row} on were never written, of {}", self.shape[0]);
+        Error::input_with(self.place, what, "the program that wrote the file stopped early")
     }
 }

@@ -32,7 +32,7 @@ impl Snapshot for TableSnapshot {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let (Some(group), Some(found)) = (self.groups.get(species), self.description.species.get(species)) else {
-            return Err(Error::argument(format!("there are no particles of species {species}")));
+            return Err(Error::argument(format!("species {species} does not exist")));
         };
         let description = &self.description;
         reader::reader(&GroupSource { parts: &self.parts, kind: species, group, species: found, description }, choice)
@@ -119,7 +119,7 @@ fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
     match lengths {
         [0.0, 0.0, 0.0] => Ok(None),
         l if l.iter().all(|l| l.is_finite() && *l > 0.0) => Ok(Some(Cell::orthogonal(l))),
-        _ => Err(Error::input(place, format!("the box is {lengths:?}"))),
+        _ => Err(Error::input(place, format!("the box {lengths:?} is invalid"))),
     }
 }
 
@@ -148,10 +148,10 @@ pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
     }
     if let Some(frame) = groups.iter().find(|g| container.names_in(g).iter().any(|n| n == "block0_values")) {
         let code = format!("import pandas; pandas.read_hdf('{{in}}', '{frame}').to_csv('{{out}}.csv', index=False)");
-        return Some(("a table of pandas".into(), python(path, &code, "pandas tables")));
+        return Some(("a pandas table".into(), python(path, &code, "pandas tables")));
     }
     let sets = container.members(TOP).ok()?.sets;
     let frames = sets.iter().find(|s| matches!(s.shape[..], [frames, n, 3] if frames > 0 && n > 0))?;
-    let what = format!("a trajectory of HDF5, whose `{}` has the shape {}", frames.name, frames.shape_text());
+    let what = format!("an HDF5 trajectory, whose `{}` has the shape {}", frames.name, frames.shape_text());
     Some((what, last(&frames.name)))
 }

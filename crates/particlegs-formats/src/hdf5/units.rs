@@ -109,9 +109,9 @@ fn h_power(own: &Attributes, groups: &HeaderGroups) -> Option<f64> {
 fn h_power_by_rule(cosmological: Option<bool>, hubble: Option<f64>, notes: &mut Vec<String>) -> Option<f64> {
     let (power, note) = match (hubble, cosmological) {
         (None, _) | (Some(1.0), _) => return Some(0.0),
-        (_, Some(false)) => (None, "no attribute says whether units are per h: units left out"),
+        (_, Some(false)) => (None, "no attribute says whether units include h: units are ignored"),
         // Gadget's own rule: its unit is so many cm/h.
-        _ => (Some(-1.0), "lengths and masses are taken as per h, which is Gadget's rule; no attribute says so"),
+        _ => (Some(-1.0), "lengths and masses are assumed to be per h, as in Gadget; no attribute says so"),
     };
     if !notes.iter().any(|n| n == note) {
         notes.push(note.to_string());

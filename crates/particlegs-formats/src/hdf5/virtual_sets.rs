@@ -49,22 +49,22 @@ pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Opti
     });
     let Some(DataLayout::Chunked { address, .. }) = found else { return Ok(None) };
     let list = list(container, address >> 16, (address & 0xffff) as u16).map_err(|e| broken(&place, &e))?;
-    let Some(list) = list else { return Err(Error::input(&place, "broken HDF5 file: its list of sources is missing")) };
+    let Some(list) = list else { return Err(Error::input(&place, "damaged HDF5 file: the list of sources is missing")) };
     let lengths = file.superblock().length_size;
     let mut extents = Entries { place: &place, path: &container.path, set, lengths }.read(&list)?;
     extents.sort_by_key(|e| e.rows.start);
     let mut end = 0;
     let rows = set.shape.first().copied().unwrap_or(0);
     if extents.iter().any(|e| e.rows.end > rows) {
-        return Err(Error::input_with(&place, "a virtual data set, and its sources have more rows than it", COPY));
+        return Err(Error::input_with(&place, "the sources of this virtual data set have more rows than it has", COPY));
     }
     for next in extents.iter().map(|e| e.rows.clone()).chain(std::iter::once(rows..rows)) {
         if next.start != end {
             let what = match next.start < end {
-                true => format!("two sources have its row {}", next.start),
-                false => format!("its rows {end} to {} have no source", next.start - 1),
+                true => format!("two sources provide row {}", next.start),
+                false => format!("rows {end} to {} have no source", next.start - 1),
             };
-            return Err(Error::input_with(&place, format!("a virtual data set, and {what}"), COPY));
+            return Err(Error::input_with(&place, format!("invalid virtual data set: {what}"), COPY));
         }
         end = next.end;
     }
@@ -72,7 +72,7 @@ pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Opti
 }
 
 /// What helps where a virtual data set is of a kind that is not read.
-const COPY: &str = "copy it with h5py: `new[name] = old[name][:]`, or name the files that it is made of";
+const COPY: &str = "copy it with h5py: `new[name] = old[name][:]`, or name its source files";
 
 /// An object of a global heap.
 fn list(container: &Container, address: u64, index: u16) -> Hdf5Result<Option<Vec<u8>>> {
@@ -106,7 +106,7 @@ impl Entries<'_> {
         let failed = |e| broken(self.place, &e);
         let version = cursor.read_u8().map_err(failed)?;
         if version > 1 {
-            return Err(self.refused("its list is of a later version of HDF5"));
+            return Err(self.refused("its list has a newer HDF5 version"));
         }
         let count = cursor.read_length(self.lengths).map_err(failed)?;
         let mut extents = Vec::new();
@@ -141,7 +141,7 @@ impl Entries<'_> {
             let at = usize::try_from(cursor.read_length(self.lengths).map_err(failed)?).unwrap_or(usize::MAX);
             let known = earlier.get(at);
             known.ok_or_else(|| {
-                Error::input(self.place, "broken HDF5 file: a source has the name of one that is not there")
+                Error::input(self.place, "damaged HDF5 file: a source refers to a name that does not exist")
             })
         };
         let file = match flags & 5 {
@@ -157,7 +157,7 @@ impl Entries<'_> {
     }
 
     fn refused(&self, what: &str) -> Error {
-        Error::input_with(self.place, format!("a virtual data set that is not read: {what}"), COPY)
+        Error::input_with(self.place, format!("unsupported virtual data set: {what}"), COPY)
     }
 
     /// A block of a table: rows, and numbers of a row.
@@ -165,7 +165,7 @@ impl Entries<'_> {
         let mut axes = axes.into_iter();
         match (axes.next(), axes.next(), axes.next()) {
             (Some(rows), columns, None) => Ok([rows, columns.unwrap_or(0..1)]),
-            _ => Err(self.refused("its sources are no tables")),
+            _ => Err(self.refused("its sources are not tables")),
         }
     }
 
@@ -173,7 +173,7 @@ impl Entries<'_> {
         let [rows, columns] = self.table(axes)?;
         match columns == (0..self.set.components()) {
             true => Ok(rows),
-            false => Err(self.refused("the numbers of a row lie in several sources")),
+            false => Err(self.refused("a row is split over several sources")),
         }
     }
 
@@ -183,7 +183,7 @@ impl Entries<'_> {
             return Ok(self.path.to_path_buf());
         }
         if name.replace("%%", "").contains('%') {
-            return Err(self.refused("its files are named by a pattern with %b"));
+            return Err(self.refused("its source files are named by a pattern with %b"));
         }
         let (named, folder) = (name.replace("%%", "%"), self.path.parent().unwrap_or(Path::new("")));
         let shown: String = named.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
@@ -194,12 +194,12 @@ impl Entries<'_> {
         let path = if inside { stated.clone() } else { folder.join(named.file_name().unwrap_or_default()) };
         let same = |p: PathBuf| path.canonicalize().is_ok_and(|beside| beside == p);
         if !inside && (!path.is_file() || !stated.canonicalize().map_or(true, same)) {
-            let what = format!("a virtual data set whose source is in another folder: {shown}");
+            let what = format!("a source of this virtual data set is in another folder: {shown}");
             return Err(Error::input_with(self.place, what, "put the source beside this file"));
         }
         if !path.is_file() {
-            let what = format!("a virtual data set whose source is missing: {}", folder.join(shown).display());
-            return Err(Error::input_with(self.place, what, "put it there: the numbers lie in it"));
+            let what = format!("a source file of this virtual data set is missing: {}", folder.join(shown).display());
+            return Err(Error::input_with(self.place, what, "put the source file there"));
         }
         Ok(path)
     }
@@ -207,7 +207,7 @@ impl Entries<'_> {
 
 /// Reads what is selected of a data set, as HDF5 keeps it.
 fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
-    const SEVERAL: ElementSelection = ElementSelection::Other("one source has rows in several places");
+    const SEVERAL: ElementSelection = ElementSelection::Other("one source provides rows in several places");
     let (kind, version) = (cursor.read_u32_le()?, cursor.read_u32_le()?);
     if kind != 2 {
         cursor.skip(8)?;
@@ -234,7 +234,7 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
     };
     let rank = cursor.read_u32_le()?;
     if rank > 32 {
-        return Ok(ElementSelection::Other("its sources are no tables"));
+        return Ok(ElementSelection::Other("its sources are not tables"));
     }
     if !regular && cursor.read_uvar(width)? != 1 {
         return Ok(SEVERAL);
@@ -247,14 +247,14 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
         return Ok(ElementSelection::Block(axes));
     }
     if !matches!(width, 2 | 4 | 8) {
-        return Ok(ElementSelection::Other("its list is of a later version of HDF5"));
+        return Ok(ElementSelection::Other("its list has a newer HDF5 version"));
     }
     let unlimited = u64::MAX >> (64 - 8 * width);
     for _ in 0..rank {
         let [start, stride, count, block] = [(); 4].map(|()| cursor.read_uvar(width));
         let (start, stride, count, block) = (start?, stride?, count?, block?);
         if count == unlimited || block == unlimited {
-            return Ok(ElementSelection::Other("it grows with its sources (unlimited)"));
+            return Ok(ElementSelection::Other("it grows with its sources (unlimited size)"));
         }
         if count != 1 && stride != block {
             return Ok(SEVERAL);

@@ -129,7 +129,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
     }
     types.into_iter().collect::<Option<_>>().ok_or_else(|| {
         let what =
-            format!("{} layers, and a Gadget snapshot has at most {} types of particles", layers.len(), ORDER.len());
+            format!("{} layers, but a Gadget snapshot has at most {} particle types", layers.len(), ORDER.len());
         Error::input_with(out, what, Hint::choose_species())
     })
 }
@@ -203,8 +203,8 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
     let lengths = match &cell {
         None => [0.0; 3],
         Some(cell) => cell.lengths().ok_or_else(|| {
-            let what = "the cell is not orthogonal, and a Gadget snapshot has no other";
-            Error::input_with(out, what, "write it as a folder of columns")
+            let what = "a Gadget snapshot cannot store a cell that is not orthogonal";
+            Error::input_with(out, what, "write a folder of columns instead")
         })?,
     };
     header.push(box_size(lengths));

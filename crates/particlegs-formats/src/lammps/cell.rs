@@ -47,7 +47,7 @@ impl LammpsBox {
                 BoxShape::General => 4,
             };
             if all.len() < need {
-                return Err(format!("{} numbers where {need} belong", all.len()));
+                return Err(format!("{} numbers instead of {need}", all.len()));
             }
             for (value, token) in row.iter_mut().zip(&all[..need]) {
                 *value = header_number(token)?;
@@ -64,10 +64,10 @@ impl LammpsBox {
         };
         bounds.periodic = periodic;
         if !stated {
-            bounds.notes.push("the file does not state which sides of the box repeat: none is taken to".into());
+            bounds.notes.push("the file does not state which sides of the box are periodic; none is assumed to be".into());
         }
         if bounds.cell().is_none() {
-            bounds.notes.push("the box has no volume: taken as none".into());
+            bounds.notes.push("the box has no volume and is ignored".into());
         }
         Ok(bounds)
     }
@@ -82,10 +82,10 @@ impl LammpsBox {
         for (k, axis) in ["x", "y", "z"].iter().enumerate() {
             if around[k][0] > around[k][1] {
                 let [low, high] = around[k];
-                return Err(format!("the box is turned inside out: {axis} from {low} to {high}"));
+                return Err(format!("the box is inverted: {axis} runs from {low} to {high}"));
             }
             if !(length[k] >= 0.0 && length[k].is_finite()) {
-                return Err(format!("the box is turned inside out: its length along {axis} is {}", length[k]));
+                return Err(format!("the box is inverted: its length along {axis} is {}", length[k]));
             }
         }
         let vectors = [[length[0], 0.0, 0.0], [xy, length[1], 0.0], [xz, yz, length[2]]];

@@ -65,7 +65,7 @@ pub fn next<'c>(
         left = if passed < left { 0 } else { comments };
     }
     if found < count {
-        let what = format!("frame {number} is cut off: it states {count} atoms, and {found} lines follow");
+        let what = format!("frame {number} is cut off: it states {count} atoms, but only {found} lines follow");
         return Err(Error::input(content.path(), what));
     }
     let end = lines.place();
@@ -73,7 +73,7 @@ pub fn next<'c>(
         lines.line()?;
     }
     if let Some(line) = lines.peek()?.filter(|line| !line.trim_ascii().is_empty() && !line.starts_with(b"ITEM:")) {
-        let what = format!("line {} is {}, and frame {number} states {count} atoms only", end.line, shown(line));
+        let what = format!("line {} is {}, but frame {number} states only {count} atoms", end.line, shown(line));
         return Err(Error::input(content.path(), what));
     }
     Ok(Some(TextFrame { head, rows: wanted.then(|| builder.until(end)), step }))
@@ -160,8 +160,8 @@ impl Sections<'_, '_> {
                     head.columns = names.iter().map(ToString::to_string).collect();
                     break;
                 }
-                ["ITEM:", ..] => return Err(self.error(format!("section {} is none of a dump of atoms", shown(&line)))),
-                _ => return Err(self.error(format!("{} is no `ITEM:` line", shown(&line)))),
+                ["ITEM:", ..] => return Err(self.error(format!("section {} does not belong in a dump of atoms", shown(&line)))),
+                _ => return Err(self.error(format!("{} is not an `ITEM:` line", shown(&line)))),
             }
         }
         self.check(&head, has_box)?;
@@ -172,9 +172,9 @@ impl Sections<'_, '_> {
         match head {
             LammpsFrameHead { count: None, .. } => Err(self.error("`ITEM: NUMBER OF ATOMS` is missing")),
             _ if !has_box => Err(self.error("`ITEM: BOX BOUNDS` is missing")),
-            LammpsFrameHead { columns, .. } if columns.is_empty() => Err(self.error("`ITEM: ATOMS` names no columns")),
+            LammpsFrameHead { columns, .. } if columns.is_empty() => Err(self.error("`ITEM: ATOMS` lists no columns")),
             LammpsFrameHead { columns, .. } if columns.len() > MOST_COLUMNS => {
-                Err(self.error(format!("`ITEM: ATOMS` names {} columns, more than {MOST_COLUMNS}", columns.len())))
+                Err(self.error(format!("`ITEM: ATOMS` lists {} columns; at most {MOST_COLUMNS} are supported", columns.len())))
             }
             _ => Ok(()),
         }

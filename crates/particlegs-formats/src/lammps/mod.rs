@@ -34,7 +34,7 @@ const WHOLE: [&str; 8] = ["id", "mol", "type", "proc", "procp1", "ix", "iy", "iz
 
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
-        return Err(Error::argument("one LAMMPS dump is read at a time"));
+        return Err(Error::argument("name one LAMMPS dump at a time"));
     };
     let content = TextContent::open(path)?;
     let mut units = None;
@@ -45,7 +45,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     notes.extend(found.head.cell.notes.clone());
     let names = &found.table.layout.columns;
     if names.iter().any(|n| n == "ix") && names.iter().any(|n| n == "x" || n == "xs") {
-        notes.push("positions are as they lie in the cell: image flags ix, iy, iz are not applied".into());
+        notes.push("positions are inside the cell: image flags ix, iy, iz are not applied".into());
     }
     let meta = meta(path, &found, units.as_deref(), &mut notes);
     let columns = columns(&found.table.layout.columns, &kinds(&found.table), meta.units.length_text());
@@ -73,7 +73,7 @@ fn meta(
 ) -> SnapshotMeta {
     let [length, mass, time] = style.map_or([None; 3], units_of);
     if let (Some(style), None) = (style, length) {
-        notes.push(format!("units `{style}` are not known"));
+        notes.push(format!("unknown unit style `{style}`"));
     }
     SnapshotMeta {
         cell: found.head.cell.cell(),

@@ -61,7 +61,7 @@ impl NpyElement {
 
 impl NpyHeader {
     pub fn read(mut stream: impl Read) -> Result<NpyHeader, String> {
-        let broken = || "a broken NumPy header".to_string();
+        let broken = || "the NumPy header is damaged".to_string();
         let mut bytes = |n: u32| {
             let mut out = vec![0; n as usize];
             stream.read_exact(&mut out).map(|()| out).map_err(|e| format!("{}: {e}", broken()))
@@ -73,10 +73,10 @@ impl NpyHeader {
         let (prefix, length) = match start[6] {
             1 => (10, bytes(2).map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])))?),
             2 | 3 => (12, bytes(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))?),
-            version => return Err(format!("NumPy format version {version} is not known")),
+            version => return Err(format!("NumPy format version {version} is not supported")),
         };
         if length > LONGEST {
-            return Err(format!("its header of {length} bytes is longer than any"));
+            return Err(format!("the header has {length} bytes, which is too long"));
         }
         let raw = bytes(length)?;
         // Version 3 is UTF-8, the others Latin-1.
@@ -93,7 +93,7 @@ impl NpyHeader {
         };
         let shape = sides.iter().map(whole).collect::<Option<Vec<u64>>>().ok_or_else(broken)?;
         let header = NpyHeader { element: element(descr)?, fortran: *fortran, shape, data: prefix + u64::from(length) };
-        header.end().ok_or_else(|| format!("its shape {} is larger than any file", header.shape_text()))?;
+        header.end().ok_or_else(|| format!("the shape {} is larger than any file", header.shape_text()))?;
         Ok(header)
     }
 
@@ -126,7 +126,7 @@ fn element(descr: &Literal) -> Result<NpyElement, String> {
     match descr {
         Literal::Text(text) => Ok(NpyElement::Plain(scalar(text)?)),
         Literal::List(fields) if fields.len() <= MOST_FIELDS => record(fields),
-        _ => Err("a type that is not known".into()),
+        _ => Err("unknown type".into()),
     }
 }
 
@@ -134,22 +134,22 @@ fn record(descr: &[Literal]) -> Result<NpyElement, String> {
     let mut fields = Vec::new();
     let mut offset = 0u64;
     for field in descr {
-        let Literal::List(parts) = field else { return Err("a record whose fields cannot be read".into()) };
+        let Literal::List(parts) = field else { return Err("the fields of the record type cannot be read".into()) };
         let (name, descr, sides) = match &parts[..] {
             [name, descr] => (name, descr, &[][..]),
             [name, descr, Literal::List(sides)] => (name, descr, &sides[..]),
-            _ => return Err("a record whose fields cannot be read".into()),
+            _ => return Err("the fields of the record type cannot be read".into()),
         };
         // A title may stand beside a name.
         let name = match name {
             Literal::Text(name) => name,
             Literal::List(names) => match &names[..] {
                 [_, Literal::Text(name)] => name,
-                _ => return Err("a field without a name".into()),
+                _ => return Err("a field has no name".into()),
             },
-            _ => return Err("a field without a name".into()),
+            _ => return Err("a field has no name".into()),
         };
-        let too_large = || format!("its field `{name}` is too large");
+        let too_large = || format!("field `{name}` is too large");
         let count = sides.iter().try_fold(1u64, |n, side| n.checked_mul(whole(side)?)).ok_or_else(too_large)?;
         let scalar = match element(descr)? {
             NpyElement::Plain(scalar) => scalar,
@@ -170,7 +170,7 @@ fn record(descr: &[Literal]) -> Result<NpyElement, String> {
 
 /// A type as `<f4`: byte order, letter, bytes.
 pub fn scalar(text: &str) -> Result<NpyScalar, String> {
-    let unknown = || format!("its type `{}` is not known", text.escape_default());
+    let unknown = || format!("unknown type `{}`", text.escape_default());
     let mut chars = text.chars();
     let big_endian = match chars.next().ok_or_else(unknown)? {
         '<' | '|' => false,
@@ -180,7 +180,7 @@ pub fn scalar(text: &str) -> Result<NpyScalar, String> {
     };
     let letter = chars.next().ok_or_else(unknown)?;
     if letter == 'O' {
-        return Err("it holds Python objects (a pickle), which can run programs when they are read".into());
+        return Err("it holds Python objects (a pickle), which may run code when loaded".into());
     }
     let digits: String = chars.take_while(char::is_ascii_digit).collect();
     let number: u64 = digits.parse().map_err(|_| unknown())?;

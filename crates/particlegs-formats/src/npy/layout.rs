@@ -35,7 +35,7 @@ pub fn mass_named(fields: &[SpeciesField]) -> Option<String> {
 pub fn check_numbers(place: &str, header: &NpyHeader) -> Result<()> {
     match &header.element {
         NpyElement::Plain(scalar) if scalar.kind.is_none() => {
-            let what = format!("its numbers are {}, and positions are real numbers", scalar.name);
+            let what = format!("the numbers are {}, but positions must be floating-point numbers", scalar.name);
             Err(Error::input_with(place, what, "save x, y and z as float32 or float64"))
         }
         _ => Ok(()),

@@ -30,7 +30,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let length = bytes.len() as u64;
     if header.end() != Some(length) {
         let what = format!(
-            "its header says {} of {}, which is not what its {length} bytes hold",
+            "the header says {} of {}, but the data have {length} bytes",
             header.shape_text(),
             header.kind_text()
         );
@@ -72,18 +72,18 @@ fn particles(place: &str, header: &NpyHeader, notes: &mut Vec<String>) -> Result
             return Ok((rows, fields, positions));
         }
         let names: Vec<&str> = described.iter().map(|f| &f.name[..]).collect();
-        let what = format!("its records hold {}, and no x, y and z", names.join(", "));
+        let what = format!("the records have {}, but no x, y and z", names.join(", "));
         return Err(Error::input(place, what));
     }
     if let Some(rows) = layout::rows_of_table(header) {
         let fields = layout::table(0, header, rows);
         notes.push(format!(
-            "a table of {} columns: 0, 1 and 2 are read as x, y and z; name others as the positions, such as 3,4,5",
+            "a table of {} columns: 0, 1 and 2 are read as x, y and z; for others give the positions as, say, 3,4,5",
             fields.len()
         ));
         return Ok((rows, fields, "0,1,2".into()));
     }
-    let what = format!("its shape {} of {} is not that of positions", header.shape_text(), header.kind_text());
+    let what = format!("an array of shape {} of {} cannot hold positions", header.shape_text(), header.kind_text());
     Err(Error::input_with(place, what, "save an array of shape (N, 3) or (3, N), or records with x, y and z"))
 }
 

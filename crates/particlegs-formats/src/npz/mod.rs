@@ -87,7 +87,7 @@ fn arrays(bytes: &Bytes, notes: &mut Vec<String>) -> TextResult<(Vec<StoredBytes
             let header = NpyHeader::read(stream)?;
             if header.end() != Some(content.size()) {
                 let says = format!("{} of {}", header.shape_text(), header.kind_text());
-                return Err(format!("its header says {says}, which is not what its {} bytes hold", content.size()));
+                return Err(format!("the header says {says}, but the size is {} bytes", content.size()));
             }
             Ok((content, header))
         });
@@ -96,7 +96,7 @@ fn arrays(bytes: &Bytes, notes: &mut Vec<String>) -> TextResult<(Vec<StoredBytes
                 arrays.push(ArchiveArray { name, stored: stored.len(), header });
                 stored.push(content);
             }
-            Err(what) => notes.push(format!("member `{}` is not read: {what}", name.escape_debug())),
+            Err(what) => notes.push(format!("member `{}` is skipped: {what}", name.escape_debug())),
         }
     }
     if arrays.is_empty() {
@@ -132,7 +132,7 @@ fn rows(place: &str, arrays: &[ArchiveArray]) -> Result<u64> {
         let listed: Vec<String> =
             arrays.iter().take(20).map(|a| format!("{} {}", a.name.escape_debug(), a.header.shape_text())).collect();
         let hint = "save positions as `pos` of shape (N, 3), or as `x`, `y` and `z`";
-        Error::input_with(place, format!("no array holds positions; there are: {}", listed.join(", ")), hint)
+        Error::input_with(place, format!("no array holds positions; the arrays are: {}", listed.join(", ")), hint)
     })
 }
 
@@ -142,7 +142,7 @@ fn positions(place: &str, fields: &[ColumnarField]) -> Result<String> {
     if let Some(name) = layout::positions_named(&described) {
         return match fields.iter().find(|f| f.name == name) {
             Some(field) if field.kind.is_none() => {
-                let what = format!("`{name}` holds {}, and positions are real numbers", field.kind_name);
+                let what = format!("`{name}` holds {}, but positions must be floating-point numbers", field.kind_name);
                 Err(Error::input_with(place, what, "save x, y and z as float32 or float64"))
             }
             _ => Ok(name),
@@ -158,10 +158,10 @@ fn positions(place: &str, fields: &[ColumnarField]) -> Result<String> {
 
 /// The numbers of an array of nine at most.
 fn small(array: &ArchiveArray, stored: &[StoredBytes]) -> TextResult<Vec<f64>> {
-    let NpyElement::Plain(scalar) = &array.header.element else { return Err("records are no numbers".into()) };
-    let kind = scalar.kind.ok_or_else(|| format!("{} are no numbers", scalar.name))?;
+    let NpyElement::Plain(scalar) = &array.header.element else { return Err("records are not numbers".into()) };
+    let kind = scalar.kind.ok_or_else(|| format!("{} values are not numbers", scalar.name))?;
     let count = array.header.shape.iter().try_fold(1u64, |n, &side| n.checked_mul(side));
-    let count = count.filter(|n| (1..=9).contains(n)).ok_or("there are more than nine numbers, or none")?;
+    let count = count.filter(|n| (1..=9).contains(n)).ok_or("the cell must have 1 to 9 numbers")?;
     let mut stream = stored[array.stored].open().map_err(|e| e.to_string())?;
     let mut bytes = vec![0; (count * kind.bytes()) as usize];
     std::io::copy(&mut (&mut stream).take(array.header.data), &mut std::io::sink()).map_err(|e| e.to_string())?;
@@ -177,7 +177,7 @@ fn small(array: &ArchiveArray, stored: &[StoredBytes]) -> TextResult<Vec<f64>> {
 /// A cell of one length, three lengths, or three vectors; of a length of 0 nothing repeats.
 fn cell(values: &[f64]) -> TextResult<Option<Cell>> {
     if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
-        return Err(format!("the cell has the length {bad}"));
+        return Err(format!("the cell has an edge of length {bad}"));
     }
     let cell = match *values {
         [l] => Cell::orthogonal([l; 3]),
@@ -185,14 +185,14 @@ fn cell(values: &[f64]) -> TextResult<Option<Cell>> {
         [a, b, c, d, e, f, g, h, i] => {
             Cell { vectors: [[a, b, c], [d, e, f], [g, h, i]], ..Cell::orthogonal([0.0; 3]) }
         }
-        _ => return Err(format!("{} numbers are no cell: one, three, or three by three are", values.len())),
+        _ => return Err(format!("a cell of {} numbers: it must have 1, 3 or 3x3", values.len())),
     };
     if values.iter().all(|v| *v == 0.0) {
         return Ok(None);
     }
     let negative = values.len() < 9 && values.iter().any(|v| *v < 0.0);
     match Cell::stated(cell.origin, cell.vectors, cell.periodic).filter(|_| !negative) {
-        None => Err(format!("{values:?} is not a cell: it has no volume")),
+        None => Err(format!("the cell {values:?} has no volume")),
         cell => Ok(cell),
     }
 }

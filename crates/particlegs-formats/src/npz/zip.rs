@@ -20,15 +20,15 @@ pub struct ZipMember {
 /// All members. An archive without a table of contents, or with a member whose name leads out of it, is refused.
 pub fn members(bytes: &Bytes) -> TextResult<Vec<ZipMember>> {
     let archive = ZipArchive::from_slice(&bytes[..]).ok().filter(|a| a.end_offset() == bytes.len() as u64);
-    let archive = archive.ok_or("no table of contents at its end: it is cut short or no archive")?;
+    let archive = archive.ok_or("the table of contents at the end is missing: the file is cut short or not a ZIP archive")?;
     let count = archive.entries_hint();
     if count > MOST_MEMBERS {
-        return Err(format!("its table of contents lists {count} members"));
+        return Err(format!("the table of contents lists too many members: {count}"));
     }
     let (mut out, mut entries) = (Vec::new(), archive.entries());
     for number in 0..count {
         let entry = entries.next_entry().ok().flatten();
-        let entry = entry.ok_or_else(|| format!("member {number} of {count} is not listed whole"))?;
+        let entry = entry.ok_or_else(|| format!("the entry of member {number} of {count} is incomplete"))?;
         let name = String::from_utf8_lossy(entry.file_path().as_ref()).into_owned();
         check_name(&name)?;
         // Folders have a name and nothing in it.
@@ -44,7 +44,7 @@ pub fn members(bytes: &Bytes) -> TextResult<Vec<ZipMember>> {
 fn check_name(name: &str) -> TextResult<()> {
     let outside = name.split(['/', '\\']).any(|part| part == "..") || name.starts_with(['/', '\\']);
     if outside || name.contains(':') || name.contains('\0') {
-        return Err(format!("its member `{}` has a name that leads out of the archive", name.escape_debug()));
+        return Err(format!("the name of member `{}` points outside the archive", name.escape_debug()));
     }
     Ok(())
 }
@@ -62,11 +62,11 @@ fn content(
         CompressionMethod::DEFLATE => StreamCoding::Deflate { crc: entry.crc32() },
         other => {
             let method = other.as_u16();
-            return Err(format!("its compression (ZIP method {method}) is not supported: use numpy's own"));
+            return Err(format!("its compression (ZIP method {method}) is not supported: use numpy.savez or numpy.savez_compressed"));
         }
     };
     let found =
-        archive.get_entry(entry.wayfinder()).map_err(|_| "it begins where no member is, or ends beyond the file")?;
+        archive.get_entry(entry.wayfinder()).map_err(|_| "it starts at a wrong place or ends beyond the file")?;
     let (start, end) = found.compressed_data_range();
     StoredBytes::new(bytes.clone(), start, end - start, entry.uncompressed_size_hint(), coding)
 }

@@ -61,7 +61,7 @@ pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
         let words: Vec<&str> = line.split_ascii_whitespace().take(8).collect();
         let bad = |what: &str| {
             let shown: String = line.trim_end().chars().take(60).collect();
-            format!("line {number} of its header, `{}`: {what}", shown.escape_debug())
+            format!("header line {number}, `{}`: {what}", shown.escape_debug())
         };
         match words[..] {
             [] | ["ply"] | ["comment" | "obj_info", ..] => {}
@@ -70,28 +70,28 @@ pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
                     "ascii" => Encoding::Ascii,
                     "binary_little_endian" => Encoding::Little,
                     "binary_big_endian" => Encoding::Big,
-                    _ => return Err(bad("the format is not known")),
+                    _ => return Err(bad("unknown format")),
                 });
             }
             ["element", name, count] => {
-                let count = count.parse().map_err(|_| bad("the number of elements is none"))?;
+                let count = count.parse().map_err(|_| bad("the number of elements is not a count"))?;
                 elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
             }
             ["property", "list", _, kind, name] | ["property", kind, name] => {
-                let named = |kind| kind_named(kind).ok_or_else(|| bad("the type is not known"));
+                let named = |kind| kind_named(kind).ok_or_else(|| bad("unknown type"));
                 let list = if words[1] == "list" && words.len() == 5 { Some(named(words[2])?) } else { None };
                 let kind = named(kind)?;
                 let element = elements.last_mut().ok_or_else(|| bad("it belongs to no element"))?;
                 element.properties.push(Property { name: name.into(), kind, list });
             }
             ["end_header"] => {
-                let encoding = encoding.ok_or("its header does not say the format")?;
+                let encoding = encoding.ok_or("the header does not state the format")?;
                 return Ok(PlyHeader { encoding, elements, data: at as u64 });
             }
             _ => return Err(bad("not a line of a PLY header")),
         }
     }
-    Err("its header has no end: no `end_header`".into())
+    Err("the header has no `end_header` line".into())
 }
 
 fn kind_named(name: &str) -> Option<NumberType> {
@@ -127,7 +127,7 @@ mod tests {
         let of = |lines: &str| parse(format!("ply\n{lines}").as_bytes()).unwrap_err();
         assert!(of("format middle 1.0\n").contains("line 2"));
         assert!(of("property float x\n").contains("no element"));
-        assert!(of("element vertex -3\n").contains("none"));
+        assert!(of("element vertex -3\n").contains("not a count"));
         assert!(of("end_header\n").contains("format"));
         assert!(of("format ascii 1.0\nelement vertex 3\n").contains("end_header"));
     }

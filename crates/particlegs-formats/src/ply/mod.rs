@@ -28,7 +28,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let place = path.display().to_string();
     let bytes = Bytes::from_filled_file(path)?;
     if let Some(compression) = crate::compression::FileCompression::from_magic(&bytes) {
-        let what = format!("a PLY file in {}, which is not read", compression.name());
+        let what = format!("a PLY file compressed with {}, which this program does not read", compression.name());
         return Err(Error::input_with(path, what, "unpack it first"));
     }
     let header = header::parse(&bytes).map_err(|what| Error::input(path, what))?;
@@ -37,13 +37,13 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let fields = fields(element);
     let mut description = describe(path, &header, element, &fields)?;
     let broken =
-        |what: String| Error::input_with(path, what, "the file is cut short, or its header is wrong: copy it again");
+        |what: String| Error::input_with(path, what, "the file is cut short or damaged: copy it again");
     let start = start(&bytes, &header, number).map_err(broken)?;
     let format = RowFormat::new(header.encoding, element);
     let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.byte));
     // The last line of text may lack its end.
     if least.is_none_or(|end| end > bytes.len() as u64 + 1) {
-        let what = format!("its header says {} vertices, more than its {} bytes hold", element.count, bytes.len());
+        let what = format!("the header says {} vertices, but the file has only {} bytes", element.count, bytes.len());
         return Err(broken(what));
     }
     match element.bytes() {
@@ -56,7 +56,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         }
         _ => {
             let lists = element.properties.iter().filter(|p| p.list.is_some());
-            description.notes.extend(lists.map(|p| format!("list `{}` is not read", p.name.escape_debug())));
+            description.notes.extend(lists.map(|p| format!("list `{}` is skipped", p.name.escape_debug())));
             let (element, encoding) = (element.clone(), header.encoding);
             Ok(Box::new(VariableLengthPly { description, place, bytes, element, encoding, start }))
         }
@@ -66,7 +66,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
 fn vertices(place: &str, header: &PlyHeader) -> Result<usize> {
     let number = header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
         let names: Vec<&str> = header.elements.iter().map(|e| &e.name[..]).take(20).collect();
-        Error::input(place, format!("it has no element `vertex`; there are: {}", names.join(", ")))
+        Error::input(place, format!("there is no element `vertex`; the elements are: {}", names.join(", ")))
     })?;
     match header.elements[number].count {
         0 => Err(Error::input(place, "it holds no vertices")),
@@ -99,7 +99,7 @@ fn describe(path: &PathBuf, header: &PlyHeader, element: &PlyElement, fields: &[
             false => "points need the properties x, y and z",
         };
         let names: Vec<&str> = described.iter().take(20).map(|f| &f.name[..]).collect();
-        let what = format!("its vertices have no x, y and z; there are: {}", names.join(", "));
+        let what = format!("the vertices lack x, y and z; their properties are: {}", names.join(", "));
         Error::input_with(path, what.escape_debug().to_string(), hint)
     })?;
     let encoding = match header.encoding {
@@ -126,7 +126,7 @@ fn start(bytes: &Bytes, header: &PlyHeader, vertices: usize) -> TextResult<Verte
     let mut at = header.data;
     let mut lines = 0u64;
     for element in &header.elements[..vertices] {
-        let beyond = || format!("its {} elements `{}` end beyond its end", element.count, element.name.escape_debug());
+        let beyond = || format!("the {} elements `{}` end beyond the file", element.count, element.name.escape_debug());
         if element.properties.is_empty() {
             continue;
         }
@@ -163,7 +163,7 @@ impl Snapshot for VariableLengthPly {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = self.description.species.get(species);
-        let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
+        let species = species.ok_or_else(|| Error::argument("the file has only one particle type"))?;
         let number = |name: &str| {
             let found = self.element.properties.iter().position(|p| p.list.is_none() && p.name == name);
             found.ok_or_else(|| species.missing(&self.place, name, [].into_iter()))

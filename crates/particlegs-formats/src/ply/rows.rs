@@ -90,7 +90,7 @@ impl RowFormat {
             }
             let left = (bytes.len() as u64 - at - length.bytes()) / property.kind.bytes();
             if items > left as f64 {
-                return Err(format!("list `{}` has {items} items, and the file ends", property.name.escape_debug()));
+                return Err(format!("list `{}` has {items} items, but the file ends early", property.name.escape_debug()));
             }
             at += length.bytes() + items as u64 * property.kind.bytes();
         }
@@ -112,11 +112,11 @@ impl RowFormat {
                 word(line, &mut at).ok_or(FEW)?;
             }
         }
-        if word(line, &mut at).is_some() { Err("it has too many values".into()) } else { Ok(()) }
+        if word(line, &mut at).is_some() { Err("too many values".into()) } else { Ok(()) }
     }
 }
 
-const FEW: &str = "it has too few values";
+const FEW: &str = "too few values";
 
 /// Gives a value to every column that wants it: bit k for column k.
 fn take(wanted: u8, value: f64, out: &mut [f64; 4]) {
@@ -186,7 +186,7 @@ impl VariableLengthRows {
         let find = || {
             let mut at = self.start.byte;
             for before in 0..self.start.lines {
-                at = line(&self.bytes, at).map_err(|e| format!("element {before} before the vertices: {e}"))?.end;
+                at = line(&self.bytes, at).map_err(|e| format!("element {before}, before the vertices: {e}"))?.end;
             }
             let mut index = Vec::new();
             for row in 0..self.count {
@@ -214,7 +214,7 @@ impl ParticlePiece for VariableLengthRows {
     fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         let index = self.index()?;
         let first = rows.start / STEP;
-        let mut at = *index.get(first as usize).ok_or_else(|| self.wrong(rows.start, "there is none"))?;
+        let mut at = *index.get(first as usize).ok_or_else(|| self.wrong(rows.start, "it does not exist"))?;
         let mut values = [0.0; 4];
         for row in first * STEP..rows.end {
             let range = self.format.row(&self.bytes, at).map_err(|e| self.wrong(row, &e))?;

@@ -40,17 +40,17 @@ struct Glb {
 
 pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
-    let refuse = |what: String| Error::input_with(path, what, "the file is damaged, or holds no points");
+    let refuse = |what: String| Error::input_with(path, what, "the file is damaged or holds no points");
     let bytes = Bytes::from_filled_file(path)?;
     let (json, binary) = chunks(&bytes).map_err(refuse)?;
     let json = &bytes[json.start as usize..json.end as usize];
     let document: GltfDocument =
-        serde_json::from_slice(json).map_err(|e| refuse(format!("its document cannot be read: {e}")))?;
+        serde_json::from_slice(json).map_err(|e| refuse(format!("the JSON document cannot be read: {e}")))?;
     let (parts, splats) = parts(&document, binary).map_err(refuse)?;
     let count =
-        parts.iter().try_fold(0u64, |n, p| n.checked_add(p.rows)).ok_or_else(|| refuse("too many points".into()))?;
+        parts.iter().try_fold(0u64, |n, p| n.checked_add(p.rows)).ok_or_else(|| refuse("there are too many points".into()))?;
     if count == 0 {
-        return Err(refuse("it holds no points: no primitive of mode POINTS with positions".into()));
+        return Err(refuse("there is no primitive of mode POINTS with positions".into()));
     }
     let (name, aliases, positions) = ("particles".into(), vec!["0".into()], "POSITION".to_string());
     let fields = vec![SpeciesField::new(&positions, parts[0].kind.name(), 3)];
@@ -72,25 +72,25 @@ fn chunks(bytes: &[u8]) -> TextResult<(Range<u64>, Range<u64>)> {
         let b = bytes.get(at as usize..at as usize + 4)?;
         Some(u64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])))
     };
-    let short = "it is cut short";
+    let short = "the file is cut short";
     let (version, length) = (word(4).ok_or(short)?, word(8).ok_or(short)?);
     if version != 2 {
-        return Err(format!("glTF version {version} is not known (2 is)"));
+        return Err(format!("glTF version {version} is not supported (only 2 is)"));
     }
     if length > bytes.len() as u64 {
-        return Err(format!("it is cut short: {} of {length} bytes", bytes.len()));
+        return Err(format!("the file is cut short: {} of {length} bytes", bytes.len()));
     }
     let chunk = |at: u64, kind: &[u8; 4]| {
         let (size, is) = (word(at)?, bytes.get(at as usize + 4..at as usize + 8)?);
         (is == kind && at + 8 + size <= length).then_some(at + 8..at + 8 + size)
     };
-    let json = chunk(12, b"JSON").ok_or("its document ends beyond its end")?;
+    let json = chunk(12, b"JSON").ok_or("the JSON document ends beyond the file")?;
     if json.end - json.start > LONGEST {
-        return Err(format!("its document of {} bytes is longer than {LONGEST}", json.end - json.start));
+        return Err(format!("the JSON document has {} bytes; at most {LONGEST} are supported", json.end - json.start));
     }
     // Chunks begin at multiples of 4.
     let after = json.end.next_multiple_of(4);
-    let binary = chunk(after, b"BIN\0").ok_or("it holds no binary data, or they end beyond its end")?;
+    let binary = chunk(after, b"BIN\0").ok_or("the binary data are missing or end beyond the file")?;
     Ok((json, binary))
 }
 
@@ -98,7 +98,7 @@ fn chunks(bytes: &[u8]) -> TextResult<(Range<u64>, Range<u64>)> {
 fn parts(document: &GltfDocument, binary: Range<u64>) -> TextResult<(Vec<PrimitivePositions>, bool)> {
     let (mut out, mut splats) = (Vec::new(), false);
     for (mesh, world) in document.placed()? {
-        let mesh = document.meshes.get(mesh).ok_or("a node shows a mesh that does not exist")?;
+        let mesh = document.meshes.get(mesh).ok_or("a node refers to a mesh that does not exist")?;
         for primitive in &mesh.primitives {
             let is_splats = primitive.extensions.splats.is_some();
             if primitive.mode != Some(POINTS) && !is_splats {
@@ -118,36 +118,36 @@ fn part(
     world: Affine,
 ) -> TextResult<Option<PrimitivePositions>> {
     let Some(&accessor) = primitive.attributes.get("POSITION") else { return Ok(None) };
-    let accessor = document.accessors.get(accessor).ok_or("positions in an accessor that does not exist")?;
+    let accessor = document.accessors.get(accessor).ok_or("positions refer to an accessor that does not exist")?;
     let inner = primitive.extensions.splats.iter().flat_map(|s| s.extensions.keys());
     let compression = inner.chain(primitive.extensions.others.keys()).find(|name| name.contains("compression"));
     if let Some(name) = compression {
-        return Err(format!("its positions are compressed with {}, which is not read", name.escape_debug()));
+        return Err(format!("positions are compressed with {}, which is not supported", name.escape_debug()));
     }
     if accessor.sparse.is_some() {
-        return Err("its positions are a sparse accessor, which is not read".into());
+        return Err("positions are a sparse accessor, which is not supported".into());
     }
     let (Some(view), "VEC3") = (accessor.buffer_view, &accessor.shape[..]) else {
-        return Err("its positions are no array of VEC3".into());
+        return Err("positions are not an array of VEC3".into());
     };
     let (kind, largest) = number(accessor)?;
-    let view = document.buffer_views.get(view).ok_or("positions in a view that does not exist")?;
-    let buffer = document.buffers.get(view.buffer).ok_or("positions in a buffer that does not exist")?;
+    let view = document.buffer_views.get(view).ok_or("positions refer to a buffer view that does not exist")?;
+    let buffer = document.buffers.get(view.buffer).ok_or("positions refer to a buffer that does not exist")?;
     if view.buffer != 0 || buffer.uri.is_some() {
-        return Err("its positions lie in another file: export it as one binary file".into());
+        return Err("positions are in another file: export the scene as one binary file".into());
     }
     let stride = view.byte_stride.unwrap_or(3 * kind.bytes());
     if !(3 * kind.bytes()..=4096).contains(&stride) {
-        return Err(format!("its positions are {stride} bytes apart"));
+        return Err(format!("positions have a wrong stride of {stride} bytes"));
     }
-    let offset = view.byte_offset.checked_add(accessor.byte_offset).ok_or("positions begin beyond its end")?;
+    let offset = view.byte_offset.checked_add(accessor.byte_offset).ok_or("positions begin beyond the end of the file")?;
     let lane =
         |k: u64| StridedColumn { offset: offset.saturating_add(k * kind.bytes()), stride, kind, big_endian: false };
     // Within the view, and the view within the binary data.
     let view_end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= binary.end - binary.start);
-    let end = view_end.ok_or("positions lie beyond its end")?;
+    let end = view_end.ok_or("positions are beyond the end of the file")?;
     if !(0..3).all(|k| lane(k).fits(accessor.count, end as usize)) {
-        return Err(format!("{} positions end beyond their view of {} bytes", accessor.count, view.byte_length));
+        return Err(format!("{} positions do not fit into their buffer view of {} bytes", accessor.count, view.byte_length));
     }
     let axes = [0, 1, 2].map(|k| StridedColumn { offset: lane(k).offset + binary.start, ..lane(k) });
     let world = world.after(&Affine::scale(1.0 / largest));
@@ -162,7 +162,7 @@ fn number(accessor: &Accessor) -> TextResult<(NumberType, f64)> {
         5122 => (NumberType::I16, 32_767.0),
         5123 => (NumberType::U16, 65_535.0),
         5126 => (NumberType::F32, 1.0),
-        other => return Err(format!("its positions have the type {other}, which is not known")),
+        other => return Err(format!("positions have the unknown type {other}")),
     };
     Ok((kind, if accessor.normalized { largest } else { 1.0 }))
 }
@@ -174,7 +174,7 @@ impl Snapshot for Glb {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = self.description.species.get(species);
-        let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
+        let species = species.ok_or_else(|| Error::argument("the file has only one particle type"))?;
         axes::columns(&self.place, species, choice)?;
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in &self.parts {

@@ -128,7 +128,7 @@ impl GltfDocument {
         let mut seen = vec![false; self.nodes.len()];
         let mut open: Vec<(usize, Affine)> = scene.nodes.iter().rev().map(|&n| (n, Affine::IDENTITY)).collect();
         while let Some((number, parent)) = open.pop() {
-            let node = self.nodes.get(number).ok_or("a scene shows a node that does not exist")?;
+            let node = self.nodes.get(number).ok_or("a scene refers to a node that does not exist")?;
             if std::mem::replace(&mut seen[number], true) {
                 return Err(format!("node {number} has two parents"));
             }

@@ -42,7 +42,7 @@ pub fn write_splats(
         return Err(Error::argument_with(what, Hint::from("draw particles from it with ").command("recover", "")));
     }
     if colors.is_some_and(|c| c.len() != model.gaussians()) {
-        return Err(Error::argument("there must be one colour for each Gaussian"));
+        return Err(Error::argument("give one colour for each Gaussian"));
     }
     let frame = Normalisation::new(&model.metadata.bounds);
     let head = head(model.gaussians(), &frame, comments);

@@ -48,13 +48,13 @@ impl SpzHeader {
         let header = SpzHeader { version, count, degree, fraction, flags, streams, table };
         match header.version {
             1..=4 => {}
-            version => return Err(format!("SPZ version {version} is not known (1 to 4 are)")),
+            version => return Err(format!("SPZ version {version} is not supported (1 to 4 are)")),
         }
         if header.count == 0 {
             return Err("it holds no splats".into());
         }
         if header.fraction > MOST_FRACTION || header.degree > 4 {
-            return Err(format!("a damaged header: {} fraction bits, degree {}", header.fraction, header.degree));
+            return Err(format!("the header is damaged: {} fraction bits, degree {}", header.fraction, header.degree));
         }
         Ok(header)
     }
@@ -84,7 +84,7 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let fields = vec![ColumnarField::in_records("position", kind, 3, [base, stride, 0])];
     let mut notes = vec![Description::SPLATS.to_string()];
     if header.flags & !1 != 0 {
-        notes.push(format!("its flags {:#x} tell of extensions that are not read", header.flags));
+        notes.push(format!("the flags {:#x} mark extensions, which are skipped", header.flags));
     }
     let description = Description {
         format: format!("SPZ version {}, spherical harmonics of degree {}", header.version, header.degree),
@@ -105,9 +105,9 @@ fn parts(bytes: Bytes) -> TextResult<(SpzHeader, u64, StoredBytes)> {
     let packed = bytes.starts_with(&[0x1f, 0x8b]);
     if packed {
         let read = flate2::bufread::MultiGzDecoder::new(&bytes[..]).read_exact(&mut start);
-        read.map_err(|e| format!("its header cannot be read: {e}"))?;
+        read.map_err(|e| format!("the header cannot be read: {e}"))?;
     } else {
-        start.copy_from_slice(bytes.get(..HEADER as usize).ok_or("it is shorter than a header")?);
+        start.copy_from_slice(bytes.get(..HEADER as usize).ok_or("the file is shorter than a header")?);
     }
     let table = bytes.get(16..20).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let header = SpzHeader::parse(&start, table)?;
@@ -116,12 +116,12 @@ fn parts(bytes: Bytes) -> TextResult<(SpzHeader, u64, StoredBytes)> {
         return Ok((header, 0, stored));
     }
     if header.version == 4 {
-        return Err("version 4 within gzip, which no writer makes".into());
+        return Err("version 4 inside gzip is not supported".into());
     }
     let size = HEADER + header.count * header.splat();
     let coding = if packed { StreamCoding::Gzip } else { StreamCoding::Plain };
     if !packed && size > length {
-        return Err(format!("{} splats need {size} bytes, and it has {length}", header.count));
+        return Err(format!("{} splats need {size} bytes, but the file has {length}", header.count));
     }
     let stored = StoredBytes::new(bytes, 0, length, if packed { size } else { length }, coding);
     let stored = stored.map_err(|what| format!("{} splats: {what}", header.count))?;
@@ -140,13 +140,13 @@ fn stream(bytes: &Bytes, header: &SpzHeader) -> TextResult<StoredBytes> {
     let data = table + 16 * u64::from(header.streams);
     let mut end = Some(data);
     for i in 0..u64::from(header.streams) {
-        let (packed, _) = entry(i).ok_or("its list of streams is cut short")?;
+        let (packed, _) = entry(i).ok_or("the list of streams is cut short")?;
         end = end.and_then(|e| e.checked_add(packed));
     }
     if end.is_none_or(|end| end > bytes.len() as u64) {
-        return Err("its streams end beyond its end".into());
+        return Err("the streams end beyond the file".into());
     }
-    let (packed, size) = entry(0).ok_or("it lists no streams")?;
+    let (packed, size) = entry(0).ok_or("the list of streams is empty")?;
     if size != header.count * header.position() {
         return Err(format!("{} splats, but positions of {size} bytes", header.count));
     }

@@ -69,7 +69,7 @@ impl TextContent {
         let mut source = ReadAheadStream::begin(open_stream(&self.path, self.compression)?);
         let passed = std::io::copy(&mut (&mut source).take(start), &mut std::io::sink());
         if passed.map_err(|e| self.error(0, e))? < start {
-            return Err(Error::input(&self.path, "the file became shorter while it was read"));
+            return Err(Error::input(&self.path, "the file was shortened while it was being read"));
         }
         Ok(Box::new(source.take(length)))
     }

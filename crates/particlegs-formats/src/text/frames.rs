@@ -45,24 +45,24 @@ pub fn scan<'c, H>(
             }
             // What comes after the chosen frame does not matter to it.
             Err(e) if chosen.is_some_and(|c| c < count) => {
-                notes.push(format!("frame {count} cannot be read ({e}); those after it are not counted"));
+                notes.push(format!("frame {count} cannot be read ({e}); later frames are not counted"));
                 break;
             }
             Err(e) => return Err(with_last_frame(e, count)),
         }
     }
     if lines.ends_open() {
-        notes.push("the last line has no end: the file may have been cut off there".into());
+        notes.push("the last line has no newline: the file may be cut off there".into());
     }
     let Some((head, rows, frames)) = kept else {
         return Err(match count {
-            0 => Error::input(content.path(), "there are no frames in it"),
+            0 => Error::input(content.path(), "the file has no frames"),
             count => no_frame(content.path(), chosen.unwrap_or(0), count),
         });
     };
     let table = rows.finish()?;
     if chosen.is_none() && count > 1 {
-        notes.push(format!("frame {} is taken, the last of {count} (0 to {})", frames.chosen, count - 1));
+        notes.push(format!("using frame {}, the last of {count} (0 to {})", frames.chosen, count - 1));
     }
     Ok(FrameScan { head, table, frames: TrajectoryFrames { count, ..frames }, notes })
 }

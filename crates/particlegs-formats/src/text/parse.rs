@@ -348,10 +348,10 @@ impl RowParser<'_> {
         let what = match wrong {
             Some(&c) => format!("column {} (`{}`): {} is not a number", c + 1, self.layout.columns[c], shown(all[c])),
             None if self.plan.whole.iter().any(|&c| all.get(c).is_some_and(|t| whole(t).is_none())) => {
-                "has a number that is not whole, where those before are".into()
+                "has a number that is not an integer, unlike the lines before".into()
             }
-            None if have == 0 || all == [b""] => format!("is empty, where {expected} columns belong"),
-            None => format!("has {have} column{}, not {expected}", if have == 1 { "" } else { "s" }),
+            None if have == 0 || all == [b""] => format!("is empty; expected {expected} columns"),
+            None => format!("has {have} column{}; expected {expected}", if have == 1 { "" } else { "s" }),
         };
         LineError { line: number_of_line, what }
     }

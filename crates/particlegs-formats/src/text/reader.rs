@@ -62,7 +62,7 @@ impl RowReader {
     }
 
     fn changed(&self) -> Error {
-        Error::input_with(self.table.content.path(), "the file changed while it was read", "read it again")
+        Error::input_with(self.table.content.path(), "the file changed while it was being read", "read it again")
     }
 
     fn length(&self, run: u64) -> usize {

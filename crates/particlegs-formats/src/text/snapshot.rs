@@ -37,7 +37,7 @@ impl TextSnapshot {
     pub fn new(mut description: Description, table: TextTable, columns: TableColumns, all: &str, noun: &str) -> Self {
         let mass = columns.mass.map_or(SpeciesMass::Unknown, SpeciesMass::Field);
         if table.keys.len() > MOST_SPECIES {
-            description.notes.push(format!("there are more than {MOST_SPECIES} types: all particles are one species"));
+            description.notes.push(format!("more than {MOST_SPECIES} particle types: all particles are treated as one"));
         }
         let species = table.kinds.iter().filter(|kind| kind.count > 0).map(|kind| {
             let only = match &table.keys[..] {
@@ -72,18 +72,18 @@ impl TextSnapshot {
         let periods = self.description.meta.cell.and_then(PeriodicCell::new);
         match periods {
             None if choice.keep_unwrapped => {
-                Err(Error::input(self.place(), "no box is periodic: positions are as the file has them"))
+                Err(Error::input(self.place(), "there is no periodic box: positions are not wrapped"))
             }
             None => Ok(self),
             Some(_) if choice.keep_unwrapped => {
                 self.description.meta.cell = None;
-                self.description.notes.push("positions are kept as the file has them, without its periodic box".into());
+                self.description.notes.push("positions are used as stored; the periodic box is ignored".into());
                 Ok(self)
             }
             Some(periods) => {
                 self.wraps = unwrapped || self.begins_unwrapped(&periods, choice);
                 if self.wraps {
-                    let note = "positions are unwrapped: they are wrapped into the periodic box";
+                    let note = "unwrapped positions are wrapped into the periodic box";
                     self.description.notes.push(note.into());
                 }
                 Ok(self)
@@ -139,8 +139,8 @@ impl TextSnapshot {
             let scalars = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text");
             let names: Vec<&str> = scalars.map(|f| &f.name[..]).collect();
             let hint = Hint::default().option("positions", "A,B,C");
-            let hint = hint.words(format!(" names them; there are: {}", names.join(", ")));
-            return Err(Error::input_with(self.place(), "no columns have the names of positions", hint));
+            let hint = hint.words(format!(" names them; the columns are: {}", names.join(", ")));
+            return Err(Error::input_with(self.place(), "no columns are named as positions", hint));
         }
         let vector = species.fields.iter().any(|f| f.name == name && f.components == 3);
         if let Some(first) = column_of(&species.fields, name).filter(|_| vector) {
@@ -155,7 +155,7 @@ impl TextSnapshot {
         match [x, y, z].iter().zip(scaled).filter(|(n, scaled)| scaled.contains(n)).count() {
             0 => Ok((columns, None)),
             3 => Ok((columns, Some(*scaling))),
-            _ => Err(Error::input(self.place(), format!("positions `{name}`: only some of them are scaled"))),
+            _ => Err(Error::input(self.place(), format!("positions `{name}`: some are scaled and some are not"))),
         }
     }
 
@@ -178,7 +178,7 @@ impl Snapshot for TextSnapshot {
     }
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
-        let no_species = || Error::argument(format!("there is no particle type {species}"));
+        let no_species = || Error::argument(format!("particle type {species} does not exist"));
         let one = self.description.species.get(species).ok_or_else(no_species)?;
         let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
         let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;

@@ -35,12 +35,12 @@ impl LegacySnapshot {
     fn open(paths: &[PathBuf]) -> Result<LegacySnapshot> {
         let path = &paths[0];
         if let Some(second) = paths.get(1) {
-            return Err(Error::input_with(second, "a second VTK file", "one at a time"));
+            return Err(Error::input_with(second, "a second VTK file was named", "name one file"));
         }
         let bytes = Bytes::from_file(path)?;
         let scanned = scan::scan(path, &bytes)?;
         if scanned.points == 0 {
-            return Err(Error::input(path, "no points"));
+            return Err(Error::input(path, "it holds no points"));
         }
         let coding = if scanned.ascii { "text" } else { "binary" };
         let field = |a: &LegacyArray| SpeciesField::new(&a.name, a.kind.name(), a.components);
@@ -78,7 +78,7 @@ impl Snapshot for LegacySnapshot {
         let columns = axes::columns(&self.place, species, choice)?;
         let arrays = open_columns(&columns, |name| {
             let found = self.scanned.arrays.iter().find(|a| a.name == name);
-            let missing = || Error::input(&self.place, format!("it has no array `{name}`"));
+            let missing = || Error::input(&self.place, format!("there is no array `{name}`"));
             let own = array(found.ok_or_else(missing)?);
             Ok(VtkArray { kind: own.kind.stored(choice.as_stored), ..own })
         })?;

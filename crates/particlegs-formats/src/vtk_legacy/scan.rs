@@ -71,12 +71,12 @@ pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
     while let Some(line) = scan.line()? {
         if !scan.section(&line)? {
             let line = shown(&line);
-            scan.out.note = Some(format!("what follows `{line}` before byte {} is not read", scan.at));
+            scan.out.note = Some(format!("skipped everything after `{line}`, which ends at byte {}", scan.at));
             break;
         }
     }
     if scan.out.arrays.is_empty() {
-        let what = scan.out.note.take().unwrap_or_else(|| "it has no POINTS".into());
+        let what = scan.out.note.take().unwrap_or_else(|| "there is no POINTS section".into());
         return Err(scan.fault(what));
     }
     Ok(scan.out)
@@ -95,7 +95,7 @@ impl LegacyScan<'_> {
         }
         let end = rest.iter().take(MOST_LINE).position(|&b| b == b'\n');
         if end.is_none() && rest.len() >= MOST_LINE {
-            return Err(self.fault(format!("a line at byte {} has more than {MOST_LINE} bytes", self.at)));
+            return Err(self.fault(format!("the line at byte {} is longer than {MOST_LINE} bytes", self.at)));
         }
         let line = String::from_utf8_lossy(&rest[..end.unwrap_or(rest.len())]).trim().to_string();
         self.at += end.map_or(rest.len(), |e| e + 1);
@@ -126,7 +126,7 @@ impl LegacyScan<'_> {
         self.out.ascii = match &coding.to_ascii_uppercase()[..] {
             "ASCII" => true,
             "BINARY" => false,
-            _ => return Err(self.fault("its third line is neither ASCII nor BINARY")),
+            _ => return Err(self.fault("the third line is neither ASCII nor BINARY")),
         };
         Ok(())
     }
@@ -139,7 +139,7 @@ impl LegacyScan<'_> {
             ("DATASET", [kind]) => {
                 self.out.dataset = kind.to_ascii_uppercase();
                 if !["POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID"].contains(&&self.out.dataset[..]) {
-                    let what = format!("data of type `{}` hold no points of their own", shown(kind));
+                    let what = format!("data of type `{}` have no explicit points", shown(kind));
                     return Err(Error::input_with(self.path, what, "save them as POLYDATA"));
                 }
             }
@@ -185,7 +185,7 @@ impl LegacyScan<'_> {
             Some(end) => self.at = end as usize,
             None => {
                 let what = format!(
-                    "{name} at byte {at} needs {count} numbers, and the file ends at byte {}",
+                    "{name} at byte {at} needs {count} numbers, but the file ends at byte {}",
                     self.bytes.len()
                 );
                 return Err(self.fault(what));
@@ -213,10 +213,10 @@ impl LegacyScan<'_> {
     /// `name components rows type`, as often as it says.
     fn field(&mut self, count: &str) -> Result<bool> {
         for _ in 0..self.count(count)? {
-            let mut line = self.line()?.ok_or_else(|| self.fault("it ends within a FIELD"))?;
+            let mut line = self.line()?.ok_or_else(|| self.fault("the file ends inside a FIELD section"))?;
             if line == "METADATA" {
                 self.section("METADATA")?;
-                line = self.line()?.ok_or_else(|| self.fault("it ends within a FIELD"))?;
+                line = self.line()?.ok_or_else(|| self.fault("the file ends inside a FIELD section"))?;
             }
             let words: Vec<&str> = line.split_whitespace().collect();
             let [name, components, rows, kind] = words[..] else { return Ok(false) };

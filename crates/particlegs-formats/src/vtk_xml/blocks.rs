@@ -75,15 +75,15 @@ impl CompressedBlocks {
         let head = stream.get(bytes, 0..3 * integers.size)?;
         let [count, block, last] = [0, 1, 2].map(|i| integers.get(&head, i));
         if count == 0 || count > MOST_BLOCKS || count > bytes.len() as u64 || block == 0 {
-            return Err(format!("it is said to have {count} compressed blocks of {block} bytes"));
+            return Err(format!("the header says {count} compressed blocks of {block} bytes, which the file cannot hold"));
         }
         let last = if last == 0 { block } else { last };
         let whole = (count - 1).checked_mul(block).and_then(|n| n.checked_add(last));
         if whole != Some(length) || last > block {
-            return Err(format!("its compressed blocks hold {} bytes instead of {length}", whole.unwrap_or(u64::MAX)));
+            return Err(format!("the compressed blocks hold {} bytes instead of {length}", whole.unwrap_or(u64::MAX)));
         }
         if block.min(length) > codecs::MOST_BYTES as u64 {
-            return Err(format!("its compressed blocks of {block} bytes are larger than {}", codecs::MOST_BYTES));
+            return Err(format!("compressed blocks of {block} bytes are too large; at most {} are supported", codecs::MOST_BYTES));
         }
         let header = (3 + count) * integers.size;
         let sizes = stream.get(bytes, 3 * integers.size..header)?;
@@ -91,7 +91,7 @@ impl CompressedBlocks {
         starts.push(0u64);
         for i in 0..count as usize {
             let end = starts[i].checked_add(integers.get(&sizes, i));
-            starts.push(end.filter(|&e| e <= bytes.len() as u64).ok_or("its compressed blocks end beyond the file")?);
+            starts.push(end.filter(|&e| e <= bytes.len() as u64).ok_or("the compressed blocks end beyond the file")?);
         }
         drop(sizes);
         let data = stream.after(bytes, header);
@@ -108,7 +108,7 @@ impl CompressedBlocks {
     fn decode(&self, bytes: &[u8], index: u64) -> Result<Vec<u8>, String> {
         let range = self.starts[index as usize]..self.starts[index as usize + 1];
         if range.end - range.start > codecs::MOST_BYTES as u64 * 9 / 8 {
-            return Err("a compressed block is larger than what it holds".into());
+            return Err("a compressed block is larger than its content".into());
         }
         let packed = self.data.get(bytes, range)?;
         let length = if index + 1 == self.count() { self.last } else { self.block } as usize;
@@ -135,14 +135,14 @@ impl CompressedBlocks {
         while at < range.end {
             let index = at / self.block;
             if index >= self.count() {
-                return Err("more is asked for than its blocks hold".into());
+                return Err("the blocks hold too few bytes".into());
             }
             let start = index * self.block;
             let whole = at == start && range.end - start >= self.block;
             // Neighbouring runs share the blocks at their ends; the others are decoded only once.
             let decoded = if whole { Arc::new(self.decode(bytes, index)?) } else { self.kept(bytes, index)? };
             let part = decoded.get((at - start) as usize..((range.end - start) as usize).min(decoded.len()));
-            let part = part.filter(|p| !p.is_empty()).ok_or("more is asked for than its blocks hold")?;
+            let part = part.filter(|p| !p.is_empty()).ok_or("the blocks hold too few bytes")?;
             out.extend_from_slice(part);
             at += part.len() as u64;
         }

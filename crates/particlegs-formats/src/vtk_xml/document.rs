@@ -115,7 +115,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
                 let element = walk.enter(&mut document, &tag, false).map_err(fault)?;
                 walk.open.push(element);
                 if walk.open.len() > MOST_DEPTH {
-                    return Err(fault("its XML is nested too deeply".into()));
+                    return Err(fault("the XML is nested too deeply".into()));
                 }
             }
             Event::Empty(tag) => {
@@ -131,7 +131,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
             }
             Event::Text(_) => walk.text(bytes, at..reader.buffer_position()),
             Event::DocType(_) | Event::GeneralRef(_) => {
-                let what = format!("byte {at}: its XML defines or uses entities, which VTK files never do: refused");
+                let what = format!("byte {at}: the XML defines or uses entities, which VTK files never do");
                 return Err(Error::input_with(path, what, "save it again with VTK or ParaView"));
             }
             Event::Eof => break,
@@ -141,7 +141,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
     if walk.closed {
         Ok(document)
     } else {
-        Err(Error::input_with(path, format!("it ends at byte {} within its XML", bytes.len()), HINT))
+        Err(Error::input_with(path, format!("the file ends at byte {}, inside the XML", bytes.len()), HINT))
     }
 }
 
@@ -153,14 +153,14 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<String>> {
     let text =
         quick_xml::escape::unescape(&found.value).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
     if text.len() > MOST_NAME {
-        return Err(format!("an attribute {name} of {} bytes", text.len()));
+        return Err(format!("attribute {name} is too long: {} bytes", text.len()));
     }
     Ok(Some(text.into_owned()))
 }
 
 fn number(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<u64>> {
     let Some(text) = attribute(tag, name)? else { return Ok(None) };
-    text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`: no count", shown(&text)))
+    text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`, which is not a count", shown(&text)))
 }
 
 impl XmlState {
@@ -173,7 +173,7 @@ impl XmlState {
                 self.file(document, tag)?;
                 XmlElement::File
             }
-            (_, None) => return Err("it is no VTKFile".into()),
+            (_, None) => return Err("the root element is not VTKFile".into()),
             ("Piece", _) => {
                 if document.pieces.len() == MOST_PIECES {
                     return Err(format!("more than {MOST_PIECES} pieces"));
@@ -212,10 +212,10 @@ impl XmlState {
         document.header = match attribute(tag, "header_type")?.as_deref() {
             None | Some("UInt32") => 4,
             Some("UInt64") => 8,
-            Some(other) => return Err(format!("header_type {} is not known", shown(other))),
+            Some(other) => return Err(format!("unknown header_type {}", shown(other))),
         };
         if let Some(name) = attribute(tag, "compressor")?.filter(|n| !n.is_empty()) {
-            let unknown = || format!("compressor {} is not known", shown(&name));
+            let unknown = || format!("unknown compressor {}", shown(&name));
             document.compressor = Some(Compressor::from_name(&name).ok_or_else(unknown)?);
         }
         Ok(())
@@ -241,13 +241,13 @@ impl XmlState {
         match self.open.last() {
             Some(XmlElement::FieldData) => document.fields.push(array),
             Some(inside) => {
-                let piece = document.pieces.last_mut().ok_or("an array outside of any piece")?;
+                let piece = document.pieces.last_mut().ok_or("an array is outside any piece")?;
                 if *inside == XmlElement::Points {
                     piece.positions = Some(array);
                 } else if piece.arrays.len() < MOST_ARRAYS_OF_PIECE {
                     piece.arrays.push(array);
                 } else {
-                    return Err(format!("more than {MOST_ARRAYS_OF_PIECE} arrays of a piece"));
+                    return Err(format!("more than {MOST_ARRAYS_OF_PIECE} arrays in a piece"));
                 }
             }
             None => {}
@@ -265,9 +265,9 @@ fn declared(tag: &BytesStart<'_>) -> TextResult<(ArrayDeclaration, bool)> {
         None | Some("ascii") => ArrayLocation::Ascii(0..0),
         Some("binary") => ArrayLocation::Inline(0..0),
         Some("appended") => {
-            ArrayLocation::Appended(number(tag, "offset")?.ok_or("an appended array without an offset")?)
+            ArrayLocation::Appended(number(tag, "offset")?.ok_or("an appended array has no offset")?)
         }
-        Some(other) => return Err(format!("format `{}` is not known", shown(other))),
+        Some(other) => return Err(format!("unknown format `{}`", shown(other))),
     };
     Ok((ArrayDeclaration { name, kind, components, place }, true))
 }

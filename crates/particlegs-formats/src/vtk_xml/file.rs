@@ -35,7 +35,7 @@ impl VtkXmlFile {
         let cache = Arc::new(ChunkCache::new(0));
         for piece in self.document.pieces.iter().filter(|p| p.points > 0) {
             if piece.positions.is_none() && piece.source.is_none() {
-                return Err(Error::input(&self.path, "a piece has points without positions"));
+                return Err(Error::input(&self.path, "a piece has points but no positions"));
             }
             for array in piece.positions.iter().chain(&piece.arrays) {
                 self.binary(array, piece.points, &cache)?;
@@ -50,7 +50,7 @@ impl VtkXmlFile {
         let source = match &declared.place {
             ArrayLocation::Ascii(range) => {
                 let count = rows.checked_mul(u64::from(declared.components));
-                let fault = || "more numbers than can be counted".to_string();
+                let fault = || "too many numbers to count".to_string();
                 let found = count
                     .ok_or_else(fault)
                     .and_then(|n| Ascii::find(&self.bytes[..range.end as usize], range.start, n));
@@ -73,7 +73,7 @@ impl VtkXmlFile {
             ArrayLocation::Ascii(range) => {
                 let least = rows.saturating_mul(u64::from(declared.components)).saturating_mul(2);
                 if range.end - range.start < least.saturating_sub(1) {
-                    return Err(fault(format!("{rows} rows do not fit into its text")));
+                    return Err(fault(format!("the text is too short for {rows} rows")));
                 }
                 return Ok(None);
             }
@@ -83,7 +83,7 @@ impl VtkXmlFile {
             ArrayLocation::Appended(offset) => self.appended(*offset).map_err(fault)?,
         };
         let length = rows.checked_mul(kind.bytes()).and_then(|n| n.checked_mul(u64::from(declared.components)));
-        let length = length.ok_or_else(|| fault("more numbers than can be counted".into()))?;
+        let length = length.ok_or_else(|| fault("too many numbers to count".into()))?;
         self.source(stream, self.document.compressor, length, cache).map(Some).map_err(fault)
     }
 
@@ -91,7 +91,7 @@ impl VtkXmlFile {
         let (start, base64) = self.document.appended.ok_or("the file has no appended data")?;
         let end = self.bytes.len() as u64;
         let at = start.checked_add(offset).filter(|&at| at < end);
-        let at = at.ok_or_else(|| format!("its offset {offset} lies beyond the file's end"))?;
+        let at = at.ok_or_else(|| format!("offset {offset} is beyond the end of the file"))?;
         Ok(if base64 { Stream::Base64 { text: Base64Text::plain(at..end), base: 0, skip: 0 } } else { Stream::Raw(at) })
     }
 

@@ -26,10 +26,10 @@ pub fn open(path: &Path, frame: Option<u64>) -> Result<CollectionParts> {
     let mut parts = CollectionParts::default();
     parts.add(path, frame, 0)?;
     if parts.files.is_empty() {
-        return Err(Error::input(path, "it lists no files with points"));
+        return Err(Error::input(path, "none of the listed files has points"));
     }
     if let Some(TrajectoryFrames { count: 2.., chosen, .. }) = parts.frames.filter(|_| frame.is_none()) {
-        parts.notes.push(format!("frame {chosen} is taken, the last of {} (0 to {chosen})", chosen + 1));
+        parts.notes.push(format!("using frame {chosen}, the last of {} (0 to {chosen})", chosen + 1));
     }
     Ok(parts)
 }
@@ -52,11 +52,11 @@ impl CollectionParts {
                     let piece = VtkXmlFile::open(&beside(path, &name)?)?;
                     match &piece.document.kind[..] {
                         "PolyData" | "UnstructuredGrid" => self.files.push(piece),
-                        _ => return Err(Error::input(&piece.path, "a piece that is neither a VTP nor a VTU")),
+                        _ => return Err(Error::input(&piece.path, "this piece is neither a VTP nor a VTU file")),
                     }
                 }
             }
-            _ if depth == MOST_DEPTH => return Err(Error::input(path, "lists of lists of lists")),
+            _ if depth == MOST_DEPTH => return Err(Error::input(path, "lists of files are nested too deeply")),
             "Collection" => {
                 let (listed, frames) = moment(path, &document.listed, frame)?;
                 self.time = listed.first().and_then(|l| l.time);
@@ -72,10 +72,10 @@ impl CollectionParts {
             }
             // A block among others.
             other if depth > 0 => {
-                self.notes.push(format!("{} is left out: `{}` has no points of its own", path.display(), shown(other)));
+                self.notes.push(format!("{} is skipped: `{}` has no explicit points", path.display(), shown(other)));
             }
             other => {
-                let what = format!("VTK data of type `{}` hold no points of their own", shown(other));
+                let what = format!("VTK data of type `{}` have no explicit points", shown(other));
                 return Err(Error::input_with(path, what, "save them as VTP or VTU"));
             }
         }
@@ -103,7 +103,7 @@ fn moment(
     let count = moments.len() as u64;
     let chosen = frame.unwrap_or(count.saturating_sub(1));
     let missing = || match count {
-        0 => Error::input(path, "it lists no files"),
+        0 => Error::input(path, "the list of files is empty"),
         count => no_frame(path, chosen, count),
     };
     let files = usize::try_from(chosen).ok().and_then(|i| moments.get(i)).ok_or_else(missing)?;
@@ -114,12 +114,12 @@ fn moment(
 fn beside(path: &Path, name: &str) -> Result<PathBuf> {
     let relative = Path::new(name);
     if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
-        let what = format!("it names a file outside of its folder: `{}`", shown(name));
-        return Err(Error::input_with(path, what, "put its files beside it"));
+        let what = format!("it lists a file outside its folder: `{}`", shown(name));
+        return Err(Error::input_with(path, what, "put the listed files beside it"));
     }
     let file = path.parent().unwrap_or(Path::new("")).join(relative);
     match file.is_file() {
         true => Ok(file),
-        false => Err(Error::input(&file, format!("missing: {} names it", path.display()))),
+        false => Err(Error::input(&file, format!("this file is missing: {} lists it", path.display()))),
     }
 }

@@ -50,8 +50,8 @@ struct VtkXml {
 impl VtkXml {
     fn open(paths: &[PathBuf], choice: &Choice) -> Result<VtkXml> {
         if let Some(second) = paths.get(1) {
-            let hint = "several files of one snapshot are listed in a .pvtp, .pvtu, .vtm or .pvd: name that";
-            return Err(Error::input_with(second, "a second VTK file", hint));
+            let hint = "if the files form one snapshot, name the .pvtp, .pvtu, .vtm or .pvd file that lists them";
+            return Err(Error::input_with(second, "a second VTK file was named", hint));
         }
         let parts = lists::open(&paths[0], choice.frame)?;
         let description = describe(&paths[0], &parts)?;
@@ -80,8 +80,8 @@ fn field_name<'a>(declared: &'a ArrayDeclaration, piece: &document::VtkPiece) ->
 fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> {
     let files = &parts.files[..];
     let count = pieces(files).try_fold(0u64, |n, (_, p)| n.checked_add(p.points));
-    let count = count.ok_or_else(|| Error::input(path, "more points than can be counted"))?;
-    let Some((file, first)) = pieces(files).next() else { return Err(Error::input(path, "no points")) };
+    let count = count.ok_or_else(|| Error::input(path, "too many points to count"))?;
+    let Some((file, first)) = pieces(files).next() else { return Err(Error::input(path, "it holds no points")) };
     let mut fields: Vec<SpeciesField> = Vec::new();
     for declared in first.positions.iter().chain(&first.arrays) {
         let name = field_name(declared, first);
@@ -126,7 +126,7 @@ impl Snapshot for VtkXml {
         let mut out: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for (file, piece) in pieces(&self.files) {
             let arrays = open_columns(&columns, |name| {
-                let missing = || Error::input(&file.path, format!("it has no array `{name}`"));
+                let missing = || Error::input(&file.path, format!("there is no array `{name}`"));
                 let declared = find(piece, name).ok_or_else(missing)?;
                 let mut array = file.array(declared, piece.points, &cache)?.ok_or_else(missing)?;
                 if let ArraySource::Blocks(blocks) = &mut array.source {

@@ -64,7 +64,7 @@ impl Base64Text {
 
     /// Bytes `range` of the stream that begins with the `base`-th character.
     pub fn decode(&self, bytes: &[u8], base: u64, range: Range<u64>) -> Result<Vec<u8>, String> {
-        let broken = || format!("the base64 text at byte {} is broken or too short", self.range.start);
+        let broken = || format!("the base64 text at byte {} is damaged or too short", self.range.start);
         let (first, last) = (range.start / 3, range.end.div_ceil(3));
         let n = usize::try_from(4 * (last - first)).map_err(|_| broken())?;
         let text = self.characters(bytes, base + 4 * first, n);

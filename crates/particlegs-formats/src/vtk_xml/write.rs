@@ -66,7 +66,7 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) ->
     let layers = kept.layers();
     if layers.len() > 256 {
         return Err(Error::argument(format!(
-            "{} layers are more than the 256 that a VTP can tell apart",
+            "a VTP file can store at most 256 layers, not {}",
             layers.len()
         )));
     }
@@ -201,7 +201,7 @@ fn kind_of(number: Number) -> &'static str {
 /// The XML up to the first array, as long as alignment needs.
 fn head(kept: &SelectedParticles<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets) -> Result<String> {
     let mut xml = String::from("<?xml version=\"1.0\"?>\n");
-    text(kept, layers, layout, &mut xml).map_err(|_| Error::argument("the header of a VTP cannot be written"))?;
+    text(kept, layers, layout, &mut xml).map_err(|_| Error::argument("cannot write the VTP header"))?;
     let opening = "  <AppendedData encoding=\"raw\">";
     let end = xml.len() + opening.len() + 1 + LENGTH as usize;
     let blanks = end.next_multiple_of(ALIGNMENT) - end;

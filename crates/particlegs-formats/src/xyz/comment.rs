@@ -48,7 +48,7 @@ impl Comment {
             // The format's own rule: a lattice repeats unless `pbc` says otherwise.
             comment.cell = Cell::stated(origin, vectors, periodic.unwrap_or([true; 3]));
             if comment.cell.is_none() {
-                comment.notes.push("the lattice has no volume: taken as none".into());
+                comment.notes.push("the lattice has no volume and is ignored".into());
             }
         }
         Ok(comment)
@@ -142,7 +142,7 @@ fn fields(value: &str) -> Result<Vec<SpeciesField>, String> {
             "I" => "i64",
             "S" => "text",
             "L" => "bool",
-            other => return Err(format!("`Properties`: kind {} is none of S, R, I and L", shown(other.as_bytes()))),
+            other => return Err(format!("`Properties`: kind {} is not S, R, I or L", shown(other.as_bytes()))),
         };
         let components = part[2].parse().ok().filter(|n| (1..=MOST_COLUMNS as u32).contains(n));
         let Some(components) = components else {
@@ -152,7 +152,7 @@ fn fields(value: &str) -> Result<Vec<SpeciesField>, String> {
         fields.push(SpeciesField::new(part[0], kind, components));
     }
     if all > MOST_COLUMNS as u32 {
-        return Err(format!("`Properties` names {all} columns, more than {MOST_COLUMNS}"));
+        return Err(format!("`Properties` lists {all} columns; at most {MOST_COLUMNS} are supported"));
     }
     Ok(fields)
 }

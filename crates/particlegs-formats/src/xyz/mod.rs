@@ -50,13 +50,13 @@ struct XyzFrameHead {
 
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
-        return Err(Error::argument("one XYZ file is read at a time"));
+        return Err(Error::argument("name one XYZ file at a time"));
     };
     let content = TextContent::open(path)?;
     let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted))?;
     let mut notes = found.notes;
     notes.extend(found.head.comment.notes.clone());
-    notes.push("the format states no unit of length (customary: Angstrom)".into());
+    notes.push("the format states no unit of length (usually Angstrom)".into());
     let title = if found.head.comment.is_extended() { "Extended XYZ" } else { FORMAT.title };
     let meta = SnapshotMeta {
         cell: found.head.comment.cell,
@@ -110,7 +110,7 @@ fn frame<'c>(
     let count =
         count_of(&first).ok_or_else(|| error(format!(", line {at}: {} is not a number of atoms", shown(&first))))?;
     let line =
-        lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" is cut off behind the number of atoms".into()))?;
+        lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" ends after the number of atoms".into()))?;
     let comment = Comment::parse(&line).map_err(|what| error(format!(", line {}: {what}", at + 1)))?;
     let fields = match comment.fields.clone() {
         Some(fields) => fields,
@@ -123,7 +123,7 @@ fn frame<'c>(
     let mut rows = TableBuilder::new(content, layout(&fields), key_column(&fields), lines.place());
     let found = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
     if found < count {
-        return Err(error(format!(" is cut off: it states {count} atoms, and {found} lines follow")));
+        return Err(error(format!(" is cut off: it states {count} atoms, but only {found} lines follow")));
     }
     let rows = wanted.then(|| rows.until(lines.place()));
     let step = comment.step;
