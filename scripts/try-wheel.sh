@@ -37,6 +37,13 @@ for python in "${pythons[@]}"; do
             particlegs compress nbody64 -o command.pgs --effort fast --quiet >/dev/null
             [ "$(particlegs --version)" = "particlegs $(python -c 'import particlegs; print(particlegs.__version__)')" ]
             python "$here/scripts/try-wheel.py"
+            # Any driver will do, as Mesa's software one: the command finds it at run time.
+            if ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1; then
+                for device in 0 cpu; do
+                    particlegs render command.pgs --size 160x90 --device $device --quiet -o $device >/dev/null
+                done
+                particlegs compare 0 cpu
+            fi
             python "$here/scripts/import-time.py" --at-most 0.2
         )
     done

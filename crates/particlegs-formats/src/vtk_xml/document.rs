@@ -264,9 +264,7 @@ fn declared(tag: &BytesStart<'_>) -> TextResult<(ArrayDeclaration, bool)> {
     let place = match attribute(tag, "format")?.as_deref() {
         None | Some("ascii") => ArrayLocation::Ascii(0..0),
         Some("binary") => ArrayLocation::Inline(0..0),
-        Some("appended") => {
-            ArrayLocation::Appended(number(tag, "offset")?.ok_or("an appended array has no offset")?)
-        }
+        Some("appended") => ArrayLocation::Appended(number(tag, "offset")?.ok_or("an appended array has no offset")?),
         Some(other) => return Err(format!("unknown format `{}`", shown(other))),
     };
     Ok((ArrayDeclaration { name, kind, components, place }, true))
