@@ -1,6 +1,6 @@
 //! `render`, `reference`, `info` and `verify` as a user runs them.
 
-use crate::common::{TestFolder, recertified, snapshot};
+use crate::common::{TestFolder, recertified, said, snapshot};
 use serde_json::Value;
 
 /// A folder with a model `m.pgs` of the sample.
