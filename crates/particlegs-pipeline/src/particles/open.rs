@@ -73,13 +73,7 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
 fn map_raw(path: &Path) -> Result<Column> {
     let (map, length) = map_file(path)?;
     if length % 4 != 0 {
-        return Err(Error::input(
-            path,
-            format!(
-                "this is not a float32 column: its {length} bytes are not a multiple \
-                                               of 4"
-            ),
-        ));
+        return Err(Error::input(path, format!("its {length} bytes are not a multiple of 4, as float32 needs")));
     }
     Ok(match map {
         None => Column::owned(Vec::new()),
