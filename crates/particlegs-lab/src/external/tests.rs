@@ -137,7 +137,7 @@ fn bounds_and_bytes_are_checked_before_the_child_sees_them() {
     let mut bytes = sz3(&external).compress(&particles, 1.0).unwrap().bytes;
     assert!(sz3(&external).decompress(&bytes).err().unwrap().to_string().contains("columns differ in length"));
     bytes[5] ^= 1;
-    assert_eq!(sz3(&external).decompress(&bytes).err().unwrap().to_string(), "SZ3: not bytes of this compressor");
+    assert_eq!(sz3(&external).decompress(&bytes).err().unwrap().to_string(), "SZ3: the data are corrupt");
 }
 
 #[test]

@@ -34,7 +34,7 @@ fn open_folder(folder: &Path) -> Result<Particles> {
     if let Some(missing) = files.iter().find(|f| !f.exists()) {
         return Err(Error::input_with(
             missing,
-            "missing",
+            "the file is missing",
             "a snapshot folder must contain xx.f32, yy.f32, zz.f32 and, if there are weights, ww.f32",
         ));
     }
