@@ -220,7 +220,7 @@ def test_notes_are_warnings(tmp_path):
     np.save(tmp_path / "p.npy", ROWS.astype(np.float32))
     truth = pg.Snapshot(ROWS, units="kpc", box=10)
     other = pg.open(tmp_path / "p.npy", units="no unit at all")
-    with pytest.warns(UserWarning, match="is no unit of length that is known") as caught:
+    with pytest.warns(UserWarning, match="is not a known unit of length") as caught:
         pg.open(tmp_path / "p.npy", units="no unit at all")
     assert caught[0].filename == __file__
     with pytest.raises(pg.InputError, match="no unit at all cannot be converted to kpc"):

@@ -144,7 +144,7 @@ impl CompressionMethod {
             }
             CompressionMethod::Subset => {
                 let thin = subset(&columns_of(particles), bytes, seed, lab.context)?;
-                let thin = thin.ok_or_else(|| Error::input("subset", format!("{bytes} bytes hold no particle")))?;
+                let thin = thin.ok_or_else(|| Error::input("subset", format!("{bytes} bytes are too few")))?;
                 let content =
                     FileContent::Particles(Box::new(particles_of(thin.particles, particles)), thin.radius_factor);
                 Ok(MethodOutput { bytes: thin.bytes, content, bound: None })

@@ -56,7 +56,7 @@ impl Baseline for QuantisedCoder {
                 None => (*kind == CodingLayout::Exact as u8).then(|| exact_columns(rest, most))?,
             }
         };
-        read().ok_or_else(|| Error::input(self.name(), "the bytes do not come from this compressor"))
+        read().ok_or_else(|| Error::input(self.name(), "the data are corrupt"))
     }
 }
 

@@ -165,8 +165,7 @@ impl BoundCheck {
         match self {
             BoundCheck::Held(_) => None,
             BoundCheck::Exceeded(run) => Some(format!(
-                "the bound of {} does not hold: the error is {}, which exceeds the bound and half a float32 ulp by \
-                 {:e}",
+                "the bound of {} is broken: the error {} exceeds it and half a float32 ulp by {:e}",
                 run.bound, run.largest_error, run.excess
             )),
             BoundCheck::Failed(error) => Some(error.to_string()),

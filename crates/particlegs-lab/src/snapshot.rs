@@ -100,7 +100,10 @@ mod tests {
         let [plain, weighted] = [plain, weighted].map(|p| Snapshot::new("box".into(), "box".into(), p, None));
         assert_eq!((plain.position_bytes(), weighted.position_bytes()), (24, 24));
         assert_eq!(weighted.particles.raw_bytes(), 32);
-        assert!(plain.weights_note().is_none() && weighted.weights_note().unwrap().contains("of box have masses"));
+        assert!(
+            plain.weights_note().is_none()
+                && weighted.weights_note().unwrap().contains("of box have individual masses")
+        );
     }
 
     /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.

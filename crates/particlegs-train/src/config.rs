@@ -219,8 +219,7 @@ impl Config {
         let beyond = (c.radius[1]..1e6).contains(&c.wide_radius);
         if !(ordered(&c.radius) && ordered(&c.opacity) && beyond) {
             return fail(
-                "cameras.radius and cameras.opacity must be above 0 and ascending, and wide_radius must not be \
-                 below radius",
+                "cameras.radius and cameras.opacity must be positive and ascending, wide_radius at least radius",
             );
         }
         if !(share(c.wide) && (0.0..1.0).contains(&c.held_out)) {
@@ -234,10 +233,7 @@ impl Config {
             let whole = s.crop == [0, 0];
             let inside = (0..2).all(|k| side(s.crop[k]) && s.crop[k] <= s.size[k]);
             if !s.size.into_iter().all(side) || !(1..=8).contains(&s.oversample) || !(whole || inside) {
-                return fail(
-                    "a stage's size must be 16 to 16384 pixels, its crop must fit into it, and oversample \
-                             must be 1 to 8",
-                );
+                return fail("a stage's size must be 16 to 16384 pixels and contain its crop, oversample 1 to 8");
             }
             if !share(s.internal) {
                 return fail("a stage's internal must be 0 to 1");

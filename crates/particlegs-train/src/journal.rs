@@ -146,7 +146,7 @@ mod tests {
         journal.end();
         let [messages, lines] = heard.0.into_inner().unwrap();
         let expected =
-            "block 1: warning: step 1: gradient of position of Gaussian 7 and 2 more is not finite, left out";
+            "block 1: warning: step 1: gradient of position of Gaussian 7 and 2 more is not finite and is ignored";
         assert_eq!(messages[0], expected);
         assert_eq!(messages.len(), 3 + 4 + 1, "{messages:?}");
         assert!(messages[7].contains("in 10000 steps"), "{messages:?}");

@@ -50,7 +50,7 @@ fn fields_ids_and_float64_are_carried() {
     let npy = told("convert t.csv -o p.npy");
     assert!(npy.contains("note: NumPy array of shape (N, 3) does not hold: vx, vy, vz, id"), "{npy}");
     let compressed = told("compress t.csv -o m.pgs --gaussians 2");
-    assert!(compressed.contains("note: fields that the model leaves out: vx, vy, vz, id"), "{compressed}");
+    assert!(compressed.contains("note: the model omits these fields: vx, vy, vz, id"), "{compressed}");
 }
 
 #[test]

@@ -119,9 +119,9 @@ fn what_is_missing_broken_or_changed_is_named() {
     let last = bytes.len() - 1;
     bytes[last] ^= 1;
     dir.write(chunk, &bytes);
-    dir.fails("verify job", 3, "00001.bin: its particles changed");
+    dir.fails("verify job", 3, "00001.bin: the particles in the file were changed");
     dir.write(chunk, &bytes[..100]);
-    dir.fails("scatter job 1", 3, "00001.bin: half-written");
+    dir.fails("scatter job 1", 3, "00001.bin: the file is incomplete");
     std::fs::remove_file(dir.at(chunk)).unwrap();
     // The snapshot changed after the plan.
     let mut changed = x;
@@ -155,8 +155,8 @@ fn plans_that_cannot_be_are_refused() {
     dir.fails("compress SAMPLE -o m.pgs --memory 1GB --blocks 2 --scratch nowhere", 6, "nowhere");
     std::fs::create_dir(dir.at("job")).unwrap();
     for (plan, code, text) in [
-        ("{\"particlegs_job\": 99}", 4, "newer version of the program"),
-        ("{\"particlegs_job\": 1}", 4, "older version of the program"),
+        ("{\"particlegs_job\": 99}", 4, "newer version made this plan"),
+        ("{\"particlegs_job\": 1}", 4, "older version made this plan"),
         ("{}", 3, "not a plan"),
     ] {
         dir.write("job/plan.json", plan);

@@ -23,7 +23,7 @@ fn a_smaller_model_stands_for_the_same_particles() {
     }
 
     for (code, text, more) in [
-        (2, "and less than the model's", "--gaussians 1000000"),
+        (2, "Gaussians for this model", "--gaussians 1000000"),
         (2, "positive", "--gaussians 0"),
         (2, "positive", "--ratio 0"),
         (5, "has", "--ratio 50"),

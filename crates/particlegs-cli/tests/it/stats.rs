@@ -240,7 +240,7 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
     let slab = stats(&dir, "zoom.csv zoom.csv", "slab", "--only moments --no-plots --box 100,100,0");
     assert_eq!(slab["domain"]["periodic"], serde_json::json!([true, true, false]));
     for (asked, why) in
-        [("3 Msun", "not a unit of length"), ("0kpc", "not a positive length"), ("Mpc", "not a positive length")]
+        [("3 Msun", "not a unit of length"), ("0kpc", "not a positive length"), ("Mpc", "not a positive")]
     {
         let words = format!("stats zoom.csv zoom.csv -o no {options} --linking-length");
         fails(dir.command(&words).arg(asked), 2, why);

@@ -66,7 +66,7 @@ fn power_groups_and_pictures_are_reached_without_a_certificate() {
 #[test]
 fn what_is_out_of_reach_is_said_with_the_best() {
     let dir = TestFolder::new();
-    let best = "P(k) within 0.001 % up to k = 4 h/Mpc was asked for; at best ";
+    let best = "the target P(k) within 0.001 % up to k = 4 h/Mpc cannot be reached: the best ";
     dir.fails(&format!("{COMPRESS} --max-pk-error 0.001% --k-max 4 -q"), 5, best);
     assert!(!dir.at("m.pgs").exists());
 }

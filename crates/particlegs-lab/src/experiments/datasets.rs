@@ -49,9 +49,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     }
     let mut notes = vec![format!(
         "Presets were tuned only on nbody128 and nbody64. Settings: default effort, ratio {COMPARED}, {} views, \
-         radius and opacity from the published ranges. The second table shows how far our models are above each \
-         method; the sign should hold for other data sets. Methods without a file near that size have no point in \
-         the figure.",
+         radius and opacity from the published ranges. The second table shows the lead of our models over each \
+         method; its sign should hold for other data sets. The figure omits methods without a file near that size.",
         3 * lab.settings.frames
     )];
     if snapshots.len() == 1 {

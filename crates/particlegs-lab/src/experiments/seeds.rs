@@ -30,7 +30,7 @@ pub(super) fn describe_seeds(lab: &Lab<'_>, counts: &[usize]) -> String {
     match (lab.settings.seeds, least, most) {
         (1, ..) => "one fit with one seed".into(),
         (_, 1, 1) => "one fit, because its seed changes nothing here".into(),
-        (_, 1, n) => format!("one fit where its seed changes nothing, otherwise {n} with different seeds"),
+        (_, 1, n) => format!("one fit where its seed changes nothing, else {n} with different seeds"),
         (_, _, n) => format!("{n} fits with different seeds"),
     }
 }
@@ -64,8 +64,7 @@ mod tests {
             !describe_seeds(&one, &[1, 1]).contains("nothing") && describe_seeds(&lab, &[1, 1]).contains("nothing")
         );
         assert!(
-            describe_seeds(&lab, &[1, 3]).contains("otherwise 3")
-                && describe_seeds(&lab, &[3, 3]).starts_with("3 fits")
+            describe_seeds(&lab, &[1, 3]).contains("else 3") && describe_seeds(&lab, &[3, 3]).starts_with("3 fits")
         );
     }
 }

@@ -90,7 +90,7 @@ impl External {
         let (values, rest) = data.as_chunks::<4>();
         let n = values.len() / 3;
         if !rest.is_empty() || values.len() != 3 * n {
-            return Err(Error::input(name, "the decoded columns differ in length"));
+            return Err(Error::input(name, "its columns differ in length"));
         }
         Ok([0, 1, 2].map(|k| values[k * n..(k + 1) * n].iter().map(|v| f32::from_le_bytes(*v)).collect()))
     }

@@ -77,7 +77,7 @@ impl External {
 
     /// Three columns one after the other.
     fn decompress(&self, name: &str, bytes: &[u8]) -> Result<Vec<u8>> {
-        let wrong = || Error::input(name, "the bytes do not come from this compressor");
+        let wrong = || Error::input(name, "the data are corrupt");
         let (data, _) = packed::opened(bytes).ok_or_else(wrong)?;
         self.shared.ask(&Request { what: b'd', name, bound: 0.0, particles: 0, data })
     }

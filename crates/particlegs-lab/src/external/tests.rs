@@ -135,14 +135,9 @@ fn bounds_and_bytes_are_checked_before_the_child_sees_them() {
     let uneven: PositionColumns = [vec![1.0], vec![], vec![1.0]];
     assert!(matches!(sz3(&external).compress(&uneven, 1.0), Err(Error::Argument { .. })));
     let mut bytes = sz3(&external).compress(&particles, 1.0).unwrap().bytes;
-    assert!(
-        sz3(&external).decompress(&bytes).err().unwrap().to_string().contains("the decoded columns differ in length")
-    );
+    assert!(sz3(&external).decompress(&bytes).err().unwrap().to_string().contains("columns differ in length"));
     bytes[5] ^= 1;
-    assert_eq!(
-        sz3(&external).decompress(&bytes).err().unwrap().to_string(),
-        "SZ3: the bytes do not come from this compressor"
-    );
+    assert_eq!(sz3(&external).decompress(&bytes).err().unwrap().to_string(), "SZ3: the data are corrupt");
 }
 
 #[test]

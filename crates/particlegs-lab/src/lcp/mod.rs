@@ -43,7 +43,7 @@ impl Baseline for Lcp {
     }
 
     fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
-        let wrong = || Error::input("LCP", "the bytes do not come from this compressor");
+        let wrong = || Error::input("LCP", "the data are corrupt");
         let plain = unpacked(bytes).ok_or_else(wrong)?;
         match plain.split_first() {
             Some((&RAW, rest)) => columns(rest).ok_or_else(wrong),

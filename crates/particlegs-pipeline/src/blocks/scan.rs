@@ -74,9 +74,8 @@ impl SnapshotScan {
                 weights.push(content.weight);
                 all.sample.append(content.sample);
                 all.outside = all.outside.and(content.outside);
-                let missing = || {
-                    crate::Error::input(place, format!("data chunk {run} of layer `{}` is missing", layer.layer.name))
-                };
+                let missing =
+                    || crate::Error::input(place, format!("chunk {run} of layer `{}` is missing", layer.layer.name));
                 all.runs.push(content.scan.ok_or_else(missing)?);
             }
             start += layer.layer.content;

@@ -63,9 +63,7 @@ impl KdTree {
         let split = order.partition_point(|&i| column[i as usize] < at);
         let (below, above) = order.split_at_mut(split);
         if below.len() < lower as usize || above.len() < (blocks - lower) as usize {
-            return Err(Error::argument(
-                "too many particles share one position for this many blocks: use fewer blocks",
-            ));
+            return Err(Error::argument("too many particles share one position: use fewer blocks"));
         }
         let below = self.grow(sample, below, lower)?;
         let above = self.grow(sample, above, blocks - lower)?;

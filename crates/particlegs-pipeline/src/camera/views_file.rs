@@ -64,10 +64,7 @@ impl ViewsFile {
         for v in &set.views {
             if let Some(fault) = fault_of_name(&v.name) {
                 let start: String = v.name.chars().take(40).collect();
-                return Err(Error::input(
-                    path,
-                    format!("view name `{start}` {fault}; pictures take their file names from it"),
-                ));
+                return Err(Error::input(path, format!("view name `{start}` {fault}, so no file can have it")));
             }
             if !names.insert(v.name.as_str()) {
                 return Err(Error::input(path, format!("two views are named `{}`", v.name)));

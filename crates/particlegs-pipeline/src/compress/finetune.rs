@@ -138,11 +138,7 @@ impl NewFile {
     fn new(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
-            let what = format!(
-                "a model of the {} law cannot be fine-tuned and does not need it: its blocks add up \
-                                exactly",
-                law.name()
-            );
+            let what = format!("a model of the {} law needs no fine-tuning: its blocks add up exactly", law.name());
             return Err(Error::argument_with(what, Hint::train_from_snapshot()));
         }
         let [layer] = &model.layers[..] else {

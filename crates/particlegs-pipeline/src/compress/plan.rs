@@ -58,12 +58,9 @@ impl CompressionPlan {
         }
         check_box(&scan.bounds, cell, name)?;
         let outside = scan.outside.judge(source.count(), name)?;
-        let no_box = cell
-            .is_none()
-            .then(|| "the snapshot states no periodic box, so no axis is treated as periodic".to_string());
+        let no_box = cell.is_none().then(|| "the snapshot states no periodic box, so no axis is periodic".to_string());
         let fields = &source.meta.fields;
-        let left_out =
-            (!fields.is_empty()).then(|| format!("the model does not store these fields: {}", fields.join(", ")));
+        let left_out = (!fields.is_empty()).then(|| format!("the model omits these fields: {}", fields.join(", ")));
         options.target.check()?;
         let known = SourceFacts { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
         let plan = CompressionPlan {

@@ -75,10 +75,7 @@ impl Reduction<'_> {
         let there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let fewest = self.layers.len();
         if number > there as u64 || number < fewest as u64 {
-            let what = format!(
-                "the number of Gaussians must be at least {fewest} and less than the model's {there}, not \
-                         {number}"
-            );
+            let what = format!("use {fewest} to {there} Gaussians for this model, not {number}");
             return Err(Error::argument(what));
         }
         let (mut left, mut there_left) = (number as usize, there);
@@ -110,10 +107,7 @@ impl Reduction<'_> {
         }
         if coded.last().is_some_and(|c| c.size_met == SizeOutcome::TooLarge) {
             let smallest = overhead + coded.iter().map(|c| codec::stored_bytes(&c.bytes) as u64).sum::<u64>();
-            let what = format!(
-                "the target is {target} bytes, but the smallest possible file of this model has \
-                                {smallest} bytes"
-            );
+            let what = format!("the target is {target} bytes, but the smallest possible file has {smallest} bytes");
             let hint = format!("use a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
             return Err(Error::unreachable(what, hint));
         }

@@ -68,8 +68,7 @@ impl Job {
         if checkpoint.fault().is_some() {
             let place = checkpoint.path().display();
             context.message(&format!(
-                "warning: {place}: the checkpoint is damaged or belongs to another plan; the block starts from the \
-                 beginning"
+                "warning: {place}: the checkpoint is damaged or of another plan; the block starts again"
             ));
         }
         let before = checkpoint.len();

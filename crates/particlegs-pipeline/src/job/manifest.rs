@@ -69,10 +69,7 @@ impl Manifest {
         names.dedup();
         let named = names.len() == plan.layers.len() && names.iter().all(|n| n.len() <= 255);
         let checks = [
-            (
-                plan.tree.is_sound() && plan.tree.blocks() == plan.recipe().blocks,
-                "the tree has another number of blocks",
-            ),
+            (plan.tree.is_sound() && plan.tree.blocks() == plan.recipe().blocks, "its tree has other blocks"),
             (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.content > 0), "a layer has no particles"),
             (counts == Some(m.count) && m.count <= 1 << 53, "the layers do not add up to the number of particles"),
             (named && plan.layers.len() <= MOST_LAYERS, "there are too many layers, or a layer's name is wrong"),
@@ -120,11 +117,8 @@ impl Job {
         let version = serde_json::from_slice::<ManifestVersion>(&text).map_err(no_plan)?.particlegs_job;
         let what = match version.cmp(&u64::from(VERSION)) {
             Ordering::Equal => None,
-            Ordering::Greater => Some("a newer version of the program made this plan: update particlegs"),
-            Ordering::Less => Some(
-                "an older version of the program made this plan: run `plan` again, in another \
-                                    folder",
-            ),
+            Ordering::Greater => Some("a newer version made this plan: update particlegs"),
+            Ordering::Less => Some("an older version made this plan: run `plan` again, in another folder"),
         };
         if let Some(what) = what {
             return Err(Error::Compatibility { place: path.display().to_string(), what: what.into() });

@@ -34,7 +34,7 @@ fn open_folder(folder: &Path) -> Result<Particles> {
     if let Some(missing) = files.iter().find(|f| !f.exists()) {
         return Err(Error::input_with(
             missing,
-            "missing",
+            "the file is missing",
             "a snapshot folder must contain xx.f32, yy.f32, zz.f32 and, if there are weights, ww.f32",
         ));
     }
@@ -73,13 +73,7 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
 fn map_raw(path: &Path) -> Result<Column> {
     let (map, length) = map_file(path)?;
     if length % 4 != 0 {
-        return Err(Error::input(
-            path,
-            format!(
-                "this is not a float32 column: its {length} bytes are not a multiple \
-                                               of 4"
-            ),
-        ));
+        return Err(Error::input(path, format!("its {length} bytes are not a multiple of 4, as float32 needs")));
     }
     Ok(match map {
         None => Column::owned(Vec::new()),

@@ -85,8 +85,7 @@ fn with_method(mut all: Vec<String>, options: &Options, own: bool) -> Vec<String
         super::Method::Count => {}
         super::Method::Spaced => all.push(
             "distances to the nearest neighbour, tuned with one simulation at one ratio: compare before use; clumps \
-             smaller than a Gaussian are invented, so correlations and groups on their scale differ from the \
-             source's"
+             smaller than a Gaussian are invented, so correlations and groups on that scale are not real"
                 .into(),
         ),
         super::Method::Stratified => all.push(

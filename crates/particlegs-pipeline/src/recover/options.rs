@@ -13,10 +13,8 @@ particlegs_core::named_values! {
         Volume = "volume": "In proportion to count times volume, or opacity times volume for alpha-blend models (V1)",
         Ellipsoid = "ellipsoid": "Uniformly inside ellipsoids of three standard deviations (V4)",
         Grid = "grid": "Uniformly inside the cells of a 512³ grid that contain centres of Gaussians (V6)",
-        Stratified = "stratified": "Like count, but evenly spread: less shot noise in cells, too regular at small \
-                                    distances",
-        Spaced = "spaced": "Like count, but clumped inside Gaussians: nearest-neighbour distances are close to the \
-                            truth",
+        Stratified = "stratified": "Like count, but evenly spread: less shot noise in cells, too regular locally",
+        Spaced = "spaced": "Like count, but clumped: nearest-neighbour distances are close to the truth",
     }
 }
 

@@ -98,14 +98,14 @@ fn grid_of_edge(edge: f64, domain: &Domain) -> Result<Grid> {
     let length = domain.longest();
     Err(Error::argument(if cells < *ASKED_CELLS.start() {
         format!(
-            "cells of {edge} are too large to compare densities: the longest edge of the box, {length:.4}, has \
-             {cells} of them, and at least {} are needed",
+            "cells of {edge} are too large: the longest edge of the box, {length:.4}, has {cells} of them, but \
+             needs {}",
             ASKED_CELLS.start()
         )
     } else {
         format!(
-            "cells of {edge} are too small: the longest edge of the box, {length:.4}, has {cells:.3e} of them, and \
-             at most {:.3e} are supported",
+            "cells of {edge} are too small: the longest edge of the box, {length:.4}, has {cells:.3e} of them; the \
+             limit is {:.3e}",
             ASKED_CELLS.end()
         )
     }))

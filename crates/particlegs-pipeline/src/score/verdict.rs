@@ -233,8 +233,7 @@ fn density(c: &Certificate) -> Finding {
         d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial,
     );
     let why = format!(
-        "correlation {:.4} on {} cells along the longest edge; mean error {:.2}, against {trivial:.2} for a trivial \
-         density",
+        "correlation {:.4} on {} cells along the longest edge; mean error {:.2}, {trivial:.2} for a trivial density",
         d.correlation, d.cells, d.mean_absolute_error
     );
     (word, why)
@@ -318,8 +317,7 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
         return (Grade::Holds, format!("positions and numbers match for groups of {from} particles or more"));
     }
     let why = format!(
-        "{:.0} % of the groups of {size} particles or more have a counterpart; {:.0} % of the drawn groups match \
-         one, and their number differs by {:+.0} %",
+        "{:.0} % of groups of {size} particles or more have a counterpart; {:.0} % of drawn groups do; number {:+.0} %",
         100.0 * completeness,
         100.0 * largest.purity.unwrap_or(0.0),
         100.0 * (number - 1.0)
@@ -338,8 +336,8 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     };
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let why = format!(
-        "drawn particles are {}{unit} apart, {} in the snapshot; these are median distances to the nearest neighbour, \
-         and the 5th percentiles are {:.2} and {:.2} of them",
+        "drawn particles are {}{unit} apart, {} in the snapshot; median distances to the nearest neighbour, whose \
+         5th percentiles are {:.2} and {:.2} of these",
         decimals(s.drawn_median),
         decimals(s.median),
         s.drawn_regularity,

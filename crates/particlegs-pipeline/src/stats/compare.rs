@@ -69,11 +69,7 @@ pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context
     let of_pairs = |m| particles.is_some() && wants(m);
     let of_particles = [Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Rdf];
     if particles.is_none() && of_particles.iter().any(|m| wants(*m)) {
-        notes.push(
-            "pairs, groups, neighbours and g(r) were skipped, because they need particles: recover particles \
-                    from the model first"
-                .into(),
-        );
+        notes.push("pairs, groups, neighbours and g(r) were skipped: recover particles from the model first".into());
     }
     let neighbours = match particles {
         Some(pair) if wants(Measure::Neighbours) => Some(job.neighbours(pair)?),
@@ -194,8 +190,7 @@ impl ComparisonJob<'_> {
         for k in (0..3).filter(|k| bounds.extent()[*k] == 0.0 && bounds.extent() != [0.0; 3]) {
             let (axis, length) = (["x", "y", "z"][k], self.domain.length[k]);
             notes.push(format!(
-                "all particles have the same {axis}: for volumes, spacing and g(r) the box is assumed to be \
-                 {length:.4e} thick there"
+                "all particles have the same {axis}: volumes, spacing and g(r) assume a box {length:.4e} thick there"
             ));
         }
         if self.wants(&[Measure::Density, Measure::Profile]) && self.domain.tilt.is_some() {
@@ -207,9 +202,7 @@ impl ComparisonJob<'_> {
         let gridded = self.wants(&[Measure::Density, Measure::Spectrum]);
         if gridded && self.pair.iter().any(|s| s.particles().is_none()) {
             notes.push(
-                "the density of the model is its mixture integrated over the cells (NGP window, no shot \
-                        noise)"
-                    .into(),
+                "the model's density is its mixture, integrated over the cells (NGP window, no shot noise)".into(),
             );
         }
         let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == LawKind::AlphaBlend);
@@ -378,8 +371,7 @@ impl ComparisonJob<'_> {
             None => {
                 let longest = longest_link(&self.domain);
                 notes.push(format!(
-                    "groups were not measured: the linking length, {length:.4e}, is more than a third of the box, \
-                     {longest:.4e}"
+                    "no groups were measured: the linking length {length:.4e} exceeds a third of the box, {longest:.4e}"
                 ));
             }
             Some(LinkedGroups { groups, linked: number, contaminated: Some(contaminated) }) => notes.push(format!(
@@ -415,11 +407,7 @@ impl ComparisonJob<'_> {
             (None, None) => (vec![], vec![]),
         };
         if centers.is_empty() {
-            notes.push(
-                "haloes were not measured: there are no centres, and the truth has no groups of 100 \
-                        particles"
-                    .into(),
-            );
+            notes.push("no haloes were measured: there are no centres and no groups of 100 particles".into());
             return Ok(None);
         }
         let radii: Vec<f64> = stated.iter().map(|r| self.o.halo_radius.or(*r).unwrap_or(default)).collect();
@@ -474,10 +462,7 @@ impl ComparisonJob<'_> {
         let radius = self.o.aperture * self.spacing(0);
         let longest = longest_separation(&self.domain);
         if radius > longest {
-            notes.push(format!(
-                "core masses were not measured: the aperture, {radius:.4e}, is wider than the box, \
-                                {longest:.4e}"
-            ));
+            notes.push(format!("no core masses were measured: the aperture {radius:.4e} exceeds {longest:.4e}"));
             return Ok(Vec::new());
         }
         let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();

@@ -94,12 +94,11 @@ pub fn find_groups(
     let longest = longest_link(domain);
     if !(linking_length > 0.0 && linking_length <= longest) {
         return Err(Error::argument(format!(
-            "the linking length must be above 0 and at most {longest:.6}, not \
-                                            {linking_length}"
+            "the linking length {linking_length} must be above 0 and at most {longest:.6}"
         )));
     }
     if positions.len() >= u32::MAX as usize {
-        return Err(Error::argument("groups can be found in at most 4294967294 particles: use a sample"));
+        return Err(Error::argument("groups need fewer than 4294967295 particles; use a sample"));
     }
     particlegs_files::memory::require("friends of friends", positions.len() as u64 * 80)?;
     let rows = CellRows::new(positions, domain, linking_length);

@@ -55,10 +55,7 @@ impl PointGrid {
     /// Cells at least `side` long; longer where there would be more than four a point.
     pub fn new(positions: &[[f64; 3]], domain: &Domain, side: f64) -> Result<Self> {
         if positions.len() >= u32::MAX as usize {
-            return Err(crate::Error::argument(
-                "neighbours can be found for at most 4294967294 particles: use a \
-                                               sample",
-            ));
+            return Err(crate::Error::argument("neighbours need fewer than 4294967295 particles; use a sample"));
         }
         particlegs_files::memory::require("a grid of neighbours", points_bytes(positions.len()))?;
         let (low, length) = extent(positions, domain);

@@ -101,10 +101,7 @@ impl AlphaConfig {
         let share = |v: f64| (0.0..1.0).contains(&v);
         let VizRanges { scale, opacity, floor } = self.ranges;
         if !(share(scale) && share(opacity) && floor > 0.0 && floor <= 1.0) {
-            return fail(
-                "ranges: scale and opacity must be at least 0 and below 1, and floor must be above 0 and at \
-                         most 1",
-            );
+            return fail("ranges: use scale and opacity from 0 to below 1, and floor above 0 up to 1");
         }
         if !(self.extent > 0.0 && self.extent.is_finite()) {
             return fail("extent must be positive");
@@ -112,8 +109,7 @@ impl AlphaConfig {
         let weights = [self.vizmapper_clip, self.identity, self.percent_dense];
         if !(share(self.least_opacity) && weights.iter().all(|v| *v >= 0.0 && v.is_finite())) {
             return fail(
-                "least_opacity must be at least 0 and below 1; vizmapper_clip, identity and percent_dense must not \
-                 be negative",
+                "least_opacity must be below 1; it, vizmapper_clip, identity and percent_dense must not be negative",
             );
         }
         Ok(())

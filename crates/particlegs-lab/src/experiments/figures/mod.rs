@@ -190,10 +190,9 @@ fn notes(made: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> V
     let unit = snapshot.unit();
     let streaks = match others.iter().any(|o| o.name.starts_with(STREAKS)) {
         true => String::new(),
-        false => format!(
-            " {STREAKS}, which the paper shows, was not available; the best other compressor replaces \
-                          it."
-        ),
+        false => {
+            format!(" {STREAKS}, which the paper shows, was not available, so the best other compressor is shown.")
+        }
     };
     vec![format!(
         "The model has ratio {:.0} and {} bytes. The other methods ({}) have a size within 1 % of the model's, or \

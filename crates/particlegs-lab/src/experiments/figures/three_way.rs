@@ -145,9 +145,8 @@ fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
         name: "three-way".into(),
         title: "All particles, the model, and particles drawn from it".into(),
         caption: format!(
-            "Top: the whole first far view. Bottom: the centre 30 % of the first near view. {BRIGHTENED} Decibels \
-             are the masked PSNR of the whole view at its original levels against all particles, measured in this \
-             run."
+            "Top: the first far view. Bottom: the centre 30 % of the first near view. {BRIGHTENED} Decibels are the \
+             masked PSNR of whole views at original levels against all particles, measured in this run."
         ),
         columns: 3,
         colours: None,
