@@ -60,7 +60,7 @@ impl Hint {
 
     /// State the periodic box.
     pub fn state_box() -> Self {
-        Hint::from("state it by ").option("box", "Lx,Ly,Lz")
+        Hint::from("set it with ").option("box", "Lx,Ly,Lz")
     }
 
     /// Choose fewer species.
@@ -79,12 +79,12 @@ impl Hint {
             .command("compress", "")
             .words(" with ")
             .option("train", "")
-            .words(" trains such a model from its snapshot")
+            .words(" trains such a model")
     }
 
-    /// Draw with the processor.
-    pub fn use_processor() -> Self {
-        Hint::from("the processor does it: ").option("device", "cpu")
+    /// Use the CPU.
+    pub fn use_cpu() -> Self {
+        Hint::from("use the CPU: ").option("device", "cpu")
     }
 }
 

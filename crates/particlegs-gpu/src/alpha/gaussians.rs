@@ -47,13 +47,13 @@ impl Gaussians {
     /// [`Gaussians::upload`] in buffers of so many at most.
     pub(super) fn upload_in(device: &Device, scene: &Scene, most: usize) -> Result<Gaussians> {
         let Some(blend) = scene.blend() else {
-            return Err(Error::argument("a scene of the optical-depth law is not drawn by the alpha-blend law"));
+            return Err(Error::argument("cannot draw an optical-depth scene with the alpha-blend law"));
         };
         let all: usize = scene.parts().map(Mixture::len).sum();
         if u32::try_from(all).is_err() {
             return Err(Error::argument_with(
-                format!("{all} Gaussians are more than a GPU draws"),
-                Hint::use_processor(),
+                format!("{all} Gaussians are too many for a GPU"),
+                Hint::use_cpu(),
             ));
         }
         let mut some = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
@@ -147,8 +147,8 @@ fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COL
     }
     let mut words = own.map(f32::to_bits);
     for (k, v) in g.mean.into_iter().enumerate() {
-        let far = "it lies a million boxes away, farther than a GPU counts";
-        let own = fixed::place(v).ok_or_else(|| (far.into(), Hint::use_processor()))?;
+        let far = "it is more than a million boxes away, too far for GPU arithmetic";
+        let own = fixed::place(v).ok_or_else(|| (far.into(), Hint::use_cpu()))?;
         words[2 * k..2 * k + 2].copy_from_slice(&own);
     }
     Ok(words)

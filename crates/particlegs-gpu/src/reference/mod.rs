@@ -48,7 +48,7 @@ impl DeviceParticles {
     pub fn upload(device: &Device, columns: [&[f32]; 3]) -> Result<DeviceParticles> {
         let n = columns[0].len();
         if n > MOST || columns.iter().any(|c| c.len() != n) {
-            return Err(Error::argument(format!("{n} particles in a piece, {MOST} at most")));
+            return Err(Error::argument(format!("a piece has {n} particles; at most {MOST} are supported")));
         }
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let positions = device.buffer("positions", 12 * n as u64, usage);
@@ -157,8 +157,8 @@ impl Sum<'_> {
         let work = self.work(points)?;
         if work > MOST_THOUSANDS {
             let (name, radius) = (&self.view.name, self.view.radius);
-            let what = format!("view `{name}`: splats of radius {radius} reach too many pixels one by one");
-            return Err(Error::argument_with(what, Hint::use_processor()));
+            let what = format!("view `{name}`: splats of radius {radius} cover too many pixels");
+            return Err(Error::argument_with(what, Hint::use_cpu()));
         }
         let pieces = work.div_ceil(THOUSANDS).max(1) as u32;
         let each = points.count.div_ceil(pieces);

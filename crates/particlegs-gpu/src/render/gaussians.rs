@@ -46,7 +46,7 @@ impl Gaussians {
     /// [`Gaussians::upload`] in buffers of so many at most.
     pub(super) fn upload_in(device: &Device, scene: &Scene, most: usize) -> Result<Gaussians> {
         if scene.law() != LawKind::OpticalDepth {
-            return Err(Error::argument("a scene of the alpha-blend law is not drawn by the optical-depth law"));
+            return Err(Error::argument("cannot draw an alpha-blend scene with the optical-depth law"));
         }
         // A repeated scene's bounds are those of all its images.
         let bounds = *scene.bounds();

@@ -238,6 +238,6 @@ const NUMBERS: usize = WIDTHS[0] + WIDTHS[1] + WIDTHS[2];
 /// Why Gaussians are not held.
 fn too_many(device: &Device, count: usize, most: usize) -> Error {
     let name = device.name();
-    let hint = Hint::use_processor().words(", or fit more blocks");
-    Error::argument_with(format!("{count} Gaussians: device {name} trains {most} at most"), hint)
+    let hint = Hint::use_cpu().words(", or use more blocks");
+    Error::argument_with(format!("device {name} can train at most {most} Gaussians, not {count}"), hint)
 }

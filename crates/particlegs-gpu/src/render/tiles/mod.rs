@@ -162,9 +162,9 @@ impl<'a> DepthTiles<'a> {
         let (device, canvas) = (&self.renderer.device, self.canvas);
         if entries > self.most {
             let Size { width, height } = canvas.planes.size;
-            let what = format!("{width}x{height}: {entries} entries of tiles, more than the {} that", self.most);
+            let what = format!("{width}x{height}: {entries} tile entries are more than the {} that", self.most);
             return Err(Error::argument(format!(
-                "{what} device {} sees at once: atomic adds need none",
+                "{what} device {} can bind; atomic adds need none",
                 device.name()
             )));
         }
