@@ -15,7 +15,7 @@ enum HintPart {
 }
 
 impl Hint {
-    /// Is nothing known?
+    /// Is it empty?
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -75,11 +75,7 @@ impl Hint {
 
     /// Train from the snapshot.
     pub fn train_from_snapshot() -> Self {
-        Hint::default()
-            .command("compress", "")
-            .words(" with ")
-            .option("train", "")
-            .words(" trains such a model")
+        Hint::default().command("compress", "").words(" with ").option("train", "").words(" trains such a model")
     }
 
     /// Use the CPU.

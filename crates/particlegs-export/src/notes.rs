@@ -148,9 +148,7 @@ fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
             "the certificate, which states the accuracy for each cell size",
         ],
         (Group::Page, _) => &[],
-        (Group::Gaussians, LawKind::OpticalDepth) => {
-            &["the blocks and the certificate; the Gaussians are complete"]
-        }
+        (Group::Gaussians, LawKind::OpticalDepth) => &["the blocks and the certificate; the Gaussians are complete"],
         (Group::Gaussians, LawKind::AlphaBlend) => {
             &["the VizMapper, the blocks and the certificate; the Gaussians are complete"]
         }

@@ -417,7 +417,9 @@ mod tests {
     #[test]
     fn an_endless_device_is_left_after_its_first_bytes() {
         let zero = Path::new("/dev/zero");
-        assert!(read_whole(zero, NOTE, &Context::SILENT).unwrap_err().to_string().contains("the first bytes are wrong"));
+        assert!(
+            read_whole(zero, NOTE, &Context::SILENT).unwrap_err().to_string().contains("the first bytes are wrong")
+        );
         let endless = Form { begins: Begins::With(b"\0"), ..NOTE };
         assert!(read_whole(zero, endless, &Context::SILENT).unwrap_err().to_string().contains("larger than 100"));
         assert!(open_file(zero).unwrap_err().to_string().contains("a device"));

@@ -33,11 +33,14 @@ fn known(head: &FileHead) -> Result<&'static Format> {
     match PathKind::from_head(head) {
         PathKind::Snapshot(format) => Ok(format),
         PathKind::Unknown => Err(match foreign_of(head) {
-            Some(foreign) => {
-                Error::input_with(path, format!("{}, which this program does not read", foreign.title), foreign.hint(path))
-            }
+            Some(foreign) => Error::input_with(
+                path,
+                format!("{}, which this program does not read", foreign.title),
+                foreign.hint(path),
+            ),
             None => {
-                let hint = Hint::default().option("format", "").words(format!(" sets the format; known formats: {}", names()));
+                let hint =
+                    Hint::default().option("format", "").words(format!(" sets the format; known formats: {}", names()));
                 Error::input_with(path, "the file format is unknown", hint)
             }
         }),
@@ -60,7 +63,7 @@ impl Choice {
         (format.open)(paths, self)
     }
 
-    /// Refuses what is chosen and means nothing in a format.
+    /// Rejects choices that have no meaning in a format.
     pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
         if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
             return Err(Error::input(place, "block names can only be given for Gadget files of format 1"));

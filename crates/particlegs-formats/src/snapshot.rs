@@ -46,7 +46,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// What is said of splats.
+    /// The note about splats.
     pub(crate) const SPLATS: &str = "Gaussian splats: only their centres are read, as points";
 
     /// Of a reader of a species.
@@ -169,8 +169,7 @@ impl Species {
                 Some(field) => match self.weight_kind(field) {
                     WeightKind::Intensive(values) => {
                         let what = format!("`{name}` cannot be weights: a sum of {values} is meaningless");
-                        let hint =
-                            Hint::from("omit ").option("mass-field", "").words(" to weigh by mass, or give ");
+                        let hint = Hint::from("omit ").option("mass-field", "").words(" to weigh by mass, or give ");
                         let hint = hint.option("mass-field", "none").words(" to count particles");
                         Err(Error::input_with(place, what, hint))
                     }
@@ -202,7 +201,11 @@ impl Species {
     /// The error for a field that `name` asks for and the species has not.
     pub(crate) fn missing<'a>(&self, place: &str, name: &str, there: impl Iterator<Item = &'a str>) -> Error {
         let there: Vec<&str> = there.collect();
-        let hint = if there.is_empty() { "there are no fields".into() } else { format!("the fields are: {}", there.join(", ")) };
+        let hint = if there.is_empty() {
+            "there are no fields".into()
+        } else {
+            format!("the fields are: {}", there.join(", "))
+        };
         Error::input_with(place, format!("{} has no field `{name}`", self.name), hint)
     }
 }

@@ -12,7 +12,7 @@ pub struct Adapter {
     pub driver: String,
     /// What it is, in words.
     pub kind: &'static str,
-    /// Does a processor stand in for a card?
+    /// Is it a software adapter that runs on the CPU?
     pub software: bool,
     /// Bytes of its own memory, where that is known.
     pub memory: Option<u64>,

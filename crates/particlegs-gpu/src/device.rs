@@ -15,7 +15,7 @@ pub enum Checks {
     On,
 }
 
-/// Bytes that any card has room for.
+/// Bytes that any GPU can hold.
 const UNKNOWN_ROOM: u64 = 1 << 30;
 
 /// A device and its queue.

@@ -99,8 +99,8 @@ impl Camera {
     pub fn frame(&self) -> Result<Frame> {
         let back: [f64; 3] = each_axis(|k| self.position[k] - self.focal_point[k]);
         let z = normalised(back).ok_or_else(|| Error::argument("the camera position equals the focal point"))?;
-        let x =
-            normalised(cross(self.view_up, z)).ok_or_else(|| Error::argument("the camera direction is parallel to view_up"))?;
+        let x = normalised(cross(self.view_up, z))
+            .ok_or_else(|| Error::argument("the camera direction is parallel to view_up"))?;
         Ok(Frame { axes: [x, cross(z, x), z], position: self.position })
     }
 

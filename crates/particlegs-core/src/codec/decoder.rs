@@ -211,7 +211,7 @@ fn coarse(
         };
         if walk.is_none() {
             let mut begun = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
-            // A few bytes may promise any number of Gaussians: no more are found than so many may stand for.
+            // A few bytes may claim any number of Gaussians, so the number is limited by the bytes.
             begun.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
             walk = Some(begun).filter(|_| !player.exhausted());
         }
@@ -243,7 +243,7 @@ fn coarse(
                 out.push(whole.mean, whole.cov, leaf.count, whole.weight);
                 continue;
             }
-            // What was read beyond the end is nobody's.
+            // Values read beyond the end are discarded.
             fine = None;
         }
         out.push_node(header, extent, node);

@@ -246,11 +246,11 @@ fn layer_bytes(layer: &CodedLayer) -> Vec<u8> {
     out
 }
 
-/// A file taken apart: metadata and certificate read, blocks still coded.
+/// A parsed file: metadata and certificate are decoded, blocks are not.
 pub(super) struct FileParts<'a> {
     pub metadata: Metadata,
     pub certificate: Option<Certificate>,
-    /// The network's section, and what it says.
+    /// The network's section and its content.
     pub network: Option<(&'a [u8], VizMapper)>,
     pub layers: Vec<LayerPart<'a>>,
     /// Sections of unknown tags that belong to no block.
@@ -330,7 +330,8 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     }
     let number_of = |blocks: &[&mut BlockPart<'a>], s: &Section<'_>| {
         let number = s.block.map_or(usize::MAX, |b| b as usize);
-        let what = || corrupt(format!("the section at byte {} refers to block {number}, which does not exist", s.offset));
+        let what =
+            || corrupt(format!("the section at byte {} refers to block {number}, which does not exist", s.offset));
         if number < blocks.len() { Ok(number) } else { Err(what()) }
     };
     let mut blocks: Vec<&mut BlockPart<'a>> = layers.iter_mut().flat_map(|l| &mut l.2).collect();
@@ -417,8 +418,7 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
     }
     let mut r = WireReader::new(section.bytes);
     let length = r.u8()?;
-    let name =
-        std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer name is not UTF-8")?.to_string();
+    let name = std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer name is not UTF-8")?.to_string();
     let count = r.u32()?;
     if r.is_done() {
         Ok((name, count))
@@ -464,7 +464,9 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
         || c.sample.is_some_and(|s| s.particles > m.count)
         || c.densities.iter().flatten().any(|d| d.particles > m.count as f64);
     match c.science {
-        Some(s) if s.k_max > largest => Err(format!("the largest wave number {} is beyond that of the particles", s.k_max)),
+        Some(s) if s.k_max > largest => {
+            Err(format!("the largest wave number {} is beyond that of the particles", s.k_max))
+        }
         _ if too_many => Err("the certificate lists more particles or bytes than the file has".into()),
         _ => Ok(()),
     }

@@ -106,7 +106,7 @@ impl BlockHeader {
             spreads,
             cuts,
         };
-        // Masses and shades at once are nobody's.
+        // A block cannot have both masses and grey levels.
         if flags > SHADED {
             return Err(format!("block flags {flags:#04x} are reserved"));
         }
@@ -114,7 +114,7 @@ impl BlockHeader {
         Ok(header)
     }
 
-    /// Has a whole block of so many bytes earned the memory for its Gaussians?
+    /// Is a whole block of `bytes` bytes large enough to justify memory for its Gaussians?
     pub(crate) fn check_length(&self, bytes: u64) -> Result<(), String> {
         match u64::from(self.gaussians) <= bytes * GAUSSIANS_A_BYTE {
             true => Ok(()),
@@ -135,7 +135,10 @@ impl BlockHeader {
                 !self.steps.iter().all(|&s| (1e-6..=16.0).contains(&s)),
                 format!("quantisation steps {:?} are outside 1e-6 to 16", self.steps),
             ),
-            (!((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6), "the step factor is out of range".into()),
+            (
+                !((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6),
+                "the step factor is out of range".into(),
+            ),
             (!self.spreads.iter().all(|v| (0.0..=1e6).contains(v)), "spreads are out of range".into()),
             (
                 self.cuts.len() >= MOST_STAGES || self.cuts.windows(2).any(|w| w[0] >= w[1]),

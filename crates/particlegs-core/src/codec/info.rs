@@ -1,4 +1,4 @@
-//! What a file says of itself, its Gaussians apart.
+//! Information about a file without its Gaussians.
 
 use super::Precision;
 use super::file::{BlockPart, FileParts, parts};
@@ -60,8 +60,8 @@ impl FileInfo {
             let there = self.metadata.count;
             format!("the file ends early: it has {there} of {} particles", there.saturating_add(self.missing_particles))
         });
-        let stages = (coarse > 0)
-            .then(|| format!("{coarse} of {all} blocks end early and so have fewer, larger Gaussians"));
+        let stages =
+            (coarse > 0).then(|| format!("{coarse} of {all} blocks end early and so have fewer, larger Gaussians"));
         let both: Vec<String> = particles.into_iter().chain(stages).collect();
         (!both.is_empty()).then(|| both.join("; "))
     }
@@ -70,8 +70,7 @@ impl FileInfo {
     /// `None`: it has none.
     pub fn left_out(&self) -> Option<String> {
         let words: Vec<String> = self.other_sections.iter().map(|(tag, n)| format!("`{tag}` ({n} bytes)")).collect();
-        (!words.is_empty())
-            .then(|| format!("unknown sections are dropped: {}", words.join(", ")))
+        (!words.is_empty()).then(|| format!("unknown sections are dropped: {}", words.join(", ")))
     }
 
     /// Number of Gaussians.

@@ -53,7 +53,8 @@ impl Merge {
         let CodedFile { mut metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
         let (kept, lost): (Vec<_>, Vec<_>) = sections.into_iter().partition(|s| survives_merging(s.tag));
         self.sections.extend(kept);
-        lost.iter().for_each(|s| context.message(&format!("note: {place}: section `{}` is dropped", s.tag.escape_ascii())));
+        lost.iter()
+            .for_each(|s| context.message(&format!("note: {place}: section `{}` is dropped", s.tag.escape_ascii())));
         metadata.recipe = metadata.recipe.merged();
         self.known = Some(match self.known.take() {
             None => (metadata, place.to_string()),

@@ -73,7 +73,7 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     }
     field(RADIUS, &m.default_radius.to_le_bytes());
     field(OPACITY, &m.default_opacity.to_le_bytes());
-    // No paths: they tell of their writer's machine.
+    // Paths are not stored: they reveal details of the writer's machine.
     field(SOURCE, text(m.source.rsplit(['/', '\\']).next().unwrap_or_default(), TEXT));
     field(HASH, &m.source_hash);
     field(QUANTITIES, &quantities_bytes(m, layers));
@@ -138,7 +138,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
             step: get(STEP).map(|v| exact(STEP, v).map(i64::from_le_bytes)).transpose()?,
         },
         fields: Vec::new(),
-        // What a newer program may tell in other words is not known here.
+        // A newer program may use other words, which are unknown here.
         recipe: serde_json::from_slice(need(RECIPE)?).unwrap_or_else(|_| Recipe::unknown()),
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
     };
@@ -174,9 +174,7 @@ fn masses(v: &[u8]) -> Result<Vec<Mass>, SectionFault> {
     while !r.is_done() {
         let flags = r.u8()?;
         if flags & BY_MASS != 0 {
-            return Err(SectionFault::Unknown(
-                "Gaussians weighted by mass are not supported".into(),
-            ));
+            return Err(SectionFault::Unknown("Gaussians weighted by mass are not supported".into()));
         }
         if flags >= BY_MASS {
             return Err(SectionFault::Corrupt(format!("a layer mass has unknown flags {flags:#04x}")));

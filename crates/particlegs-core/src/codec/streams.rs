@@ -21,7 +21,7 @@ pub(crate) struct Streams {
     pub table: bool,
 }
 
-/// Has a block of so many Gaussians segments?
+/// Is a block with this many Gaussians split into segments?
 pub(crate) fn has_segments(gaussians: u32) -> bool {
     gaussians > SEGMENT
 }

@@ -133,10 +133,7 @@ fn check_goal(goal: Goal) -> Result<Goal> {
         GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("{at} is not a positive wave number"),
         GoalKind::Correlation if !(at > 0.0 && at.is_finite()) => format!("{at} is not a positive cell size"),
         GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < (1u64 << 53) as f64) || at.fract() != 0.0 => {
-            format!(
-                "the smallest group must be a whole number of at least {} particles, not {at}",
-                GROUP_CLASSES[0]
-            )
+            format!("the smallest group must be a whole number of at least {} particles, not {at}", GROUP_CLASSES[0])
         }
         _ => return Ok(goal),
     };

@@ -167,7 +167,9 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
 
 fn centre(values: &[&[u8]], chosen: &CentreColumns, comma: bool) -> Result<Centre, String> {
     let number = |column: usize| {
-        let word = values.get(column).ok_or_else(|| format!("there are only {} columns, too few for x, y and z", values.len()))?;
+        let word = values
+            .get(column)
+            .ok_or_else(|| format!("there are only {} columns, too few for x, y and z", values.len()))?;
         let value = number_with(word, comma).filter(|v| v.is_finite());
         value.ok_or_else(|| format!("{} is not a finite number", shown(word)))
     };

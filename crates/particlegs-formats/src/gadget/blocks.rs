@@ -69,7 +69,10 @@ impl GadgetFile {
         let mut part = GadgetFile { path, bytes, big_endian, named, header, blocks, unknown, order: vec![] };
         match named {
             true if !stated.is_empty() => {
-                return Err(Error::input(&part.path, "block names cannot be given: the file is of format 2, which names its blocks"));
+                return Err(Error::input(
+                    &part.path,
+                    "block names cannot be given: the file is of format 2, which names its blocks",
+                ));
             }
             true => part.place_named(found)?,
             false => part.place_plain(&found.map(|(_, record)| record).collect::<Vec<_>>(), stated)?,
@@ -110,7 +113,8 @@ impl GadgetFile {
     /// Format 1 has no names: the user's, else what lengths and values tell.
     fn place_plain(&mut self, records: &[GadgetRecord], stated: &[String]) -> Result<()> {
         if stated.len() > records.len() {
-            let what = format!("{} block names were given, but {} blocks follow the header", stated.len(), records.len());
+            let what =
+                format!("{} block names were given, but {} blocks follow the header", stated.len(), records.len());
             return Err(Error::input(&self.path, what));
         }
         if stated.is_empty() {
@@ -129,7 +133,11 @@ impl GadgetFile {
                 Some(block) => self.blocks.push(block),
                 None if stated.contains(&name) && name != order::NONE => {
                     let what = format!("block {name} at byte {} has {} bytes", record.offset, record.length);
-                    return Err(Error::input_with(&self.path, what, "this size does not match the particle counts in the header"));
+                    return Err(Error::input_with(
+                        &self.path,
+                        what,
+                        "this size does not match the particle counts in the header",
+                    ));
                 }
                 None => self.unknown.push(format!("at byte {}", record.offset)),
             }
@@ -196,9 +204,7 @@ fn named_records(path: &Path, records: &Records<'_>, named: bool) -> Result<Vec<
         if named {
             if record.length != 8 || out.len() == MOST_BLOCKS {
                 let length = record.length;
-                return Err(fault(format!(
-                    "the record at byte {at} should hold a block name, but has {length} bytes"
-                )));
+                return Err(fault(format!("the record at byte {at} should hold a block name, but has {length} bytes")));
             }
             let label = &records.bytes[record.offset as usize..][..4];
             name = String::from_utf8_lossy(label).trim_end_matches([' ', '\0']).to_string();

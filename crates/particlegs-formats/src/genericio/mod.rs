@@ -51,7 +51,7 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     if count == 0 {
         return Err(Error::input(path, "it holds no particles"));
     }
-    // What is cut short is said before anything is read.
+    // Truncation is reported before anything is read.
     files.iter().try_for_each(|f| f.check())?;
     let ranks: usize = files.iter().map(|f| f.ranks.len()).sum();
     let compressed = (0..first.ranks.len().min(1))
@@ -75,7 +75,8 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     let positions = [axis(0), axis(1), axis(2)].join(",");
     let other: Vec<&str> = first.variables.iter().filter(|v| !has(v)).map(|v| &v.name[..]).collect();
     let units = "the file states no units; HACC usually uses Mpc/h: set the unit of length";
-    let unread = (!other.is_empty()).then(|| format!("variables that are not numbers are skipped: {}", other.join(", ")));
+    let unread =
+        (!other.is_empty()).then(|| format!("variables that are not numbers are skipped: {}", other.join(", ")));
     let notes = std::iter::once(units.to_string()).chain(unread).collect();
     let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();

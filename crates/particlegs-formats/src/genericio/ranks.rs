@@ -37,7 +37,9 @@ impl Ranks {
         let place = file.path.display().to_string();
         let column = |&v: &usize| {
             let variable = &file.variables[v];
-            let what = || format!("variable {} has {} bytes per particle, which is not a number", variable.name, variable.size);
+            let what = || {
+                format!("variable {} has {} bytes per particle, which is not a number", variable.name, variable.size)
+            };
             Ok((v, variable.kind.ok_or_else(|| Error::input(&place, what()))?.stored(as_stored)))
         };
         let columns = variables.iter().map(column).collect::<Result<_>>()?;

@@ -64,8 +64,7 @@ fn partitions(map: &GenericIoFile, variable: usize) -> Result<BTreeSet<i64>> {
         let kind =
             map.variables[variable].kind.filter(|k| matches!(k, NumberType::I32 | NumberType::I64 | NumberType::U32));
         let kind = kind.filter(|_| !column.blosc);
-        let kind =
-            kind.ok_or_else(|| Error::input(&map.path, "the map of ranks has an unknown layout"))?;
+        let kind = kind.ok_or_else(|| Error::input(&map.path, "the map of ranks has an unknown layout"))?;
         for i in 0..rank.count {
             let at = (column.start + i * kind.bytes()) as usize;
             out.insert(kind.get(&map.bytes[at..], map.big_endian) as i64);

@@ -49,7 +49,9 @@ impl Pipeline {
         let stage = |f: &FilterDescription| match f.id {
             FILTER_DEFLATE => Ok(FilterStage::Deflate),
             FILTER_SHUFFLE if f.client_data.first().is_none_or(|&n| n as usize == element) => Ok(FilterStage::Shuffle),
-            FILTER_SHUFFLE => Err(Error::input(place, "damaged HDF5 file: the shuffle filter has the wrong number size")),
+            FILTER_SHUFFLE => {
+                Err(Error::input(place, "damaged HDF5 file: the shuffle filter has the wrong number size"))
+            }
             FILTER_FLETCHER32 => Ok(FilterStage::Fletcher32),
             32000 => Ok(FilterStage::Lzf),
             32004 => Ok(FilterStage::Lz4),
@@ -70,7 +72,7 @@ impl Pipeline {
     }
 
     /// Undoes it but for a shuffle that was the first step: `stored` must become `length` bytes.
-    /// [`Pipeline::numbers`] puts shuffled numbers together where they are used, by few, in the processor's cache.
+    /// [`Pipeline::numbers`] puts shuffled numbers together where they are used, by few, in the CPU cache.
     pub fn undo<'a>(&self, stored: &'a [u8], mask: u32, length: usize) -> TextResult<Cow<'a, [u8]>> {
         // What a compressor may have added to `length` bytes before another came.
         let limit = length + length / 64 + 1024;

@@ -148,7 +148,9 @@ impl Hdf5Header {
         let matter = g.header.number(&["Omega0", "Omega_Matter"]).filter(|&o| o > 0.0);
         let (time, redshift) = (self.time()?, g.header.number(&["Redshift"])?);
         if matter.is_some() && redshift > -1.0 && (time * (1.0 + redshift) - 1.0).abs() < 1e-5 {
-            notes.push("assumed cosmological: Time is 1/(1 + Redshift) and Omega0 is given, but no parameter says so".into());
+            notes.push(
+                "assumed cosmological: Time is 1/(1 + Redshift) and Omega0 is given, but no parameter says so".into(),
+            );
             return Some(true);
         }
         notes.push("the file does not say whether lengths are comoving".into());
@@ -185,7 +187,11 @@ fn count(number: f64, name: &str, place: &str) -> Result<u64> {
     if number >= 0.0 && number.fract() == 0.0 && number <= 9e15 {
         Ok(number as u64)
     } else {
-        Err(Error::input_with(place, format!("{name} contains {number}, which is not a count"), "the header is damaged"))
+        Err(Error::input_with(
+            place,
+            format!("{name} contains {number}, which is not a count"),
+            "the header is damaged",
+        ))
     }
 }
 

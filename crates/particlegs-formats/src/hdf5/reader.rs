@@ -101,11 +101,8 @@ impl DataSetSequence<'_> {
                 || rows.end.checked_sub(rows.start) != Some(stated)
             {
                 let there = format!("{} rows of {} numbers", part.table.rows, part.table.components);
-                let what = format!(
-                    "it has {there}, but {} refers to {stated} rows of {}",
-                    container.place,
-                    set.components()
-                );
+                let what =
+                    format!("it has {there}, but {} refers to {stated} rows of {}", container.place, set.components());
                 return Err(Error::input_with(part.place, what, "the two files may belong to different snapshots"));
             }
             part.rows = rows;

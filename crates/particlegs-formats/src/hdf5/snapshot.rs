@@ -71,10 +71,8 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         SnapshotBuilder { header, strict, found, notes: Vec::new(), parts: Vec::new(), sources: BTreeSet::new() };
     let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
         ([_], true) if !strict => {
-            builder.note(format!(
-                "the snapshot has {} files; this file is read as one part of it",
-                builder.header.files
-            ));
+            builder
+                .note(format!("the snapshot has {} files; this file is read as one part of it", builder.header.files));
             paths.to_vec()
         }
         _ => files::all(paths, builder.header.files)?,
@@ -255,9 +253,7 @@ impl SnapshotBuilder {
         if header.files == 1 && rows.iter().all(|&r| r == 0) {
             let names: Vec<&str> = groups.iter().map(|g| &g.0[..]).take(8).collect();
             let has = if names.is_empty() { "no groups".to_string() } else { names.join(", ") };
-            let what = format!(
-                "this HDF5 file has no group PartType0, PartType1, ... and no positions; it has {has}"
-            );
+            let what = format!("this HDF5 file has no group PartType0, PartType1, ... and no positions; it has {has}");
             let hint = match &elsewhere[..] {
                 [] => "circular links are not followed; `h5ls` lists the contents".to_string(),
                 names => format!("links to other files ({}) and circular links are not followed", names.join(", ")),

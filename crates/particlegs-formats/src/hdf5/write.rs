@@ -128,8 +128,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
         }
     }
     types.into_iter().collect::<Option<_>>().ok_or_else(|| {
-        let what =
-            format!("{} layers, but a Gadget snapshot has at most {} particle types", layers.len(), ORDER.len());
+        let what = format!("{} layers, but a Gadget snapshot has at most {} particle types", layers.len(), ORDER.len());
         Error::input_with(out, what, Hint::choose_species())
     })
 }

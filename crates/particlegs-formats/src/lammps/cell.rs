@@ -64,7 +64,9 @@ impl LammpsBox {
         };
         bounds.periodic = periodic;
         if !stated {
-            bounds.notes.push("the file does not state which sides of the box are periodic; none is assumed to be".into());
+            bounds
+                .notes
+                .push("the file does not state which sides of the box are periodic; none is assumed to be".into());
         }
         if bounds.cell().is_none() {
             bounds.notes.push("the box has no volume and is ignored".into());

@@ -3,7 +3,7 @@ use crate::npy::tests::npy;
 use crate::testing::{deflate, open_bytes, rows as read_rows};
 use crate::{Choice, Weights};
 
-/// An archive of members, compressed where it is said.
+/// An archive of members, each compressed if its flag says so.
 fn npz(members: &[(&str, Vec<u8>, bool)]) -> Vec<u8> {
     let (mut out, mut table) = (Vec::new(), Vec::new());
     for (name, content, compress) in members {

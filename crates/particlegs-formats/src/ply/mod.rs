@@ -36,8 +36,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let element = &header.elements[number];
     let fields = fields(element);
     let mut description = describe(path, &header, element, &fields)?;
-    let broken =
-        |what: String| Error::input_with(path, what, "the file is cut short or damaged: copy it again");
+    let broken = |what: String| Error::input_with(path, what, "the file is cut short or damaged: copy it again");
     let start = start(&bytes, &header, number).map_err(broken)?;
     let format = RowFormat::new(header.encoding, element);
     let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.byte));

@@ -37,7 +37,9 @@ impl TextSnapshot {
     pub fn new(mut description: Description, table: TextTable, columns: TableColumns, all: &str, noun: &str) -> Self {
         let mass = columns.mass.map_or(SpeciesMass::Unknown, SpeciesMass::Field);
         if table.keys.len() > MOST_SPECIES {
-            description.notes.push(format!("more than {MOST_SPECIES} particle types: all particles are treated as one"));
+            description
+                .notes
+                .push(format!("more than {MOST_SPECIES} particle types: all particles are treated as one"));
         }
         let species = table.kinds.iter().filter(|kind| kind.count > 0).map(|kind| {
             let only = match &table.keys[..] {

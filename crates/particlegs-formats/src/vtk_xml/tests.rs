@@ -69,7 +69,10 @@ fn broken_files_are_refused() {
         rows(&path, &Choice::default()).unwrap_err().to_string()
     };
     let good = xml(PIECE);
-    assert!(fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"4294967295\"")).contains("too short for 4294967295 rows"));
+    assert!(
+        fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"4294967295\""))
+            .contains("too short for 4294967295 rows")
+    );
     assert!(fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"1\"")).contains("8 bytes instead of 4"));
     assert!(fault(&good.replace("4 5", "4 x")).contains("`x`"));
     assert!(fault(&good.replace("PolyData", "ImageData")).contains("ImageData"));

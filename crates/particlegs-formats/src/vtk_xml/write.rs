@@ -65,10 +65,7 @@ impl ArrayOffsets {
 pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
     let layers = kept.layers();
     if layers.len() > 256 {
-        return Err(Error::argument(format!(
-            "a VTP file can store at most 256 layers, not {}",
-            layers.len()
-        )));
+        return Err(Error::argument(format!("a VTP file can store at most 256 layers, not {}", layers.len())));
     }
     let count = kept.total();
     let unlike = layers.iter().any(|l| l.mass.unit() != layers[0].mass.unit());

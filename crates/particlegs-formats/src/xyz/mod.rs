@@ -109,8 +109,7 @@ fn frame<'c>(
     let at = lines.place().line - 1;
     let count =
         count_of(&first).ok_or_else(|| error(format!(", line {at}: {} is not a number of atoms", shown(&first))))?;
-    let line =
-        lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" ends after the number of atoms".into()))?;
+    let line = lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" ends after the number of atoms".into()))?;
     let comment = Comment::parse(&line).map_err(|what| error(format!(", line {}: {what}", at + 1)))?;
     let fields = match comment.fields.clone() {
         Some(fields) => fields,

@@ -15,7 +15,7 @@ use particlegs_core::{Error, Hint, Result};
 pub(crate) const COLUMNS: usize = 16;
 /// The column of the odds against its opacity.
 const ODDS: usize = 12;
-/// Gaussians of a buffer at most: a binding has 128 MiB on many cards.
+/// Gaussians of a buffer at most: a binding has 128 MiB on many GPUs.
 pub(crate) const MOST: usize = 1 << 21;
 /// Opacities of these odds against are below every threshold.
 const NEVER: f32 = 3e38;
@@ -51,10 +51,7 @@ impl Gaussians {
         };
         let all: usize = scene.parts().map(Mixture::len).sum();
         if u32::try_from(all).is_err() {
-            return Err(Error::argument_with(
-                format!("{all} Gaussians are too many for a GPU"),
-                Hint::use_cpu(),
-            ));
+            return Err(Error::argument_with(format!("{all} Gaussians are too many for a GPU"), Hint::use_cpu()));
         }
         let mut some = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
         let mut chunks = Vec::new();
@@ -141,7 +138,7 @@ fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COL
     own[6..ODDS].copy_from_slice(&factor);
     own[ODDS..].copy_from_slice(&[odds, g.grey as f32, scale, logit]);
     if !own.iter().all(|v| v.is_finite()) {
-        // What float32 does not hold is not drawn by the processor either.
+        // The CPU does not draw values outside float32 either.
         own = [0.0; COLUMNS];
         own[ODDS] = NEVER;
     }

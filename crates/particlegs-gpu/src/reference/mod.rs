@@ -28,11 +28,11 @@ use particlegs_core::{Error, Hint, Result};
 use std::sync::Arc;
 use view::ViewRecord;
 
-/// Particles of a piece at most: 128 MiB of positions, which all cards see at once.
+/// Particles of a piece at most: 128 MiB of positions, which every GPU can bind.
 pub const MOST: usize = 128 * 1024 * 1024 / 12;
-/// Pixels that a dispatch may reach, in thousands: well below a second's work of a slow card.
+/// Pixels that a dispatch may reach, in thousands: well below a second of work on a slow GPU.
 const THOUSANDS: u64 = 2_000_000;
-/// Pixels that a piece may reach, in thousands: hours, where the processor takes coarser planes.
+/// Pixels that a piece may reach, in thousands: hours of work; the CPU uses coarser planes instead.
 const MOST_THOUSANDS: u64 = 1 << 31;
 /// Intervals of the table of the Gaussian's integral from -3 to +3.
 const STEPS: usize = 4096;

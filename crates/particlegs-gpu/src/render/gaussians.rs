@@ -12,7 +12,7 @@ use particlegs_core::{Error, Result};
 
 /// Floats of a Gaussian, each a column: see project.wgsl.
 const COLUMNS: usize = 13;
-/// Gaussians of a buffer at most: a dispatch has 65,535 groups at most, and a binding 128 MiB on many cards.
+/// Gaussians of a buffer at most: a dispatch has 65,535 groups at most, and a binding 128 MiB on many GPUs.
 pub(crate) const MOST: usize = 1 << 21;
 
 /// The Gaussians of a scene on a device, about a point near them.
