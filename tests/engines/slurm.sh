@@ -43,7 +43,7 @@ for pause in 0.5 1 2; do
   if [ -e "$job/blocks/00004.checkpoint" ]; then break; fi
 done
 [ -e "$job/blocks/00004.checkpoint" ] || fail "the stopped block left no checkpoint"
-grep -q 'what is finished is kept' "$job/logs/block-$array-2.log" || fail "block 4 did not stop with exit code 75"
+grep -q 'finished work is saved' "$job/logs/block-$array-2.log" || fail "block 4 did not stop with exit code 75"
 wait_for 60 "the killed task's second turn" scontrol_says "${array}_1" 'Restarts=[1-9]'
 wait_for 60 "the stopped task's second turn" scontrol_says "${array}_2" 'Restarts=[1-9]'
 wait_for 180 "an empty queue" queue_is_empty

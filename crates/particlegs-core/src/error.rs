@@ -28,10 +28,10 @@ pub enum Error {
     #[error("{what}")]
     Unreachable { what: String, hint: Hint },
     /// More memory than the machine has.
-    #[error("{what} needs about {need_bytes} bytes of memory, {have_bytes} are available")]
+    #[error("{what} needs about {need_bytes} bytes of memory, but only {have_bytes} are available")]
     Memory { what: String, need_bytes: u64, have_bytes: u64 },
     /// More memory than the caller allows.
-    #[error("{what} needs about {need_bytes} bytes of memory, {bound_bytes} are allowed")]
+    #[error("{what} needs about {need_bytes} bytes of memory, but only {bound_bytes} are allowed")]
     Bound { what: String, need_bytes: u64, bound_bytes: u64 },
     /// Reading or writing failed.
     #[error("{place}: {source}")]
@@ -46,7 +46,7 @@ pub enum Error {
     #[error("stopped")]
     Cancelled,
     /// The caller asked to stop, and the same command goes on from there.
-    #[error("{what}: stopped; what is finished is kept")]
+    #[error("{what}: stopped; finished work is saved")]
     Checkpointed { what: String },
 }
 

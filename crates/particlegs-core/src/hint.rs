@@ -15,7 +15,7 @@ enum HintPart {
 }
 
 impl Hint {
-    /// Is nothing known?
+    /// Is it empty?
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -60,7 +60,7 @@ impl Hint {
 
     /// State the periodic box.
     pub fn state_box() -> Self {
-        Hint::from("state it by ").option("box", "Lx,Ly,Lz")
+        Hint::from("set it with ").option("box", "Lx,Ly,Lz")
     }
 
     /// Choose fewer species.
@@ -75,16 +75,12 @@ impl Hint {
 
     /// Train from the snapshot.
     pub fn train_from_snapshot() -> Self {
-        Hint::default()
-            .command("compress", "")
-            .words(" with ")
-            .option("train", "")
-            .words(" trains such a model from its snapshot")
+        Hint::default().command("compress", "").words(" with ").option("train", "").words(" trains such a model")
     }
 
-    /// Draw with the processor.
-    pub fn use_processor() -> Self {
-        Hint::from("the processor does it: ").option("device", "cpu")
+    /// Use the CPU.
+    pub fn use_cpu() -> Self {
+        Hint::from("use the CPU: ").option("device", "cpu")
     }
 }
 

@@ -34,7 +34,7 @@ impl Coloring {
         if let Some([low, high]) = range
             && !(low > 0.0 && high > low && high.is_finite())
         {
-            return Err(Error::argument("a range of densities is LO,HI with 0 < LO < HI"));
+            return Err(Error::argument("the density range must be LO,HI with 0 < LO < HI"));
         }
         match by {
             ColorBy::Grey => Ok(Coloring { colors: None, range: None }),
@@ -69,7 +69,9 @@ impl Coloring {
         }
         if let Some([low, high]) = self.range {
             let (map, unit) = (map.name(), density_unit(&model.metadata, model.has_masses(), 3));
-            notes.say(format!("colours: {map}, logarithmic, from {low} to {high} {unit}, each Gaussian's own density"));
+            notes.say(format!(
+                "colours: {map}, logarithmic, from {low} to {high} {unit}, by the density of each Gaussian"
+            ));
             notes.set(
                 "colors",
                 json!({ "colormap": map, "scale": "logarithmic", "density": [low, high], "unit": unit }),

@@ -50,10 +50,10 @@ pub fn write(
 ) -> Result<u64> {
     let bytes = BYTES * model.gaussians() as u64;
     if bytes == 0 {
-        return Err(Error::argument("the model has no Gaussians, and glTF no empty arrays"));
+        return Err(Error::argument("the model has no Gaussians; glTF cannot store empty arrays"));
     }
     if form == GltfForm::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
-        let what = format!("{} Gaussians are more than the 4 GiB of a GLB hold", model.gaussians());
+        let what = format!("{} Gaussians do not fit into a GLB file, which is limited to 4 GiB", model.gaussians());
         return Err(Error::argument_with(
             what,
             Hint::from("write a PLY, or make the model smaller with ").command("simplify", ""),
@@ -190,7 +190,7 @@ fn binary_file(document: Value, binary: &[u8], out: &Path, context: &Context<'_>
     text.resize(text.len().next_multiple_of(4), b' ');
     // A Gaussian's bytes are a multiple of four, and so are those of all.
     let length = 12 + 8 + text.len() as u64 + 8 + binary.len() as u64;
-    let too_long = || Error::argument("the document of a GLB is longer than it can say");
+    let too_long = || Error::argument("the JSON document is too long for a GLB file");
     let word = |n: u64| u32::try_from(n).map(u32::to_le_bytes).map_err(|_| too_long());
     let mut head = b"glTF\x02\0\0\0".to_vec();
     head.extend(word(length)?);

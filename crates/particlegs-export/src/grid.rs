@@ -29,16 +29,16 @@ impl Cells {
     fn over(self, domain: &Domain) -> Result<Grid> {
         match self {
             Cells::Along(n) if (1..=MOST).contains(&n) => Ok(Grid::new(domain, n)),
-            Cells::Along(n) => Err(Error::argument(format!("{n} cells along an edge are outside 1 to {MOST}"))),
+            Cells::Along(n) => Err(Error::argument(format!("{n} cells per edge is outside 1 to {MOST}"))),
             Cells::OfSide(side) if side.is_finite() && side > 0.0 => {
                 let cells = domain.length.map(|l| (l / side).round().max(1.0));
                 if let Some(n) = cells.iter().find(|n| **n > MOST as f64) {
-                    let what = format!("cells of {side} are {n:.0} along an axis: more than {MOST}");
+                    let what = format!("cells of size {side} give {n:.0} along an axis, more than {MOST}");
                     return Err(Error::argument(what));
                 }
                 Ok(Grid::stretched(domain, cells.map(|n| n as usize)))
             }
-            Cells::OfSide(side) => Err(Error::argument(format!("cells of {side}: not a length above 0"))),
+            Cells::OfSide(side) => Err(Error::argument(format!("the cell size {side} is not positive"))),
         }
     }
 }
@@ -59,8 +59,8 @@ impl Density {
     pub fn new(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs_pipeline::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
-            let what = "some layers have masses and others do not: their sum is no density";
-            return Err(Error::argument_with(what, "choose layers that all have masses, or none"));
+            let what = "some layers have masses and others do not, so they cannot be added";
+            return Err(Error::argument_with(what, "choose only layers with masses, or only layers without"));
         }
         // Grids of files are upright: a tilted box lies open in its bounds.
         let domain = Some(Domain::from_model(model)).filter(|d| !d.is_tilted());
@@ -75,7 +75,7 @@ impl Density {
         let mut values = field.mass;
         values.iter_mut().for_each(|v| *v = (f64::from(*v) / volume) as f32);
         if values.iter().any(|v| !v.is_finite()) || volume.is_nan() {
-            return Err(Error::argument("the density in the file's units does not fit into float32"));
+            return Err(Error::argument("the density in the units of the file does not fit into float32"));
         }
         Ok(Density {
             grid,

@@ -64,13 +64,13 @@ impl Kind {
         match (meant, asked) {
             (Some(meant), Some(asked)) if meant != asked => {
                 let [meant, asked] = [meant, asked].map(Kind::ending);
-                let what = format!("{}: its ending means {meant}, and {asked} is asked for", out.display());
-                let hint = Hint::from("leave ").option("kind", "").words(" away, or name another file");
+                let what = format!("{}: the ending means {meant}, but kind {asked} was requested", out.display());
+                let hint = Hint::from("omit ").option("kind", "").words(" or name another file");
                 Err(Error::argument_with(what, hint))
             }
             (Some(kind), _) | (None, Some(kind)) => Ok(kind),
             (None, None) => Err(Error::argument_with(
-                format!("{}: its ending does not say what to write", out.display()),
+                format!("{}: the file kind is not clear from the ending", out.display()),
                 Self::hint(ending.unwrap_or_default()),
             )),
         }

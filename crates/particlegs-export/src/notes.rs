@@ -100,10 +100,10 @@ fn words(model: &Model, name: &str) -> Vec<String> {
         lines.push(format!("layers (particles): {}", layers.join(", ")));
     }
     let comoving = if m.units.comoving == Some(true) { ", comoving" } else { "" };
-    lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("an unknown unit")));
+    lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("an unstated unit")));
     if model.has_masses() {
         let what = m.weight_name().unwrap_or("masses");
-        lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("an unknown unit")));
+        lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("an unstated unit")));
     }
     lines.extend(m.cell.as_ref().map(|cell| format!("box {cell}")));
     lines
@@ -137,22 +137,20 @@ fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
             "counts, masses, the periodic box and the certificate",
         ],
         (Group::Splats, LawKind::AlphaBlend) => &[
-            "the VizMapper: the radius and opacity stated here can no longer be changed",
+            "the VizMapper: the radius and opacity are fixed",
             "the model was trained with a low-pass of one square pixel whose opacity is made up for; viewers widen splats \
              by 0.3 square pixels, most without that: small Gaussians far away look brighter",
             "counts, the periodic box and the certificate",
         ],
         (Group::Grid, _) => &[
-            "values are the density averaged over each cell: what is smaller than a cell, and which layer it is of",
-            "cells of Gaussians that are turned against the grid are right to about one part in a hundred; their sum is kept",
-            "the certificate: how good the model is, and from which size of cells on",
+            "detail below the cell size, and layers: each value is the mean density of a cell",
+            "accuracy of about 1 % in cells crossed by Gaussians oblique to the grid; the total is exact",
+            "the certificate, which states the accuracy for each cell size",
         ],
         (Group::Page, _) => &[],
-        (Group::Gaussians, LawKind::OpticalDepth) => {
-            &["nothing of the Gaussians; their blocks, and the certificate: how good the model is"]
-        }
+        (Group::Gaussians, LawKind::OpticalDepth) => &["the blocks and the certificate; the Gaussians are complete"],
         (Group::Gaussians, LawKind::AlphaBlend) => {
-            &["nothing of the Gaussians; the VizMapper, their blocks, and the certificate: how good the model is"]
+            &["the VizMapper, the blocks and the certificate; the Gaussians are complete"]
         }
     }
 }

@@ -37,10 +37,10 @@ pub struct Faint {
 /// network for others.
 pub fn as_splats(mut model: Model, radius: f64, opacity: f64, context: &Context<'_>) -> Result<(Model, Faint)> {
     if !(radius.is_finite() && radius > 0.0) {
-        return Err(Error::argument(format!("radius {radius} is not a length above 0")));
+        return Err(Error::argument(format!("radius {radius} must be positive")));
     }
     if !(opacity > 0.0 && opacity <= 1.0) {
-        return Err(Error::argument(format!("opacity {opacity} is outside 0 to 1 (0 is excluded)")));
+        return Err(Error::argument(format!("opacity {opacity} is outside (0, 1]")));
     }
     if model.metadata.law == LawKind::OpticalDepth {
         for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {

@@ -80,7 +80,7 @@ impl<'a> Source<'a> {
         };
         let metadata = file.metadata().map_err(|e| Error::io(&place, e))?;
         if metadata.is_dir() {
-            return Err(Error::input(place, "a folder, where a file is expected"));
+            return Err(Error::input(place, "a folder, but a file is expected"));
         }
         // Standard input may be a file that others have read from.
         let length = (metadata.is_file() && !is_standard(path)).then_some(metadata.len());
@@ -194,13 +194,13 @@ impl Form {
         let place = source.place.clone();
         let head = source.peek(HEAD)?;
         if head.is_empty() {
-            return Err(Error::input(place, format!("it is empty, not {}", self.title)));
+            return Err(Error::input(place, format!("the file is empty, not {}", self.title)));
         }
         if !self.begins.fits(head) {
-            return Err(Error::input(place, format!("not {}: it does not begin as one", self.title)));
+            return Err(Error::input(place, format!("not {}: the first bytes are wrong", self.title)));
         }
         let too_large = || {
-            let what = format!("larger than {} bytes: not {}", self.most, self.title);
+            let what = format!("larger than {} bytes, so it is not {}", self.most, self.title);
             Err(Error::input(&place, what))
         };
         if source.length.is_some_and(|n| n > self.most) {
@@ -228,7 +228,7 @@ impl SpoolFile {
     pub fn new(mut source: Source<'_>) -> Result<Self> {
         let place = source.place.clone();
         if !cfg!(target_os = "linux") {
-            return Err(Error::input_with(place, "a pipe or device", "write the data to a file first"));
+            return Err(Error::input_with(place, "this is a pipe or device", "write the data to a file first"));
         }
         let folder = std::env::temp_dir();
         let mut file = tempfile::tempfile_in(&folder).map_err(|e| Error::io(&folder, e))?;
@@ -236,7 +236,7 @@ impl SpoolFile {
         source.copy(|piece| {
             // The disk is not filled to its end by a stream that has none.
             crate::output::check_space_in(&folder, LEFT_FREE).map_err(|_| {
-                let what = "no room for a copy of a stream: the folder for temporary files is nearly full";
+                let what = "cannot copy the input: the folder for temporary files is nearly full";
                 Error::input_with(&place, what, "set TMPDIR to a folder on a larger disk")
             })?;
             file.write_all(piece).map_err(|e| Error::io(&folder, e))
@@ -276,7 +276,7 @@ pub fn open_file(path: &Path) -> Result<(File, u64)> {
     if metadata.is_file() {
         return Ok((file, metadata.len()));
     }
-    let what = format!("{}, where a regular file is expected", describe(&metadata));
+    let what = format!("{}, but a regular file is expected", describe(&metadata));
     Err(Error::input_with(path, what, if metadata.is_dir() { "" } else { "write the data to a file first" }))
 }
 
@@ -307,7 +307,7 @@ fn describe(metadata: &Metadata) -> &'static str {
 
 #[cfg(not(unix))]
 fn describe(metadata: &Metadata) -> &'static str {
-    if metadata.is_dir() { "a folder" } else { "no regular file" }
+    if metadata.is_dir() { "a folder" } else { "not a regular file" }
 }
 
 /// Opens without waiting for a pipe's writer.
@@ -384,10 +384,10 @@ mod tests {
         for (bytes, fault) in [
             (&b"{}"[..], None),
             (b"  {\"a\": 1}", None),
-            (b"", Some("it is empty, not a note")),
-            (b"\0\0\0", Some("does not begin as one")),
-            (b"text", Some("does not begin as one")),
-            (&[b' '; 101], Some("larger than 100 bytes: not a note")),
+            (b"", Some("the file is empty, not a note")),
+            (b"\0\0\0", Some("the first bytes are wrong")),
+            (b"text", Some("the first bytes are wrong")),
+            (&[b' '; 101], Some("larger than 100 bytes, so it is not a note")),
         ] {
             std::fs::write(&path, bytes).unwrap();
             let read = read_whole(&path, NOTE, &Context::SILENT);
@@ -417,7 +417,9 @@ mod tests {
     #[test]
     fn an_endless_device_is_left_after_its_first_bytes() {
         let zero = Path::new("/dev/zero");
-        assert!(read_whole(zero, NOTE, &Context::SILENT).unwrap_err().to_string().contains("does not begin as one"));
+        assert!(
+            read_whole(zero, NOTE, &Context::SILENT).unwrap_err().to_string().contains("the first bytes are wrong")
+        );
         let endless = Form { begins: Begins::With(b"\0"), ..NOTE };
         assert!(read_whole(zero, endless, &Context::SILENT).unwrap_err().to_string().contains("larger than 100"));
         assert!(open_file(zero).unwrap_err().to_string().contains("a device"));

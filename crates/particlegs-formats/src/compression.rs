@@ -93,7 +93,7 @@ impl<R: Read> ZstdFrames<R> {
     }
 }
 
-/// Cut streams are told from broken ones by the kind.
+/// The error kind distinguishes cut streams from damaged ones.
 fn io_error(error: FrameDecoderError) -> std::io::Error {
     let mut source: Option<&(dyn std::error::Error + 'static)> = Some(&error);
     while let Some(e) = source {

@@ -37,7 +37,7 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
 
 fn none_there(folder: &Path) -> Error {
     match PathKind::from_path(folder) {
-        PathKind::Job => Error::input_with(folder, "this is a job folder, not a snapshot", PathKind::Job.to_a_model()),
+        PathKind::Job => Error::input_with(folder, "a job folder, not a snapshot", PathKind::Job.to_a_model()),
         _ => Error::input_with(
             folder,
             "the folder holds neither xx.f32, yy.f32, zz.f32 nor a snapshot file",

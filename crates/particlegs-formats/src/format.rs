@@ -1,4 +1,4 @@
-//! A format, and the beginning of a file that tells which format it has.
+//! A format, and the start of a file, from which its format is detected.
 
 use crate::compression::FileCompression;
 use crate::{Choice, Snapshot};

@@ -67,7 +67,7 @@ particlegs_pipeline::named_values! {
 }
 
 impl NumberType {
-    /// IEEE 754's numbers of so many bytes, half floats left out.
+    /// IEEE 754 numbers of `bytes` bytes, without half floats.
     pub fn float(bytes: u64) -> Option<NumberType> {
         match bytes {
             4 => Some(NumberType::F32),
@@ -76,7 +76,7 @@ impl NumberType {
         }
     }
 
-    /// Whole numbers of so many bytes.
+    /// Integers of `bytes` bytes.
     pub fn integer(bytes: u64, signed: bool) -> Option<NumberType> {
         match (bytes, signed) {
             (1, true) => Some(NumberType::I8),

@@ -63,7 +63,7 @@ impl Choice {
         (format.open)(paths, self)
     }
 
-    /// Refuses what is chosen and means nothing in a format.
+    /// Rejects choices that have no meaning in a format.
     pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
         if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
             return Err(Error::input(place, "block names can only be given for Gadget files of format 1"));

@@ -42,7 +42,7 @@ const MAGICS: [(&[u8], PathKind); 4] = [
 ];
 
 impl PathKind {
-    /// Looks at a folder's names or a file's first bytes; what cannot be read is of no known kind.
+    /// Looks at the names in a folder or the first bytes of a file; unreadable paths have no known kind.
     pub fn from_path(path: &Path) -> PathKind {
         match () {
             _ if is_stream(path) => PathKind::Stream,

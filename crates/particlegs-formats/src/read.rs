@@ -32,7 +32,7 @@ impl Choice {
         let mass = self.mass_unit.as_deref().filter(|_| said.mass.is_some());
         let units = said.replaced(&Units::new(length, mass, said.comoving));
         let to = UnitSystem { units: &units, ..particles.meta.unit_system() };
-        // What was asked for need not be told.
+        // The choice that the user made needs no note.
         particles.clone().in_units(&to, storage, &Context::SILENT)
     }
 

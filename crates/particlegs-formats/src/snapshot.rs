@@ -46,7 +46,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// What is said of splats.
+    /// The note about splats.
     pub(crate) const SPLATS: &str = "Gaussian splats: only their centres are read, as points";
 
     /// Of a reader of a species.

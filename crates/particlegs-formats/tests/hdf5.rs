@@ -86,10 +86,10 @@ fn headers_of_other_snapshots_are_said_or_refused() {
     let (free, strict) = (Choice::default(), Choice { strict: true, ..Choice::default() });
     // One of 448 files of 10^10 particles; 900 particles where the header says 262144.
     let cut = notes("cutout_99.hdf5", 15, &free).unwrap();
-    assert!(cut.contains("a snapshot of 448 files"), "{cut}");
-    assert!(cut.contains("says 4298967296 particles of type 0, and the files have 5"), "{cut}");
+    assert!(cut.contains("the snapshot has 448 files"), "{cut}");
+    assert!(cut.contains("says 4298967296 particles of type 0, but the files have 5"), "{cut}");
     let subset = notes("subset_stale.hdf5", 9, &free).unwrap();
-    assert!(subset.contains("has 9 rows, and NumPart_ThisFile in the header says 262144"), "{subset}");
+    assert!(subset.contains("has 9 rows, but NumPart_ThisFile in the header says 262144"), "{subset}");
     for name in ["cutout_99.hdf5", "subset_stale.hdf5"] {
         assert!(matches!(notes(name, 0, &strict), Err(particlegs_pipeline::Error::Input { .. })), "{name}");
     }
@@ -227,7 +227,7 @@ fn what_is_not_read_is_named() {
         format!("{error} ({})", error.hint())
     };
     assert!(why("bad_external.hdf5").contains("elsewhere.hdf5"), "{}", why("bad_external.hdf5"));
-    assert!(why("bad_hole.hdf5").contains("from 50 were never written"), "{}", why("bad_hole.hdf5"));
+    assert!(why("bad_hole.hdf5").contains("from 50 on were never written"), "{}", why("bad_hole.hdf5"));
     assert!(why("bad_virtual.hdf5").contains("missing: "), "{}", why("bad_virtual.hdf5"));
 }
 
@@ -414,16 +414,16 @@ fn virtual_data_sets_are_read_from_their_sources() {
 #[test]
 fn virtual_data_sets_that_are_not_read_say_why() {
     for (name, reason) in [
-        ("missing", "whose source is missing: "),
-        ("outside", "whose source is in another folder: ../snapshots/arepo_still.hdf5"),
-        ("nested", "a virtual data set within another"),
-        ("gap", "its rows 5 to 11 have no source"),
-        ("twice", "two sources have its row 3"),
-        ("longer", "it has 10 rows of 3 numbers, and"),
-        ("every_second", "one source has rows in several places"),
-        ("columns", "the numbers of a row lie in several sources"),
+        ("missing", "a source file of this virtual data set is missing: "),
+        ("outside", "is in another folder: ../snapshots/arepo_still.hdf5"),
+        ("nested", "nested virtual data sets"),
+        ("gap", "rows 5 to 11 have no source"),
+        ("twice", "two sources provide row 3"),
+        ("longer", "it has 10 rows of 3 numbers, but"),
+        ("every_second", "one source provides rows in several places"),
+        ("columns", "a row is split over several sources"),
         ("unlimited", "it grows with its sources"),
-        ("pattern", "its files are named by a pattern"),
+        ("pattern", "its source files are named by a pattern"),
     ] {
         let error =
             support::read_everything(&virtual_set(&format!("{name}.hdf5")), Some("hdf5")).unwrap_err().to_string();

@@ -53,7 +53,7 @@ impl Accelerator for GpuAccelerator {
     fn particles<'a>(&self, of: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>> {
         let count = of.count as u64;
         let mut pictures = ParticlePictures::new(&self.device, of)?;
-        context.begin("particles to the GPU", count);
+        context.begin("copying particles to the GPU", count);
         pictures.keep(&self.device, &mut |sent| {
             context.advance(sent);
             context.check()

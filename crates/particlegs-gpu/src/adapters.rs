@@ -12,7 +12,7 @@ pub struct Adapter {
     pub driver: String,
     /// What it is, in words.
     pub kind: &'static str,
-    /// Does a processor stand in for a card?
+    /// Is it a software adapter that runs on the CPU?
     pub software: bool,
     /// Bytes of its own memory, where that is known.
     pub memory: Option<u64>,
@@ -58,10 +58,10 @@ fn described(adapter: &wgpu::Adapter) -> Adapter {
     let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
     let kind = match info.device_type {
         wgpu::DeviceType::DiscreteGpu => "GPU",
-        wgpu::DeviceType::IntegratedGpu => "part of the CPU",
+        wgpu::DeviceType::IntegratedGpu => "integrated",
         wgpu::DeviceType::VirtualGpu => "virtual GPU",
         wgpu::DeviceType::Cpu => "software",
-        wgpu::DeviceType::Other => "of unknown kind",
+        wgpu::DeviceType::Other => "unknown kind",
     };
     let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ").trim().to_string();
     Adapter {
@@ -105,7 +105,7 @@ pub(crate) fn chosen(choice: AdapterChoice) -> Result<wgpu::Adapter> {
     };
     let Some(place) = place else {
         let what = match choice {
-            AdapterChoice::Gpu => format!("no GPU can be used: {}", advice()),
+            AdapterChoice::Gpu => format!("no usable GPU: {}", advice()),
             AdapterChoice::Number(n) => format!("there is no device {n}: `particlegs devices` lists {}", all.len()),
         };
         return Err(Error::argument_with(what, Hint::default()));
@@ -134,7 +134,7 @@ pub fn advice() -> String {
     }
     match (nvidia, drm, loader) {
         (true, _, false) => {
-            "an NVIDIA driver is there, but no Vulkan loader (Debian: `apt-get install libvulkan1`)".into()
+            "the NVIDIA driver is installed, but no Vulkan loader (Debian: `apt-get install libvulkan1`)".into()
         }
         (true, _, true) if !icd("nvidia") => "an NVIDIA driver is there, but no Vulkan manifest of it: in a container \
              set NVIDIA_DRIVER_CAPABILITIES=all and install libXext (Debian: libxext6), else name its file by \
@@ -145,13 +145,13 @@ pub fn advice() -> String {
              NVIDIA_DRIVER_CAPABILITIES=all, install libXext (Debian: libxext6), and see `vulkaninfo --summary`"
             .into(),
         (_, true, false) => {
-            "a GPU is there, but no Vulkan loader (Debian: `apt-get install libvulkan1 mesa-vulkan-drivers`)".into()
+            "there is a GPU, but no Vulkan loader (Debian: `apt-get install libvulkan1 mesa-vulkan-drivers`)".into()
         }
         (_, true, true) => {
             "a GPU is there, but no Vulkan driver for it (Debian, AMD and Intel: `apt-get install mesa-vulkan-drivers`), \
              or you may not use it (groups `render`, `video`)"
                 .into()
         }
-        _ => "this machine shows none (no /dev/dri, no NVIDIA driver)".into(),
+        _ => "this machine has no /dev/dri and no NVIDIA driver".into(),
     }
 }

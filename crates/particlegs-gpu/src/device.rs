@@ -15,7 +15,7 @@ pub enum Checks {
     On,
 }
 
-/// Bytes that any card has room for.
+/// Bytes that any GPU can hold.
 const UNKNOWN_ROOM: u64 = 1 << 30;
 
 /// A device and its queue.
@@ -108,12 +108,12 @@ impl Device {
         let (what, hint) = match fault {
             None => return Ok(()),
             Some(DeviceFault::Memory) => (
-                "its memory does not hold this".into(),
+                "its memory is too small for this".into(),
                 Hint::from("use a smaller picture, or ").option("device", "cpu"),
             ),
             Some(DeviceFault::Lost(text)) => (
-                format!("it was lost, by a reset or its driver ({})", line(&text)),
-                Hint::from("run again; training goes on from its checkpoint by ").option("resume", ""),
+                format!("it was lost through a reset or its driver ({})", line(&text)),
+                Hint::from("run again; to continue training from its checkpoint use ").option("resume", ""),
             ),
             Some(DeviceFault::Other(text)) => (line(&text), Hint::default()),
         };
@@ -138,8 +138,8 @@ impl Device {
         if bytes <= most {
             return Ok(());
         }
-        let what = format!("{what}: device {} sees {most} bytes at once", self.name);
-        Err(Error::argument_with(format!("{what}, fewer than they take, {bytes}"), Hint::use_processor()))
+        let what = format!("{what}: device {} can bind only {most} bytes", self.name);
+        Err(Error::argument_with(format!("{what}, but {bytes} are needed"), Hint::use_cpu()))
     }
 
     /// May a picture that takes so many bytes in a buffer be drawn?
@@ -148,8 +148,8 @@ impl Device {
         if bytes <= most && size.pixels() > 0 {
             return Ok(());
         }
-        let what = format!("{}x{}: device {} sees {most} bytes at once", size.width, size.height, self.name);
-        Err(Error::argument_with(format!("{what}, fewer than such a picture takes"), Hint::use_processor()))
+        let what = format!("{}x{}: device {} can bind only {most} bytes", size.width, size.height, self.name);
+        Err(Error::argument_with(format!("{what}, too few for such a picture"), Hint::use_cpu()))
     }
 
     /// A buffer of zeros.

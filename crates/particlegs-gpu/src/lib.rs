@@ -1,4 +1,4 @@
-//! Pictures on a graphics card: the stages of `particlegs_core::render` as kernels in WGSL, which any vendor's card runs.
+//! Pictures on a GPU: the stages of `particlegs_core::render` as WGSL kernels, which run on GPUs of any vendor.
 //!
 //! A [`Device`] is an adapter that was opened; [`adapters`] lists what there is. A [`GpuAccelerator`] draws and trains on one:
 //! scenes by [`render::DepthRenderer`] or [`alpha::AlphaRenderer`], all particles by [`reference::ReferenceRenderer`] without
@@ -35,7 +35,7 @@ const THREADS: u64 = 64;
 const MOST_GROUPS: u64 = 65_535;
 
 /// Gaussians whose pixels are gone over in one dispatch: at the 450 pixels that a round one has at most, a tenth of a second
-/// of a slow card. Few in tests, so that those have several.
+/// of a slow GPU. Few in tests, so that those have several.
 const AT_ONCE: u32 = if cfg!(test) { 512 } else { 1 << 18 };
 /// The same of Gaussians that are cut along depth: from within they have some dozens of pieces each.
 const CUTS_AT_ONCE: u32 = if cfg!(test) { 64 } else { 1 << 16 };

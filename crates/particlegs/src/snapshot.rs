@@ -35,7 +35,7 @@ impl Snapshot {
     /// As [`Snapshot::open`].
     pub fn open_with(paths: &[PathBuf], choice: Choice) -> Result<Snapshot> {
         if let Some(pipe) = paths.iter().find(|p| is_stream(p)) {
-            return Err(Error::argument(format!("{}: a pipe gives its data once: name a file", pipe.display())));
+            return Err(Error::argument(format!("{}: a pipe can only be read once; name a file", pipe.display())));
         }
         choice.describe(paths, false, &Context::default())?;
         Ok(Snapshot { source: SnapshotSource::Files(paths.to_vec()), choice })
@@ -49,7 +49,7 @@ impl Snapshot {
         let (x, y, z) = (x.into(), y.into(), z.into());
         if x.len() != y.len() || x.len() != z.len() {
             let lengths = format!("{}, {} and {}", x.len(), y.len(), z.len());
-            return Err(Error::argument(format!("columns of unequal length: {lengths}")));
+            return Err(Error::argument(format!("the columns have different lengths: {lengths}")));
         }
         Ok(Snapshot::from(Particles::from_columns(x, y, z)))
     }

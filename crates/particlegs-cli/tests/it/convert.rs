@@ -31,7 +31,7 @@ fn fields_ids_and_float64_are_carried() {
         told
     };
     // Ids beyond 2^53, by way of HDF5, VTK and text.
-    assert!(!told("convert FIXTURES/../data/tables/positions.hdf5 -o a.hdf5").contains("does not hold"));
+    assert!(!told("convert FIXTURES/../data/tables/positions.hdf5 -o a.hdf5").contains("cannot store"));
     told("convert a.hdf5 -o b.vtp");
     told("convert b.vtp -o c.dump");
     let rows = dir.text("c.dump");
@@ -48,7 +48,7 @@ fn fields_ids_and_float64_are_carried() {
         assert!(rows.contains(row), "{rows}");
     }
     let npy = told("convert t.csv -o p.npy");
-    assert!(npy.contains("note: NumPy array of shape (N, 3) does not hold: vx, vy, vz, id"), "{npy}");
+    assert!(npy.contains("note: NumPy array of shape (N, 3) cannot store: vx, vy, vz, id"), "{npy}");
     let compressed = told("compress t.csv -o m.pgs --gaussians 2");
     assert!(compressed.contains("note: the model omits these fields: vx, vy, vz, id"), "{compressed}");
 }

@@ -104,11 +104,11 @@ fn what_cannot_be_read_is_told_in_one_line() {
     dir.write("nothing.bin", [7u8; 100]);
     for (words, code, word) in [
         ("info nothing.bin", 3, "--format"),
-        ("convert nothing.bin -o out", 3, "not in a format"),
+        ("convert nothing.bin -o out", 3, "the file format is unknown"),
         ("convert FIXTURES/species.hdf5 -o out --particle-type 9 -q", 3, "PartType1 (1, dm"),
         ("convert FIXTURES/species.hdf5 -o out --mass-field Age -q", 3, "Age"),
         ("convert FIXTURES/two_frames.dump.gz -o out --frame 7 -q", 3, "frame"),
-        ("convert FIXTURES/species.hdf5 -o out --frame 0 -q", 2, "no frames"),
+        ("convert FIXTURES/species.hdf5 -o out --frame 0 -q", 2, "without frames"),
         ("convert SAMPLE -o out --positions Coordinates -q", 2, "xx, yy and zz"),
         ("info missing.hdf5", 6, "missing.hdf5"),
     ] {
@@ -138,7 +138,7 @@ fn what_files_leave_open_is_said_and_can_be_stated() {
     assert_eq!(d["particles"], 15);
     assert!(d["notes"].to_string().contains("of 448 files"), "{}", d["notes"]);
     dir.fails(&format!("info {cut} --strict -q"), 3, "448 files");
-    dir.fails("info FIXTURES/plain.txt --unwrapped keep -q", 3, "not a trajectory");
+    dir.fails("info FIXTURES/plain.txt --unwrapped keep -q", 3, "only stored in trajectories");
     dir.fails("info FIXTURES/gadget2_masses --gadget-blocks POS,VEL -q", 3, "format 2");
     for option in ["--gadget-blocks", "--blocks"] {
         let d = info(&dir, &format!("FIXTURES/gadget1_le {option} POS,-,ID"));

@@ -119,7 +119,7 @@ fn what_a_pipe_or_standard_input_gives_is_read() {
     let mut child = started(dir.path(), "compress - -o x.pgs").stdin(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(b"\x01\x02\x03").unwrap();
     let text = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
-    assert!(text.starts_with("error: standard input: not in a format"), "{text}");
+    assert!(text.starts_with("error: standard input: the file format is unknown"), "{text}");
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn the_wrong_kind_of_input_names_the_right_command() {
     for (name, what, command) in [
         ("snap.hdf5", "a snapshot (HDF5", "`particlegs compress`"),
         ("in", "a snapshot (raw", "`particlegs compress`"),
-        ("job", "a job's folder", "`particlegs merge`"),
+        ("job", "a job folder", "`particlegs merge`"),
         ("job/runs.bin", "a file of a job", "`particlegs merge`"),
         ("picture.png", "a picture (PNG)", "name a model file"),
         ("empty", "a folder", "name a model file"),
@@ -148,7 +148,7 @@ fn the_wrong_kind_of_input_names_the_right_command() {
     }
     for (name, what, command) in [
         ("m.pgs", "a model file, not a snapshot", "`particlegs recover`"),
-        ("job", "a job's folder, not a snapshot", "`particlegs merge`"),
+        ("job", "a job folder, not a snapshot", "`particlegs merge`"),
         ("picture.png", "a picture (PNG), not a snapshot", "name a snapshot"),
     ] {
         let text = refused(&format!("compress {name} -o n.pgs"));

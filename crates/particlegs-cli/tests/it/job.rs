@@ -110,8 +110,8 @@ fn what_is_missing_broken_or_changed_is_named() {
     let block = "job/blocks/00002.pgs";
     let whole = dir.bytes(block);
     dir.write(block, &whole[..whole.len() / 2]);
-    dir.fails(merge, 3, "blocks/00002.pgs: it ends after");
-    dir.fails("verify job", 3, "blocks/00002.pgs: it ends after");
+    dir.fails(merge, 3, "blocks/00002.pgs: the file ends after");
+    dir.fails("verify job", 3, "blocks/00002.pgs: the file ends after");
     dir.runs("block job 2 --quiet");
     assert_eq!(dir.bytes(block), whole);
     let chunk = "job/scatter/00001.bin";

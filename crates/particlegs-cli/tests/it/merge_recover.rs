@@ -118,10 +118,10 @@ fn what_newer_programs_add_survives_merging_and_is_named_where_it_is_left_out() 
         }
     }
     let [_, text] = dir.runs(&format!("simplify {room} --gaussians 9 -o small.pgs"));
-    assert!(text.contains("left out: `fiLD` (18 bytes), `paRT` (13 bytes), `nOTe` (17 bytes)"), "{text}");
+    assert!(text.contains("dropped: `fiLD` (18 bytes), `paRT` (13 bytes), `nOTe` (17 bytes)"), "{text}");
     assert!(!dir.runs("info small.pgs")[0].contains("`fiLD`"));
     // Cut within its only block, it is refused.
     let bytes = std::fs::read(&words(room)[0]).unwrap();
     dir.write("cut.pgs", &bytes[..bytes.len() / 2]);
-    dir.fails("info cut.pgs", 4, "it ends before its first block");
+    dir.fails("info cut.pgs", 4, "the file ends before the first block");
 }

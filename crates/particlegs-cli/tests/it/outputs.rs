@@ -537,7 +537,7 @@ fn standard_error_that_is_full() {
         w.ends(w.command(words, Path::new("")).stderr(full), code);
     }
     // An endless device is not copied for a format that it is not in.
-    fails(particlegs().args(["info", "--format", "npy", "/dev/zero"]), 3, "does not begin");
+    fails(particlegs().args(["info", "--format", "npy", "/dev/zero"]), 3, "first bytes");
 }
 
 /// Killed in the middle, a conversion leaves the old columns; what it has left beside them goes with the

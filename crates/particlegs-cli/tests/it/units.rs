@@ -114,7 +114,7 @@ fn weights_that_are_not_masses_have_their_own_name_and_unit() {
     table(&s);
     for (field, plural) in [("Temperature", "temperatures"), ("GFM_Metallicity", "fractions"), ("c_7", "temperatures")]
     {
-        let text = format!("`{field}` cannot be weights: a sum of {plural} is no map");
+        let text = format!("`{field}` cannot be weights: a sum of {plural} is meaningless");
         s.fails(&format!("compress t.csv --mass-field {field} -o no.pgs"), 3, &text);
     }
     let look = "--style density --projection orthographic --size 40x40 --raw";

@@ -95,7 +95,7 @@ impl DensityView {
         let Window { center, angles_deg, width, depth } = *window;
         for (what, value) in [("width", width), ("depth", depth.unwrap_or(1.0))] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::argument(format!("a {what} of {value} must be positive")));
+                return Err(Error::argument(format!("the {what} must be positive, not {value}")));
             }
         }
         if center.iter().chain(&angles_deg).any(|v| !v.is_finite()) {
@@ -186,7 +186,7 @@ impl DensityView {
             let (first, last) = ((window[0] - data[1] - reach).ceil(), (window[1] - data[0] + reach).floor());
             copies *= (last - first + 1.0).max(0.0);
             if copies.is_nan() || copies > MOST_COPIES {
-                return Err(Error::argument(format!("the window holds more than {MOST_COPIES} copies of the box")));
+                return Err(Error::argument(format!("the window shows more than {MOST_COPIES} copies of the box")));
             }
             ranges[axis] = [first as i64, last as i64];
         }

@@ -13,7 +13,7 @@ pub fn path_through(keys: &[View], frames: usize) -> Result<Vec<View>> {
     let parallel = |v: &View| matches!(v.camera.projection, Projection::Orthographic { .. });
     if let Some(other) = keys.iter().find(|v| parallel(v) != parallel(&keys[0])) {
         let what = format!(
-            "`{}` and `{}` differ in projection: there is no way between perspective and orthographic",
+            "cannot interpolate between `{}` and `{}`: one is perspective, the other orthographic",
             keys[0].name, other.name
         );
         return Err(Error::argument(what));

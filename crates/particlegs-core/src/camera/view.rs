@@ -57,7 +57,7 @@ pub struct CameraRecord {
     pub clipping_range: Option<[f64; 2]>,
 }
 
-const NO_WINDOW: &str = "it has neither fov_deg (perspective) nor height_world (orthographic): its window is missing";
+const NO_WINDOW: &str = "set fov_deg (perspective) or height_world (orthographic)";
 
 impl From<Camera> for CameraRecord {
     fn from(camera: Camera) -> Self {
@@ -78,7 +78,7 @@ impl TryFrom<CameraRecord> for Camera {
         let projection = match (fov_deg, height_world) {
             (Some(fov_deg), None) => Projection::Perspective { fov_deg },
             (None, Some(height_world)) => Projection::Orthographic { height_world },
-            (Some(_), Some(_)) => return Err("it has both fov_deg and height_world"),
+            (Some(_), Some(_)) => return Err("set fov_deg or height_world, not both"),
             (None, None) => return Err(NO_WINDOW),
         };
         Ok(Camera { position, focal_point, view_up, projection, clipping_range })
@@ -98,9 +98,9 @@ impl Camera {
     /// The camera's frame, as VTK builds it.
     pub fn frame(&self) -> Result<Frame> {
         let back: [f64; 3] = each_axis(|k| self.position[k] - self.focal_point[k]);
-        let z = normalised(back).ok_or_else(|| Error::argument("the camera stands at its focal point"))?;
-        let x =
-            normalised(cross(self.view_up, z)).ok_or_else(|| Error::argument("the camera looks along its view_up"))?;
+        let z = normalised(back).ok_or_else(|| Error::argument("the camera position equals the focal point"))?;
+        let x = normalised(cross(self.view_up, z))
+            .ok_or_else(|| Error::argument("the camera direction is parallel to view_up"))?;
         Ok(Frame { axes: [x, cross(z, x), z], position: self.position })
     }
 
@@ -183,7 +183,7 @@ impl View {
         let name = &self.name;
         let fail = |what: String| Err(Error::argument(format!("view `{name}`: {what}")));
         if size.width == 0 || size.height == 0 || size.width > 32_768 || size.height > 32_768 {
-            return fail(format!("a size of {}x{} is outside 1 to 32768", size.width, size.height));
+            return fail(format!("the size {}x{} is outside 1 to 32768", size.width, size.height));
         }
         if !(self.radius > 0.0 && self.radius.is_finite()) {
             return fail(format!("radius {} must be positive", self.radius));

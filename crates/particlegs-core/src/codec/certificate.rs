@@ -38,7 +38,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Certificate, String> {
     while !r.is_done() {
         let tag = r.u8()?;
         if tag <= last {
-            return Err(format!("group {tag} of the certificate after {last}"));
+            return Err(format!("group {tag} of the certificate follows group {last}"));
         }
         let length = usize::from(r.u16()?);
         groups.push((tag, r.take(length)?));
@@ -171,7 +171,7 @@ impl MetricVisitor for CertificateDecoder<'_> {
             },
             Coding::Score => match (r.u16()?, r.u16()? as i16) {
                 (u16::MAX, i16::MIN) => MetricValue::None,
-                (_, i16::MIN) => return Err("a score of a picture that was not drawn".into()),
+                (_, i16::MIN) => return Err("a picture that was not drawn has a score".into()),
                 (psnr, ssim) => MetricValue::Score(PictureScore {
                     masked_psnr: (psnr != u16::MAX).then(|| f64::from(psnr) / PER_DECIBEL),
                     ssim: f64::from(ssim) / PER_SSIM,
@@ -186,7 +186,7 @@ impl MetricVisitor for CertificateDecoder<'_> {
             (MetricValue::Real(v), _) => (least..=most).contains(&v),
             _ => true,
         };
-        if held { Ok(value) } else { Err(format!("a certificate's figure `{}` is {value:?}", metric.name)) }
+        if held { Ok(value) } else { Err(format!("the certificate value `{}` is invalid: {value:?}", metric.name)) }
     }
 }
 

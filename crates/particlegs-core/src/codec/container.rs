@@ -165,22 +165,22 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<FileSections<'a>> 
         let section = section(file, at).map_err(|what| Error::corrupt(place, format!("at byte {at}: {what}")))?;
         at += SECTION_BYTES + section.content();
         if sections.is_empty() && section.tag != META {
-            return Err(Error::corrupt(place, "it does not begin with metadata"));
+            return Err(Error::corrupt(place, "the file does not begin with metadata"));
         }
         match section.tag {
-            INDEX if index.is_some() => return Err(Error::corrupt(place, "a second index")),
+            INDEX if index.is_some() => return Err(Error::corrupt(place, "the file has two indexes")),
             INDEX => index = Some(section),
             META | CERTIFICATE | VIZMAPPER | LAYER | BLOCK | STAGE => sections.push(section),
             tag if is_optional(tag) => sections.push(section),
             tag => {
-                let what = format!("section `{}` is not known and may not be skipped", tag.escape_ascii());
+                let what = format!("section `{}` is unknown and required", tag.escape_ascii());
                 return Err(Error::Compatibility { place: place.into(), what });
             }
         }
     }
     match index {
         Some(index) if !is_index_of(index.bytes, &sections, open) => {
-            Err(Error::corrupt(place, "its index lists other sections than there are"))
+            Err(Error::corrupt(place, "the index does not match the sections"))
         }
         _ => Ok(FileSections { sections, open }),
     }
@@ -202,8 +202,8 @@ fn section_end(file: &[u8], offset: usize) -> Option<u64> {
 /// What is wrong with a file of `length` bytes of which `there` are there.
 pub fn other_length(there: u64, length: u64) -> String {
     match there.checked_sub(length) {
-        None => format!("it ends after {there} of {length} bytes"),
-        Some(more) => format!("{more} bytes follow its end at byte {length}"),
+        None => format!("the file ends after {there} of {length} bytes"),
+        Some(more) => format!("{more} bytes follow the end at byte {length}"),
     }
 }
 
@@ -211,11 +211,11 @@ pub fn other_length(there: u64, length: u64) -> String {
 fn promise(file: &[u8], place: &str) -> Result<u64> {
     let corrupt = |what: String| Err(Error::corrupt(place, what));
     if !file.starts_with(&MAGIC) {
-        let what = if file.is_empty() { "it is empty" } else { "it does not begin as a model file does" };
+        let what = if file.is_empty() { "the file is empty" } else { "the first bytes are not those of a model file" };
         return corrupt(what.into());
     }
     let Some(head) = file.get(..HEAD_BYTES) else {
-        return corrupt(format!("it ends after {} bytes, within its head", file.len()));
+        return corrupt(format!("the file ends after {} bytes, inside the header", file.len()));
     };
     let field = |r: &mut WireReader<'_>| -> std::result::Result<_, String> {
         r.take(8)?;
@@ -224,18 +224,20 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
     let (major, minor, kind, reserved, length, sum) =
         field(&mut WireReader::new(head)).map_err(|what| Error::corrupt(place, what))?;
     if crc32fast::hash(&head[..HEAD_BYTES - 4]) != sum {
-        return corrupt("the checksum of its head is wrong".into());
+        return corrupt("the checksum of the header is wrong".into());
     }
     let incompatible = |what: String| Err(Error::Compatibility { place: place.into(), what });
     if major != MAJOR {
-        return incompatible(format!("a model file of version {major}.{minor}; this program reads version {MAJOR}"));
+        return incompatible(format!(
+            "the model file has version {major}.{minor}, but this program reads version {MAJOR}"
+        ));
     }
     match kind {
         MODEL if reserved == 0 || minor > MINOR => Ok(length),
-        MODEL => corrupt(format!("the reserved byte of its head is {reserved}")),
-        SERIES => incompatible("a series of models; this program reads single models".into()),
-        0 => incompatible("made before the first release: compress again".into()),
-        _ => incompatible(format!("a file of kind {kind}, which this program does not know")),
+        MODEL => corrupt(format!("the reserved byte of the header is {reserved}")),
+        SERIES => incompatible("the file is a series of models, but this program reads only single models".into()),
+        0 => incompatible("the file was made before the first release: compress again".into()),
+        _ => incompatible(format!("the file is of the unknown kind {kind}")),
     }
 }
 
@@ -246,11 +248,11 @@ fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, Strin
     let tag = fields.take(4)?;
     let tag = [tag[0], tag[1], tag[2], tag[3]];
     if !tag.iter().all(u8::is_ascii_alphabetic) {
-        return Err(format!("the tag `{}` of a section is not letters", tag.escape_ascii()));
+        return Err(format!("the tag `{}` of a section has characters other than letters", tag.escape_ascii()));
     }
     let length = fields.u64()?;
     let sum = r.u32()?;
-    let length = usize::try_from(length).map_err(|_| format!("a section of {length} bytes"))?;
+    let length = usize::try_from(length).map_err(|_| format!("a section is too long: {length} bytes"))?;
     let bytes = r.take(length)?;
     if checksum([head, bytes, &[]]) != sum {
         return Err(format!("the checksum of section `{}` is wrong", tag.escape_ascii()));

@@ -28,7 +28,7 @@ pub struct Decoder<'a> {
     file: Cow<'a, [u8]>,
     place: String,
     info: FileInfo,
-    /// Those of all layers, in their order.
+    /// The blocks of all layers, in order.
     blocks: Vec<PartialBlock>,
     pieces: Vec<SegmentPiece>,
 }

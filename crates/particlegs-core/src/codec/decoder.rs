@@ -177,7 +177,7 @@ fn segment_nodes(header: &BlockHeader, streams: &Streams, block: &[u8]) -> Resul
     end(&player, true)?;
     match nodes.len() == streams.segments {
         true => Ok(nodes),
-        false => Err(format!("{} streams for {} segments", streams.segments, nodes.len())),
+        false => Err(format!("{} streams but {} segments", streams.segments, nodes.len())),
     }
 }
 
@@ -211,7 +211,7 @@ fn coarse(
         };
         if walk.is_none() {
             let mut begun = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
-            // A few bytes may promise any number of Gaussians: no more are found than so many may stand for.
+            // A few bytes may claim any number of Gaussians, so the number is limited by the bytes.
             begun.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
             walk = Some(begun).filter(|_| !player.exhausted());
         }
@@ -243,7 +243,7 @@ fn coarse(
                 out.push(whole.mean, whole.cov, leaf.count, whole.weight);
                 continue;
             }
-            // What was read beyond the end is nobody's.
+            // Values read beyond the end are discarded.
             fine = None;
         }
         out.push_node(header, extent, node);
@@ -445,7 +445,7 @@ fn end(player: &RansReader<'_>, whole: bool) -> Result<(), String> {
         return Err("a stream ends too soon".into());
     }
     if !player.finished() || (whole && !player.rest().is_empty()) {
-        return Err("a stream goes on after its last Gaussian".into());
+        return Err("a stream continues after its last Gaussian".into());
     }
     Ok(())
 }
@@ -458,7 +458,7 @@ fn out_of_range(_: OutOfRange) -> String {
 fn padding(header: &BlockHeader, length: usize, rest: &[u8]) -> Result<(), String> {
     let least = u64::from(header.gaussians).div_ceil(GAUSSIANS_A_BYTE) as usize;
     if !rest.is_empty() && (length != least || rest.iter().any(|&b| b != 0)) {
-        return Err("the block goes on after its last Gaussian".into());
+        return Err("the block continues after its last Gaussian".into());
     }
     Ok(())
 }

@@ -329,7 +329,7 @@ fn box_of(block: &Block) -> Result<Bounds> {
     }
     match bounds.extent().iter().all(|e| e.is_finite()) {
         true => Ok(bounds),
-        false => Err(Error::argument("a block wider than f64 cannot be coded")),
+        false => Err(Error::argument("cannot encode a block wider than the range of f64")),
     }
 }
 
@@ -339,12 +339,12 @@ fn check(block: &Block) -> Result<()> {
     let whole = g.mean.iter().chain(&g.cov).chain(g.masses()).all(|c| c.len() == n);
     if n == 0 || n > u32::MAX as usize || !whole {
         return Err(Error::argument(format!(
-            "a block of {n} Gaussians, or of columns of several lengths, cannot be coded"
+            "cannot encode a block of {n} Gaussians, or with columns of different lengths"
         )));
     }
     if block.count == 0 || block.count > MOST_PARTICLES || !(block.mass > 0.0 && block.mass.is_finite()) {
         return Err(Error::argument(format!(
-            "a block of {} particles and mass {} cannot be coded",
+            "cannot encode a block of {} particles and mass {}",
             block.count, block.mass
         )));
     }
@@ -352,14 +352,14 @@ fn check(block: &Block) -> Result<()> {
         g.mean.iter().chain(&g.cov).chain([&g.count]).chain(g.masses()).all(|c| c.iter().all(|v| v.is_finite()));
     let b = &block.bounds;
     if !finite || !(0..3).all(|k| b.min[k] <= b.max[k] && (b.max[k] - b.min[k]).is_finite()) {
-        return Err(Error::argument("a block with NaN or infinite numbers cannot be coded"));
+        return Err(Error::argument("cannot encode a block with NaN or infinite numbers"));
     }
     if let Some(AlphaBlend { opacity, grey, .. }) = g.law.alpha_blend() {
         // 0 and 1 come of rounding, and are coded as the nearest opacity that can be.
         let inside = opacity.iter().all(|o| (0.0..=1.0).contains(o));
         let bright = grey.iter().all(|&v| v >= 0.0 && v.is_finite());
         if opacity.len() != n || grey.len() != n || !inside || !bright || g.masses().is_some() {
-            let what = "opacities outside [0, 1], grey levels below 0, or masses beside them cannot be coded";
+            let what = "cannot encode opacities outside [0, 1], grey levels below 0, or either together with masses";
             return Err(Error::argument(what));
         }
     }

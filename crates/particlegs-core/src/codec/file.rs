@@ -135,7 +135,7 @@ impl CodedFile {
         // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
         match parts(&file, "the model") {
             Ok(_) => Ok(file),
-            Err(Error::Corrupt { what, .. }) => Err(Error::argument(format!("no model file can hold this: {what}"))),
+            Err(Error::Corrupt { what, .. }) => Err(Error::argument(format!("a model file cannot store this: {what}"))),
             Err(other) => Err(other),
         }
     }
@@ -144,7 +144,7 @@ impl CodedFile {
     fn sort(&mut self) -> Result<Vec<Mass>> {
         let shaded = self.metadata.law == LawKind::AlphaBlend;
         if self.network.is_some() && !shaded {
-            return Err(Error::argument("a VizMapper belongs to models of the alpha-blend law alone"));
+            return Err(Error::argument("only models of the alpha-blend law have a VizMapper"));
         }
         let layers = &mut self.layers;
         layers.sort_by(|a, b| a.name.cmp(&b.name));
@@ -154,7 +154,7 @@ impl CodedFile {
         };
         if layers.is_empty() || layers.len() > MOST_LAYERS || !names_differ || !layers.iter().all(sound) {
             return Err(Error::argument(
-                "a model file needs layers of different names of at most 255 bytes, each with blocks",
+                "a model file needs layers with distinct names of at most 255 bytes, each with at least one block",
             ));
         }
         let mut masses = Vec::with_capacity(layers.len());
@@ -171,7 +171,7 @@ impl CodedFile {
             let weighted = keyed.first().is_some_and(|b| b.1);
             if keyed.iter().any(|b| b.1 != weighted) {
                 return Err(Error::argument(format!(
-                    "some blocks of layer `{}` have weights and some have none",
+                    "some blocks of layer `{}` have weights and others do not",
                     layer.name
                 )));
             }
@@ -184,7 +184,7 @@ impl CodedFile {
 
 /// Blocks that contradict the law of their file.
 fn other_law(layer: &str, law: LawKind) -> String {
-    format!("a block of layer `{layer}` is not of the law {}", law.name())
+    format!("a block of layer `{layer}` does not follow the law {}", law.name())
 }
 
 /// What a network of the alpha-blend law adds to a file.
@@ -246,11 +246,11 @@ fn layer_bytes(layer: &CodedLayer) -> Vec<u8> {
     out
 }
 
-/// A file taken apart: metadata and certificate read, blocks still coded.
+/// A parsed file: metadata and certificate are decoded, blocks are not.
 pub(super) struct FileParts<'a> {
     pub metadata: Metadata,
     pub certificate: Option<Certificate>,
-    /// The network's section, and what it says.
+    /// The network's section and its content.
     pub network: Option<(&'a [u8], VizMapper)>,
     pub layers: Vec<LayerPart<'a>>,
     /// Sections of unknown tags that belong to no block.
@@ -304,12 +304,12 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let mut rest = sections.into_iter().peekable();
     let (mut metadata, masses) = match rest.next() {
         Some(s) if s.tag == META => metadata::read(s.bytes).map_err(fault)?,
-        _ => return Err(corrupt("it does not begin with metadata".into())),
+        _ => return Err(corrupt("the file does not begin with metadata".into())),
     };
     let certificate = rest.next_if(|s| s.tag == CERTIFICATE).map(|s| certificate::read(s.bytes).map_err(corrupt));
     let certificate = certificate.transpose()?;
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
-        Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
+        Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("the file has a VizMapper but another law".into())),
         Ok(network) => Ok((s.bytes, network)),
         Err(what) => Err(fault(what)),
     });
@@ -318,7 +318,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     while let Some(section) = rest.next_if(|s| s.tag != STAGE) {
         let (name, count) = layer_head(&section).map_err(corrupt)?;
         if layers.len() == MOST_LAYERS || layers.last().is_some_and(|l| l.0 >= name) {
-            return Err(corrupt(format!("layer `{name}` is out of order, or one too many")));
+            return Err(corrupt(format!("layer `{name}` is out of order or there are too many layers")));
         }
         let mut blocks: Vec<BlockPart<'a>> = Vec::new();
         while let Some(Section { offset, bytes, .. }) = rest.next_if(|s| s.tag == BLOCK) {
@@ -330,7 +330,8 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     }
     let number_of = |blocks: &[&mut BlockPart<'a>], s: &Section<'_>| {
         let number = s.block.map_or(usize::MAX, |b| b as usize);
-        let what = || corrupt(format!("at byte {}: a section of block {number}, which there is not", s.offset));
+        let what =
+            || corrupt(format!("the section at byte {} refers to block {number}, which does not exist", s.offset));
         if number < blocks.len() { Ok(number) } else { Err(what()) }
     };
     let mut blocks: Vec<&mut BlockPart<'a>> = layers.iter_mut().flat_map(|l| &mut l.2).collect();
@@ -360,13 +361,13 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
         let cuts = block.header.cuts.len();
         let there = if cuts == 0 { 1 } else { streams::stages(&block.header, &block.bytes).map_err(at)?.len() };
         if there != block.stages {
-            return Err(at(format!("{} sections for {there} stages", block.stages)));
+            return Err(at(format!("{} sections but {there} stages", block.stages)));
         }
     }
     // Stages come after all blocks: where there is one, no block is missing.
     check_blocks(&layers, file.open && before.is_none()).map_err(corrupt)?;
     layers.retain(|l| !l.2.is_empty());
-    let wrong = || corrupt("masses of another number of layers".into());
+    let wrong = || corrupt("the number of masses differs from the number of layers".into());
     let masses = metadata::of_layers(&masses, layers.len(), file.open).ok_or_else(wrong)?;
     let part = |((name, _, content), mass)| Layer { name, mass, content };
     let layers: Vec<LayerPart<'a>> = layers.into_iter().zip(masses).map(part).collect();
@@ -398,17 +399,17 @@ fn check_blocks(layers: &[(String, usize, Vec<BlockPart<'_>>)], open: bool) -> s
         let out_of_order =
             |w: &&[BlockPart<'_>]| (order_key(&w[0].header), &w[0].bytes) > (order_key(&w[1].header), &w[1].bytes);
         if let Some(pair) = blocks.windows(2).find(out_of_order) {
-            return Err(format!("block at byte {}: out of order", pair[1].offset));
+            return Err(format!("the block at byte {} is out of order", pair[1].offset));
         }
     }
     match layers.iter().any(|l| !l.2.is_empty()) {
         true => Ok(()),
-        false => Err("it ends before its first block".into()),
+        false => Err("the file ends before the first block".into()),
     }
 }
 
 fn out_of_order(section: &Section<'_>) -> String {
-    format!("a section `{}` at byte {} out of order", section.tag.escape_ascii(), section.offset)
+    format!("section `{}` at byte {} is out of order", section.tag.escape_ascii(), section.offset)
 }
 
 fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), String> {
@@ -417,13 +418,12 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
     }
     let mut r = WireReader::new(section.bytes);
     let length = r.u8()?;
-    let name =
-        std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer's name is not UTF-8")?.to_string();
+    let name = std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer name is not UTF-8")?.to_string();
     let count = r.u32()?;
     if r.is_done() {
         Ok((name, count))
     } else {
-        Err(format!("{} bytes too many in a layer's head", section.bytes.len() - r.position()))
+        Err(format!("the header of a layer is {} bytes too long", section.bytes.len() - r.position()))
     }
 }
 
@@ -433,7 +433,7 @@ fn agree(m: &Metadata, layers: &[LayerPart<'_>]) -> std::result::Result<(), Stri
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {
         let held = count.map_or_else(|| "too many".into(), |n| n.to_string());
-        return Err(format!("blocks hold {held} particles, the metadata says {}", m.count));
+        return Err(format!("the blocks have {held} particles, but the metadata says {}", m.count));
     }
     let shaded = m.law == LawKind::AlphaBlend;
     if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.header.shaded != shaded)) {
@@ -444,7 +444,7 @@ fn agree(m: &Metadata, layers: &[LayerPart<'_>]) -> std::result::Result<(), Stri
         return Err(format!("the blocks of layer `{}` and the metadata disagree about weights", l.name));
     }
     if (mass - m.mass).abs() > 1e-9 * m.mass {
-        return Err(format!("blocks hold a mass of {mass}, the metadata says {}", m.mass));
+        return Err(format!("the blocks have a mass of {mass}, but the metadata says {}", m.mass));
     }
     Ok(())
 }
@@ -464,8 +464,10 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
         || c.sample.is_some_and(|s| s.particles > m.count)
         || c.densities.iter().flatten().any(|d| d.particles > m.count as f64);
     match c.science {
-        Some(s) if s.k_max > largest => Err(format!("a largest wave number of {}, beyond the particles'", s.k_max)),
-        _ if too_many => Err("a certificate of more particles or bytes than there are".into()),
+        Some(s) if s.k_max > largest => {
+            Err(format!("the largest wave number {} is beyond that of the particles", s.k_max))
+        }
+        _ if too_many => Err("the certificate lists more particles or bytes than the file has".into()),
         _ => Ok(()),
     }
 }

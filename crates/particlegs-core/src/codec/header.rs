@@ -106,7 +106,7 @@ impl BlockHeader {
             spreads,
             cuts,
         };
-        // Masses and shades at once are nobody's.
+        // A block cannot have both masses and grey levels.
         if flags > SHADED {
             return Err(format!("block flags {flags:#04x} are reserved"));
         }
@@ -114,7 +114,7 @@ impl BlockHeader {
         Ok(header)
     }
 
-    /// Has a whole block of so many bytes earned the memory for its Gaussians?
+    /// Is a whole block of `bytes` bytes large enough to justify memory for its Gaussians?
     pub(crate) fn check_length(&self, bytes: u64) -> Result<(), String> {
         match u64::from(self.gaussians) <= bytes * GAUSSIANS_A_BYTE {
             true => Ok(()),
@@ -127,19 +127,22 @@ impl BlockHeader {
         let ordered = (0..3).all(|k| b.min[k].is_finite() && b.max[k].is_finite() && b.min[k] <= b.max[k]);
         let faults = [
             (!ordered || !b.extent().iter().all(|e| e.is_finite()), "block bounds are not ordered and finite".into()),
-            (self.count == 0 || self.count > MOST_PARTICLES, format!("a block of {} particles", self.count)),
-            (!(self.mass > 0.0 && self.mass.is_finite()), format!("a block of mass {}", self.mass)),
-            (self.gaussians == 0, "a block without Gaussians".into()),
-            (self.low.iter().any(|&l| l > 15), "more than 15 plain low bits".into()),
+            (self.count == 0 || self.count > MOST_PARTICLES, format!("a block has {} particles", self.count)),
+            (!(self.mass > 0.0 && self.mass.is_finite()), format!("a block has mass {}", self.mass)),
+            (self.gaussians == 0, "a block has no Gaussians".into()),
+            (self.low.iter().any(|&l| l > 15), "more than 15 low bits are stored plain".into()),
             (
                 !self.steps.iter().all(|&s| (1e-6..=16.0).contains(&s)),
-                format!("quantisation steps {:?} outside 1e-6 to 16", self.steps),
+                format!("quantisation steps {:?} are outside 1e-6 to 16", self.steps),
             ),
-            (!((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6), "step factor out of range".into()),
-            (!self.spreads.iter().all(|v| (0.0..=1e6).contains(v)), "spreads out of range".into()),
+            (
+                !((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6),
+                "the step factor is out of range".into(),
+            ),
+            (!self.spreads.iter().all(|v| (0.0..=1e6).contains(v)), "spreads are out of range".into()),
             (
                 self.cuts.len() >= MOST_STAGES || self.cuts.windows(2).any(|w| w[0] >= w[1]),
-                "stages out of order, or too many".into(),
+                "stages are out of order or too many".into(),
             ),
         ];
         faults.into_iter().find(|fault| fault.0).map_or(Ok(()), |fault| Err(fault.1))

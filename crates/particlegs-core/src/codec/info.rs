@@ -1,4 +1,4 @@
-//! What a file says of itself, its Gaussians apart.
+//! Information about a file without its Gaussians.
 
 use super::Precision;
 use super::file::{BlockPart, FileParts, parts};
@@ -58,10 +58,10 @@ impl FileInfo {
         let (all, coarse) = (blocks().count(), blocks().filter(|b| b.stages[0] < b.stages[1]).count());
         let particles = (self.missing_particles > 0).then(|| {
             let there = self.metadata.count;
-            format!("it ends early: {there} of {} particles are there", there.saturating_add(self.missing_particles))
+            format!("the file ends early: it has {there} of {} particles", there.saturating_add(self.missing_particles))
         });
-        let stages = (coarse > 0)
-            .then(|| format!("{coarse} of {all} blocks end early, so that they have fewer, larger Gaussians"));
+        let stages =
+            (coarse > 0).then(|| format!("{coarse} of {all} blocks end early and so have fewer, larger Gaussians"));
         let both: Vec<String> = particles.into_iter().chain(stages).collect();
         (!both.is_empty()).then(|| both.join("; "))
     }
@@ -70,8 +70,7 @@ impl FileInfo {
     /// `None`: it has none.
     pub fn left_out(&self) -> Option<String> {
         let words: Vec<String> = self.other_sections.iter().map(|(tag, n)| format!("`{tag}` ({n} bytes)")).collect();
-        (!words.is_empty())
-            .then(|| format!("sections that this program does not know are left out: {}", words.join(", ")))
+        (!words.is_empty()).then(|| format!("unknown sections are dropped: {}", words.join(", ")))
     }
 
     /// Number of Gaussians.

@@ -286,7 +286,7 @@ impl<'a> LevelWalk<'a> {
         } else {
             [0; 2]
         };
-        // What was read beyond the end is nobody's: the node stays whole.
+        // Values read beyond the end are discarded: the node stays whole.
         if c.exhausted() {
             return Ok(false);
         }

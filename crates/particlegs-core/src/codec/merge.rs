@@ -53,7 +53,8 @@ impl Merge {
         let CodedFile { mut metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
         let (kept, lost): (Vec<_>, Vec<_>) = sections.into_iter().partition(|s| survives_merging(s.tag));
         self.sections.extend(kept);
-        lost.iter().for_each(|s| context.message(&format!("note: {place}: `{}` is left out", s.tag.escape_ascii())));
+        lost.iter()
+            .for_each(|s| context.message(&format!("note: {place}: section `{}` is dropped", s.tag.escape_ascii())));
         metadata.recipe = metadata.recipe.merged();
         self.known = Some(match self.known.take() {
             None => (metadata, place.to_string()),
@@ -76,18 +77,18 @@ impl Merge {
             self.layers.insert(name, MergedLayer { coded: layer, place: place.to_string() });
             return Ok(());
         };
-        let mass = |m: Option<f64>| m.map_or_else(|| "not known".to_string(), |m| m.to_string());
-        let said = |weighted: bool| if weighted { "masses of their own" } else { "no masses of their own" };
+        let mass = |m: Option<f64>| m.map_or_else(|| "unknown".to_string(), |m| m.to_string());
+        let said = |weighted: bool| if weighted { "individual masses" } else { "no individual masses" };
         let (a, b) = (there.coded.mass, layer.mass);
         let what = if a.is_weighted() != b.is_weighted() {
-            format!("have {}, in {} {}", said(b.is_weighted()), there.place, said(a.is_weighted()))
+            format!("have {}, but those in {} have {}", said(b.is_weighted()), there.place, said(a.is_weighted()))
         } else if a.unit().map(f64::to_bits) != b.unit().map(f64::to_bits) {
-            format!("have a mass of {}, in {} {}", mass(b.unit()), there.place, mass(a.unit()))
+            format!("have a mass of {}, but those in {} have {}", mass(b.unit()), there.place, mass(a.unit()))
         } else {
             there.coded.content.extend(layer.content);
             return Ok(());
         };
-        let what = format!("particles of its layer `{}` {what}: they cannot be one layer", layer.name);
+        let what = format!("particles of layer `{}` {what}: they cannot form one layer", layer.name);
         Err(Error::input(place, what))
     }
 
@@ -100,7 +101,7 @@ impl Merge {
         let digests = digests(&layers);
         if digests.windows(2).any(|w| w[0] == w[1]) {
             let hint = "name each model file once".to_string();
-            return Err(Error::Argument { what: "the parts hold the same block twice".into(), hint: hint.into() });
+            return Err(Error::Argument { what: "a block is in several parts".into(), hint: hint.into() });
         }
         (metadata.count, metadata.mass) = sums(&layers)?;
         metadata.default_radius = metadata.bounds.default_radius(metadata.count);
@@ -156,7 +157,7 @@ pub fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
     let mass = compensated(&masses);
     match count {
         Some(count) if mass.is_finite() => Ok((count, mass)),
-        _ => Err(Error::argument("the parts hold too many particles, or too much mass, for one file")),
+        _ => Err(Error::argument("the parts have too many particles or too much mass for one file")),
     }
 }
 
@@ -237,7 +238,7 @@ fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result
         None => Ok(()),
         Some(((name, [_, x]), (_, [_, y]))) => Err(Error::input_with(
             place,
-            format!("its {name} is {y}, that of {first} is {x}: they cannot be one model"),
+            format!("the {name} is {y}, but that of {first} is {x}: they cannot form one model"),
             "merge models of one snapshot, or of snapshots in one box and unit at one time",
         )),
     }
@@ -395,7 +396,7 @@ mod tests {
         says(|m| m.metadata.epoch.scale_factor = Some(0.5), "scale factor is 0.5");
         says(|m| m.metadata.epoch.time = Some(0.5), "time");
         says(|m| m.layers[0].mass = Mass::Each(2.0), "mass of 2");
-        says(|m| *m = model("dm", 9.0, 20, Some(3.0)), "masses of their own");
+        says(|m| *m = model("dm", 9.0, 20, Some(3.0)), "individual masses");
         assert!(merge(&[&coded(&a), &coded(&a)]).unwrap_err().to_string().contains("twice"));
         assert!(merge(&[]).is_err());
     }

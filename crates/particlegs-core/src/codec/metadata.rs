@@ -73,7 +73,7 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     }
     field(RADIUS, &m.default_radius.to_le_bytes());
     field(OPACITY, &m.default_opacity.to_le_bytes());
-    // No paths: they tell of their writer's machine.
+    // Paths are not stored: they reveal details of the writer's machine.
     field(SOURCE, text(m.source.rsplit(['/', '\\']).next().unwrap_or_default(), TEXT));
     field(HASH, &m.source_hash);
     field(QUANTITIES, &quantities_bytes(m, layers));
@@ -110,8 +110,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
     let law = match need(LAW)? {
         [1] => LawKind::OpticalDepth,
         [2] => LawKind::AlphaBlend,
-        [law] => return Err(SectionFault::Unknown(format!("image law {law} is not known"))),
-        v => return Err(SectionFault::Corrupt(format!("an image law of {} bytes", v.len()))),
+        [law] => return Err(SectionFault::Unknown(format!("unknown image law {law}"))),
+        v => return Err(SectionFault::Corrupt(format!("the image law has {} bytes instead of 1", v.len()))),
     };
     let masses = masses(need(MASSES)?)?;
     let mut m = Metadata {
@@ -138,7 +138,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
             step: get(STEP).map(|v| exact(STEP, v).map(i64::from_le_bytes)).transpose()?,
         },
         fields: Vec::new(),
-        // What a newer program may tell in other words is not known here.
+        // A newer program may use other words, which are unknown here.
         recipe: serde_json::from_slice(need(RECIPE)?).unwrap_or_else(|_| Recipe::unknown()),
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
     };
@@ -149,7 +149,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
     let (all, own) = (quantities(need(QUANTITIES)?, &m.units)?, m.quantities(masses.iter().any(|m| m.is_weighted())));
     if !all.starts_with(&own) {
         return Err(SectionFault::Corrupt(
-            "what was kept does not begin with positions, and masses where there are any".into(),
+            "the list of stored fields does not start with positions and, if there are any, masses".into(),
         ));
     }
     m.fields = all[own.len()..].to_vec();
@@ -174,20 +174,18 @@ fn masses(v: &[u8]) -> Result<Vec<Mass>, SectionFault> {
     while !r.is_done() {
         let flags = r.u8()?;
         if flags & BY_MASS != 0 {
-            return Err(SectionFault::Unknown(
-                "Gaussians whose means and shapes weigh particles by mass are not known".into(),
-            ));
+            return Err(SectionFault::Unknown("Gaussians weighted by mass are not supported".into()));
         }
         if flags >= BY_MASS {
-            return Err(SectionFault::Corrupt(format!("a layer's mass with flags {flags:#04x}")));
+            return Err(SectionFault::Corrupt(format!("a layer mass has unknown flags {flags:#04x}")));
         }
         let unit = if flags & HAS_UNIT != 0 { Some(float(MASSES, r.take(8)?)?) } else { None };
         if unit.is_some_and(|u| u <= 0.0) {
-            return Err(SectionFault::Corrupt("a layer's mass that is not positive".into()));
+            return Err(SectionFault::Corrupt("a layer mass is not positive".into()));
         }
         out.push(Mass::new(flags & WEIGHTED != 0, unit));
     }
-    if out.is_empty() { Err(SectionFault::Corrupt("no layer's mass".into())) } else { Ok(out) }
+    if out.is_empty() { Err(SectionFault::Corrupt("the layer masses are missing".into())) } else { Ok(out) }
 }
 
 /// The factor (0 where it is not known), the exponents of a and h, and the text.
@@ -203,7 +201,7 @@ fn read_unit(tag: u8, v: &[u8], longest: usize) -> Result<Unit, String> {
     let [a, h] = [r.f32()?, r.f32()?];
     let known = factor > 0.0;
     if factor < 0.0 || !a.is_finite() || !h.is_finite() || !known && (a, h) != (0.0, 0.0) {
-        return Err(format!("a unit with the factor {factor} and the exponents {a} and {h}"));
+        return Err(format!("a unit has an invalid factor {factor} or exponents {a} and {h}"));
     }
     Ok(Unit { text: string(tag, &v[16..], longest)?, si: known.then_some(Si { factor, a, h }) })
 }
@@ -244,7 +242,7 @@ fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
         let length = usize::from(r.u8()?);
         let name = string(QUANTITIES, r.take(length)?, SHORT)?;
         let kind = usize::from(r.u8()?).checked_sub(1).and_then(|k| QuantityKind::ALL.get(k).copied());
-        let kind = kind.ok_or_else(|| format!("`{name}` is of a kind that is not known"))?;
+        let kind = kind.ok_or_else(|| format!("`{name}` has an unknown kind"))?;
         let bytes = r.u16()?;
         let unit = match r.u8()? {
             0 => None,
@@ -254,7 +252,7 @@ fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
             }
             k => {
                 let unit = common_units(units).get(usize::from(k) - 1).and_then(|u| u.as_ref());
-                Some(unit.ok_or_else(|| format!("`{name}` has a unit {k} that the file has not"))?.clone())
+                Some(unit.ok_or_else(|| format!("`{name}` refers to unit {k}, which does not exist"))?.clone())
             }
         };
         out.push(Quantity { name, kind, unit, bytes });
@@ -269,10 +267,10 @@ fn cosmology_of(c: &Cosmology) -> [Option<f64>; 4] {
 
 /// Bits say which numbers there are; those of further bits are not known here.
 fn cosmology(v: &[u8]) -> Result<Cosmology, String> {
-    let (known, numbers) = v.split_first().ok_or("an empty cosmology")?;
+    let (known, numbers) = v.split_first().ok_or("the cosmology is empty")?;
     let numbers = reals(COSMOLOGY, numbers)?;
     if numbers.len() != known.count_ones() as usize {
-        return Err(format!("a cosmology of {} numbers with bits {known:#04x}", numbers.len()));
+        return Err(format!("the cosmology has {} numbers, which does not match its bits {known:#04x}", numbers.len()));
     }
     let mut numbers = numbers.into_iter();
     let [hubble, omega_matter, omega_lambda, omega_baryon] =
@@ -291,7 +289,7 @@ fn fields(bytes: &[u8]) -> Result<Vec<(u8, &[u8])>, SectionFault> {
             return Err(SectionFault::Corrupt(format!("metadata field {tag} is out of order")));
         }
         if tag >= REQUIRED && tag != MASSES {
-            return Err(SectionFault::Unknown(format!("metadata field {tag} is not known and may not be skipped")));
+            return Err(SectionFault::Unknown(format!("metadata field {tag} is unknown and required")));
         }
         out.push((tag, value));
     }
@@ -318,7 +316,7 @@ fn cell(v: &[u8], corner: Option<&[u8]>) -> Result<Cell, SectionFault> {
         Some(&[x, y, z]) => [x, y, z],
         Some(_) => return Err(SectionFault::Corrupt("the cell's corner is not three numbers".into())),
     };
-    let (head, rest) = v.split_first().ok_or_else(|| "an empty cell".to_string())?;
+    let (head, rest) = v.split_first().ok_or_else(|| "the cell is empty".to_string())?;
     if *head > 7 {
         return Err(SectionFault::Corrupt(format!("cell periodicity {head:#04x} is reserved")));
     }
@@ -327,7 +325,7 @@ fn cell(v: &[u8], corner: Option<&[u8]>) -> Result<Cell, SectionFault> {
     let vectors = match values[..] {
         [x, y, z] => [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
         [a, b, c, d, e, f, g, h, i] => [[a, b, c], [d, e, f], [g, h, i]],
-        _ => return Err(SectionFault::Corrupt(format!("a cell of {} bytes", v.len()))),
+        _ => return Err(SectionFault::Corrupt(format!("the cell has a wrong size: {} bytes", v.len()))),
     };
     Ok(Cell { origin, vectors, periodic })
 }
@@ -341,7 +339,7 @@ fn bounds(v: &[u8]) -> Result<Bounds, String> {
 
 fn reals(tag: u8, v: &[u8]) -> Result<Vec<f64>, String> {
     if !v.len().is_multiple_of(8) || v.len() > 72 {
-        return Err(format!("metadata field {tag} of {} bytes", v.len()));
+        return Err(format!("metadata field {tag} has a wrong size: {} bytes", v.len()));
     }
     v.chunks_exact(8).map(|c| float(tag, c)).collect()
 }
@@ -360,12 +358,12 @@ fn flag(tag: u8, v: &[u8]) -> Result<bool, String> {
 }
 
 fn exact<const N: usize>(tag: u8, v: &[u8]) -> Result<[u8; N], String> {
-    v.try_into().map_err(|_| format!("metadata field {tag} of {} bytes, not {N}", v.len()))
+    v.try_into().map_err(|_| format!("metadata field {tag} has {} bytes, not {N}", v.len()))
 }
 
 fn string(tag: u8, v: &[u8], longest: usize) -> Result<String, String> {
     if v.len() > longest {
-        return Err(format!("metadata field {tag} of {} bytes, at most {longest}", v.len()));
+        return Err(format!("metadata field {tag} has {} bytes; at most {longest} are allowed", v.len()));
     }
     std::str::from_utf8(v).map(str::to_string).map_err(|_| format!("metadata field {tag} is not UTF-8"))
 }

@@ -21,7 +21,7 @@ pub(crate) struct Streams {
     pub table: bool,
 }
 
-/// Has a block of so many Gaussians segments?
+/// Is a block with this many Gaussians split into segments?
 pub(crate) fn has_segments(gaussians: u32) -> bool {
     gaussians > SEGMENT
 }
@@ -53,7 +53,7 @@ pub(crate) fn read(header: &BlockHeader, block: &[u8]) -> Result<Streams, String
     };
     // Two segments that follow each other hold more than one may.
     if segments == 0 || segments > 2 * (header.gaussians / SEGMENT) + 1 {
-        return Err(format!("{segments} segments of {} Gaussians", header.gaussians));
+        return Err(format!("{segments} segments but {} Gaussians", header.gaussians));
     }
     let segments = segments as usize;
     let table = segments * stages > 1;

@@ -20,7 +20,8 @@ pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     let p = &network.parameters;
     let most = WIDEST_STEP * MOST_WEIGHT;
     if p.len() != VIZMAPPER_PARAMETERS || !p.iter().all(|v| v.abs() <= most) {
-        let what = format!("a VizMapper of {} parameters, or of some that are not finite, cannot be coded", p.len());
+        let what =
+            format!("cannot encode a VizMapper of {} parameters: the number is wrong or some are not finite", p.len());
         return Err(Error::argument(what));
     }
     check_ranges(&network.ranges).map_err(Error::argument)?;
@@ -46,7 +47,7 @@ pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, SectionFault> {
     let mut r = WireReader::new(bytes);
     let shape = [r.u16()?, r.u16()?, r.u16()?, r.u16()?];
     if shape.map(usize::from) != VIZMAPPER_SHAPE {
-        return Err(SectionFault::Unknown(format!("a VizMapper of the shape {shape:?} is not known")));
+        return Err(SectionFault::Unknown(format!("unknown VizMapper shape {shape:?}")));
     }
     let ranges = VizRanges { scale: r.f64()?, opacity: r.f64()?, floor: r.f64()? };
     check_ranges(&ranges)?;
@@ -54,7 +55,7 @@ pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, SectionFault> {
     for pair in VIZMAPPER_SHAPE.windows(2) {
         let (step, bias_step) = (r.f32()?, r.f32()?);
         if ![step, bias_step].iter().all(|s| (0.0..=WIDEST_STEP).contains(s)) {
-            return Err(SectionFault::Corrupt(format!("steps {step} and {bias_step} of a VizMapper")));
+            return Err(SectionFault::Corrupt(format!("a VizMapper has invalid steps {step} and {bias_step}")));
         }
         for _ in 0..pair[0] * pair[1] {
             let w = r.u8()? as i8;
@@ -72,7 +73,7 @@ pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, SectionFault> {
         }
     }
     if !r.is_done() {
-        return Err(SectionFault::Corrupt(format!("a VizMapper of {} bytes", bytes.len())));
+        return Err(SectionFault::Corrupt(format!("a VizMapper has a wrong size: {} bytes", bytes.len())));
     }
     Ok(VizMapper { parameters, ranges })
 }
@@ -85,7 +86,7 @@ fn check_ranges(r: &VizRanges) -> std::result::Result<(), String> {
     } else {
         let VizRanges { scale, opacity, floor } = r;
         Err(format!(
-            "a VizMapper whose ranges are outside: scale {scale} of [0, 1), opacity {opacity} of [0, 16], floor {floor} of (0, 1]"
+            "a VizMapper range is invalid: scale {scale} must be in [0, 1), opacity {opacity} in [0, 16], floor {floor} in (0, 1]"
         ))
     }
 }

@@ -59,7 +59,7 @@ record! {
             "settings", "pictures at other radii and opacities (r, a: the default ones) and from close up", "");
         /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then
         /// not measured.
-        blocks: Option<u32> = group(12, BLOCKS, "blocks", "added up of blocks, each measured by itself",
+        blocks: Option<u32> = group(12, BLOCKS, "blocks", "sum over blocks, each measured on its own",
             Metric::new("blocks", Whole(4)).tolerance(Tolerance::Any));
         /// What was asked for, and what the file reached.
         goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, "goal", "asked for", "");
@@ -77,11 +77,11 @@ impl Certificate {
             let drawn = [(&orbit.paraview, !by_blocks), (&orbit.paraview_no_fxaa, !by_blocks), (&orbit.expected, true)];
             for (s, drawn) in drawn {
                 if [s.model, s.noise_free, s.all_black, s.uniform_box].iter().any(|s| s.is_some() != drawn) {
-                    return Err("pictures that were drawn, and have no scores, or the other way round".into());
+                    return Err("pictures and their scores do not match".into());
                 }
             }
             if orbit.expected.subset.is_some() != self.subset.is_some() {
-                return Err("scores of a subset that there is not, or none of one that there is".into());
+                return Err("the subset and its scores do not match".into());
             }
         }
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
@@ -90,7 +90,7 @@ impl Certificate {
                 .windows(2)
                 .any(|w| !near(w[1].edge, 2.0 * w[0].edge) || !near(w[1].particles, 8.0 * w[0].particles))
         {
-            return Err("cells that are not twice as long as those before".into());
+            return Err("each cell size must be twice the one before".into());
         }
         Ok(())
     }

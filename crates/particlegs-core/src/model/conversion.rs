@@ -75,7 +75,7 @@ impl<'a> UnitSystem<'a> {
         if both && self.units.comoving.is_some() != to.units.comoving.is_some() {
             let word = if comoving[0] == Some(true) { "comoving" } else { "physical" };
             let one = if self.units.comoving.is_none() { "it" } else { "the other" };
-            unstated.push(format!("{one} does not say whether lengths are comoving (taken as {word})"));
+            unstated.push(format!("{one} does not say whether lengths are comoving (assumed {word})"));
         }
         let mut factor = |dimension: Dimension| {
             let [from, into] = [self.units, to.units].map(|u| u.of_dimension(dimension));
@@ -83,8 +83,8 @@ impl<'a> UnitSystem<'a> {
                 let (of, stated) = (dimension.name(), from.or(into).map(|u| &u.text));
                 let own = from.is_some();
                 unstated.extend(stated.map(|text| match own {
-                    true => format!("its unit of {of} is {text}, and the other states no unit"),
-                    false => format!("it states no unit of {of} (taken as {text})"),
+                    true => format!("its unit of {of} is {text}, but the other states no unit"),
+                    false => format!("it states no unit of {of} (assumed {text})"),
                 }));
                 return Ok(1.0);
             };
@@ -129,7 +129,7 @@ impl<'a> UnitSystem<'a> {
         let same_text = units[0].text == units[1].text;
         let label = Si { factor: 1.0, a: 0.0, h: 0.0 };
         let sizes = units.map(|u| size(u, dimension).or(same_text.then_some(label)));
-        let [Some(from), Some(into)] = sizes else { return Err(format!("{}: the size of one is not known", words())) };
+        let [Some(from), Some(into)] = sizes else { return Err(format!("{}: the size of one is unknown", words())) };
         let exponent = |k: usize, si: Si| comoving[k].map_or(si.a, |c| f32::from(u8::from(c)));
         let a = f64::from(exponent(0, from)) - f64::from(exponent(1, into));
         let h = f64::from(from.h) - f64::from(into.h);
@@ -146,7 +146,7 @@ impl<'a> UnitSystem<'a> {
                 }
                 (own, other) => own.or(other).filter(|v| *v > 0.0),
             };
-            let Some(value) = value else { return Err(format!("{}: {name} is not known", words())) };
+            let Some(value) = value else { return Err(format!("{}: {name} is unknown", words())) };
             factor *= libm::pow(value, power);
         }
         // The last digits are those of quotients: 1 Mpc is 1000 kpc.
@@ -241,8 +241,8 @@ mod tests {
             let refused = system(&by_h, a[0], h[0]).conversion(&system(&without, a[1], h[1])).unwrap_err();
             assert!(refused.contains(what) && refused.contains("comoving kpc/h"), "{refused}");
         };
-        says([Some(1.0), None], [None, None], "h is not known");
-        says([None, None], [Some(0.7), None], "the scale factor is not known");
+        says([Some(1.0), None], [None, None], "h is unknown");
+        says([None, None], [Some(0.7), None], "the scale factor is unknown");
         says([Some(1.0), Some(0.5)], [Some(0.7), None], "the scale factor is 1 in one and 0.5 in the other");
         says([Some(1.0), None], [Some(0.7), Some(0.68)], "h is 0.7 in one and 0.68 in the other");
     }
@@ -251,7 +251,7 @@ mod tests {
     fn what_is_not_stated_is_taken_from_the_other_and_said() {
         assert!(converted(("kpc", None), ("Mpc", None)).unwrap().unstated.is_empty());
         let comoving = converted(("kpc", None), ("Mpc", Some(true))).unwrap();
-        assert_eq!(comoving.unstated, ["it does not say whether lengths are comoving (taken as comoving)"]);
+        assert_eq!(comoving.unstated, ["it does not say whether lengths are comoving (assumed comoving)"]);
         let (stated, silent) = (Units::new(Some("kpc"), Some("Msun"), Some(true)), Units::default());
         let found = system(&silent, None, None).conversion(&system(&stated, Some(0.5), None)).unwrap();
         assert!(found.is_identity());
@@ -265,7 +265,7 @@ mod tests {
         assert_eq!(system(&stated, None, None).conversion(&system(&sun, None, None)).unwrap().mass, 1.0);
         assert_eq!(
             found.unstated,
-            ["it states no unit of length (taken as kpc)", "it states no unit of mass (taken as Msun)"]
+            ["it states no unit of length (assumed kpc)", "it states no unit of mass (assumed Msun)"]
         );
     }
 }

@@ -12,8 +12,8 @@ crate::named_values! {
         None = "none": "The file holds no scores",
         #[default]
         Quick = "quick": "Pictures, densities, power spectrum and distances",
-        Full = "full": "Also groups, matched in eight draws, and models of halves of the particles against the other halves",
-        Blocks = "blocks": "The sum of what each block measures on its own; no process holds all particles",
+        Full = "full": "Also groups, matched in eight draws, and cross-validation of models fitted to halves of the particles",
+        Blocks = "blocks": "Sum of what each block measures on its own; no process holds all particles",
     }
 }
 

@@ -107,7 +107,9 @@ impl PictureScores {
     /// `expected` is the noise-free picture.
     fn are_of_the_noise_free(&self) -> Result<(), String> {
         match self.noise_free {
-            Some(n) if n.masked_psnr.is_some() || n.ssim < 1.0 => Err("a noise-free picture that is not itself".into()),
+            Some(n) if n.masked_psnr.is_some() || n.ssim < 1.0 => {
+                Err("the score of the noise-free picture against itself is not perfect".into())
+            }
             _ => Ok(()),
         }
     }
@@ -115,7 +117,9 @@ impl PictureScores {
     fn reach_at_most(&self, most: f64) -> Result<(), String> {
         let all = [self.model, self.noise_free, self.all_black, self.uniform_box, self.subset];
         match all.into_iter().flatten().filter_map(|s| s.masked_psnr).find(|v| *v > most) {
-            Some(v) => Err(format!("{v:.2} dB, where pictures of this size reach {most:.2} dB unless identical")),
+            Some(v) => {
+                Err(format!("{v:.2} dB is impossible: different pictures of this size reach at most {most:.2} dB"))
+            }
             None => Ok(()),
         }
     }
@@ -232,7 +236,11 @@ record! {
 impl Sample {
     fn corners_are_in_order(&self) -> Result<(), String> {
         let b = &self.bounds;
-        if (0..3).all(|k| b.min[k] <= b.max[k]) { Ok(()) } else { Err("corners of a region out of order".into()) }
+        if (0..3).all(|k| b.min[k] <= b.max[k]) {
+            Ok(())
+        } else {
+            Err("the corners of a region are out of order".into())
+        }
     }
 }
 
@@ -288,7 +296,7 @@ impl GroupClass {
             || scattered
             || self.mass.is_none() && self.mass_scatter > 0.0
         {
-            return Err(format!("shares of {} groups that they cannot have", self.groups));
+            return Err(format!("the shares of {} groups are impossible", self.groups));
         }
         Ok(())
     }
@@ -327,7 +335,7 @@ record! {
 impl Transfer {
     fn scatter_is_of_a_deviation(&self) -> Result<(), String> {
         match self.deviation {
-            None if self.scatter > 0.0 => Err("a scatter of no deviation".into()),
+            None if self.scatter > 0.0 => Err("there is a scatter but no deviation".into()),
             _ => Ok(()),
         }
     }

@@ -50,17 +50,19 @@ impl ScienceMetrics {
         let power = [self.power_within_1_percent_to, self.power_within_5_percent_to];
         let r = [self.r_above_0_99_to, self.r_above_0_9_to];
         if let Some(k) = power.into_iter().chain(r).filter_map(Limit::place).find(|k| *k > self.k_max) {
-            return Err(format!("a wave number of {k} of at most {}", self.k_max));
+            return Err(format!("wave number {k} is above the largest, {}", self.k_max));
         }
         // Whatever is within 1 % is within 5 %, and r of 0.99 is above 0.9.
         if power[0].reaches_beyond(power[1]) {
-            return Err("P(k) within 1 % further than within 5 %".into());
+            return Err("P(k) is within 1 % at a larger k than within 5 %".into());
         }
         if r[0].reaches_beyond(r[1]) {
-            return Err("r(k) of 0.99 further than of 0.9".into());
+            return Err("r(k) is above 0.99 at a larger k than above 0.9".into());
         }
         match self.groups_within_10_percent_from {
-            Limit::At(n) if n < GROUP_CLASSES[0] as f64 => Err(format!("numbers of groups from {n} particles on")),
+            Limit::At(n) if n < GROUP_CLASSES[0] as f64 => {
+                Err(format!("group counts start at {n} particles, which is too few"))
+            }
             _ => Ok(()),
         }
     }

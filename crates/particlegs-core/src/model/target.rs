@@ -71,13 +71,13 @@ impl Target {
         let why = if Some(bytes) == of_ratio(DEFAULT_RATIO) {
             String::new()
         } else if bytes == DEFAULT_LEAST_BYTES {
-            format!("; ratio {DEFAULT_RATIO} is for snapshots that then have more")
+            format!("; ratio {DEFAULT_RATIO} is for larger snapshots")
         } else if Some(bytes) == of_ratio(LEVEL_RATIO) {
-            "; a larger file says little more of particles that were not fitted".into()
+            "; a larger file would add little detail".into()
         } else {
-            format!("; ratio {LEVEL_RATIO} has too few Gaussians to show the structure of so small a snapshot")
+            format!("; ratio {LEVEL_RATIO} leaves too few Gaussians for such a small snapshot")
         };
-        Some(format!("no target given: ratio {ratio:.1}, {bytes} bytes{why}"))
+        Some(format!("no target given: using ratio {ratio:.1}, {bytes} bytes{why}"))
     }
 
     /// Checks the number.
@@ -128,15 +128,12 @@ fn check_goal(goal: Goal) -> Result<Goal> {
     let Goal { kind, asked, at } = goal;
     let inside = asked > 0.0 && asked < if kind == GoalKind::Psnr { f64::INFINITY } else { 1.0 };
     let what = match kind {
-        _ if !inside && kind == GoalKind::Correlation => format!("a correlation of {asked} is not between 0 and 1"),
+        _ if !inside && kind == GoalKind::Correlation => format!("the correlation {asked} is not between 0 and 1"),
         _ if !inside => format!("{asked} is not a share between 0 and 1 (0 % and 100 %)"),
-        GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("no wave number: {at}"),
-        GoalKind::Correlation if !(at > 0.0 && at.is_finite()) => format!("no edge of cells: {at}"),
+        GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("{at} is not a positive wave number"),
+        GoalKind::Correlation if !(at > 0.0 && at.is_finite()) => format!("{at} is not a positive cell size"),
         GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < (1u64 << 53) as f64) || at.fract() != 0.0 => {
-            format!(
-                "groups are counted from a whole number of particles on, {} or more: not from {at}",
-                GROUP_CLASSES[0]
-            )
+            format!("the smallest group must be a whole number of at least {} particles, not {at}", GROUP_CLASSES[0])
         }
         _ => return Ok(goal),
     };
@@ -162,11 +159,11 @@ mod tests {
     #[test]
     fn the_choice_is_said_with_its_reason() {
         let words = |particles: u64| Target::Default.describe_choice(12 * particles).unwrap();
-        assert_eq!(words(1 << 24), "no target given: ratio 300.0, 671088 bytes");
+        assert_eq!(words(1 << 24), "no target given: using ratio 300.0, 671088 bytes");
         let choices =
             [(1 << 21, "ratio 100.7, 250000 bytes; ratio 300 is"), (1 << 18, "ratio 100.0, 31457 bytes; a larger")];
         for (particles, start) in choices.into_iter().chain([(5000, "ratio 8.3, 7200 bytes; ratio 100 has too few")]) {
-            assert!(words(particles).starts_with(&format!("no target given: {start}")), "{}", words(particles));
+            assert!(words(particles).starts_with(&format!("no target given: using {start}")), "{}", words(particles));
         }
         assert_eq!(Target::Ratio(300.0).describe_choice(1000), None);
     }

@@ -18,9 +18,9 @@ pub struct VizRanges {
 }
 
 impl VizRanges {
-    /// Those of first training.
+    /// Ranges of first training.
     pub const TRAINING: VizRanges = VizRanges { scale: 0.1, opacity: 0.3, floor: 0.4 };
-    /// Those of fine-tuning.
+    /// Ranges of fine-tuning.
     pub const FINE_TUNING: VizRanges = VizRanges { scale: 0.3, opacity: 0.8, floor: 0.1 };
 }
 

@@ -100,7 +100,7 @@ impl FromStr for Colormap {
 
     fn from_str(name: &str) -> Result<Self, String> {
         let known = Self::from_name(if name == "gray" { "grey" } else { name });
-        known.map_err(|there| format!("`{name}` is not a colour map; {there}"))
+        known.map_err(|there| format!("unknown colour map `{name}`; {there}"))
     }
 }
 

@@ -101,7 +101,7 @@ impl<'a, T> Pixels<'a, T> {
         match data.len() == size.pixels() {
             true => Ok(Pixels { size, data }),
             false => Err(Error::argument(format!(
-                "a buffer of {} values for a picture of {}x{}",
+                "the buffer has {} values, but the picture is {}x{}",
                 data.len(),
                 size.width,
                 size.height

@@ -32,7 +32,7 @@ impl DensityScores {
     /// Of two planes of one size.
     pub fn new(density: &Plane, truth: &Plane, context: &Context<'_>) -> Result<Self> {
         if density.size != truth.size {
-            return Err(Error::argument("surface densities of two sizes cannot be compared"));
+            return Err(Error::argument("surface densities of different sizes cannot be compared"));
         }
         let Some(median) = median(&truth.data, context)? else {
             return Ok(DensityScores { pixels: 0, empty: 0, rms_dex: None, mean_dex: None, correlation: None });

@@ -43,7 +43,7 @@ impl OutputTarget {
             let target = std::fs::read_link(&at).map_err(|e| Error::io(path, e))?;
             at = folder_of(&at).join(target);
         }
-        Err(Error::io(path, std::io::Error::other("too many symbolic links one after the other")))
+        Err(Error::io(path, std::io::Error::other("too many levels of symbolic links")))
     }
 
     pub fn open(&self) -> std::io::Result<Box<dyn Write + Send>> {
@@ -58,7 +58,7 @@ impl OutputTarget {
 fn stands_for(path: &Path, at: PathBuf, there: &std::fs::Metadata) -> Result<OutputTarget> {
     #[cfg(unix)]
     if std::os::unix::fs::FileTypeExt::is_block_device(&there.file_type()) {
-        return Err(Error::output(path, "is a block device: its data would be lost", "name a file"));
+        return Err(Error::output(path, "is a block device, whose data would be lost", "name a file"));
     }
     let regular = there.is_file() || there.is_dir();
     Ok(if regular { OutputTarget::File(at) } else { OutputTarget::Stream(at) })
@@ -74,7 +74,7 @@ pub(super) fn open_stream(path: &Path) -> std::io::Result<File> {
     let file = std::fs::OpenOptions::new().write(true).custom_flags(flags.bits() as i32).open(path);
     let file = file.map_err(|e| match e.raw_os_error() {
         Some(code) if code == rustix::io::Errno::NXIO.raw_os_error() => {
-            std::io::Error::new(std::io::ErrorKind::NotConnected, "nobody reads this pipe")
+            std::io::Error::new(std::io::ErrorKind::NotConnected, "no process reads this pipe")
         }
         _ => e,
     })?;

@@ -69,8 +69,8 @@ impl Outputs {
                 self.note(path, target)?;
                 check_writable(path)?;
                 if !kind.may_replace(target).map_err(|e| Error::io(path, e))? {
-                    let what = format!("exists, and is not {}", kind.name);
-                    return Err(Error::output(path, what, "it is left as it is: name another file"));
+                    let what = format!("exists and is not {}", kind.name);
+                    return Err(Error::output(path, what, "name another file; this one is left unchanged"));
                 }
                 let empty = target.metadata().is_ok_and(|m| m.len() == 0);
                 Ok(kind.kept && !self.replaces && !empty)
@@ -140,7 +140,7 @@ impl Outputs {
             return Err(is_input(path));
         }
         if self.taken.contains(&identity) {
-            return Err(Error::output(path, "is another output of this command, too", "name another file"));
+            return Err(Error::output(path, "is named twice as an output of this command", "name another file"));
         }
         self.taken.push(identity);
         Ok(())
@@ -188,11 +188,11 @@ impl Drop for Outputs {
 }
 
 fn is_no_folder(path: &Path) -> Error {
-    Error::output(path, "is no folder, and files are to be written there", "name a folder")
+    Error::output(path, "is not a folder, but files must be written into it", "name a folder")
 }
 
 fn is_input(path: &Path) -> Error {
-    Error::output(path, "is an input of this command, or belongs to one", "name another output")
+    Error::output(path, "is an input of this command or belongs to one", "name another output")
 }
 
 impl Input {

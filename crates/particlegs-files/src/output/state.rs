@@ -131,9 +131,9 @@ pub(super) fn free_name(
 }
 
 /// Said of an output that is not what it was.
-pub(super) const CHANGED: &str = "appeared or was changed while this command ran, and is left as it is";
+pub(super) const CHANGED: &str = "was created or changed while this command ran; it is left unchanged";
 
 /// The error for what has appeared or changed at an output's place; what was made is `aside`.
 pub(super) fn changed(path: &Path, aside: &Path) -> Error {
-    Error::output(path, CHANGED, format!("this command's own output is {}", aside.display()))
+    Error::output(path, CHANGED, format!("the output of this command is in {}", aside.display()))
 }

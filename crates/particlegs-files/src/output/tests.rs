@@ -84,7 +84,7 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
     assert!(!o.writes(&at("note"), &NOTE, &Context::SILENT).unwrap());
     assert!(!o.writes(&at("empty"), &TEXT, &Context::SILENT).unwrap());
     assert!(!o.writes(&at("new"), &TEXT, &Context::SILENT).unwrap());
-    assert!(refused(&mut o, "data/../new", &TEXT).contains("another output"));
+    assert!(refused(&mut o, "data/../new", &TEXT).contains("named twice as an output"));
     assert!(!o.writes(Path::new("-"), &TEXT, &Context::SILENT).unwrap() && o.on_standard_output());
     assert!(o.writes(Path::new("-"), &NOTE, &Context::SILENT).is_err());
     let mut forced = Outputs::new(true, "");

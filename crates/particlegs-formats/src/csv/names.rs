@@ -1,6 +1,6 @@
 //! What the names of columns say.
 
-/// A column's name, taken apart.
+/// A column name and its parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnName {
     /// As the file has it, without the unit.

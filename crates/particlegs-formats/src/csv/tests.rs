@@ -79,10 +79,10 @@ fn faults_are_named() {
         (b"x,y,z\n1,2,3\n4,5\n", "line 3 has 2 columns, not 3"),
         (b"x,y,z\n1,2,3\n4,5,6,7\n", "line 3 has 4 columns, not 3"),
         (b"x,y,z\n1,2,3\n\n4,,6\n", "line 4 column 2 (`y`): `` is not a number"),
-        (b"x,y,z\n1,2,3\n4,\xff,6\n", "line 3 is no UTF-8 text"),
-        (b"x,y,z\n1,2\0,3\n", "line 2 holds the byte 0x00"),
+        (b"x,y,z\n1,2,3\n4,\xff,6\n", "line 3 is not UTF-8 text"),
+        (b"x,y,z\n1,2\0,3\n", "line 2 has the byte 0x00"),
         (b"# nothing\n\n", "there are no rows"),
-        (b"a,b,c\n1,2,3\n", "no columns have the names of positions"),
+        (b"a,b,c\n1,2,3\n", "no columns are named as positions"),
     ];
     for (text, expected) in cases {
         let message = open(text).err().map_or("it was read".into(), |e| e.to_string());

@@ -32,7 +32,7 @@ fn files_of_molecular_dynamics_are_named_with_their_converter() {
         ("b.cif", "data_x\nloop_\n_atom_site.Cartn_x\n1 2 3\n", "an mmCIF file", "ovito"),
     ] {
         let (what, hint) = describe(name, text.as_bytes());
-        assert!(what.contains(title) && what.contains("which is not read"), "{name}: {what}");
+        assert!(what.contains(title) && what.contains("which this program does not read"), "{name}: {what}");
         assert!(hint.contains(command) && hint.contains("pip install"), "{name}: {hint}");
     }
 }

@@ -99,7 +99,7 @@ fn files_are_found_and_missing_ones_named() {
     let alone = open(&[unnumbered]).unwrap();
     assert_eq!(alone.description().species[0].count, 2);
     let said = |text: &str| alone.description().notes.iter().any(|n| n.contains(text));
-    assert!(said("a snapshot of 2 files") && said("says 4 particles of type 0 in all, and there are 2"));
+    assert!(said("the snapshot has 2 files") && said("says 4 particles of type 0 in total, but the files have 2"));
 }
 
 #[test]

@@ -51,7 +51,7 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     if count == 0 {
         return Err(Error::input(path, "it holds no particles"));
     }
-    // What is cut short is said before anything is read.
+    // Truncation is reported before anything is read.
     files.iter().try_for_each(|f| f.check())?;
     let ranks: usize = files.iter().map(|f| f.ranks.len()).sum();
     let compressed = (0..first.ranks.len().min(1))

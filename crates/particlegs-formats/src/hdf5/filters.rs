@@ -72,7 +72,7 @@ impl Pipeline {
     }
 
     /// Undoes it but for a shuffle that was the first step: `stored` must become `length` bytes.
-    /// [`Pipeline::numbers`] puts shuffled numbers together where they are used, by few, in the processor's cache.
+    /// [`Pipeline::numbers`] puts shuffled numbers together where they are used, by few, in the CPU cache.
     pub fn undo<'a>(&self, stored: &'a [u8], mask: u32, length: usize) -> TextResult<Cow<'a, [u8]>> {
         // What a compressor may have added to `length` bytes before another came.
         let limit = length + length / 64 + 1024;

@@ -72,7 +72,7 @@ fn comments_among_sections_and_atoms_are_passed_over() {
     assert_eq!(read(&*snapshot, 0, &Choice::default()).unwrap().positions, [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]);
     // What is missing is still told.
     let short = format!("{HEAD}ITEM: ATOMS x y z\n1 2 3\n# c\n");
-    assert!(message(&short).contains("it states 2 atoms, and 1 lines follow"), "{}", message(&short));
+    assert!(message(&short).contains("it states 2 atoms, but only 1 lines follow"), "{}", message(&short));
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn frames_are_counted_and_the_last_or_a_chosen_one_is_read() {
     assert!(open_frame(&text, Some(3)).is_err());
     let cut = &text[..text.len() - 7];
     let said = message(cut);
-    assert!(said.contains("frame 2 is cut off: it states 2 atoms, and 1 lines follow ("), "{said}");
+    assert!(said.contains("frame 2 is cut off: it states 2 atoms, but only 1 lines follow ("), "{said}");
     assert!(said.contains("frame 1` reads the last whole frame"), "{said}");
     let earlier = open_frame(cut, Some(1)).unwrap();
     assert!(earlier.description().notes[0].contains("frame 2 cannot be read"));
@@ -177,11 +177,11 @@ fn faults_are_named() {
         ("ITEM: ATOMS x y z\n1 2\n1 2 3\n", "line 10 has 2 columns, not 3"),
         ("ITEM: ATOMS x y z\n1 2 3 4\n1 2 3\n", "line 10 has 4 columns, not 3"),
         ("ITEM: ATOMS x y z\n1 2 3\n1 abc 3\n", "line 11 column 2 (`y`): `abc` is not a number"),
-        ("ITEM: ATOMS x y z\n1 2 3\n", "frame 0 is cut off: it states 2 atoms, and 1 lines follow"),
-        ("ITEM: ATOMS x y z\n1 2 3\n1 2 3\n1 2 3\n", "line 12 is `1 2 3`, and frame 0 states 2 atoms only"),
-        ("ITEM: ATOMS\n1\n2\n", "names no columns"),
-        ("ITEM: ATOMS vx vy vz\n1 2 3\n1 2 3\n", "no columns have the names of positions"),
-        ("ITEM: GRID\n", "is none of a dump of atoms"),
+        ("ITEM: ATOMS x y z\n1 2 3\n", "frame 0 is cut off: it states 2 atoms, but only 1 lines follow"),
+        ("ITEM: ATOMS x y z\n1 2 3\n1 2 3\n1 2 3\n", "line 12 is `1 2 3`, but frame 0 states only 2 atoms"),
+        ("ITEM: ATOMS\n1\n2\n", "lists no columns"),
+        ("ITEM: ATOMS vx vy vz\n1 2 3\n1 2 3\n", "no columns are named as positions"),
+        ("ITEM: GRID\n", "does not belong in a dump of atoms"),
     ];
     for (text, expected) in cases {
         let message = message(&format!("{HEAD}{text}"));

@@ -80,8 +80,8 @@ fn what_holds_no_positions_is_refused_in_words() {
         (npy("'<f4'", false, "(24,)", &zeros), "shape"),
         (npy("'<f4'", false, "(2, 3, 4)", &zeros), "shape"),
         (npy("'<f4'", false, "(0, 3)", &[]), "no particles"),
-        (npy("'<f4'", false, "(9, 3)", &zeros), "not what its"),
-        (npy("'<f4'", false, "(7, 3)", &zeros), "not what its"),
+        (npy("'<f4'", false, "(9, 3)", &zeros), "but the data have"),
+        (npy("'<f4'", false, "(7, 3)", &zeros), "but the data have"),
         (npy("[('a', '<f4'), ('b', '<f4')]", false, "(12,)", &zeros), "no x, y and z"),
     ];
     for (bytes, words) in cases {

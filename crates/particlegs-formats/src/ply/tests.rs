@@ -73,11 +73,11 @@ fn lies_are_refused() {
         bytes.extend(data);
         rows(&bytes).err().unwrap().to_string()
     };
-    assert!(of(&format!("element vertex 1000000000000000\n{xyz}"), &[0; 24]).contains("more than"));
-    assert!(of(&format!("element vertex 18446744073709551615\n{xyz}"), &[0; 24]).contains("more than"));
+    assert!(of(&format!("element vertex 1000000000000000\n{xyz}"), &[0; 24]).contains("but the file has only"));
+    assert!(of(&format!("element vertex 18446744073709551615\n{xyz}"), &[0; 24]).contains("but the file has only"));
     assert!(of("element vertex 0\n", &[]).contains("no vertices"));
     assert!(of("element point 1\nproperty float x\n", &[0; 4]).contains("no element `vertex`"));
-    assert!(of("element vertex 1\nproperty float x\n", &[0; 4]).contains("no x, y and z"));
+    assert!(of("element vertex 1\nproperty float x\n", &[0; 4]).contains("lack x, y and z"));
     let list = format!("element face 1\nproperty list uint int i\nelement vertex 1\n{xyz}");
     assert!(of(&list, &[0xff; 16]).contains("4294967295 items"));
     let list = format!("element face 1\nproperty list float int i\nelement vertex 1\n{xyz}");

@@ -97,7 +97,7 @@ struct ReadAheadStream {
 impl ReadAheadStream {
     fn begin(mut source: Box<dyn Read + Send>) -> ReadAheadStream {
         let (sender, pieces) = sync_channel(WAITING);
-        // It ends with the stream, or once nobody listens.
+        // It ends with the stream or when the receiver is gone.
         std::thread::spawn(move || {
             loop {
                 let mut piece = Vec::with_capacity(PIECE);

@@ -1,4 +1,4 @@
-//! A line taken apart: tokens, quoted or not, and numbers.
+//! Splits a line into tokens, quoted or not, and numbers.
 
 use std::borrow::Cow;
 

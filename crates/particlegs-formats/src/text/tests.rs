@@ -92,11 +92,11 @@ fn long_lines_are_refused() {
 fn broken_streams_are_named() {
     for (name, whole) in [("gzip", gzip(&dump(3000))), ("bzip2", bzip2(&dump(3000))), ("zstd", zstd(&dump(3000)))] {
         let message = |content: &[u8]| open(content, "lammps").err().map_or("it was read".into(), |e| e.to_string());
-        assert!(message(&whole[..whole.len() - 5]).contains(&format!("its {name} stream is cut off after")));
+        assert!(message(&whole[..whole.len() - 5]).contains(&format!("the {name} data end early")));
         let mut wrong = whole.clone();
         let at = wrong.len() - 6;
         wrong[at] ^= 4;
-        assert!(message(&wrong).contains(&format!("its {name} stream is broken after")), "{}", message(&wrong));
+        assert!(message(&wrong).contains(&format!("the {name} data are damaged after")), "{}", message(&wrong));
     }
 }
 

@@ -171,7 +171,7 @@ impl LegacyScan<'_> {
         word.parse().map_err(|_| self.fault(format!("`{}` before byte {} is not a count", shown(word), self.at)))
     }
 
-    /// Skips `rows` rows of numbers and tells where they are.
+    /// Skips `rows` rows of numbers and returns where they are.
     fn numbers(&mut self, name: &str, rows: u64, components: u32, kind: NumberType) -> Result<ArrayData> {
         let at = self.at as u64;
         let count = rows.saturating_mul(u64::from(components));

@@ -61,7 +61,7 @@ fn broken_files_are_refused() {
     assert!(fault(&TEXT.replace("POINTS 2", "POINTS 4000000000")).contains("12000000000 numbers"));
     assert!(fault(&TEXT.replace("POINTS 2", "POINTS -2")).contains("not a count"));
     assert!(fault(&TEXT.replace("1 2 3 4", "1 2 x 4")).contains("`x` at byte"));
-    assert!(fault(&TEXT.replace("POLYDATA", "STRUCTURED_POINTS")).contains("no points of their own"));
+    assert!(fault(&TEXT.replace("POLYDATA", "STRUCTURED_POINTS")).contains("no explicit points"));
     assert!(fault(TEXT.split("POINTS").next().unwrap()).contains("no POINTS"));
     let whole = binary(true);
     for bytes in [whole, TEXT.as_bytes().to_vec()] {

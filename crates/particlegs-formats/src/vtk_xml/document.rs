@@ -63,7 +63,7 @@ pub struct VtkDocument {
     pub compressor: Option<Compressor>,
     pub pieces: Vec<VtkPiece>,
     pub listed: Vec<CollectionEntry>,
-    /// Arrays of no piece, e.g. the time.
+    /// Arrays outside any piece, such as the time.
     pub fields: Vec<ArrayDeclaration>,
     /// Where appended data begin, and whether they are base64.
     pub appended: Option<(u64, bool)>,
@@ -164,7 +164,7 @@ fn number(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<u64>> {
 }
 
 impl XmlState {
-    /// An element begins: what it is, and what it says.
+    /// Handles the start of an element and its attributes.
     fn enter(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>, empty: bool) -> TextResult<XmlElement> {
         let inside = self.open.last().copied();
         let name = tag.name();

@@ -69,7 +69,10 @@ fn broken_files_are_refused() {
         rows(&path, &Choice::default()).unwrap_err().to_string()
     };
     let good = xml(PIECE);
-    assert!(fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"4294967295\"")).contains("do not fit"));
+    assert!(
+        fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"4294967295\""))
+            .contains("too short for 4294967295 rows")
+    );
     assert!(fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"1\"")).contains("8 bytes instead of 4"));
     assert!(fault(&good.replace("4 5", "4 x")).contains("`x`"));
     assert!(fault(&good.replace("PolyData", "ImageData")).contains("ImageData"));
@@ -123,19 +126,19 @@ fn collections_and_blocks_are_read() {
     };
     let (d, x) = of("run.pvd", None).unwrap();
     assert_eq!((x, d.meta.epoch.time, d.meta.epoch.frame), (vec![1.0, 2.0], Some(0.5), Some(1)));
-    assert!(d.notes[0].contains("frame 1 is taken, the last of 2 (0 to 1)"));
+    assert!(d.notes[0].contains("using frame 1, the last of 2 (0 to 1)"));
     let (d, x) = of("run.pvd", Some(0)).unwrap();
     assert_eq!((x, d.meta.epoch.time, d.notes.len()), (vec![0.0], Some(0.0), 0));
-    assert!(of("run.pvd", Some(2)).unwrap_err().to_string().contains("has no frame 2: they are 0 to 1"));
+    assert!(of("run.pvd", Some(2)).unwrap_err().to_string().contains("there is no frame 2; the frames are 0 to 1"));
     let (d, x) = of("a.vtm", None).unwrap();
-    assert!(x == [3.0, 0.0] && d.frames.is_none() && d.notes[0].contains("grid.vti is left out"), "{:?}", d.notes);
+    assert!(x == [3.0, 0.0] && d.frames.is_none() && d.notes[0].contains("grid.vti is skipped"), "{:?}", d.notes);
     let (d, x) = of("of_blocks.pvd", None).unwrap();
     assert_eq!((x, d.meta.epoch.time), (vec![3.0, 0.0], Some(7.0)));
     for (name, why) in [
-        ("grids.vtm", "lists no files with points"),
-        ("out.pvd", "outside of its folder"),
-        ("self.vtm", "lists of lists"),
-        ("grid.vti", "hold no points of their own"),
+        ("grids.vtm", "none of the listed files has points"),
+        ("out.pvd", "outside its folder"),
+        ("self.vtm", "nested too deeply"),
+        ("grid.vti", "have no explicit points"),
     ] {
         assert!(of(name, None).unwrap_err().to_string().contains(why), "{name}");
     }

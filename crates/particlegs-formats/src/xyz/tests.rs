@@ -90,11 +90,11 @@ fn arrays_of_the_new_style_and_moments_are_read() {
 }
 
 #[test]
-fn the_frame_that_is_taken_is_told() {
+fn the_frame_used_is_reported() {
     let text = "1\n\nH 1 2 3\n1\n\nH 4 5 6\n1\n\nH 7 8 9\n";
     let notes = |frame| open(text, frame, &Choice::default()).unwrap().0.notes.join("; ");
-    assert!(notes(None).contains("frame 2 is taken, the last of 3 (0 to 2)"));
-    assert!(!notes(Some(1)).contains("is taken"));
+    assert!(notes(None).contains("using frame 2, the last of 3 (0 to 2)"));
+    assert!(!notes(Some(1)).contains("using frame"));
 }
 
 #[test]
@@ -102,16 +102,16 @@ fn faults_are_named() {
     let cases = [
         ("x\n\n", "frame 0, line 1: `x` is not a number of atoms"),
         ("-1\n\n", "`-1` is not a number of atoms"),
-        ("2", "is cut off behind the number of atoms"),
-        ("2\n\nH 1 2 3\n", "it states 2 atoms, and 1 lines follow"),
+        ("2", "ends after the number of atoms"),
+        ("2\n\nH 1 2 3\n", "it states 2 atoms, but only 1 lines follow"),
         ("1\n\nH 1 2 x\n", "line 3 column 4 (`pos`): `x` is not a number"),
         ("1\nLattice=\"1 2\"\nH 1 2 3\n", "`Lattice` has 2 numbers, not 9"),
         ("1\nLattice=\"1 0 0 0 inf 0 0 0 1\"\nH 1 2 3\n", "`Lattice`: `inf` is not finite"),
         ("1\nProperties=pos:R\nH 1 2 3\n", "not a list of name:kind:columns"),
         ("1\nProperties=pos:R:4000000000\nH 1 2 3\n", "is not a number of columns"),
-        ("1\nProperties=pos:Q:3\nH 1 2 3\n", "kind `Q` is none of"),
+        ("1\nProperties=pos:Q:3\nH 1 2 3\n", "kind `Q` is not"),
         ("1\npbc=\"T T\"\nH 1 2 3\n", "`pbc` has 2 values"),
-        ("1\nProperties=species:S:1:velo:R:3\nH 1 2 3\n", "no columns have the names of positions"),
+        ("1\nProperties=species:S:1:velo:R:3\nH 1 2 3\n", "no columns are named as positions"),
         ("1\n\nH 1 2 3\nH 4 5 6\n", "frame 1, line 4: `H 4 5 6` is not a number of atoms"),
     ];
     for (text, expected) in cases {

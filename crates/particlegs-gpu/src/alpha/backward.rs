@@ -49,7 +49,7 @@ impl BackwardBuffers {
             return Ok(());
         }
         self.slots = None;
-        device.holds(&format!("{entries} entries of tiles"), 4 * SUMS * u64::from(entries))?;
+        device.holds(&format!("{entries} tile entries"), 4 * SUMS * u64::from(entries))?;
         let most = device.largest_binding() / (4 * SUMS);
         let room = u64::from(entries).next_power_of_two().min(most);
         self.slots = Some((room as u32, device.buffer("slots", 4 * SUMS * room, STORAGE)));

@@ -136,7 +136,7 @@ impl AlphaCanvas {
         let lists = match kept {
             Some(lists) => lists,
             None => {
-                let what = format!("{}x{}: {entries} entries of tiles", self.size.width, self.size.height);
+                let what = format!("{}x{}: {entries} tile entries", self.size.width, self.size.height);
                 device.holds(&what, 4 * u64::from(entries))?;
                 // Pictures of a turn need now more, now less.
                 let room = u64::from(entries).next_power_of_two().min(device.largest_binding() / 4) as u32;

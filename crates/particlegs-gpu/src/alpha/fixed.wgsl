@@ -1,4 +1,4 @@
-// Places as whole numbers of 2^-40 of the training frame's unit, 64 bits, low word first. The processor rounds a place in
+// Places as whole numbers of 2^-40 of the training frame's unit, 64 bits, low word first. The CPU rounds a place in
 // the camera's axes once, to float32: so what is nearest comes out as there, also where Gaussians of a lattice are as deep
 // as each other, and a camera far away sees them where they are.
 

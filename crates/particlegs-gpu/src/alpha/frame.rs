@@ -7,7 +7,7 @@ use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Eye, Tiles};
 use particlegs_core::{Error, Hint, Result};
 
 /// What is said of a camera whose place fixed.wgsl does not hold.
-const TOO_FAR: &str = "the camera stands a million boxes away, farther than a GPU counts";
+const TOO_FAR: &str = "the camera is more than a million boxes away, too far for GPU arithmetic";
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -53,7 +53,7 @@ impl AlphaFrameRecord {
         let [right, down, forward] = eye.axes.map(|a| four(a.map(|v| v as f32)));
         let mut to_middle = [[0; 4]; 3];
         for (words, v) in to_middle.iter_mut().zip(eye.position) {
-            let own = fixed::place(-v).ok_or_else(|| Error::argument_with(TOO_FAR, Hint::use_processor()))?;
+            let own = fixed::place(-v).ok_or_else(|| Error::argument_with(TOO_FAR, Hint::use_cpu()))?;
             words[..2].copy_from_slice(&own);
         }
         let mut axes = [[0; 4]; 9];

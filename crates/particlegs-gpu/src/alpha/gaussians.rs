@@ -15,7 +15,7 @@ use particlegs_core::{Error, Hint, Result};
 pub(crate) const COLUMNS: usize = 16;
 /// The column of the odds against its opacity.
 const ODDS: usize = 12;
-/// Gaussians of a buffer at most: a binding has 128 MiB on many cards.
+/// Gaussians of a buffer at most: a binding has 128 MiB on many GPUs.
 pub(crate) const MOST: usize = 1 << 21;
 /// Opacities of these odds against are below every threshold.
 const NEVER: f32 = 3e38;
@@ -47,14 +47,11 @@ impl Gaussians {
     /// [`Gaussians::upload`] in buffers of so many at most.
     pub(super) fn upload_in(device: &Device, scene: &Scene, most: usize) -> Result<Gaussians> {
         let Some(blend) = scene.blend() else {
-            return Err(Error::argument("a scene of the optical-depth law is not drawn by the alpha-blend law"));
+            return Err(Error::argument("cannot draw an optical-depth scene with the alpha-blend law"));
         };
         let all: usize = scene.parts().map(Mixture::len).sum();
         if u32::try_from(all).is_err() {
-            return Err(Error::argument_with(
-                format!("{all} Gaussians are more than a GPU draws"),
-                Hint::use_processor(),
-            ));
+            return Err(Error::argument_with(format!("{all} Gaussians are too many for a GPU"), Hint::use_cpu()));
         }
         let mut some = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
         let mut chunks = Vec::new();
@@ -141,14 +138,14 @@ fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COL
     own[6..ODDS].copy_from_slice(&factor);
     own[ODDS..].copy_from_slice(&[odds, g.grey as f32, scale, logit]);
     if !own.iter().all(|v| v.is_finite()) {
-        // What float32 does not hold is not drawn by the processor either.
+        // The CPU does not draw values outside float32 either.
         own = [0.0; COLUMNS];
         own[ODDS] = NEVER;
     }
     let mut words = own.map(f32::to_bits);
     for (k, v) in g.mean.into_iter().enumerate() {
-        let far = "it lies a million boxes away, farther than a GPU counts";
-        let own = fixed::place(v).ok_or_else(|| (far.into(), Hint::use_processor()))?;
+        let far = "it is more than a million boxes away, too far for GPU arithmetic";
+        let own = fixed::place(v).ok_or_else(|| (far.into(), Hint::use_cpu()))?;
         words[2 * k..2 * k + 2].copy_from_slice(&own);
     }
     Ok(words)

@@ -28,11 +28,11 @@ use particlegs_core::{Error, Hint, Result};
 use std::sync::Arc;
 use view::ViewRecord;
 
-/// Particles of a piece at most: 128 MiB of positions, which all cards see at once.
+/// Particles of a piece at most: 128 MiB of positions, which every GPU can bind.
 pub const MOST: usize = 128 * 1024 * 1024 / 12;
-/// Pixels that a dispatch may reach, in thousands: well below a second's work of a slow card.
+/// Pixels that a dispatch may reach, in thousands: well below a second of work on a slow GPU.
 const THOUSANDS: u64 = 2_000_000;
-/// Pixels that a piece may reach, in thousands: hours, where the processor takes coarser planes.
+/// Pixels that a piece may reach, in thousands: hours of work; the CPU uses coarser planes instead.
 const MOST_THOUSANDS: u64 = 1 << 31;
 /// Intervals of the table of the Gaussian's integral from -3 to +3.
 const STEPS: usize = 4096;
@@ -48,7 +48,7 @@ impl DeviceParticles {
     pub fn upload(device: &Device, columns: [&[f32]; 3]) -> Result<DeviceParticles> {
         let n = columns[0].len();
         if n > MOST || columns.iter().any(|c| c.len() != n) {
-            return Err(Error::argument(format!("{n} particles in a piece, {MOST} at most")));
+            return Err(Error::argument(format!("a piece has {n} particles; at most {MOST} are supported")));
         }
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let positions = device.buffer("positions", 12 * n as u64, usage);
@@ -157,8 +157,8 @@ impl Sum<'_> {
         let work = self.work(points)?;
         if work > MOST_THOUSANDS {
             let (name, radius) = (&self.view.name, self.view.radius);
-            let what = format!("view `{name}`: splats of radius {radius} reach too many pixels one by one");
-            return Err(Error::argument_with(what, Hint::use_processor()));
+            let what = format!("view `{name}`: splats of radius {radius} cover too many pixels");
+            return Err(Error::argument_with(what, Hint::use_cpu()));
         }
         let pieces = work.div_ceil(THOUSANDS).max(1) as u32;
         let each = points.count.div_ceil(pieces);

@@ -30,7 +30,7 @@ impl ViewRecord {
         view.check(size)?;
         let Projection::Perspective { fov_deg } = view.camera.projection else {
             let name = &view.name;
-            return Err(Error::argument(format!("view `{name}`: pictures of all particles need a perspective camera")));
+            return Err(Error::argument(format!("view `{name}`: drawing all particles needs a perspective camera")));
         };
         let frame = view.camera.frame()?;
         let eye: [f64; 3] = each_axis(|k| frame.position[k] - origin[k]);

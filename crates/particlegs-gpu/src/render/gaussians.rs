@@ -12,7 +12,7 @@ use particlegs_core::{Error, Result};
 
 /// Floats of a Gaussian, each a column: see project.wgsl.
 const COLUMNS: usize = 13;
-/// Gaussians of a buffer at most: a dispatch has 65,535 groups at most, and a binding 128 MiB on many cards.
+/// Gaussians of a buffer at most: a dispatch has 65,535 groups at most, and a binding 128 MiB on many GPUs.
 pub(crate) const MOST: usize = 1 << 21;
 
 /// The Gaussians of a scene on a device, about a point near them.
@@ -46,7 +46,7 @@ impl Gaussians {
     /// [`Gaussians::upload`] in buffers of so many at most.
     pub(super) fn upload_in(device: &Device, scene: &Scene, most: usize) -> Result<Gaussians> {
         if scene.law() != LawKind::OpticalDepth {
-            return Err(Error::argument("a scene of the alpha-blend law is not drawn by the optical-depth law"));
+            return Err(Error::argument("cannot draw an alpha-blend scene with the optical-depth law"));
         }
         // A repeated scene's bounds are those of all its images.
         let bounds = *scene.bounds();

@@ -1,4 +1,4 @@
-//! Steps of training on a card: those of particlegs-train's `depth`, each stage a kernel.
+//! Training steps on a GPU: those of particlegs-train's `depth`, each stage a kernel.
 //!
 //! | kernel | twin in particlegs-train | what it does |
 //! |---|---|---|
@@ -11,7 +11,7 @@
 //!
 //! Those of the alpha-blend law: `alpha`.
 //!
-//! Each Gaussian gathers its own gradient, and sums are in a fixed order: the same steps give the same bits on one card.
+//! Each Gaussian gathers its own gradient, and sums are in a fixed order: the same steps give the same bits on one GPU.
 
 mod alpha;
 mod compared;
@@ -120,7 +120,7 @@ impl StepRecord {
         for (k, averages) in of.averages.iter().enumerate() {
             let correct = |beta: f64, steps: u64| 1.0 - beta.powi(steps.min(i32::MAX as u64) as i32);
             let (before, now) = (averages.steps, averages.steps + 1);
-            // The processor's decays are those of float32.
+            // The CPU uses float32 decays, too.
             let beta = record.beta.map(f64::from);
             record.rate[k] = (size.rates[k] / correct(beta[0], now)) as f32;
             record.unroot[k] = (1.0 / correct(beta[1], now)) as f32;
@@ -238,6 +238,6 @@ const NUMBERS: usize = WIDTHS[0] + WIDTHS[1] + WIDTHS[2];
 /// Why Gaussians are not held.
 fn too_many(device: &Device, count: usize, most: usize) -> Error {
     let name = device.name();
-    let hint = Hint::use_processor().words(", or fit more blocks");
-    Error::argument_with(format!("{count} Gaussians: device {name} trains {most} at most"), hint)
+    let hint = Hint::use_cpu().words(", or use more blocks");
+    Error::argument_with(format!("device {name} can train at most {most} Gaussians, not {count}"), hint)
 }

@@ -124,7 +124,7 @@ impl TrainingPicture {
     }
 }
 
-/// Curves from depth to brightness, each of which takes the processor a millisecond, by opacity and radius.
+/// Curves from depth to brightness, each of which takes the CPU a millisecond, by opacity and radius.
 #[derive(Default)]
 pub(super) struct CurveCache(HashMap<[u64; 2], Vec<f32>>);
 

@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Bytes a pixel that a kernel sees at once of pictures of all particles: 4, and their edges.
 const A_PIXEL: u64 = 5;
 
-/// Particles whose pictures the device draws, where it holds them; larger ones are the processor's, which are the same.
+/// Particles whose pictures the device draws if they fit; otherwise the CPU draws the same pictures.
 pub(crate) struct DeviceSubject<'a> {
     of: &'a dyn TrainingSubject,
     device: Arc<Device>,

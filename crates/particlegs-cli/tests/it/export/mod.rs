@@ -83,15 +83,15 @@ fn what_cannot_be_done_is_refused_before_the_work() {
         dir.fails(&format!("export m.pgs -o {words}"), code, text);
         assert_eq!(dir.listing(), ["m.pgs"], "{words}");
     };
-    refused("splats", 2, "its ending does not say");
-    refused("points.hdf5", 2, "its ending does not say");
-    refused("a.ply --kind csv", 2, "its ending means ply");
+    refused("splats", 2, "not clear from the ending");
+    refused("points.hdf5", 2, "not clear from the ending");
+    refused("a.ply --kind csv", 2, "the ending means ply");
     refused("a.npy --grid 0", 2, "outside 1 to 65536");
     refused("a.npy --grid 70000", 2, "outside 1 to 65536");
     refused("a.npy --grid 65536", 7, "a density grid needs about");
     refused("a.vti --cell 1e-9", 2, "more than 65536");
     for size in ["0", "-1", "nan", "inf"] {
-        refused(&format!("a.fits --cell={size}"), 2, "not a length above 0");
+        refused(&format!("a.fits --cell={size}"), 2, "is not positive");
     }
     for (option, values) in [("radius", ["0", "-1", "nan", "inf"]), ("opacity", ["0", "-1", "nan", "1.5"])] {
         for value in values {

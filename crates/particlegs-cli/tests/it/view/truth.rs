@@ -107,11 +107,11 @@ fn wrong_questions_are_told_in_a_line() {
         (set(&["radius"], json!(-1.0)), "radius -1 must be positive"),
         (set(&["radius"], json!(null)), "needs a radius"),
         (set(&["opacity"], json!(2)), "opacity 2 is outside"),
-        (set(&["camera", "position"], json!([0.1, 0.5, 0.0])), "stands at its focal point"),
+        (set(&["camera", "position"], json!([0.1, 0.5, 0.0])), "equals the focal point"),
         (set(&["camera", "view_up"], json!([0, 0, 0])), "view_up"),
         (set(&["camera", "fov_deg"], json!(180)), "field of view"),
-        (set(&["camera", "fov_deg"], json!(null)), "neither fov_deg (perspective) nor height_world"),
-        (set(&["camera", "height_world"], json!(1)), "both fov_deg and height_world"),
+        (set(&["camera", "fov_deg"], json!(null)), "set fov_deg (perspective) or height_world"),
+        (set(&["camera", "height_world"], json!(1)), "set fov_deg or height_world, not both"),
         (set(&["camera", "clipping_range"], json!([2, 1])), "clipping range"),
     ] {
         let answer = serving.truth(&wrong);

@@ -127,7 +127,7 @@ impl<'a> Blend<'a> {
             [("mean", &mean[..]), ("covariance", &cov.0[..]), ("opacity", &[opacity]), ("grey level", &[grey])]
         {
             if values.iter().any(|v| !v.is_finite()) {
-                return Err(format!("its {what} is not finite"));
+                return Err(format!("the {what} is not finite"));
             }
         }
         let opacity = opacity.clamp(EDGE, 1.0 - EDGE);

@@ -22,7 +22,7 @@ pub struct Places {
     pub bias: [Range<usize>; 3],
 }
 
-/// Those of the one shape that there is.
+/// Offsets for the only shape.
 impl Default for Places {
     fn default() -> Self {
         let mut at = 0;

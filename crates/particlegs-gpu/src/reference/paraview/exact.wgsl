@@ -1,5 +1,5 @@
 // Float32 as Rust computes it: every operation rounded once, on its own. Compilers of kernels may fuse products with sums
-// and cancel what would cancel without rounding, and cards divide and take roots a little off. A word of the view that is
+// and cancel what would cancel without rounding, and GPUs divide and take roots slightly inexactly. A word of the view that is
 // always 0 hides from the compiler where a number comes from; quotients and roots are put right by what they leave.
 
 fn round_once(x: f32) -> f32 {

@@ -18,7 +18,7 @@ const WIDEST: u64 = 8;
 /// Rows of a strip are a multiple of this, but for the last: its levels, four a word, end with a word.
 const WHOLE: usize = 4;
 
-/// Layers and ranges of depths of as many rows of a picture as a card sees at once; rows from the bottom.
+/// Layers and ranges of depths of as many rows of a picture as a GPU can bind; rows from the bottom.
 pub(super) struct Strip {
     pub rows: Range<u32>,
     /// Two words a pixel (blend.wgsl).

@@ -15,7 +15,7 @@
 //! pixel without changing it, and blended one after the other; as many at a time as there is room for.
 //!
 //! Every stage goes through the particles anew: to count their pixels, for the ranges of depths, for each peel, for the rest.
-//! Of a picture whose layers are more than a card sees at once, strips of rows are drawn, stage by stage, since VTK's last
+//! If a picture has more layers than a GPU can bind, strips of rows are drawn, stage by stage, since VTK's last
 //! peel is that of the whole picture.
 
 mod kernels;
@@ -46,13 +46,13 @@ use std::sync::Arc;
 struct DispatchLimits {
     /// Slices of a dispatch.
     slices: usize,
-    /// Pixels that they have together: well below a second's work of a slow card.
+    /// Pixels that they have together: well below a second of work on a slow GPU.
     pixels: u64,
     /// Fragments that are sorted together.
     keys: u32,
     /// Pixels that are sorted together.
     band: u32,
-    /// Pixels of a strip, where a card sees so many at once.
+    /// Pixels of a strip, where a GPU can bind that many.
     strip: u64,
 }
 

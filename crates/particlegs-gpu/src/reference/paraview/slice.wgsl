@@ -1,5 +1,5 @@
 // A slice of the pixels of the quads of 64 particles: particlegs' reference::paraview shares work out by bands of rows, a
-// card by slices of so many pixels.
+// GPU by slices of so many pixels.
 
 // Particles are 64 times the first word and on; of the pixels of their boxes, those from the second word on.
 @group(0) @binding(1) var<storage, read> positions: array<f32>;

@@ -1,7 +1,7 @@
 //! A rival of the atomic adds, to be measured beside them: strokes are listed for each tile of 8 x 8 pixels of each plane,
 //! and a pixel is summed by one thread. The same whole numbers are added, so that pictures have the same bits. How long the
 //! lists are is counted first and read back. Gaussians that are cut along depth are drawn by atomic adds after it. Not parted
-//! into dispatches, however long lists are: slow cards may take one for hung.
+//! into dispatches, however long lists are: slow GPUs may treat a long one as hung.
 
 use super::kernels::sources::{FRAME, PLANES, ROWS, SCALE, SPAN, STROKE};
 use super::{DepthCanvas, DepthRenderer, GaussianBatch, Gaussians};
@@ -162,11 +162,8 @@ impl<'a> DepthTiles<'a> {
         let (device, canvas) = (&self.renderer.device, self.canvas);
         if entries > self.most {
             let Size { width, height } = canvas.planes.size;
-            let what = format!("{width}x{height}: {entries} entries of tiles, more than the {} that", self.most);
-            return Err(Error::argument(format!(
-                "{what} device {} sees at once: atomic adds need none",
-                device.name()
-            )));
+            let what = format!("{width}x{height}: {entries} tile entries are more than the {} that", self.most);
+            return Err(Error::argument(format!("{what} device {} can bind; atomic adds need none", device.name())));
         }
         // Pictures of a turn need now more, now less.
         let room = u64::from(entries).next_power_of_two().min(u64::from(self.most)) as u32;

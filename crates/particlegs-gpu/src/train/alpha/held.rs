@@ -17,7 +17,7 @@ const WIDTHS: [usize; alpha::GROUPS] = [3, 3, 4, 1, 1];
 const NUMBERS: usize = 12;
 /// Gaussians for each workgroup of the network's gradient, where they are few ...
 const SHARE: usize = 64;
-/// ... and such workgroups at most: some for each of a large card's processors.
+/// Maximum number of workgroups: several for each core of a large GPU.
 const NETWORK_PARTS: usize = 512;
 
 /// Buffers, and what they are bound to.

@@ -10,7 +10,7 @@
 //! | network_main.wgsl | `alpha::network` | through the network |
 //! | adam_main.wgsl, network_adam_main.wgsl | `alpha::steps` | the step |
 //!
-//! Density control is the processor's: it asks for the Gaussians where it is due, and sends them back.
+//! Density control runs on the CPU, which fetches the Gaussians when it is due and sends them back.
 
 mod held;
 mod kernels;
