@@ -189,7 +189,7 @@ mod tests {
         // Seeds of one thing are told together.
         let named = [("a", &some[..]), ("a", &some[..1]), ("b", &some[..1]), ("c", &all[..])];
         let note = identical_note(named.map(|(name, scores)| (name.to_string(), scores))).unwrap();
-        assert!(note.contains("pictures of a (1 of 4); c (2 of 2): "), "{note}");
+        assert!(note.contains("pictures of a (1 of 4); c (2 of 2), "), "{note}");
         assert_eq!(identical_note([("b".into(), &some[..1])]), None);
     }
 }

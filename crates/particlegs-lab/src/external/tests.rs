@@ -103,9 +103,12 @@ if bound == 9:
     // More than a pipe holds, so that the writer is stopped with it.
     let particles = clustered(100_000);
     let of = |bound| sz3(&external).compress(&particles, bound);
-    assert_eq!(of(7.0).err().unwrap().to_string(), "python3: ended before it answered during SZ3: Segmentation");
+    assert_eq!(of(7.0).err().unwrap().to_string(), "python3: it ended before it answered during SZ3: Segmentation");
     assert!(of(1.0).is_ok());
-    assert_eq!(of(8.0).err().unwrap().to_string(), "python3: ended within its answer during SZ3: half way");
+    assert_eq!(
+        of(8.0).err().unwrap().to_string(),
+        "python3: it ended in the middle of its answer during SZ3: half way"
+    );
     assert_eq!(of(9.0).err().unwrap().to_string(), "SZ3: ValueError: two lines");
     assert!(of(1.0).is_ok());
     // A baseline's failure is a result.
@@ -124,7 +127,7 @@ sys.exit('enough')";
     let external =
         External::from_command(Path::new("python3"), ["-u", "-c", program].map(String::from).to_vec()).unwrap();
     let error = sz3(&external).compress(&clustered(300_000), 1.0).err().unwrap();
-    assert_eq!(error.to_string(), "python3: ended before it answered during SZ3: enough");
+    assert_eq!(error.to_string(), "python3: it ended before it answered during SZ3: enough");
 }
 
 #[test]

@@ -16,8 +16,8 @@ const NOTHING: &str =
     "the model has no certificate: compare the particles with the source (`particlegs stats`) before use";
 
 /// Said of models of the alpha-blend law.
-const BY_OPACITY: &str = "numbers of particles go by the opacities of a model that was fitted to pictures alone: densities \
-are what pictures show of them, and bright places may hold fewer particles than the source's";
+const BY_OPACITY: &str = "numbers of particles follow the opacities of a model fitted to pictures alone: densities \
+are what pictures show of them, and bright places may have fewer particles than the source";
 
 /// The keys beside box and units.
 pub(super) fn notes(
