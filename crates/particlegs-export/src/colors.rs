@@ -69,9 +69,7 @@ impl Coloring {
         }
         if let Some([low, high]) = self.range {
             let (map, unit) = (map.name(), density_unit(&model.metadata, model.has_masses(), 3));
-            notes.say(format!(
-                "colours: {map}, logarithmic, from {low} to {high} {unit}, by the density of each Gaussian"
-            ));
+            notes.say(format!("colours: {map}, logarithmic, from {low} to {high} {unit}, by Gaussian density"));
             notes.set(
                 "colors",
                 json!({ "colormap": map, "scale": "logarithmic", "density": [low, high], "unit": unit }),

@@ -64,9 +64,7 @@ impl RawSnapshot {
     /// The columns with the weights chosen, or none: there are no other fields to choose.
     fn with(&self, choice: &Choice) -> Result<Particles> {
         if let Some(name) = choice.positions.as_deref().filter(|name| *name != POSITIONS) {
-            return Err(Error::argument(format!(
-                "raw data have no field `{name}`: positions are always xx, yy and zz"
-            )));
+            return Err(Error::argument(format!("raw data have no field `{name}`: positions are in xx, yy and zz")));
         }
         let particles = self.particles.clone();
         match &choice.weights {

@@ -228,9 +228,7 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
     }
     let incompatible = |what: String| Err(Error::Compatibility { place: place.into(), what });
     if major != MAJOR {
-        return incompatible(format!(
-            "the model file has version {major}.{minor}, but this program reads version {MAJOR}"
-        ));
+        return incompatible(format!("the file has version {major}.{minor}; this program reads version {MAJOR}"));
     }
     match kind {
         MODEL if reserved == 0 || minor > MINOR => Ok(length),

@@ -464,9 +464,7 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
         || c.sample.is_some_and(|s| s.particles > m.count)
         || c.densities.iter().flatten().any(|d| d.particles > m.count as f64);
     match c.science {
-        Some(s) if s.k_max > largest => {
-            Err(format!("the largest wave number {} is beyond that of the particles", s.k_max))
-        }
+        Some(s) if s.k_max > largest => Err(format!("the largest wave number is too large: {}", s.k_max)),
         _ if too_many => Err("the certificate lists more particles or bytes than the file has".into()),
         _ => Ok(()),
     }

@@ -20,8 +20,7 @@ pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     let p = &network.parameters;
     let most = WIDEST_STEP * MOST_WEIGHT;
     if p.len() != VIZMAPPER_PARAMETERS || !p.iter().all(|v| v.abs() <= most) {
-        let what =
-            format!("cannot encode a VizMapper of {} parameters: the number is wrong or some are not finite", p.len());
+        let what = format!("a VizMapper of {} parameters has a wrong number or infinite ones", p.len());
         return Err(Error::argument(what));
     }
     check_ranges(&network.ranges).map_err(Error::argument)?;

@@ -44,11 +44,7 @@ impl<'a> WireReader<'a> {
     pub(crate) fn take(&mut self, n: usize) -> WireResult<&'a [u8]> {
         let end = self.at.checked_add(n).filter(|&e| e <= self.bytes.len());
         let Some(end) = end else {
-            return Err(format!(
-                "the data end early: {n} bytes are needed at byte {} of {}",
-                self.at,
-                self.bytes.len()
-            ));
+            return Err(format!("{n} bytes are missing at byte {} of {}", self.at, self.bytes.len()));
         };
         let part = &self.bytes[self.at..end];
         self.at = end;

@@ -108,7 +108,7 @@ impl PictureScores {
     fn are_of_the_noise_free(&self) -> Result<(), String> {
         match self.noise_free {
             Some(n) if n.masked_psnr.is_some() || n.ssim < 1.0 => {
-                Err("the score of the noise-free picture against itself is not perfect".into())
+                Err("a noise-free picture must match itself exactly".into())
             }
             _ => Ok(()),
         }
@@ -117,9 +117,7 @@ impl PictureScores {
     fn reach_at_most(&self, most: f64) -> Result<(), String> {
         let all = [self.model, self.noise_free, self.all_black, self.uniform_box, self.subset];
         match all.into_iter().flatten().filter_map(|s| s.masked_psnr).find(|v| *v > most) {
-            Some(v) => {
-                Err(format!("{v:.2} dB is impossible: different pictures of this size reach at most {most:.2} dB"))
-            }
+            Some(v) => Err(format!("{v:.2} dB is above {most:.2} dB, the limit for pictures that differ")),
             None => Ok(()),
         }
     }
@@ -236,11 +234,7 @@ record! {
 impl Sample {
     fn corners_are_in_order(&self) -> Result<(), String> {
         let b = &self.bounds;
-        if (0..3).all(|k| b.min[k] <= b.max[k]) {
-            Ok(())
-        } else {
-            Err("the corners of a region are out of order".into())
-        }
+        if (0..3).all(|k| b.min[k] <= b.max[k]) { Ok(()) } else { Err("region corners are out of order".into()) }
     }
 }
 

@@ -175,10 +175,7 @@ impl Model {
         };
         if let Some(name) = names.iter().find(|n| !self.layers.iter().any(|l| called(&l.name, n))) {
             let there: Vec<&str> = self.layers.iter().map(|l| &l.name[..]).collect();
-            return Err(crate::Error::argument(format!(
-                "there is no layer `{name}`; the layers are {}",
-                there.join(", ")
-            )));
+            return Err(crate::Error::argument(format!("no layer `{name}`; the layers are {}", there.join(", "))));
         }
         Ok(self.layers.iter().map(|l| names.iter().any(|n| called(&l.name, n))).collect())
     }

@@ -60,9 +60,7 @@ impl ScienceMetrics {
             return Err("r(k) is above 0.99 at a larger k than above 0.9".into());
         }
         match self.groups_within_10_percent_from {
-            Limit::At(n) if n < GROUP_CLASSES[0] as f64 => {
-                Err(format!("group counts start at {n} particles, which is too few"))
-            }
+            Limit::At(n) if n < GROUP_CLASSES[0] as f64 => Err(format!("groups start at {n} particles, too few")),
             _ => Ok(()),
         }
     }

@@ -69,10 +69,7 @@ impl GadgetFile {
         let mut part = GadgetFile { path, bytes, big_endian, named, header, blocks, unknown, order: vec![] };
         match named {
             true if !stated.is_empty() => {
-                return Err(Error::input(
-                    &part.path,
-                    "block names cannot be given: the file is of format 2, which names its blocks",
-                ));
+                return Err(Error::input(&part.path, "format 2 names its own blocks: give no names"));
             }
             true => part.place_named(found)?,
             false => part.place_plain(&found.map(|(_, record)| record).collect::<Vec<_>>(), stated)?,
@@ -133,11 +130,7 @@ impl GadgetFile {
                 Some(block) => self.blocks.push(block),
                 None if stated.contains(&name) && name != order::NONE => {
                     let what = format!("block {name} at byte {} has {} bytes", record.offset, record.length);
-                    return Err(Error::input_with(
-                        &self.path,
-                        what,
-                        "this size does not match the particle counts in the header",
-                    ));
+                    return Err(Error::input_with(&self.path, what, "the counts in the header need another size"));
                 }
                 None => self.unknown.push(format!("at byte {}", record.offset)),
             }

@@ -104,8 +104,7 @@ impl BlockOrder<'_> {
         }
         if mass.is_none() && needed && run > 1 {
             let at = self.records[start].offset;
-            let what =
-                format!("none of the {run} blocks from byte {at} on (one number per particle) looks like masses");
+            let what = format!("none of the {run} blocks from byte {at} on looks like masses");
             let hint = Hint::default().option("gadget-blocks", "POS,VEL,ID,-,MASS");
             let hint = hint.words(" names the blocks after the header; - skips a block");
             return Err(Error::input_with(self.path, what, hint));

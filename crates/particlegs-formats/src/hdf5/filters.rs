@@ -49,9 +49,7 @@ impl Pipeline {
         let stage = |f: &FilterDescription| match f.id {
             FILTER_DEFLATE => Ok(FilterStage::Deflate),
             FILTER_SHUFFLE if f.client_data.first().is_none_or(|&n| n as usize == element) => Ok(FilterStage::Shuffle),
-            FILTER_SHUFFLE => {
-                Err(Error::input(place, "damaged HDF5 file: the shuffle filter has the wrong number size"))
-            }
+            FILTER_SHUFFLE => Err(Error::input(place, "damaged HDF5 file: shuffle has a wrong number size")),
             FILTER_FLETCHER32 => Ok(FilterStage::Fletcher32),
             32000 => Ok(FilterStage::Lzf),
             32004 => Ok(FilterStage::Lz4),

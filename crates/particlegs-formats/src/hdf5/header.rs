@@ -187,11 +187,7 @@ fn count(number: f64, name: &str, place: &str) -> Result<u64> {
     if number >= 0.0 && number.fract() == 0.0 && number <= 9e15 {
         Ok(number as u64)
     } else {
-        Err(Error::input_with(
-            place,
-            format!("{name} contains {number}, which is not a count"),
-            "the header is damaged",
-        ))
+        Err(Error::input_with(place, format!("{name} has {number}, not a count"), "the header is damaged"))
     }
 }
 

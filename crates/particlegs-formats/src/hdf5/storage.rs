@@ -181,7 +181,7 @@ impl Finder<'_> {
         // A last dimension, the number's size, is kept by some versions of the layout.
         let dims = dims.get(..rank).filter(|d| dims.len() <= rank + 1 && d.iter().all(|&n| n > 0));
         let Some(dims) = dims else {
-            return Err(Error::input(self.place, "damaged HDF5 file: the chunk shape is missing"));
+            return Err(Error::input(self.place, "damaged HDF5 file: no chunk shape"));
         };
         let (rows, columns) = (u64::from(dims[0]), dims.get(1).map_or(1, |&n| u64::from(n)));
         let components = self.shape.get(1).copied().unwrap_or(1);

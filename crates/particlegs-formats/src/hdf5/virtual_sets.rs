@@ -50,7 +50,7 @@ pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Opti
     let Some(DataLayout::Chunked { address, .. }) = found else { return Ok(None) };
     let list = list(container, address >> 16, (address & 0xffff) as u16).map_err(|e| broken(&place, &e))?;
     let Some(list) = list else {
-        return Err(Error::input(&place, "damaged HDF5 file: the list of sources is missing"));
+        return Err(Error::input(&place, "damaged HDF5 file: no list of sources"));
     };
     let lengths = file.superblock().length_size;
     let mut extents = Entries { place: &place, path: &container.path, set, lengths }.read(&list)?;

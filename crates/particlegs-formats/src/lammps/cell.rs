@@ -64,9 +64,7 @@ impl LammpsBox {
         };
         bounds.periodic = periodic;
         if !stated {
-            bounds
-                .notes
-                .push("the file does not state which sides of the box are periodic; none is assumed to be".into());
+            bounds.notes.push("the file does not say which sides are periodic: assuming none".into());
         }
         if bounds.cell().is_none() {
             bounds.notes.push("the box has no volume and is ignored".into());

@@ -161,7 +161,7 @@ impl Sections<'_, '_> {
                     break;
                 }
                 ["ITEM:", ..] => {
-                    return Err(self.error(format!("section {} does not belong in a dump of atoms", shown(&line))));
+                    return Err(self.error(format!("unexpected section {}", shown(&line))));
                 }
                 _ => return Err(self.error(format!("{} is not an `ITEM:` line", shown(&line)))),
             }
@@ -175,8 +175,9 @@ impl Sections<'_, '_> {
             LammpsFrameHead { count: None, .. } => Err(self.error("`ITEM: NUMBER OF ATOMS` is missing")),
             _ if !has_box => Err(self.error("`ITEM: BOX BOUNDS` is missing")),
             LammpsFrameHead { columns, .. } if columns.is_empty() => Err(self.error("`ITEM: ATOMS` lists no columns")),
-            LammpsFrameHead { columns, .. } if columns.len() > MOST_COLUMNS => Err(self
-                .error(format!("`ITEM: ATOMS` lists {} columns; at most {MOST_COLUMNS} are supported", columns.len()))),
+            LammpsFrameHead { columns, .. } if columns.len() > MOST_COLUMNS => {
+                Err(self.error(format!("`ITEM: ATOMS` has {} columns; at most {MOST_COLUMNS} fit", columns.len())))
+            }
             _ => Ok(()),
         }
     }

@@ -181,7 +181,7 @@ fn faults_are_named() {
         ("ITEM: ATOMS x y z\n1 2 3\n1 2 3\n1 2 3\n", "line 12 is `1 2 3`, but frame 0 states only 2 atoms"),
         ("ITEM: ATOMS\n1\n2\n", "lists no columns"),
         ("ITEM: ATOMS vx vy vz\n1 2 3\n1 2 3\n", "no columns are named as positions"),
-        ("ITEM: GRID\n", "does not belong in a dump of atoms"),
+        ("ITEM: GRID\n", "unexpected section"),
     ];
     for (text, expected) in cases {
         let message = message(&format!("{HEAD}{text}"));

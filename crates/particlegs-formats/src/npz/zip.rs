@@ -20,8 +20,7 @@ pub struct ZipMember {
 /// All members. An archive without a table of contents, or with a member whose name leads out of it, is refused.
 pub fn members(bytes: &Bytes) -> TextResult<Vec<ZipMember>> {
     let archive = ZipArchive::from_slice(&bytes[..]).ok().filter(|a| a.end_offset() == bytes.len() as u64);
-    let archive =
-        archive.ok_or("the table of contents at the end is missing: the file is cut short or not a ZIP archive")?;
+    let archive = archive.ok_or("no table of contents: the file is cut short or not a ZIP archive")?;
     let count = archive.entries_hint();
     if count > MOST_MEMBERS {
         return Err(format!("the table of contents lists too many members: {count}"));
@@ -63,9 +62,7 @@ fn content(
         CompressionMethod::DEFLATE => StreamCoding::Deflate { crc: entry.crc32() },
         other => {
             let method = other.as_u16();
-            return Err(format!(
-                "its compression (ZIP method {method}) is not supported: use numpy.savez or numpy.savez_compressed"
-            ));
+            return Err(format!("its compression (ZIP method {method}) is not supported: use numpy.savez"));
         }
     };
     let found =

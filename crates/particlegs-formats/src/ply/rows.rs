@@ -90,10 +90,7 @@ impl RowFormat {
             }
             let left = (bytes.len() as u64 - at - length.bytes()) / property.kind.bytes();
             if items > left as f64 {
-                return Err(format!(
-                    "list `{}` has {items} items, but the file ends early",
-                    property.name.escape_debug()
-                ));
+                return Err(format!("list `{}` of {items} items is cut short", property.name.escape_debug()));
             }
             at += length.bytes() + items as u64 * property.kind.bytes();
         }

@@ -142,18 +142,14 @@ fn part(
     if !(3 * kind.bytes()..=4096).contains(&stride) {
         return Err(format!("positions have a wrong stride of {stride} bytes"));
     }
-    let offset =
-        view.byte_offset.checked_add(accessor.byte_offset).ok_or("positions begin beyond the end of the file")?;
+    let offset = view.byte_offset.checked_add(accessor.byte_offset).ok_or("positions begin beyond the end")?;
     let lane =
         |k: u64| StridedColumn { offset: offset.saturating_add(k * kind.bytes()), stride, kind, big_endian: false };
     // Within the view, and the view within the binary data.
     let view_end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= binary.end - binary.start);
     let end = view_end.ok_or("positions are beyond the end of the file")?;
     if !(0..3).all(|k| lane(k).fits(accessor.count, end as usize)) {
-        return Err(format!(
-            "{} positions do not fit into their buffer view of {} bytes",
-            accessor.count, view.byte_length
-        ));
+        return Err(format!("{} positions exceed their view of {} bytes", accessor.count, view.byte_length));
     }
     let axes = [0, 1, 2].map(|k| StridedColumn { offset: lane(k).offset + binary.start, ..lane(k) });
     let world = world.after(&Affine::scale(1.0 / largest));

@@ -47,8 +47,8 @@ fn lies_in_documents_are_refused() {
     };
     refused(r#""scenes":[{"nodes":[0]}],"nodes":[{"mesh":0,"children":[0]}],"#, ARRAYS, "two parents");
     refused(r#""scenes":[{"nodes":[7]}],"#, ARRAYS, "does not exist");
-    refused("", &ARRAYS.replace("\"count\":2", "\"count\":3"), "not fit into their buffer view");
-    refused("", &ARRAYS.replace("\"count\":2", "\"count\":18446744073709551615"), "not fit into their buffer view");
+    refused("", &ARRAYS.replace("\"count\":2", "\"count\":3"), "exceed their view");
+    refused("", &ARRAYS.replace("\"count\":2", "\"count\":18446744073709551615"), "exceed their view");
     refused("", &ARRAYS.replace(r#"0,"byteLength":24"#, r#"0,"byteLength":9999999999"#), "beyond the end");
     refused("", &ARRAYS.replace("\"mode\":0", "\"mode\":4"), "no primitive of mode POINTS");
     refused("", &ARRAYS.replace("VEC3", "VEC4"), "VEC3");

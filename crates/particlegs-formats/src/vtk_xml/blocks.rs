@@ -75,9 +75,7 @@ impl CompressedBlocks {
         let head = stream.get(bytes, 0..3 * integers.size)?;
         let [count, block, last] = [0, 1, 2].map(|i| integers.get(&head, i));
         if count == 0 || count > MOST_BLOCKS || count > bytes.len() as u64 || block == 0 {
-            return Err(format!(
-                "the header says {count} compressed blocks of {block} bytes, which the file cannot hold"
-            ));
+            return Err(format!("{count} compressed blocks of {block} bytes exceed the file"));
         }
         let last = if last == 0 { block } else { last };
         let whole = (count - 1).checked_mul(block).and_then(|n| n.checked_add(last));
@@ -85,10 +83,7 @@ impl CompressedBlocks {
             return Err(format!("the compressed blocks hold {} bytes instead of {length}", whole.unwrap_or(u64::MAX)));
         }
         if block.min(length) > codecs::MOST_BYTES as u64 {
-            return Err(format!(
-                "compressed blocks of {block} bytes are too large; at most {} are supported",
-                codecs::MOST_BYTES
-            ));
+            return Err(format!("compressed blocks of {block} bytes exceed {}", codecs::MOST_BYTES));
         }
         let header = (3 + count) * integers.size;
         let sizes = stream.get(bytes, 3 * integers.size..header)?;
