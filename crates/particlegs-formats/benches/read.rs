@@ -21,6 +21,8 @@ fn read(bencher: Bencher, ending: &str) {
     let writer = Writer::for_output(&file, None).expect("a known ending");
     writer.write(&kept, &file, &Context::SILENT).expect("room for 100 MB");
     bencher.counter(ItemsCount::new(n)).bench(|| {
-        Choice::default().read(std::slice::from_ref(&file), &Storage::Memory, &Context::SILENT).expect("what was written")
+        Choice::default()
+            .read(std::slice::from_ref(&file), &Storage::Memory, &Context::SILENT)
+            .expect("what was written")
     });
 }

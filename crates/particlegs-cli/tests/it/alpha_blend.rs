@@ -72,7 +72,7 @@ fn merging_takes_the_network_of_the_first_block() {
     assert_eq!((whole.gaussians(), whole.metadata.count, whole.vizmapper().is_some()), (64, 262_144, true));
     dir.runs("verify ab.pgs");
     dir.write("c.pgs", tiny(30..64, LawKind::OpticalDepth));
-    dir.fails("merge a.pgs c.pgs -o no.pgs", 3, "its image law is optical-depth");
+    dir.fails("merge a.pgs c.pgs -o no.pgs", 3, "the image law is optical-depth");
     assert!(!dir.at("no.pgs").exists());
 }
 

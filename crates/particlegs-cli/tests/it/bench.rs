@@ -65,7 +65,7 @@ fn what_is_there_is_listed() {
 #[test]
 fn what_cannot_be_measured_is_refused() {
     let dir = folder();
-    let unknown = "no experiment \"nothing\": all, rate-distortion";
+    let unknown = "no experiment \"nothing\": use `all` or one of rate-distortion";
     dir.fails("bench nothing x -o y", 2, unknown);
     dir.fails("bench all", 2, "`bench` needs a snapshot and a folder for the results");
     dir.fails(&format!("{BENCH} a --ratios 0.5"), 2, "--ratios: 0.5 is not above 1");

@@ -127,7 +127,7 @@ fn what_is_missing_broken_or_changed_is_named() {
     let mut changed = x;
     changed[4 * 70_000] ^= 1;
     dir.write("snapshot/xx.f32", changed);
-    dir.fails("scatter job 1", 3, "changed after `plan`: its particles 65536 to 131071");
+    dir.fails("scatter job 1", 3, "changed after `plan`: particles 65536 to 131071");
     dir.fails(merge, 3, "changed after `plan`");
     dir.fails("verify job", 3, "changed after `plan`");
     dir.runs(&format!("{merge} --certificate=none --quiet"));

@@ -44,7 +44,7 @@ fn merging_is_exact_whatever_the_order() {
         assert!((together.data[i] - sum).abs() <= tolerance * brightest.max(1.0), "{} {sum}", together.data[i]);
     }
 
-    dir.fails("merge a.pgs a.pgs -o no.pgs", 2, "twice");
+    dir.fails("merge a.pgs a.pgs -o no.pgs", 2, "a block is in several parts");
     dir.fails("merge a.pgs none.pgs -o no.pgs", 6, "none.pgs");
     dir.write("half.pgs", &one[..one.len() / 2]);
     dir.fails("merge a.pgs half.pgs -o no.pgs", 4, "half.pgs");
@@ -93,7 +93,7 @@ fn recovered_particles_say_what_they_are() {
     assert_eq!(listing(&dir.at("npy")), ["meta.json", "positions.npy"]);
 
     for (code, text, more) in [
-        (2, "0 particles", "--particles 0"),
+        (2, "1 to 2^53, not 0", "--particles 0"),
         (2, "no layer `gas`", "--layer gas"),
         (2, "scale", "--scale 0"),
         (6, "", "--particles 900000000000000"),

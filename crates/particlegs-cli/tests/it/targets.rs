@@ -85,7 +85,7 @@ fn what_cannot_be_measured_is_refused_before_the_fit() {
         ("--min-correlation 1 --cell 1", "the correlation 1 is not between 0 and 1"),
         ("--min-correlation 0.9 --cell 26", "cells of 26 are too large"),
         ("--min-correlation 0.9 --cell 1e-4", "cells of 0.0001 are too small"),
-        ("--groups-within 10% --from 19", "20 or more: not from 19"),
+        ("--groups-within 10% --from 19", "at least 20 particles, not 19"),
         ("--groups-within 10% --from 5000", "groups of 5000 particles or more"),
         ("--groups-within 10% --from 100 --ratio 100", "cannot be used with"),
         ("--groups-within 10% --from 100 --psnr 30", "cannot be used with"),
