@@ -162,7 +162,8 @@ mod tests {
         assert_eq!(words(1 << 24), "no target given: using ratio 300.0, 671088 bytes");
         let choices =
             [(1 << 21, "ratio 100.7, 250000 bytes; ratio 300 is"), (1 << 18, "ratio 100.0, 31457 bytes; a larger")];
-        for (particles, start) in choices.into_iter().chain([(5000, "ratio 8.3, 7200 bytes; ratio 100 has too few")]) {
+        for (particles, start) in choices.into_iter().chain([(5000, "ratio 8.3, 7200 bytes; ratio 100 leaves too few")])
+        {
             assert!(words(particles).starts_with(&format!("no target given: using {start}")), "{}", words(particles));
         }
         assert_eq!(Target::Ratio(300.0).describe_choice(1000), None);

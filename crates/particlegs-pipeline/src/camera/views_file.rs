@@ -173,7 +173,7 @@ mod tests {
             let said = read(of_file, more).unwrap_err();
             assert!(said.contains(text), "{said}");
         };
-        fails(none.clone(), json!({}), "its window is missing");
+        fails(none.clone(), json!({}), "set fov_deg");
         fails(none.clone(), json!({ "height_world": 5.0, "fov_deg": 30.0 }), "both");
         fails(none.clone(), json!({ "height_world": -5.0 }), "must be positive");
         // A perspective view begins in front of the eye.
