@@ -354,7 +354,7 @@ fn merged_files_take_the_network_of_the_first_block() {
     let mut other = part(5);
     (other.metadata.law, other.layers[0].content[0].gaussians.law) = (LawKind::OpticalDepth, Law::OpticalDepth);
     let error = merge(&[a, &encoded(&other)]).unwrap_err().to_string();
-    assert!(error.contains("its image law is optical-depth, that of part 0 is alpha-blend"), "{error}");
+    assert!(error.contains("the image law is optical-depth, but that of part 0 is alpha-blend"), "{error}");
 }
 
 #[test]

@@ -101,7 +101,7 @@ impl Merge {
         let digests = digests(&layers);
         if digests.windows(2).any(|w| w[0] == w[1]) {
             let hint = "name each model file once".to_string();
-            return Err(Error::Argument { what: "a block is in several parts".into(), hint: hint.into() });
+            return Err(Error::Argument { what: "the files hold the same block twice".into(), hint: hint.into() });
         }
         (metadata.count, metadata.mass) = sums(&layers)?;
         metadata.default_radius = metadata.bounds.default_radius(metadata.count);

@@ -329,7 +329,7 @@ mod tests {
         for (text, what) in [
             ("", "no centres"),
             ("x,y,z\n", "no centres"),
-            ("1,2,3\n1,2\n", "line 2: 2 columns"),
+            ("1,2,3\n1,2\n", "line 2: there are only 2 columns"),
             ("1,2,3\n1,b,3\n", "line 2: `b` is not"),
             ("1,2,inf\n", "line 1: `inf` is not"),
             ("1,2,3,-1\n", "line 1: the radius -1"),

@@ -76,8 +76,8 @@ fn names_state_units_and_masses() {
 #[test]
 fn faults_are_named() {
     let cases: [(&[u8], &str); 7] = [
-        (b"x,y,z\n1,2,3\n4,5\n", "line 3 has 2 columns, not 3"),
-        (b"x,y,z\n1,2,3\n4,5,6,7\n", "line 3 has 4 columns, not 3"),
+        (b"x,y,z\n1,2,3\n4,5\n", "line 3 has 2 columns; expected 3"),
+        (b"x,y,z\n1,2,3\n4,5,6,7\n", "line 3 has 4 columns; expected 3"),
         (b"x,y,z\n1,2,3\n\n4,,6\n", "line 4 column 2 (`y`): `` is not a number"),
         (b"x,y,z\n1,2,3\n4,\xff,6\n", "line 3 is not UTF-8 text"),
         (b"x,y,z\n1,2\0,3\n", "line 2 has the byte 0x00"),

@@ -65,7 +65,7 @@ mod tests {
         let first = records.at(0).unwrap();
         assert_eq!(first, GadgetRecord { offset: 4, length: 2 });
         assert!(records.at(first.end()).unwrap_err().contains("9 bytes"));
-        assert!(records.at(13).unwrap_err().contains("middle"));
+        assert!(records.at(13).unwrap_err().contains("inside"));
         assert!(records.at(u64::MAX).is_err());
         let bad = [1, 0, 0, 0, 7, 2, 0, 0, 0];
         assert!(Records { bytes: &bad, big_endian: false }.at(0).unwrap_err().contains("must be equal"));

@@ -174,8 +174,8 @@ fn frames_are_counted_and_the_last_or_a_chosen_one_is_read() {
 #[test]
 fn faults_are_named() {
     let cases = [
-        ("ITEM: ATOMS x y z\n1 2\n1 2 3\n", "line 10 has 2 columns, not 3"),
-        ("ITEM: ATOMS x y z\n1 2 3 4\n1 2 3\n", "line 10 has 4 columns, not 3"),
+        ("ITEM: ATOMS x y z\n1 2\n1 2 3\n", "line 10 has 2 columns; expected 3"),
+        ("ITEM: ATOMS x y z\n1 2 3 4\n1 2 3\n", "line 10 has 4 columns; expected 3"),
         ("ITEM: ATOMS x y z\n1 2 3\n1 abc 3\n", "line 11 column 2 (`y`): `abc` is not a number"),
         ("ITEM: ATOMS x y z\n1 2 3\n", "frame 0 is cut off: it states 2 atoms, but only 1 lines follow"),
         ("ITEM: ATOMS x y z\n1 2 3\n1 2 3\n1 2 3\n", "line 12 is `1 2 3`, but frame 0 states only 2 atoms"),

@@ -246,6 +246,6 @@ mod tests {
         for descr in ["'f4'", "'<'", "'<f'", "7", "[('a',)]", "'<x4'"] {
             assert!(of(descr, "(2, 3)").is_err(), "{descr}");
         }
-        assert!(NpyHeader::read(&b"\x93NUMPY\x02\x00\xff\xff\xff\xff"[..]).unwrap_err().contains("longer"));
+        assert!(NpyHeader::read(&b"\x93NUMPY\x02\x00\xff\xff\xff\xff"[..]).unwrap_err().contains("too long"));
     }
 }

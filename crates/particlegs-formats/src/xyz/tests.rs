@@ -25,7 +25,7 @@ fn message(text: &str) -> String {
 #[test]
 fn plain_frames_with_species_by_symbol() {
     let text = "3\nfirst\nH 0 0 0\nO 1 2 3 9\nH 4 5 6\n";
-    assert!(message(text).contains("line 4 has 5 columns, not 4"));
+    assert!(message(text).contains("line 4 has 5 columns; expected 4"));
     let text = "3\nfirst\n H 0 0 0\n O 1 2 3\n H 4 5 6\n 1\n\nO 7 8 9\n\n";
     let (d, got) = open(text, Some(0), &Choice::default()).unwrap();
     assert_eq!((d.frames.unwrap().count, d.format), (2, "XYZ".into()));

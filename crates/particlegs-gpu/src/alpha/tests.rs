@@ -348,7 +348,7 @@ fn limits_are_told() {
     let mut bad = gaussians.clone();
     bad.mean[1][17] = f64::NAN;
     let bad = told(Gaussians::upload_in(&device, &scene(&bad), 10).map(drop).unwrap_err());
-    assert_eq!(bad, "Gaussian 17: its mean is not finite");
+    assert_eq!(bad, "Gaussian 17: the mean is not finite");
     let mut beyond = gaussians.clone();
     beyond.mean[2][3] = 1e9;
     let beyond = told(Gaussians::upload(&device, &scene(&beyond)).map(drop).unwrap_err());

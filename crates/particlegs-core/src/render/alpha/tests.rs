@@ -265,9 +265,9 @@ fn faults_are_named() {
     let mut m = model(20, None);
     let mut v = world_view(&m);
     m.layers[0].content[0].gaussians.mean[1][17] = f64::NAN;
-    assert_eq!(fault(&m, &v), "Gaussian 17: its mean is not finite");
+    assert_eq!(fault(&m, &v), "Gaussian 17: the mean is not finite");
     m.layers[0].content[0].gaussians.law.alpha_blend_mut().unwrap().opacity[3] = f64::INFINITY;
-    assert_eq!(fault(&m, &v), "Gaussian 3: its opacity is not finite");
+    assert_eq!(fault(&m, &v), "Gaussian 3: the opacity is not finite");
     m.layers[0].content[0].gaussians.law = Law::OpticalDepth;
     assert!(fault(&m, &v).contains("no opacities"));
     v.camera.projection = Projection::Orthographic { height_world: 50.0 };
