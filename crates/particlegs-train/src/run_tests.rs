@@ -154,7 +154,7 @@ fn states_of_other_runs_are_refused() {
     let config = config(LawKind::OpticalDepth, 4);
     let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
     let error = training.run(InitialGaussians::Fit(&start), &mut kept, &Context::SILENT).unwrap_err();
-    assert!(error.to_string().contains("the checkpoint: no column `run`"), "{error}");
+    assert!(error.to_string().contains("no column `run`"), "{error}");
 }
 
 #[test]
