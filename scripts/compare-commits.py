@@ -6,8 +6,8 @@ Usage: scripts/compare-commits.py BEFORE AFTER [BENCH...] [--rounds N]
   BENCH         benchmarks by name (default: all): codec fit reference render read
   --rounds N    times that each is run, in turns (default: 3); the median of the rounds' medians counts
 
-Each commit is built in a worktree of its own below the target folder. The table goes to standard output, as Markdown; one
-for each machine is kept in docs/results/benchmarks.md. GPU kernels are measured by `particlegs bench gpu`.
+Each commit is built in a worktree of its own below the target folder. The table goes to standard output, as Markdown, and
+leaves out what only one of the two has. GPU kernels are measured by `particlegs bench gpu`.
 """
 
 import argparse
@@ -40,7 +40,9 @@ def tree_of(root: Path, commit: str) -> Path:
 
 
 def medians(tree: Path, bench: str) -> dict[str, float]:
-    """Seconds of each case, by the table that divan prints: fastest, slowest, median, mean."""
+    """Seconds of each case, by the table that divan prints: fastest, slowest, median, mean. None without the benchmark."""
+    if not (tree / f"crates/particlegs-{PACKAGES[bench]}/benches/{bench}.rs").exists():
+        return {}
     printed = run("cargo", "bench", "--locked", "-q", "-p", f"particlegs-{PACKAGES[bench]}", "--bench", bench, cwd=tree)
     found, group = {}, ""
     for line in printed.splitlines():

@@ -42,7 +42,8 @@ for python in "${pythons[@]}"; do
                 for device in 0 cpu; do
                     particlegs render command.pgs --size 160x90 --device $device --quiet -o $device >/dev/null
                 done
-                particlegs compare 0 cpu
+                particlegs compare 0 cpu --json views.json
+                python -c 'import json; assert all(v["largest_difference"] <= 1 for v in json.load(open("views.json"))["views"])'
             fi
             python "$here/scripts/import-time.py" --at-most 0.2
         )
