@@ -1,4 +1,4 @@
-//! What users do who need fewer bytes: a random subset of the particles, drawn larger.
+//! What users do to save bytes: keep a random subset of the particles and draw it larger.
 
 use crate::PositionColumns;
 use particlegs_pipeline::codec::Thinning;
@@ -7,16 +7,16 @@ use particlegs_pipeline::math::each_axis;
 use particlegs_pipeline::space::Bounds;
 use particlegs_pipeline::{Error, Result};
 
-/// A random subset as its coded bytes have it.
+/// A random subset, after decoding.
 pub struct CodedSubset {
     pub particles: PositionColumns,
     pub bytes: u64,
-    /// What the radius is multiplied by, sqrt(N / kept), so that as much light is covered.
+    /// Factor of the radius, sqrt(N / kept), so that the same area is covered.
     pub radius_factor: f64,
 }
 
-/// The most particles, the first of one random order of all, whose places within 0.05 of the mean spacing
-/// ([`mean_spacing`]) take at most `bytes`, as they come back from their coded form. `None` where not one fits.
+/// The largest subset, in one random order, whose positions, coded within 0.05 of the [`mean_spacing`], take at most
+/// `bytes`. `None` if not one particle fits.
 pub fn subset(
     particles: &PositionColumns,
     bytes: u64,
@@ -41,8 +41,7 @@ pub fn subset(
     }))
 }
 
-/// The edge of a particle's share of the box around all: the cube root of volume over number; axes without an extent
-/// count as the longest. 1 for no particles.
+/// Cube root of the bounds' volume per particle; axes without extent count as the longest. 1 for no particles.
 pub fn mean_spacing(particles: &PositionColumns) -> f64 {
     match particles[0].len() {
         0 => 1.0,

@@ -32,7 +32,7 @@ fn damaged_bytes_are_refused() {
         for flip in [1, 0x80, 0xff] {
             let mut bad = plain.clone();
             bad[i] ^= flip;
-            // Whatever comes, it is no panic.
+            // Nothing may panic.
             let _ = Lcp.decompress(&packed(&bad));
         }
         let _ = Lcp.decompress(&packed(&plain[..i]));
