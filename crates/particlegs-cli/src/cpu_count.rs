@@ -1,22 +1,22 @@
-//! How many threads this process was given: by the batch system, the control group, the affinity mask.
+//! Number of threads this process may use, by batch system, control group and affinity mask.
 
 use std::num::NonZeroUsize;
 
-/// Variables that say how many threads a process may start, the most explicit first. Those of batch
-/// systems come before OMP_NUM_THREADS, which some sites set to 1 for everyone.
+/// Environment variables with a number of threads, most explicit first. Those of batch systems come before
+/// OMP_NUM_THREADS, which some sites set to 1 for everyone.
 const VARIABLES: [&str; 7] =
     ["RAYON_NUM_THREADS", "SLURM_CPUS_PER_TASK", "PBS_NCPUS", "NCPUS", "LSB_DJOB_NUMPROC", "NSLOTS", "OMP_NUM_THREADS"];
 
-/// Threads to use where `--threads` does not say.
+/// Default of `--threads`.
 pub fn threads() -> usize {
-    // Asks for the affinity mask and, on Linux, the control group's quota.
+    // This respects the affinity mask and, on Linux, the quota of the control group.
     let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     threads_of(|name| std::env::var(name).ok(), cores)
 }
 
 /// As [`threads`], on a machine that lets this process use `cores`.
 fn threads_of(variable: impl Fn(&str) -> Option<String>, cores: usize) -> usize {
-    // OMP_NUM_THREADS may be a list, one number a level.
+    // OMP_NUM_THREADS may be a list, one number per level.
     let number = |name: &str| {
         let text = variable(name)?;
         text.split(',').next().unwrap_or("").trim().parse::<usize>().ok().filter(|n| *n > 0)
@@ -30,7 +30,7 @@ fn threads_of(variable: impl Fn(&str) -> Option<String>, cores: usize) -> usize 
         .map_or(cores, |n| n.min(cores))
 }
 
-/// The cores that a Slurm job of one task has on its node, where it did not ask by `--cpus-per-task`.
+/// Cores of a Slurm job with one task on its node, without `--cpus-per-task`.
 fn slurm_node(number: &impl Fn(&str) -> Option<usize>) -> Option<usize> {
     let alone = number("SLURM_NTASKS").is_none_or(|tasks| tasks == 1);
     number("SLURM_CPUS_ON_NODE").filter(|_| alone)

@@ -1,4 +1,4 @@
-//! What the command says of an error: its exit code, and what to do, in the command's own terms.
+//! Exit codes and hints of errors, in terms of the command line.
 
 use particlegs_pipeline::{Error, Hint};
 
@@ -14,7 +14,7 @@ pub fn exit_code(error: &Error) -> u8 {
         Error::Differs { .. } => 9,
         Error::Checkpointed { .. } => 75,
         Error::Cancelled => 130,
-        // Reading or writing, and what is to come.
+        // Reading, writing and future kinds.
         _ => 6,
     }
 }

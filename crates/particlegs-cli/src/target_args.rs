@@ -1,4 +1,4 @@
-//! How large a model is to be. Commands add what they mean where nothing is said.
+//! Target of a model: size or quality. Commands add their default.
 
 use crate::error_text::option_error;
 use clap::{Arg, Args};
@@ -22,7 +22,7 @@ pub struct TargetArgs {
     gaussians: Option<u64>,
 }
 
-/// --ratio with what holds where nothing is said.
+/// Adds a default to the help of --ratio.
 pub fn with_default(ratio: Arg, default: &str) -> Arg {
     let noted = |help: Option<&clap::builder::StyledStr>| {
         help.map(|h| h.to_string().replace("to reach", &format!("to reach [default: {default}]")))
@@ -104,7 +104,7 @@ pub struct GoalArgs {
 }
 
 impl GoalArgs {
-    /// The target; `None` where no quality is asked for.
+    /// The target; `None` without a target of quality.
     pub fn target(&self) -> Result<Option<Target>> {
         if let Some(d) = self.psnr {
             return Target::Psnr(d).check().map(Some);

@@ -118,7 +118,7 @@ pub fn run(a: Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The views, their size, and where they are from in words.
+/// The views, their size, and a text about their origin.
 fn views(a: &Arguments, model: &Model, context: &CommandContext) -> Result<(Vec<View>, Size, String)> {
     if let Some(path) = &a.views {
         let ViewsFile(set) = ViewsFile::read(path, context)?;

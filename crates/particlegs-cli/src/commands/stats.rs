@@ -161,7 +161,7 @@ impl StatsInput {
         }
     }
 
-    /// What its numbers are in, and its box.
+    /// Units and box.
     fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
         match self {
             StatsInput::Particles(p) => (p.meta.unit_system(), p.meta.cell),
