@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_too_much_differs_unless_it_is_completed() {
+    fn missing_and_extra_numbers_differ_unless_completed() {
         let full =
             Certificate { groups: Some(Default::default()), held_out: Some(Default::default()), ..certificate() };
         let differing = |a: &Certificate, b: &Certificate, completes| {
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn scores_above_the_noise_free_pictures_are_hard_to_believe() {
+    fn scores_above_the_noise_free_pictures_are_doubtful() {
         let c = certificate();
         assert!(doubts(&c).is_empty());
         let mut forged = c;

@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_batch_system_says_how_many() {
+    fn the_batch_system_sets_the_number_of_threads() {
         let with = |variables: &[(&str, &str)]| {
             threads_of(|name| variables.iter().find(|v| v.0 == name).map(|v| v.1.to_string()), 16)
         };
@@ -72,7 +72,7 @@ mod tests {
 
     /// The machine knows best what it lets a process use; what is no number says nothing.
     #[test]
-    fn never_more_than_there_are_and_never_none() {
+    fn the_number_of_threads_is_within_1_and_the_cores() {
         let with = |text: &str| threads_of(|name| (name == "SLURM_CPUS_PER_TASK").then(|| text.to_string()), 16);
         assert_eq!(["64", "0", "-1", "many", ""].map(with), [16; 5]);
     }

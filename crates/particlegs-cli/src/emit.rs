@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn every_place_is_filled_once() {
+    fn every_placeholder_is_filled_once() {
         for engine in [JobEngine::Slurm, JobEngine::Snakemake] {
             let text = script(engine, &JobScript { folder: "/scratch/job".into(), ..job() }).unwrap();
             for name in ["PROGRAM", "JOB", "MODEL", "CHUNKS", "BLOCKS", "MEMORY", "MERGE_MEMORY", "THREADS"] {
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn slurm_says_what_the_plan_says() {
+    fn the_slurm_script_matches_the_plan() {
         let text = script(JobEngine::Slurm, &job()).unwrap();
         for line in [
             "program=/opt/particlegs\n",
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn snakemake_says_what_the_plan_says() {
+    fn the_snakefile_matches_the_plan() {
         let text = script(JobEngine::Snakemake, &JobScript { folder: "/s/a \"b\" \\c é".into(), ..job() }).unwrap();
         for line in [
             "PROGRAM = \"/opt/particlegs\"\n",
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_cannot_stand_in_a_script_is_refused() {
+    fn a_path_that_a_script_cannot_quote_is_refused() {
         for engine in [JobEngine::Slurm, JobEngine::Snakemake] {
             assert!(script(engine, &JobScript { folder: "a\nb".into(), ..job() }).is_err());
         }
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn words_survive_the_shell() {
+    fn arguments_survive_the_shell() {
         for word in ["", "plain/path.pgs", "a b", "it's", "$HOME `x` \"y\" \\ * {1}", "é", "-o"] {
             let echo = Command::new("sh").arg("-c").arg(format!("printf %s {}", shell_word(word))).output();
             let output = echo.expect("a shell");

@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn remedies_name_the_options_that_bring_them_about() {
+    fn hints_name_the_options_that_help() {
         let fit = |broken| {
             let hint = Hint::from(if broken { "delete it and run " } else { "run " });
             hint.command("block", "job 3")

@@ -128,7 +128,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     }
     row("particles", m.count.to_string());
     let of = m.weight_name().map_or_else(String::new, |name| format!(" of `{name}`"));
-    row("weights", format!("{}{of} in total (1 per particle in layers without any)", m.mass));
+    row("weights", format!("{}{of} in total (1 per particle in layers without weights)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::to_string));
     row("default radius", number(m.default_radius));
@@ -137,7 +137,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("source BLAKE3", hex(&m.source_hash));
     row("unit of length", info_snapshot::length(&m.units));
     info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
-    row("kept", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
+    row("raw data", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
     row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
     row("command", m.recipe.to_string());
     row("made by", format!("particlegs {}", m.tool_version));

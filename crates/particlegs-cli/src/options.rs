@@ -230,7 +230,7 @@ mod tests {
 
     /// Every command and option of the table exists: a renamed one would never be refused.
     #[test]
-    fn the_table_names_what_there_is() {
+    fn the_rules_name_existing_options() {
         let cli = crate::Cli::command();
         for rule in RULES {
             for name in rule.commands.split(' ') {

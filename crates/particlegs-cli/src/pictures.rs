@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_have_their_sign_and_a_round_reach() {
+    fn errors_have_their_sign_and_a_round_range() {
         let size = Size { width: 4, height: 1 };
         let gray = |data: [u8; 4]| Gray8 { size, data: data.to_vec() };
         let (image, bar) = error(&gray([100; 4]), &gray([100, 103, 96, 100]));
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn thousands_stand_apart() {
+    fn thousands_are_separated() {
         assert_eq!([2633, 20_000, 2_097_152].map(grouped), ["2633", "20\u{a0}000", "2\u{a0}097\u{a0}152"]);
     }
 }

@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_moves_the_cursor_is_escaped() {
+    fn cursor_movements_are_escaped() {
         assert!(matches!(printable("Größe 10⁻³ (Mpc/h)³\nnext"), Cow::Borrowed(_)));
         assert_eq!(printable("a\u{1b}]0;title\u{7}b"), "a\\u{1b}]0;title\\u{7}b");
         assert_eq!(printable("\u{9b}2J\u{7f}\r"), "\\u{9b}2J\\u{7f}\\r");

@@ -367,13 +367,13 @@ mod tests {
     }
 
     #[test]
-    fn durations_are_said_in_two_units_at_most() {
+    fn durations_have_at_most_two_units() {
         let said = [0, 59, 60, 3599, 3600, 90_061].map(|s| duration(at(s)));
         assert_eq!(said, ["0 s", "59 s", "1 min 0 s", "59 min 59 s", "1 h 0 min", "25 h 1 min"]);
     }
 
     #[test]
-    fn a_phase_says_what_how_far_and_how_long() {
+    fn a_phase_shows_its_name_share_and_time() {
         let record = ShownRecord::default();
         let mut d = Display::new(Box::new(record.clone()));
         d.begin("fitting", 200, at(10));
@@ -399,7 +399,7 @@ mod tests {
 
     /// What an earlier run did says nothing about the rate of this one.
     #[test]
-    fn a_phase_that_goes_on_tells_the_time_left_by_its_own_steps() {
+    fn a_resumed_phase_estimates_time_from_its_own_steps() {
         let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("training", 100, at(0));
         d.advance(70);
@@ -426,7 +426,7 @@ mod tests {
 
     /// A step of the inner phase is worth telling until the first of the outer one is done.
     #[test]
-    fn the_inner_phase_is_told_until_the_outer_one_moves() {
+    fn the_inner_phase_is_shown_until_the_outer_one_advances() {
         let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("views", 4, at(0));
         d.begin("drawing", 10, at(0));
@@ -442,7 +442,7 @@ mod tests {
 
     /// Whatever the work says or does not say, two seconds never pass with the same line.
     #[test]
-    fn the_line_never_stands_still() {
+    fn the_live_line_keeps_moving() {
         let record = ShownRecord::default();
         let mut d = Display::new(Box::new(record.clone()));
         for second in 0..10 {
@@ -461,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn totals_that_were_estimates_do_not_go_beyond_the_whole() {
+    fn estimated_totals_do_not_exceed_the_whole() {
         let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("partition", 977, at(0));
         d.advance(1037);
@@ -497,7 +497,7 @@ mod tests {
 
     /// The thread asks by itself, and ends with the meter.
     #[test]
-    fn a_meter_shows_without_being_asked() {
+    fn a_meter_updates_on_its_own() {
         let record = ShownRecord::default();
         let meter = Meter::with(Box::new(record.clone()), Duration::from_millis(1));
         meter.begin("reading", 0);

@@ -259,7 +259,7 @@ mod tests {
 
     /// What is said of the options gives them again.
     #[test]
-    fn options_are_said_as_they_are_given() {
+    fn options_are_reported_as_given() {
         let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.describe();
         assert_eq!(of(&[]), None);
         let rest = "--particle-type 1,dm --mass-field none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \

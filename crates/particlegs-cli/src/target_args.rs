@@ -6,7 +6,10 @@ use particlegs_pipeline::compress::Target;
 use particlegs_pipeline::model::{Goal, GoalKind};
 use particlegs_pipeline::{Error, Result};
 
+const HEADING: &str = "Target (choose one)";
+
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = HEADING)]
 #[group(multiple = false)]
 pub struct TargetArgs {
     /// Compression ratio to reach.
@@ -62,6 +65,7 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
 }
 
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = HEADING)]
 pub struct GoalArgs {
     /// Masked PSNR to reach, in dB; --help lists targets for P(k), density and groups.
     ///

@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_rows_are_broken_at_blanks() {
+    fn long_rows_are_wrapped_at_spaces() {
         let fields = (0..60).map(|i| format!("Field{i} f32[3]")).collect::<Vec<_>>().join(", ");
         let text = wrapped("  fields           ", &fields, 19);
         let lines: Vec<&str> = text.lines().collect();

@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_resumed_run_replaces_what_it_does_again() {
+    fn a_resumed_run_replaces_repeated_steps() {
         let text = "{\"iteration\":1}\n{\"iteration\":2}\nbroken\n{\"iteration\":3}\n{\"run\":\"block 1\",\"iteration\":1}\n{\"iteration\":2}\n";
         let runs = by_run(text);
         assert_eq!(runs.len(), 2);

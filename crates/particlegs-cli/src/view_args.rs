@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_that_is_not_known_is_refused() {
+    fn fit_box_needs_a_known_box() {
         let subject = |cell: Option<Cell>| {
             let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [5.0, 4.0, 9.0] };
             let extent = Extent::new(&bounds, cell.as_ref());

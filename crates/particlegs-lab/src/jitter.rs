@@ -32,7 +32,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn twice_the_bound_is_kept_and_the_bins_are_gone() {
+    fn moved_particles_stay_within_twice_the_bound() {
         let particles = testing::clustered(5000);
         let coded = Lcp.compress(&particles, 0.3).unwrap();
         let decoded = Lcp.decompress(&coded.bytes).unwrap();

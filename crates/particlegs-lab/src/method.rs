@@ -243,7 +243,7 @@ mod tests {
 
     /// What failed once is no failure of the next run, and what a stop ended is none at all.
     #[test]
-    fn failures_are_told_and_not_kept() {
+    fn failures_are_reported_and_not_cached() {
         static FAILS: AtomicBool = AtomicBool::new(false);
         let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let stopped = AtomicBool::new(false);

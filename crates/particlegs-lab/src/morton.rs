@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_their_numbers() {
+    fn codes_decode_to_their_numbers() {
         for last in [[0, 0, 0], [7, 7, 7], [0, 5, 1 << 20], [u32::MAX, u32::MAX, 0], [1, 0, 0]] {
             let bits = Bits::new(last).unwrap();
             for q in [[0; 3], last, last.map(|v| v / 3)] {
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_come_together() {
+    fn neighbours_get_similar_codes() {
         let line: Vec<f32> = (0..64).map(|i| (i * 37 % 64) as f32).collect();
         let order = order_of(&codes_of_places(&[line.clone(), line.clone(), line.clone()]));
         let sorted: Vec<f32> = order.iter().map(|i| line[*i as usize]).collect();

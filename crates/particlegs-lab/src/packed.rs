@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_come_back() {
+    fn numbers_survive_a_round_trip() {
         for value in [0, 1, 127, 128, 300, u64::from(u32::MAX), u64::MAX] {
             let mut bytes = Vec::new();
             write_number(value, &mut bytes);
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn streams_come_back_and_no_more_than_expected() {
+    fn streams_survive_a_round_trip_and_are_limited() {
         let values: Vec<u64> = (0..1000u64).map(|i| i * i % 77).collect();
         let mut bytes = Vec::new();
         write(&values, &mut bytes);
@@ -114,7 +114,7 @@ mod tests {
 
     /// A file of a few bytes may not claim more memory than a reader would give any file.
     #[test]
-    fn much_of_little_is_made_longer() {
+    fn small_files_of_many_particles_are_padded() {
         let sealed_bytes = sealed(vec![1, 2, 3], 100_000_000);
         let (inner, most) = opened(&sealed_bytes).unwrap();
         assert!(inner.starts_with(&[1, 2, 3, 0]) && most >= 100_000_000);

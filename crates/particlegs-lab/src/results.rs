@@ -171,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_grouped_and_spreads_told() {
+    fn numbers_are_grouped_and_spreads_shown() {
         let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| TableCell::number(v, 0).describe());
         assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
         assert_eq!(TableCell::number(12345.678, 2).describe(), "12,345.68");

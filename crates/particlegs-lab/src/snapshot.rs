@@ -78,7 +78,7 @@ mod tests {
 
     /// Another box is another snapshot, though the positions are the same, whether a file or a user says so.
     #[test]
-    fn the_hash_knows_the_box_and_options_and_no_name() {
+    fn the_hash_covers_box_and_options_but_not_the_name() {
         let of = |lengths: Option<[f64; 3]>, name: &str, options| {
             let mut particles = Particles::from_columns(vec![1.0; 3], vec![2.0; 3], vec![3.0; 3]);
             particles.meta.name = name.into();
@@ -107,7 +107,7 @@ mod tests {
 
     /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.
     #[test]
-    fn columns_keep_the_digits_of_places_far_away() {
+    fn columns_keep_digits_far_from_the_origin() {
         let near = [vec![0.125f32, 3.0], vec![1.0, 2.0], vec![0.0, 0.5]];
         let positions = Positions::Columns(near.clone().map(Column::owned));
         let far = Particles::new(positions, [1e9, 0.0, -1e9], Particles::from_columns(vec![], vec![], vec![]).meta);

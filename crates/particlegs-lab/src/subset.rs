@@ -62,7 +62,7 @@ mod tests {
     use particlegs_pipeline::context::Context;
 
     #[test]
-    fn as_many_are_kept_as_fit() {
+    fn the_subset_fills_the_bytes() {
         let particles = testing::clustered(20_000);
         let of = |bytes, seed| subset(&particles, bytes, seed, &Context::SILENT).unwrap();
         for bytes in [1_000, 10_000] {
@@ -79,7 +79,7 @@ mod tests {
 
     /// Every particle kept is one of the snapshot's, as close as was said.
     #[test]
-    fn those_kept_are_particles() {
+    fn the_subset_consists_of_particles() {
         let particles = testing::clustered(2000);
         let thin = subset(&particles, 600, 5, &Context::SILENT).unwrap().unwrap();
         let close = 0.05 * mean_spacing(&particles) + 1e-5;
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_particles_are_taken_or_refused() {
+    fn unusual_particles_are_accepted_or_refused() {
         let none: PositionColumns = Default::default();
         assert!(subset(&none, 1000, 1, &Context::SILENT).unwrap().is_none());
         let same = [vec![5.0f32; 9], vec![5.0; 9], vec![-1e7; 9]];

@@ -175,7 +175,7 @@ mod tests {
 
     /// A picture that is the truth does not drop out silently, and does not hide what the others score.
     #[test]
-    fn identical_pictures_are_told_and_means_are_of_the_others() {
+    fn identical_pictures_are_noted_and_left_out_of_means() {
         let some = [score("far_00", Some(40.0)), score("far_01", None), score("near_00", Some(44.0))];
         let all = [score("far_00", None), score("near_00", None)];
         assert_eq!((mean(&some, masked), mean(&all, masked)), (Some(42.0), Some(IDENTICAL)));

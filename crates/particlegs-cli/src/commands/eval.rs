@@ -6,6 +6,7 @@ use crate::inputs;
 use crate::outputs::PNG;
 use crate::pictures;
 use crate::snapshot_args::ParticleArgs;
+use crate::text_wrap::counted;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
@@ -128,7 +129,7 @@ fn views(a: &Arguments, model: &Model, context: &CommandContext) -> Result<(Vec<
         return Err(Error::argument(format!("--frames {} is outside 1 to 10000", a.frames)));
     }
     let seed = context.common.seed;
-    let words = format!("{} views per orbit, seed {seed}", a.frames);
+    let words = format!("{} per orbit, seed {seed}", counted(a.frames, "view"));
     Ok((score::evaluation_views(&model.metadata, a.size, seed, a.frames), a.size, words))
 }
 

@@ -182,7 +182,7 @@ impl VerifyReport {
 
 fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
-        "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
+        "{place}: intact: {} bytes, law {}, {} Gaussians for {} particles, relative mass error {:.1e}\n",
         r.model_bytes, r.law, r.gaussians, r.particles, r.mass_error
     );
     if r.measured_again.is_some() && of_several {
@@ -236,7 +236,7 @@ fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     let status = job.status()?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(
-        "{}: sound: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are done and intact",
+        "{}: intact: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are done",
         a.model.display(),
         done(&status.chunks),
         status.chunks.len(),

@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn white_grounds_have_dark_ink() {
+    fn white_backgrounds_have_dark_ink() {
         let size = Size { width: 3, height: 1 };
         let gray = || Gray8 { size, data: vec![0, 100, 255] };
         let of = |seen, ground| image(seen, Colormap::Grey, [1.0, 100.0], ground);

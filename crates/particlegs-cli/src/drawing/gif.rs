@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn many_colours_are_near() {
+    fn many_colours_are_approximated() {
         let pixels: Vec<[u8; 3]> = (0..2000).map(|i| [(i % 255) as u8, (i / 255) as u8 * 4, 7]).collect();
         assert!(of_few(&pixels).is_none());
         // Few that fill the picture, and some between them.

@@ -15,7 +15,7 @@ fn folder() -> TestFolder {
 }
 
 #[test]
-fn info_and_verify_say_what_it_is() {
+fn info_and_verify_describe_the_model() {
     let dir = folder();
     let [text, _] = dir.runs("info m.pgs");
     assert!(text.contains("1.0, image law alpha-blend"), "{text}");

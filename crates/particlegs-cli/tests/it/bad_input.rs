@@ -11,7 +11,7 @@ fn refused(columns: &[Vec<f32>], code: i32, text: &str) {
 }
 
 #[test]
-fn snapshots_that_are_none() {
+fn files_that_are_no_snapshots() {
     let v = |n: usize| vec![1.0f32; n];
     refused(&[v(3), v(2), v(3)], 3, "2 values");
     refused(&[v(0), v(0), v(0)], 3, "no particles");

@@ -18,7 +18,7 @@ fn folder() -> TestFolder {
 const BENCH: &str = "bench rate-distortion clumps --quick --quiet --size 160x90 --seeds 1 -o";
 
 #[test]
-fn results_are_written_and_gone_on_with() {
+fn results_are_written_and_continued() {
     let dir = folder();
     let words = format!("{BENCH} out --ratios 20,50");
     dir.runs(&words);
@@ -52,7 +52,7 @@ fn results_are_written_and_gone_on_with() {
 }
 
 #[test]
-fn what_is_there_is_listed() {
+fn existing_types_are_listed() {
     let [text, _] = success(particlegs().args(["bench", "list"]));
     let labels = "tab:ablation_core tab:ablation_ft tab:block, tab:generalization tab:gen_view tab:rd tab:perf \
                   tab:recovery_methods tab:recovery_blocks fig:artifact fig:block_distance fig:scale fig:rd \
@@ -63,7 +63,7 @@ fn what_is_there_is_listed() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused() {
+fn impossible_measurements_are_refused() {
     let dir = folder();
     let unknown = "no experiment \"nothing\": use `all` or one of rate-distortion";
     dir.fails("bench nothing x -o y", 2, unknown);
@@ -81,7 +81,7 @@ fn what_cannot_be_measured_is_refused() {
 
 /// Whether or not there is a GPU.
 #[test]
-fn what_does_nothing_for_a_card_is_refused() {
+fn options_without_effect_on_a_gpu_are_refused() {
     let gpu = |more: &[&str], why: &str| fails(particlegs().args(["bench", "gpu"]).args(more), 2, why);
     gpu(&["snapshot"], "`bench gpu` makes its own scenes: omit SNAPSHOT");
     gpu(&["--size", "160x90"], "omit --size");

@@ -41,7 +41,7 @@ fn blocks_hold_all_particles_and_draw_the_same() {
 }
 
 #[test]
-fn sizes_are_met() {
+fn requested_sizes_are_reached() {
     let dir = TestFolder::new();
     let raw = 262_144 * 12;
     // With a certificate where its bytes weigh most.

@@ -76,7 +76,7 @@ fn bad_arguments_leave_nothing() {
 }
 
 #[test]
-fn compare_names_what_it_cannot_score() {
+fn compare_lists_files_that_it_cannot_score() {
     use particlegs_pipeline::picture::{Size, write_png};
     let dir = TestFolder::new();
     let [a, b] = ["a", "b"].map(|n| dir.at(n));

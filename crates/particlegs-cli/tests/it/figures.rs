@@ -59,7 +59,7 @@ fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
 }
 
 #[test]
-fn a_picture_is_drawn_alike_from_what_it_says() {
+fn a_picture_can_be_drawn_again_from_its_provenance() {
     let s = folder();
     for view in [
         "--azimuth 33.3 --elevation -12 --radius 0.03 --opacity 0.3 --size 80x50",
@@ -184,7 +184,7 @@ fn films_with_colons_in_their_names_are_files() {
 }
 
 #[test]
-fn figures_that_cannot_be_are_refused() {
+fn impossible_figures_are_refused() {
     let s = folder();
     refused(&s, "a.pgs -o x.pdf --axes frame", 2, "need an orthographic view");
     refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "too narrow");

@@ -81,7 +81,7 @@ fn a_window_wraps_around_the_box() {
 }
 
 #[test]
-fn what_is_written_is_read_again() {
+fn written_values_are_read_back() {
     let dir = TestFolder::new();
     dir.runs("convert SAMPLE -o raw --sample 70000 -q");
     for name in ["a.npy", "a.hdf5", "a.vtp", "a.dump"] {
@@ -99,7 +99,7 @@ fn what_is_written_is_read_again() {
 }
 
 #[test]
-fn what_cannot_be_read_is_told_in_one_line() {
+fn unreadable_files_are_reported_in_one_line() {
     let dir = TestFolder::new();
     dir.write("nothing.bin", [7u8; 100]);
     for (words, code, word) in [
@@ -124,7 +124,7 @@ fn what_cannot_be_read_is_told_in_one_line() {
 /// Trajectories that were not wrapped, blocks that Gadget does not know and headers of other snapshots are read, with a
 /// note; what the user says of them goes first.
 #[test]
-fn what_files_leave_open_is_said_and_can_be_stated() {
+fn missing_metadata_is_reported_and_can_be_given() {
     let dir = TestFolder::new();
     let head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 10\n0 10\n0 10\n";
     dir.write("xu.dump", format!("{head}ITEM: ATOMS id xu yu zu\n1 73 -22 5\n2 1 2 3\n"));

@@ -60,7 +60,7 @@ fn endless_devices_are_left_after_their_first_bytes() {
 }
 
 #[test]
-fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
+fn waiting_for_a_pipe_is_reported_and_can_be_interrupted() {
     let dir = small();
     pipe(&dir.at("pipe"));
     let logs = tempfile::tempdir().unwrap();
@@ -90,7 +90,7 @@ fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
 }
 
 #[test]
-fn what_a_pipe_or_standard_input_gives_is_read() {
+fn pipes_and_standard_input_are_read() {
     let dir = small();
     let fed = |arguments: &str, file: &Path| {
         let bytes = std::fs::read(file).unwrap();
@@ -243,7 +243,7 @@ fn stated_units_are_compared_with_what_files_say() {
 }
 
 #[test]
-fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
+fn a_file_truncated_while_read_gives_one_line() {
     let dir = TestFolder::new();
     let n = 3_000_000;
     let column = |k: u64| (0..n).map(|i| (i * (7 + k) % 99_991) as f32).collect::<Vec<f32>>();

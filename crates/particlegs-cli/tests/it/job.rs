@@ -54,7 +54,7 @@ fn a_job_gives_the_bytes_that_compress_gives() {
 }
 
 #[test]
-fn what_lies_together_is_not_copied() {
+fn adjacent_blocks_are_not_copied() {
     let dir = TestFolder::new();
     in_order(&dir.at("snapshot"), 400_000);
     let options = "--blocks 3 --effort fast --certificate=none";
@@ -84,7 +84,7 @@ fn layers_weights_and_selections_go_through_a_job() {
 }
 
 #[test]
-fn what_is_missing_broken_or_changed_is_named() {
+fn missing_broken_and_changed_parts_are_named() {
     let dir = TestFolder::new();
     in_order(&dir.at("snapshot"), 140_000);
     // Shuffled along x, so that blocks need buckets.
@@ -134,7 +134,7 @@ fn what_is_missing_broken_or_changed_is_named() {
 }
 
 #[test]
-fn plans_that_cannot_be_are_refused() {
+fn impossible_plans_are_refused() {
     let dir = TestFolder::new();
     snapshot(&dir.at("few"), &[vec![0.0, 1.0, 2.0], vec![0.0; 3], vec![0.0; 3]]);
     for (words, code, text) in [
@@ -179,7 +179,7 @@ fn in_layers(folder: &Path) {
 /// An engine's signal: what is finished is kept, the exit code asks to be run again.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
+fn a_stopped_block_continues_to_the_same_bytes() {
     let dir = TestFolder::new();
     let options = "--blocks 1 --ratio 150 --certificate=none";
     in_layers(&dir.at("data"));

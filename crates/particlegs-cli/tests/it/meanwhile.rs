@@ -140,7 +140,7 @@ fn write(mut to: &std::fs::File, mut bytes: &[u8]) {
 }
 
 #[test]
-fn nothing_is_lost_that_comes_or_changes_while_a_command_runs() {
+fn files_that_change_while_a_command_runs_are_not_lost() {
     let w = PipeFiles::new();
     let check = |case: &ReadCase| {
         let folder = tempfile::tempdir().unwrap();
@@ -187,7 +187,7 @@ fn of_two_compressions_to_one_name_one_fails_unless_they_are_the_same() {
 
 /// Folders are filled beside their place: there is time for another file to come.
 #[test]
-fn a_folder_is_not_replaced_with_what_has_come_into_it() {
+fn a_folder_with_new_files_is_not_replaced() {
     let w = PipeFiles::new();
     for (words, change) in [
         ("convert SNAP -o out --force --tile 6,6,6", "notes > out/notes"),

@@ -20,7 +20,7 @@ fn limited(dir: &TestFolder, mebibytes: u64, arguments: &str) -> Output {
 }
 
 #[test]
-fn pictures_that_do_not_fit_say_so() {
+fn pictures_that_do_not_match_are_refused() {
     let dir = folder(3);
     for style in ["paraview", "density"] {
         let out = limited(&dir, 1024, &format!("render m.pgs --out p --size 32768x32768 --style {style}"));
@@ -33,7 +33,7 @@ fn pictures_that_do_not_fit_say_so() {
 /// A small file may stand for many Gaussians: what they take is asked for before they are decoded.
 #[test]
 #[ignore = "slow"]
-fn models_that_do_not_fit_say_so() {
+fn models_that_do_not_match_are_refused() {
     let dir = folder(1_000_000);
     let bytes = dir.bytes("m.pgs").len();
     assert!(bytes < 1_000_000, "{bytes} bytes");

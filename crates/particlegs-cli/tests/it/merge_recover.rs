@@ -59,7 +59,7 @@ fn columns(dir: &TestFolder, name: &str) -> [Vec<f32>; 3] {
 }
 
 #[test]
-fn recovered_particles_say_what_they_are() {
+fn recovered_particles_are_marked_as_synthetic() {
     let dir = TestFolder::new();
     dir.once("compress SAMPLE -o m.pgs --effort fast --ratio 300 --quiet");
     let run = |name: &str, more: &str| {
@@ -107,7 +107,7 @@ fn recovered_particles_say_what_they_are() {
 
 /// A file of a newer program: open, with an index and sections that this one does not know.
 #[test]
-fn what_newer_programs_add_survives_merging_and_is_named_where_it_is_left_out() {
+fn unknown_sections_survive_merging_or_are_named_if_dropped() {
     let dir = TestFolder::new();
     let room = "FIXTURES/../../../particlegs-pipeline/tests/fixtures/format-1.0-room.pgs";
     dir.runs(&format!("merge {room} -o merged.pgs --quiet"));

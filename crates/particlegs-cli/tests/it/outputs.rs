@@ -226,7 +226,7 @@ fn an_input_is_never_an_output() {
 }
 
 #[test]
-fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_force_alone() {
+fn only_the_same_kind_is_replaced_and_models_particles_and_jobs_only_by_force() {
     let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
@@ -336,7 +336,7 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
 }
 
 #[test]
-fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
+fn full_disks_and_unwritable_folders_leave_nothing() {
     let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
@@ -359,7 +359,7 @@ fn limited(w: &OutputFiles, command: &Command, blocks: u32) -> Output {
 
 /// Where room ends between the first file of a set and the last, none of them appears.
 #[test]
-fn files_that_belong_together_appear_together() {
+fn files_of_a_set_appear_together() {
     let w = OutputFiles::new();
     let mut failed = [0, 0];
     for blocks in [1, 4, 16, 40, 80, 1000] {
@@ -393,7 +393,7 @@ fn files_that_belong_together_appear_together() {
 
 /// Another reader of a folder than `info` may be at work: it never sees new columns beside old ones.
 #[test]
-fn a_failure_leaves_the_old_columns_whole() {
+fn a_failure_leaves_the_old_columns_complete() {
     let w = OutputFiles::new();
     for words in
         ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"]
@@ -453,7 +453,7 @@ fn two_outputs_are_never_one() {
 }
 
 #[test]
-fn folders_that_nothing_comes_into_go_again() {
+fn empty_new_folders_are_removed() {
     let w = OutputFiles::new();
     let folder = w.folder();
     for words in [
@@ -473,7 +473,7 @@ fn folders_that_nothing_comes_into_go_again() {
 
 /// What the README shows first, twice: it is done, and the pictures are drawn again.
 #[test]
-fn the_same_again_says_that_it_is_done() {
+fn repeating_a_compression_reports_that_it_is_done() {
     let w = OutputFiles::new();
     let folder = w.folder();
     let out = folder.path().join("m.pgs");
@@ -498,7 +498,7 @@ fn the_same_again_says_that_it_is_done() {
 
 /// A conversion leaves no note of its options: what it would write is compared.
 #[test]
-fn the_same_conversion_again_says_that_it_is_done() {
+fn repeating_a_conversion_reports_that_it_is_done() {
     let w = OutputFiles::new();
     let folder = w.folder();
     for name in ["columns", "a.npy", "a.hdf5", "a.vtp"] {
@@ -565,7 +565,7 @@ fn a_killed_conversion_leaves_the_old_columns() {
 
 /// A pipe's reader that is late is waited for; the wait can be stopped.
 #[test]
-fn a_pipe_without_a_reader_is_said_and_can_be_left() {
+fn a_pipe_without_a_reader_is_reported_and_can_be_interrupted() {
     let w = OutputFiles::new();
     let folder = w.folder();
     let fifo = folder.path().join("pipe");
@@ -581,7 +581,7 @@ fn a_pipe_without_a_reader_is_said_and_can_be_left() {
 
 /// Batch systems signal more than once: a block still keeps what is finished.
 #[test]
-fn a_second_signal_leaves_a_checkpoint_all_the_same() {
+fn a_second_signal_still_leaves_a_checkpoint() {
     let w = OutputFiles::new();
     let long: Vec<f32> = (0..240_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);

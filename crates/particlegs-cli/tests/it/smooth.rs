@@ -83,7 +83,7 @@ fn smoothed_pictures_are_the_same_whatever_the_threads() {
 }
 
 #[test]
-fn what_cannot_be_smoothed_or_compared_is_said() {
+fn impossible_smoothing_and_comparison_are_refused() {
     let dir = folder();
     dir.fails("reference cloud -o out --style density --smooth 6000", 2, "not 6000");
     dir.fails("reference cloud -o out --smooth 16", 2, "--smooth has no effect here");

@@ -53,7 +53,7 @@ fn a_model_is_measured_by_its_mixture() {
 }
 
 #[test]
-fn plots_are_pdf_where_asked_and_replace_those_of_before() {
+fn plots_can_be_pdf_and_replace_earlier_ones() {
     let dir = thinned();
     for _ in 0..2 {
         dir.runs("stats thin thin -o pdf --only density --grid 8 --plots pdf --quiet");

@@ -64,7 +64,7 @@ fn power_groups_and_pictures_are_reached_without_a_certificate() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_said_with_the_best() {
+fn unreachable_targets_are_reported_with_the_best() {
     let dir = TestFolder::new();
     let best = "the target P(k) within 0.001 % up to k = 4 h/Mpc cannot be reached: the best ";
     dir.fails(&format!("{COMPRESS} --max-pk-error 0.001% --k-max 4 -q"), 5, best);
@@ -72,7 +72,7 @@ fn what_is_out_of_reach_is_said_with_the_best() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused_before_the_fit() {
+fn impossible_targets_are_refused_before_the_fit() {
     let dir = TestFolder::new();
     for (options, why) in [
         ("--max-pk-error 1% --k-max 30", "particles in this box is 8.0425"),

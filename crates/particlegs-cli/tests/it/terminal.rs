@@ -41,7 +41,7 @@ fn species_are_chosen_in_models_as_in_snapshots() {
 }
 
 #[test]
-fn legends_name_species_as_people_do() {
+fn legends_use_common_names_of_species() {
     let dir = folder();
     dir.runs("render m.pgs --color-by-layer --size 64x48 -o m.svg");
     let svg = dir.text("m.svg");
@@ -70,7 +70,7 @@ fn files_are_named_and_quiet_commands_print_no_tables() {
 }
 
 #[test]
-fn a_note_is_told_once_of_a_job_and_of_a_command() {
+fn a_note_is_printed_once_per_job_and_command() {
     let dir = TestFolder::new();
     let notes = |words: &str| {
         let [_, told] = dir.runs(words);

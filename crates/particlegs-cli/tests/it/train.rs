@@ -80,7 +80,7 @@ fn same_bytes_for_any_threads_and_without_simd() {
 
 /// SIGKILL at odd moments, again and again, loses nothing but time.
 #[test]
-fn killed_runs_go_on_to_the_same_bytes() {
+fn killed_runs_continue_to_the_same_bytes() {
     let dir = folder();
     let checkpoint = dir.at("m.pgs.checkpoint");
     for law in LAWS {
@@ -111,7 +111,7 @@ fn killed_runs_go_on_to_the_same_bytes() {
 /// Ctrl-C and SIGTERM leave the best so far, and the run goes on to the same bytes; other work and broken
 /// files are told from the run's own checkpoint.
 #[test]
-fn stopped_runs_leave_the_best_and_go_on() {
+fn stopped_runs_keep_the_best_model_and_continue() {
     let dir = folder();
     for (law, name) in LAWS.into_iter().zip(["-INT", "-TERM"]) {
         // Going on needs no --force.
@@ -142,7 +142,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
 
 /// --minutes holds for the whole command and is said to be over; log and curves are there.
 #[test]
-fn minutes_bound_the_whole_run() {
+fn minutes_limit_the_whole_run() {
     let dir = folder();
     let bounds = "--iterations 1000000 --minutes 0.06 --log log.jsonl --json r.json";
     let start = Instant::now();
@@ -227,7 +227,7 @@ fn weighted_snapshots_in_blocks() {
 }
 
 #[test]
-fn configurations_come_back_and_faults_are_named() {
+fn configurations_survive_a_round_trip_and_errors_name_the_line() {
     let dir = folder();
     for which in ["all", "changed"] {
         let base = format!("compress --train best --law alpha-blend --print-config {which}");
@@ -255,7 +255,7 @@ fn configurations_come_back_and_faults_are_named() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_before_the_work() {
+fn contradictions_are_refused_before_the_work() {
     let dir = folder();
     let plain = "compress SAMPLE -o m.pgs";
     for option in ["--resume", "--minutes 3", "--log l.jsonl", "--scale 0.5"] {

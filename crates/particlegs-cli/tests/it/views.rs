@@ -27,7 +27,7 @@ fn saved_views_and_reports_draw_the_same_pictures() {
 }
 
 #[test]
-fn a_report_of_surface_density_says_its_window() {
+fn a_report_of_surface_density_contains_its_window() {
     let window = "--projection orthographic --width 1.5 --size 60x40";
     let report = spiral().says(&format!("render spiral.pgs --style density {window} --quiet -o slab"));
     let view = &report["views"][0];
@@ -60,7 +60,7 @@ fn saved_windows_draw_the_same_pictures() {
 
 /// Of a periodic snapshot, whose pictures of particles are not repeated.
 #[test]
-fn a_window_that_was_not_stated_is_told_and_no_box_denied() {
+fn the_default_window_is_reported() {
     let dir = TestFolder::new();
     let out = dir.command("reference SAMPLE --projection orthographic --size 40x40 -o a.png").output().unwrap();
     let said = said(&out);

@@ -166,7 +166,7 @@ mod tests {
     use particlegs_pipeline::picture::Size;
 
     #[test]
-    fn one_that_is_too_small_leaves_the_others() {
+    fn a_data_set_that_is_too_small_does_not_stop_the_others() {
         let of = |name: &str, n: u32| {
             Snapshot::new(name.into(), name.into(), crate::testing::lattice(n, |v| (v / 31.0).powi(2)), None)
         };

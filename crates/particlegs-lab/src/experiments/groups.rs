@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_differ_in_what_they_are_named_after_alone() {
+    fn groups_differ_only_in_their_parameter() {
         let m = metadata();
         let (far, near) = (ViewGroup::orbit(1.3), ViewGroup::orbit(0.5));
         let all = views(&[far, near, ViewGroup::radius(2.0), ViewGroup::opacity(0.5)], &m, 42, 3);
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_count_alike_however_many_views_they_have() {
+    fn groups_have_equal_weight_for_any_number_of_views() {
         let score = |view: &str, v: f64| Score { view: view.into(), psnr: Some(v), masked: None, ssim: None };
         let scores = [score("orbit-1_00", 10.0), score("orbit-1_01", 20.0), score("orbit-0.7_00", 35.0)];
         let same = crate::views::IDENTICAL;

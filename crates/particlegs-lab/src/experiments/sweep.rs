@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn falls_are_from_the_base_and_noise_is_told_apart() {
+    fn changes_are_from_the_base_and_separate_from_noise() {
         let (sweep, limit) = (sweep(), scores([33.0, 34.0, 32.0]));
         let model = SweepModel { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
         assert_eq!(sweep.fall(&model.scores, 2.5), Some(-6.0));

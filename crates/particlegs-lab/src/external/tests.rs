@@ -41,7 +41,7 @@ fn sz3(external: &External) -> LibraryBaseline {
 }
 
 #[test]
-fn requests_and_answers_pass_the_pipes_whole() {
+fn requests_and_answers_pass_the_pipes_unchanged() {
     // Compression returns the request itself before the data.
     let external =
         fake("out = struct.pack('<dQ', bound, n) + name.encode() + data if what == 'c' else data[19:]").unwrap();
@@ -63,7 +63,7 @@ fn requests_and_answers_pass_the_pipes_whole() {
 }
 
 #[test]
-fn a_python_that_is_not_there_or_lacks_packages_is_told_in_one_line() {
+fn a_missing_python_or_package_is_reported_in_one_line() {
     let error = External::start(Path::new("/nowhere/python")).err().unwrap();
     assert!(error.to_string().starts_with("/nowhere/python: the program cannot be started"), "{error}");
     assert!(error.hint().to_string().contains("requirements.txt"));
@@ -76,7 +76,7 @@ fn a_python_that_is_not_there_or_lacks_packages_is_told_in_one_line() {
 }
 
 #[test]
-fn what_is_no_such_child_is_told() {
+fn wrong_programs_are_reported() {
     let of = |program: &str, arguments: &[&str]| {
         let arguments = arguments.iter().map(|a| (*a).to_string()).collect();
         External::from_command(Path::new(program), arguments).err().unwrap().to_string()
@@ -89,7 +89,7 @@ fn what_is_no_such_child_is_told() {
 }
 
 #[test]
-fn a_child_that_dies_midway_is_told_and_started_again() {
+fn a_child_that_dies_is_reported_and_restarted() {
     let external = fake(
         "out = data
 if bound == 7:
@@ -117,7 +117,7 @@ if bound == 9:
 }
 
 #[test]
-fn a_child_that_reads_half_and_dies_stops_nobody() {
+fn a_child_that_dies_while_reading_causes_no_deadlock() {
     let program = "import sys, struct
 stdin, stdout = sys.stdin.buffer, sys.stdout.buffer
 stdin.read(struct.unpack('<Q', stdin.read(8))[0])

@@ -15,7 +15,7 @@ fn the_bound_is_kept_and_larger_bounds_give_smaller_files() {
 }
 
 #[test]
-fn odd_particles_come_back() {
+fn unusual_particles_survive_a_round_trip() {
     let one = |x: f32| [vec![x], vec![-x], vec![0.0]];
     held(&one(3.0), 0.1);
     held(&[vec![5.0; 100], vec![5.0; 100], vec![5.0; 100]], 0.1);

@@ -11,7 +11,7 @@ fn the_bound_is_kept_and_larger_bounds_give_smaller_files() {
 }
 
 #[test]
-fn odd_particles_come_back() {
+fn unusual_particles_survive_a_round_trip() {
     odd().iter().for_each(|(particles, bound)| {
         held(&QuantisedCoder, particles, *bound);
     });

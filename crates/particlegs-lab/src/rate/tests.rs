@@ -38,7 +38,7 @@ impl Baseline for RoundingBaseline {
 }
 
 #[test]
-fn sizes_are_met() {
+fn requested_sizes_are_reached() {
     let particles = clustered(20_000);
     for baseline in [&Lcp as &dyn Baseline, &QuantisedCoder] {
         for ratio in [4, 20, 100] {
@@ -53,7 +53,7 @@ fn sizes_are_met() {
 }
 
 #[test]
-fn what_cannot_be_met_is_as_close_as_there_is() {
+fn unreachable_sizes_are_approached() {
     let particles = clustered(1000);
     // Fewer bytes than its header.
     let found = at_size(&QuantisedCoder, &particles, 10, &Context::SILENT).unwrap();
@@ -71,7 +71,7 @@ fn what_cannot_be_met_is_as_close_as_there_is() {
 }
 
 #[test]
-fn odd_particles_have_bounds_of_sizes() {
+fn bounds_are_found_for_unusual_particles() {
     for (particles, _) in odd() {
         if !particles[0].is_empty() {
             let found = at_size(&QuantisedCoder, &particles, 300, &Context::SILENT).unwrap();
@@ -94,7 +94,7 @@ fn bounds_are_verified() {
 }
 
 #[test]
-fn failures_are_told_with_their_figures() {
+fn failures_are_reported_with_numbers() {
     let particles = clustered(40);
     let within = verified(&RoundingBaseline { off: 0.2, drop: 0 }, &particles, 0.25);
     assert!(within.failure().is_none() && (within.run().unwrap().largest_error - 0.2).abs() < 1e-5);

@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_no_formulas() {
+    fn names_do_not_become_formulas() {
         let names = ["=1+1", "+a", "-a", "@a", "-1.5", "a=1"].map(|c| as_text(c.into()));
         assert_eq!(names, ["'=1+1", "'+a", "'-a", "'@a", "-1.5", "a=1"]);
     }

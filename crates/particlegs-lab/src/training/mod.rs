@@ -256,7 +256,7 @@ mod tests {
 
     /// A run in short pieces ends with the bytes and the curve of one that was never broken.
     #[test]
-    fn pieces_end_with_the_same_bytes_and_the_same_curve() {
+    fn interrupted_runs_give_the_same_bytes_and_curve() {
         let (snapshot, folders) = (crate::testing::snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
         let [whole, parts] =
             folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Context::SILENT).unwrap());

@@ -47,7 +47,7 @@ fn density_keeps_the_mass_of_a_periodic_box_in_every_format() {
 
 /// Without a box, what lies beyond the bounds is told.
 #[test]
-fn an_open_density_says_what_it_leaves_out() {
+fn an_open_density_reports_what_it_leaves_out() {
     let dir = TestFolder::new();
     let columns: Vec<Vec<f32>> =
         (0..3u32).map(|k| (0..500).map(|i| (i * (37 + 14 * k) % 101) as f32 * 0.1).collect()).collect();

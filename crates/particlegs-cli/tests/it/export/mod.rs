@@ -32,7 +32,7 @@ fn exported(dir: &TestFolder, words: &str) -> Value {
 }
 
 #[test]
-fn every_kind_says_what_it_is_and_what_is_lost() {
+fn every_export_says_what_it_is_and_what_is_lost() {
     let dir = folder(LawKind::OpticalDepth);
     for kind in KINDS {
         let grid = if ["npy", "vti", "fits"].contains(&kind) { "--grid 16" } else { "" };
@@ -77,7 +77,7 @@ fn every_kind_says_what_it_is_and_what_is_lost() {
 }
 
 #[test]
-fn what_cannot_be_done_is_refused_before_the_work() {
+fn impossible_requests_are_refused_before_the_work() {
     let dir = folder(LawKind::OpticalDepth);
     let refused = |words: &str, code: i32, text: &str| {
         dir.fails(&format!("export m.pgs -o {words}"), code, text);

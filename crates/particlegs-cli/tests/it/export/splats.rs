@@ -29,7 +29,7 @@ fn covariance(s: &[f32], q: &[f32]) -> Sym3 {
 
 /// Places come back through the readers of snapshots, in the frame that the file states.
 #[test]
-fn splats_come_back_where_they_were() {
+fn splats_keep_their_positions() {
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let dir = folder(law);
         let model = dir.model("m.pgs");

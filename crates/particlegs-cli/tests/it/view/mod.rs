@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use serving::TestServer;
 
 #[test]
-fn the_page_and_all_that_it_needs_are_served() {
+fn the_page_and_its_files_are_served() {
     let dir = spiral();
     let bytes = dir.bytes("spiral.pgs");
     let serving = TestServer::new(&dir, |c| c.args(["spiral.pgs", "spiral.pgs", "--snapshot", "spiral"]));
@@ -89,7 +89,7 @@ fn a_large_model_has_a_poster() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_said_before_anything_is_served() {
+fn impossible_views_are_refused_before_the_page_is_served() {
     let dir = spiral();
     let mut bytes = dir.bytes("spiral.pgs");
     let middle = bytes.len() / 2;
@@ -116,7 +116,7 @@ fn what_cannot_be_shown_is_said_before_anything_is_served() {
 }
 
 #[test]
-fn it_says_where_the_page_is() {
+fn the_address_of_the_page_is_printed() {
     let dir = spiral();
     let chosen = "0123456789abcdefABCDEF0123456789";
     let serving = TestServer::new(&dir, |c| {
@@ -159,7 +159,7 @@ fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
 /// A browser is started where it can appear, with an address that leads to the page once.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_browser_is_started_by_a_way_for_once() {
+fn a_browser_is_started_with_a_one_time_address() {
     use std::os::unix::fs::PermissionsExt;
     let dir = spiral();
     let (browser, opened) = (dir.at("xdg-open"), dir.at("opened"));

@@ -7,7 +7,7 @@ use std::io::Write;
 use std::net::Shutdown;
 
 #[test]
-fn others_find_nothing() {
+fn requests_without_the_token_find_nothing() {
     let dir = spiral();
     let serving = TestServer::new(&dir, |c| c.arg("spiral.pgs"));
     let (host, token) = serving.parts();

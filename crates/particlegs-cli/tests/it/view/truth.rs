@@ -86,7 +86,7 @@ fn coarse_pictures_are_of_fewer_particles() {
 }
 
 #[test]
-fn wrong_questions_are_told_in_a_line() {
+fn wrong_requests_are_reported_in_one_line() {
     let dir = spiral();
     let serving = TestServer::new(&dir, |c| c.args(["spiral.pgs", "--snapshot", "spiral"]));
     let set = |place: &[&str], value: Value| {
@@ -140,7 +140,7 @@ fn of_the_sample(dir: &TestFolder) -> TestServer {
 }
 
 #[test]
-fn a_newer_picture_gives_the_older_up() {
+fn a_newer_picture_cancels_the_older_one() {
     let dir = spiral();
     let serving = of_the_sample(&dir);
     let start = Instant::now();
@@ -173,7 +173,7 @@ fn ticks(child: &Child) -> u64 {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_closed_connection_gives_its_picture_up() {
+fn a_closed_connection_cancels_its_picture() {
     let dir = spiral();
     let serving = of_the_sample(&dir);
     let before = ticks(&serving.child);

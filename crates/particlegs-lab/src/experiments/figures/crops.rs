@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_is_cut_out_and_squares_are_meant() {
+    fn crops_take_the_centre_and_average_squares() {
         let p = picture(10, 10);
         let c = centre(&p, 0.3);
         assert_eq!((c.size, &c.data[..]), (Size { width: 3, height: 3 }, &[33, 34, 35, 43, 44, 45, 53, 54, 55][..]));

@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_of_a_name_is_shown() {
+    fn the_best_method_with_a_name_is_shown() {
         let list = [other("LCP", 20.0), other("SZ3, file order", 17.0), other("SZ3, Morton order", 18.0)];
         assert_eq!(best(&list, STREAKS).map(|o| o.name.as_str()), Some("SZ3, Morton order"));
         assert_eq!(best(&list, "").map(|o| o.name.as_str()), Some("LCP"));

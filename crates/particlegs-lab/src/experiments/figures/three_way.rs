@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn medians_stand_beside_the_papers() {
+    fn tables_show_medians_and_the_papers_numbers() {
         let model = way("model", &[("far_00", 30.0), ("far_01", 32.0), ("near_00", 28.0)]);
         let t = table(&[model, way("spaced", &[("far_00", 20.0)])]);
         assert_eq!(t.rows[0][1], TableCell::Spread { value: 31.0, range: [30.0, 32.0], digits: 2 });

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_taken_so_often_and_compared_by_view() {
+    fn times_are_repeated_and_compared_by_view() {
         let mut count = 0;
         let times = Times::new(5, || {
             count += 1;
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn three_digits_are_kept() {
+    fn seconds_have_three_digits() {
         assert_eq!([0.0, 0.0123, 0.123, 1.23, 12.3, 123.0, 1234.0].map(digits), [5, 4, 3, 2, 1, 0, 0]);
     }
 }

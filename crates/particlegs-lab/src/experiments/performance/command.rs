@@ -133,7 +133,7 @@ mod tests {
     use particlegs_pipeline::context::Context;
 
     #[test]
-    fn the_systems_words_are_read() {
+    fn system_files_are_parsed() {
         let status = "Name:\tx\nVmRSS:\t 900 kB\nRssAnon:\t     512 kB\nRssFile:\t 380 kB\nRssShmem:\t   8 kB\n";
         assert_eq!((unbacked(status), unbacked("State:\tZ\n")), (Some(520 * 1024), None));
         let stat = "7 (a) b) S 1 1 1 0 -1 0 1 2 3 4 50 60 150 25 20 0 1 0 9 9 9";
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_child_is_measured_and_its_failure_told() {
+    fn a_child_is_measured_and_its_failure_reported() {
         let (dir, shell) = (tempfile::tempdir().unwrap(), Path::new("/bin/sh"));
         if !shell.exists() || !Path::new("/proc/self/stat").exists() {
             return;

@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn proportion_goes_through_the_last_point() {
+    fn the_proportional_line_ends_at_the_last_point() {
         let points = [Point::new(10.0, 5.0), Point::new(20.0, 6.0), Point::new(40.0, 8.0)];
         let line = proportional(&points).unwrap().points;
         assert_eq!((line[0].y, line[1].y, line[0].x), (2.0, 8.0, 10.0));
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_failed_is_said_in_its_row() {
+    fn failures_are_shown_in_their_row() {
         let ran = CommandRun { cost: None, said: "too small".into() };
         let table = table(&[GrowthPoint { particles: 7, what: "all".into(), bytes: None, ran }]);
         assert_eq!(table.rows[0].len(), table.columns.len());

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_measured_says_why() {
+    fn missing_measurements_say_why() {
         assert!(measured(None).unwrap_err().contains("a Python"));
         if Path::new("/bin/false").exists() {
             assert!(measured(Some("/bin/false".into())).unwrap_err().contains("exit status: 1"));
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn vtk_draws_what_we_draw() {
+    fn vtk_draws_the_same_picture() {
         let Some(python) = std::env::var_os("PARTICLEGS_LAB_PYTHON") else { return };
         let found = measured(Some(python.into())).unwrap();
         let [plain, _] = found.agrees.unwrap();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_agree_as_far_as_they_do() {
+    fn agreement_of_pictures_is_measured() {
         let size = Size { width: 4, height: 2 };
         let (a, mut b) = (Gray8 { size, data: vec![100; 8] }, Gray8 { size, data: vec![100; 8] });
         let same = Agreement::new(&a, &b);

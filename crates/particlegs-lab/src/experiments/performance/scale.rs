@@ -201,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn powers_are_slopes_of_logarithms() {
+    fn exponents_are_slopes_of_logarithms() {
         let points = [1.0f64, 2.0, 8.0, 30.0].map(|x| [x, 5.0 * x.powf(0.7)]);
         assert!((power(points.into_iter()).unwrap() - 0.7).abs() < 1e-12);
         assert!(power(points[..1].iter().copied()).is_none());
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_have_their_share_of_the_box() {
+    fn corners_are_parts_of_the_box() {
         let all = Bounds { min: [0.0, -1.0, 2.0], max: [8.0, 1.0, 6.0] };
         let volume = |b: &Bounds| (0..3).map(|k| b.max[k] - b.min[k]).product::<f64>();
         for halvings in 0..5 {

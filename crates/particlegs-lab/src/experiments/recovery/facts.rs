@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn xi_is_by_pairs_and_then_by_transform() {
+    fn xi_uses_pairs_and_then_the_transform() {
         let all = [counts([8.0, 4.0, 1.0], [50; 3]), counts([8.8, 4.0, -1.0], [50; 3])];
         let facts = Facts { xi: joined(&all, None), ..Facts::default() };
         // |8.8/8 - 1|, 0 and |-1/1 - 1|: 0.1, 0 and 2.
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_shell_and_groups_are_told() {
+    fn the_worst_shell_and_groups_are_found() {
         let shell = |k: f64, ratio| Power { k, ratio, r: None };
         let shells = vec![shell(1.0, Some(1.02)), shell(2.0, Some(0.9)), shell(3.0, None)];
         let facts = Facts { shells, ..Facts::default() };

@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn grids_hold_as_many_particles_a_cell_as_the_papers() {
+    fn cells_hold_as_many_particles_as_in_the_paper() {
         assert_eq!((cells(128 * 128 * 128), cells(64 * 64 * 64), cells(281_000_000), cells(10)), (50, 25, 256, 4));
         let o = MeasurementScope::All.options(64 * 64 * 64, true);
         assert_eq!((o.spectrum_cells, o.cells), (128, 25));

@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shells_that_fall_together_are_one_point() {
+    fn close_shells_are_joined_to_one_point() {
         let shell = |k, ratio| Power { k, ratio: Some(ratio), r: None };
         let facts = Facts { shells: vec![shell(0.1, 1.0), shell(1.01, 1.0), shell(1.03, 2.0)], ..Facts::default() };
         let points = power_points(&[facts.clone(), facts], |s| s.ratio);

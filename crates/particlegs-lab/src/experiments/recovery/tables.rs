@@ -217,7 +217,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn limits_that_no_shell_keeps_are_said() {
+    fn limits_that_no_shell_meets_are_shown_as_nowhere() {
         let facts = |k: Option<f64>| Facts { power_to: [k; 3], ..Facts::default() };
         let of = |f: &Facts| f.power_to[0];
         assert_eq!(up_to(&[facts(None), facts(None)], of), TableCell::text("nowhere"));
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_as_long_as_their_heads() {
+    fn rows_are_as_long_as_their_header() {
         let measured =
             RecoveryMeasurements { methods: vec![], sizes: vec![], blocks: vec![], spacing: 1.0, unit: "kpc".into() };
         let published_row = as_published(&measured, &[], &[]).len() + published(None).len();

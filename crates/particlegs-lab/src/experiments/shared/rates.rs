@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_of_a_size_is_not_compared_at_it() {
+    fn methods_without_a_file_of_that_size_are_not_compared() {
         let of = |bytes| MethodMeasurement { bytes, bound: None, scores: Vec::new(), failure: None };
         let row = |bytes: &[u64]| RatePoint {
             method: CompressionMethod::Subset,
