@@ -1,4 +1,4 @@
-//! Options that would do nothing are refused by name, and outputs of pictures are what their names say.
+//! Options without effect are refused by name, and names of pictures select their format.
 
 use crate::common::{TestFolder, listing, snapshot};
 
@@ -57,7 +57,7 @@ fn options_without_effect_are_refused_by_name() {
     }
 }
 
-/// The same options where they mean something are taken, in the words of both spellings of the output.
+/// The same options are accepted where they have an effect, with both spellings of the output.
 #[test]
 fn options_with_an_effect_are_accepted() {
     let dir = folder();

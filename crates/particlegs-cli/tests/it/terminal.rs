@@ -1,4 +1,4 @@
-//! What commands say: little, once, and in users' names.
+//! Messages are short, are printed once, and use the user's names.
 
 use crate::common::{TestFolder, listing, particlegs, success};
 
@@ -27,7 +27,7 @@ fn species_are_chosen_in_models_as_in_snapshots() {
         assert_eq!(particles(&format!("dm{i}"), name), own[1], "{name}");
     }
     dir.fails("render m.pgs --layer stars -o no.png", 2, "no layer");
-    // Where snapshots are read as well, of both.
+    // In commands that also read snapshots, for both.
     for option in ["--layer", "--particle-type"] {
         let [_, told] = dir.runs(&format!("eval m.pgs {SPECIES} {option} gas --frames 1 --size 16x16"));
         assert!(!told.contains("warning"), "{told}");
@@ -64,7 +64,7 @@ fn files_are_named_and_quiet_commands_print_no_tables() {
     let nothing = [String::new(), String::new()];
     assert_eq!(dir.runs(&format!("{stats} -q")), nothing);
     assert_eq!(dir.runs(&format!("{frames} 2 -o few -q")), nothing);
-    // What goes to no file is the result.
+    // Output that goes to no file is the result.
     let [info, told] = dir.runs("info m.pgs -q");
     assert!(info.contains("Gaussians") && told.is_empty(), "{info}{told}");
 }

@@ -1,4 +1,4 @@
-//! Cameras go out and come back: `--save-views`, and the JSON report, draw the same pictures again.
+//! `--save-views` and the JSON report draw the same pictures again.
 
 use crate::common::{TestFolder, said, spiral};
 
@@ -35,7 +35,7 @@ fn a_report_of_surface_density_contains_its_window() {
     assert!(view["clipping_range"][1].as_f64().unwrap() > 0.0 && view["fov_deg"].is_null());
 }
 
-/// A window, and a slab in perspective, are drawn again from what was saved, to the byte, in every look.
+/// A window, and a slab in perspective, are drawn again from saved views, byte for byte, in every style.
 #[test]
 fn saved_windows_draw_the_same_pictures() {
     let dir = spiral();
@@ -51,14 +51,14 @@ fn saved_windows_draw_the_same_pictures() {
             for file in ["saved.json", "report.json"] {
                 assert!(draw(style, "b.png", &format!("--views {file}")) == first, "{style} {projection} {file}");
             }
-            // The slab leaves something away.
+            // The slab leaves particles out.
             assert!(draw(style, "c.png", &window) != first);
         }
     }
     dir.fails("render spiral.pgs --fit box -o d.png", 2, "no simulation box is known");
 }
 
-/// Of a periodic snapshot, whose pictures of particles are not repeated.
+/// For a periodic snapshot, whose pictures of particles are not repeated.
 #[test]
 fn the_default_window_is_reported() {
     let dir = TestFolder::new();
