@@ -26,7 +26,7 @@ fn info_and_verify_describe_the_model() {
     assert_eq!((info["metadata"]["law"].as_str(), info["published_bytes"].as_u64()), (Some("alpha-blend"), Some(4352)));
     assert_eq!((&info["vizmapper"]["parameters"], &info["vizmapper"]["ranges"]["floor"]), (&4610.into(), &0.4.into()));
     let [text, _] = dir.runs("verify m.pgs");
-    assert!(text.contains("64 Gaussians whose counts sum to 262144 particles"), "{text}");
+    assert!(text.contains("64 Gaussians for 262144 particles"), "{text}");
     // Pictures are scored by its own law, densities and particles by its counts.
     let measured = &dir.says("verify m.pgs SAMPLE --quiet")["measured_again"];
     assert!(measured["orbits"][0]["expected"]["masked_psnr"].is_number(), "{measured}");
