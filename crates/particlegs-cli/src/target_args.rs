@@ -9,19 +9,18 @@ use particlegs_pipeline::{Error, Result};
 const HEADING: &str = "Target (choose one)";
 
 #[derive(Args, Clone, Debug)]
-#[command(next_help_heading = HEADING)]
 #[group(multiple = false)]
 pub struct TargetArgs {
     /// Compression ratio to reach.
     ///
     /// The size of the particles as float32, 12 bytes each (16 with weights), divided by the file size.
-    #[arg(long, value_name = "R")]
+    #[arg(long, help_heading = HEADING, value_name = "R")]
     ratio: Option<f64>,
     /// File size to reach, such as 11MB, 900kB or 1.5GiB.
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, help_heading = HEADING, value_name = "SIZE")]
     size: Option<String>,
     /// Number of Gaussians, stored at the nominal precision.
-    #[arg(long, value_name = "K")]
+    #[arg(long, help_heading = HEADING, value_name = "K")]
     gaussians: Option<u64>,
 }
 
@@ -65,34 +64,33 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
 }
 
 #[derive(Args, Clone, Debug)]
-#[command(next_help_heading = HEADING)]
 pub struct GoalArgs {
     /// Masked PSNR to reach, in dB; --help lists targets for P(k), density and groups.
     ///
     /// Measured in the style `expected`, averaged over held-out views. This and the targets below are found by search: up
     /// to eight fits are decoded and measured, and the smallest file that reaches the target is kept. The certificate
     /// states the target and what the file reaches.
-    #[arg(long, value_name = "DB", group = "TargetArgs")]
+    #[arg(long, help_heading = HEADING, value_name = "DB", group = "TargetArgs")]
     psnr: Option<f64>,
     /// Power spectrum: P(k) within this share of the particles', such as 1% or 0.01, up to --k-max.
     ///
     /// In every shell of wave numbers (of width 2 pi over the longest edge) where the particles' power is above the
     /// scatter of their shot noise. Measured as in the certificate: on as many particles drawn from the model, with shot
     /// noise subtracted (above three million particles, on the mixture itself). Needs a periodic box.
-    #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "k_max", value_parser = parse_share, hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "SHARE", group = "TargetArgs", requires = "k_max", value_parser = parse_share, hide_short_help = true)]
     max_pk_error: Option<f64>,
     /// Largest wave number of --max-pk-error, in the inverse of the data's unit of length.
     ///
     /// At most the particles' Nyquist frequency, pi over their mean spacing, or what the grid of 256 cells measures.
-    #[arg(long, value_name = "K", requires = "max_pk_error", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "K", requires = "max_pk_error", hide_short_help = true)]
     k_max: Option<f64>,
     /// Density: Pearson correlation of model and particles, in cells of edge --cell.
-    #[arg(long, value_name = "R", group = "TargetArgs", requires = "cell", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "R", group = "TargetArgs", requires = "cell", hide_short_help = true)]
     min_correlation: Option<f64>,
     /// Edge of the cells of --min-correlation, in the data's unit of length.
     ///
     /// Reduced so that equal cells fill the box, or the particles' bounds if there is no box.
-    #[arg(long, value_name = "LENGTH", requires = "min_correlation", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "LENGTH", requires = "min_correlation", hide_short_help = true)]
     cell: Option<f64>,
     /// Groups: numbers of friends-of-friends groups within this share, such as 10% or 0.1, from --from on.
     ///
@@ -100,10 +98,10 @@ pub struct GoalArgs {
     /// --from and grow by the square root of 2; from the largest down they are joined until each has 100 of the
     /// particles' groups, so that too many small groups do not make up for missing large ones. For at most 3 145 728
     /// particles.
-    #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "from", value_parser = parse_share, hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "SHARE", group = "TargetArgs", requires = "from", value_parser = parse_share, hide_short_help = true)]
     groups_within: Option<f64>,
     /// Smallest groups of --groups-within, in particles: 20 or more.
-    #[arg(long, value_name = "N", requires = "groups_within", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "N", requires = "groups_within", hide_short_help = true)]
     from: Option<u64>,
 }
 

@@ -56,8 +56,6 @@ pub struct Arguments {
     /// Definitions to use.
     #[arg(long, value_name = "NAME", default_value = "correct", hide_short_help = true, value_parser = named::<Convention>())]
     convention: Convention,
-    #[command(flatten)]
-    measure: MeasureArgs,
     /// Treat no axis as periodic, whatever the files say.
     #[arg(long)]
     open: bool,
@@ -68,6 +66,8 @@ pub struct Arguments {
     #[arg(long, value_name = "KIND,...", default_value = "svg,png", hide_short_help = true)]
     #[arg(value_parser = named::<FileKind>(), value_delimiter = ',', conflicts_with = "no_plots")]
     plots: Vec<FileKind>,
+    #[command(flatten)]
+    measure: MeasureArgs,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
