@@ -21,7 +21,7 @@ const MOST_NAMED: usize = 12;
 
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ForceArgs {
-    /// Replace an existing output. Inputs and files of other kinds are never replaced.
+    /// Replace an existing output, but no input and no file of another kind.
     #[arg(long, help_heading = None::<&'static str>, display_order = 900)]
     pub force: bool,
 }

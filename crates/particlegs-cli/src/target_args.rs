@@ -65,7 +65,7 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
 
 #[derive(Args, Clone, Debug)]
 pub struct GoalArgs {
-    /// Masked PSNR to reach, in dB; --help lists targets for P(k), density and groups.
+    /// Masked PSNR to reach, in dB; --help lists more targets.
     ///
     /// Measured in the style `expected`, averaged over held-out views. This and the targets below are found by search: up
     /// to eight fits are decoded and measured, and the smallest file that reaches the target is kept. The certificate

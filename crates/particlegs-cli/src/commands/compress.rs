@@ -52,7 +52,7 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    /// Folder for pictures: snapshot, model and error side by side, and surface density.
+    /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
     /// Memory limit, such as 2GiB: larger snapshots are fitted block by block.

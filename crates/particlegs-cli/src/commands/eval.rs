@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Picture size in pixels.
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, conflicts_with = "views")]
     size: Size,
-    /// Folder for pictures: snapshot, model and error side by side, and surface density.
+    /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
     #[command(flatten)]
