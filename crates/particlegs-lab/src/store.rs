@@ -176,7 +176,7 @@ mod tests {
         let path = store.path("score", &(1, "a"), "json");
         std::fs::write(&path, other.to_string()).unwrap();
         assert_eq!(ask(&(1, "a"), 9.0), 4.0);
-        assert!(store.of_others().unwrap().ends_with("by commit abc123"));
+        assert!(store.of_others().unwrap().ends_with("of commit abc123"));
         // Altered, or without its hash: made again.
         for altered in [other.to_string().replace("4.0", "5.0"), r#"{"result":5.0}"#.into()] {
             std::fs::write(&path, altered).unwrap();

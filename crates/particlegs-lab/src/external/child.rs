@@ -38,7 +38,7 @@ impl Child {
         let mut process = command.spawn()?;
         let pipes = (process.stdin.take(), process.stdout.take(), process.stderr.take());
         let (Some(requests), Some(answers), Some(errors)) = pipes else {
-            return Err(io::Error::other("the pipes exist"));
+            return Err(io::Error::other("its pipes could not be opened"));
         };
         let words = Arc::new(Mutex::new(String::new()));
         let heard = Arc::clone(&words);
