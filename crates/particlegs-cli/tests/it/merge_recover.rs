@@ -44,7 +44,7 @@ fn merging_is_exact_whatever_the_order() {
         assert!((together.data[i] - sum).abs() <= tolerance * brightest.max(1.0), "{} {sum}", together.data[i]);
     }
 
-    dir.fails("merge a.pgs a.pgs -o no.pgs", 2, "a block is in several parts");
+    dir.fails("merge a.pgs a.pgs -o no.pgs", 2, "the files hold the same block twice");
     dir.fails("merge a.pgs none.pgs -o no.pgs", 6, "none.pgs");
     dir.write("half.pgs", &one[..one.len() / 2]);
     dir.fails("merge a.pgs half.pgs -o no.pgs", 4, "half.pgs");
