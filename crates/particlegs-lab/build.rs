@@ -1,5 +1,5 @@
-//! Says which commit the program is built from, where it is built in a repository: results name it. No program is
-//! run; what git keeps is read as text.
+//! Finds the commit of the source, if it is in a repository, for results to name it. It reads git's files and runs no
+//! program.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ fn main() {
     }
 }
 
-/// `.git`, or the folder that it names (a work tree of another repository).
+/// `.git`, or the folder that it names (in a git worktree).
 fn git_folder(root: &Path) -> Option<PathBuf> {
     let git = root.join(".git");
     if git.is_dir() {
@@ -28,7 +28,7 @@ fn commit(git: &Path) -> Option<String> {
     };
     let head = watched(git.join("HEAD"))?;
     let Some(name) = head.trim().strip_prefix("ref: ") else { return Some(head.trim().to_string()) };
-    // Of a work tree, branches are in the repository's own folder.
+    // The branches of a worktree are in the main repository.
     let common = std::fs::read_to_string(git.join("commondir")).map_or(git.to_path_buf(), |c| git.join(c.trim()));
     let of_packed = || {
         let packed = std::fs::read_to_string(common.join("packed-refs")).ok()?;

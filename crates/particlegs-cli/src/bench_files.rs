@@ -1,4 +1,4 @@
-//! What experiments found, as files of a folder.
+//! Writes the results of experiments to a folder.
 
 use crate::common::CommandContext;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 const RESULTS: &str = "results.json";
 
-/// The folder of kept results in a folder that is new, empty or of results.
+/// The cache in an output folder, which must be new, empty or contain results.
 pub fn folder(output: &Path, context: &CommandContext) -> Result<PathBuf> {
     let io = |e| Error::io(output, e);
     if output.is_dir() {
@@ -68,10 +68,10 @@ fn results(sections: &[Section], provenance: &Provenance) -> String {
     serde_json::to_string_pretty(&all).unwrap_or_default() + "\n"
 }
 
-/// Height of the letters above pictures, pixels: a row of three is shown on pages at two thirds of its size.
+/// Height of labels above pictures in pixels; pages show a row of three at two thirds of its size.
 const LETTERS: f64 = 20.0;
 
-/// The pictures side by side with what each is, as a PNG.
+/// The labelled pictures side by side, as a PNG.
 fn joined(p: &Pictures) -> Result<Vec<u8>> {
     let panel = |(caption, picture): &(String, Rgb8)| Panel {
         caption: Some(caption.clone()),
@@ -84,7 +84,7 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
     coded(&plainest(page), &PngMetadata::default(), PngEffort::Small)
 }
 
-/// In grey levels where there is no colour in it: a third of the bytes before they are compressed.
+/// Uses grey levels if there are no colours, which takes a third of the bytes.
 fn plainest(page: Rgb8) -> FigureImage {
     match page.data.iter().all(|[r, g, b]| r == g && g == b) {
         true => FigureImage::Gray(Gray8 { size: page.size, data: page.data.iter().map(|p| p[0]).collect() }),

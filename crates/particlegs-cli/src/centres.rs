@@ -1,4 +1,4 @@
-//! A list of centres: a table of text with x, y, z and perhaps a radius in each line.
+//! A list of centres: a text table with x, y, z and optionally a radius in each line.
 
 use particlegs_files::input::{Begins, Form, name_of, read_whole};
 use particlegs_formats::Catalogue;
@@ -17,7 +17,7 @@ pub fn read(path: &Path, context: &Context<'_>) -> Result<Catalogue> {
     Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))
 }
 
-/// Centres and their radii in the units of a snapshot or model, whose box they belong to; what a user should know is said.
+/// Centres and radii in the units of a snapshot or model, in whose box they lie; prints notes.
 pub fn convert(
     list: Catalogue,
     path: &Path,

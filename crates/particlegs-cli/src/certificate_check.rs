@@ -1,4 +1,4 @@
-//! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
+//! Compares two certificates of one model, and finds contradictions in one certificate.
 
 use particlegs_pipeline::model::{
     Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance,
@@ -24,9 +24,8 @@ pub fn level_of(c: &Certificate) -> CertificateLevel {
     }
 }
 
-/// Every figure that is stored or that was measured, beside each other. What was `measured` is of a level that the
-/// certificate has, or, where it `completes` it, of a higher one: then what is not stored does not differ. To the last digit where
-/// the same program has `exact` figures.
+/// Every number that is stored or measured, side by side. If the measurement `completes` the certificate with a higher
+/// level, missing stored numbers do not count as different. With `exact`, for the same program, every digit counts.
 pub fn side_by_side(
     stored: &Certificate,
     measured: &Certificate,
@@ -59,8 +58,8 @@ pub fn side_by_side(
     all
 }
 
-/// What a certificate cannot say of its model, a line each: such a file was altered, or written by something else. What
-/// is doubtful but possible is in [`doubts`].
+/// Contradictions in a certificate, one line each: such a file was altered, or another program wrote it. Doubtful but
+/// possible values are in [`doubts`].
 pub fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
     let mut found = Vec::new();
     let recipe = &m.recipe;
@@ -75,8 +74,8 @@ pub fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
     found
 }
 
-/// What is hard to believe, a line each: scores clearly above the noise-free picture's. It knows every
-/// particle; who is above it knows the noise of one shot.
+/// Doubtful values, one line each: scores clearly above those of the noise-free picture, which knows everything but the
+/// shot noise.
 pub fn doubts(c: &Certificate) -> Vec<String> {
     const ABOVE: f64 = 1.0;
     let mut found = Vec::new();
@@ -172,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_too_much_differs_unless_it_is_completed() {
+    fn missing_and_extra_numbers_differ_unless_completed() {
         let full =
             Certificate { groups: Some(Default::default()), held_out: Some(Default::default()), ..certificate() };
         let differing = |a: &Certificate, b: &Certificate, completes| {
@@ -210,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn scores_above_the_noise_free_pictures_are_hard_to_believe() {
+    fn scores_above_the_noise_free_pictures_are_doubtful() {
         let c = certificate();
         assert!(doubts(&c).is_empty());
         let mut forged = c;

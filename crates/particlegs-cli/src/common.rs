@@ -1,4 +1,4 @@
-//! Options that every command has, and what they set up.
+//! Options of every command, and the context that they set up.
 
 use crate::cpu_count;
 use crate::printable::one_line;
@@ -41,15 +41,15 @@ pub struct Common {
     pub seed: u64,
 }
 
-/// One of several by its name, so that help and completion list them.
+/// A value with a fixed set of names, which help and completion list.
 pub fn named<T: NamedValue>() -> impl TypedValueParser<Value = T> {
     one_of(T::VALUES.iter().copied())
 }
 
-/// The value of an option that also takes `none`: not clap's `Option`, which stands for a missing option.
+/// The value of an option that also accepts `none`; clap uses `Option` for a missing option.
 pub type OrNone<T> = Option<T>;
 
-/// A value of `T`, or the value without one: its name and help.
+/// The parser of a `T` or a name for none, with its help.
 pub fn named_or<T: NamedValue>(name: &'static str, help: &'static str) -> impl TypedValueParser<Value = OrNone<T>> {
     let some = T::VALUES.iter().map(|(value, name, help)| (Some(*value), *name, *help));
     one_of([(None, name, help)].into_iter().chain(some))
@@ -73,29 +73,28 @@ pub fn one_of<T: Clone + Send + Sync + 'static>(
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);
-/// Does the work keep a checkpoint when it is stopped?
+/// Does the work write a checkpoint when it is stopped?
 static KEEPS: AtomicBool = AtomicBool::new(false);
-/// How long it has for that after the first signal, whatever signals follow.
+/// Time for that after the first signal; further signals are ignored meanwhile.
 const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
-/// Set by SIGUSR1, which batch systems send a while before they end a task.
+/// Set by SIGUSR1, which batch systems send before they end a task.
 static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 pub struct CommandContext {
     pub common: Common,
-    /// What the library is given.
     context: Context<'static>,
     display: &'static CommandDisplay,
     outputs: Mutex<Outputs>,
     files: Mutex<Vec<PathBuf>>,
 }
 
-/// What a user sees of the work; nothing under --quiet.
+/// Progress; `None` with --quiet.
 #[derive(Default)]
 struct CommandDisplay {
     meter: Mutex<Option<Meter>>,
-    /// Notes that were told: none is told twice.
+    /// Notes already printed; each is printed once.
     told: Mutex<BTreeSet<String>>,
-    /// Did a command before tell the notes of what is done now?
+    /// Did an earlier command print the notes of this work?
     told_before: AtomicBool,
 }
 
@@ -106,11 +105,11 @@ impl Common {
             return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }
         parallel::set_threads(threads).map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
-        // The switch of the determinism tests: the plain path instead of vector instructions.
+        // For tests of determinism: plain code instead of vector instructions.
         let plain = std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off");
         let simd = if plain { Level::baseline() } else { Level::new() };
         meet_stop_signals();
-        // A process has one, or two where it opens the page after other work.
+        // A process creates one, or two if it opens the page after other work.
         let display: &'static CommandDisplay = Box::leak(Box::default());
         *lock(&display.meter) = (!self.quiet).then(Meter::start);
         let context = Context::SILENT
@@ -123,7 +122,7 @@ impl Common {
     }
 }
 
-/// A thread of its own calls [`stop`] at every signal that asks a program to end.
+/// Starts a thread that calls [`stop`] at every signal to end.
 #[cfg(unix)]
 fn meet_stop_signals() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
@@ -138,15 +137,14 @@ fn meet_stop_signals() {
     let _ = ctrlc::set_handler(stop);
 }
 
-/// Makes a limit on the size of files an error of writing, which leaves nothing, instead of a signal that
-/// ends the process.
+/// Turns a limit on file sizes into an error of writing, instead of a signal that ends the process.
 pub fn meet_file_size_limits() {
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
-/// Asks the work to stop. A second signal ends the process at once, but for work that keeps a checkpoint:
-/// that has some seconds for it. Outputs are whole or absent either way.
+/// Asks the work to stop. A second signal ends the process at once, unless it is writing a checkpoint. Outputs are
+/// complete or absent either way.
 fn stop() {
     static FIRST: OnceLock<Instant> = OnceLock::new();
     let again = STOP.swap(true, Ordering::SeqCst);
@@ -157,13 +155,12 @@ fn stop() {
 }
 
 impl CommandContext {
-    /// From now on a checkpoint is kept where the work is stopped: signals after the first are ignored for
-    /// some seconds.
+    /// From now on a stop writes a checkpoint: signals after the first are ignored for some seconds.
     pub fn finishes_its_steps(&self) {
         KEEPS.store(true, Ordering::SeqCst);
     }
 
-    /// With nothing shown of the work any more: it goes on until it is stopped.
+    /// Shows no more progress: the work continues until it is stopped.
     pub fn without_progress(self) -> Self {
         lock(&self.display.meter).take();
         self
@@ -173,7 +170,7 @@ impl CommandContext {
         lock(&self.outputs)
     }
 
-    /// Does work whose notes a command before has told.
+    /// Does work whose notes an earlier command has printed.
     pub fn told_before<T>(&self, work: impl FnOnce() -> T) -> T {
         self.display.told_before.store(true, Ordering::Relaxed);
         let done = work();
@@ -185,8 +182,8 @@ impl CommandContext {
         notes.iter().for_each(|note| self.message(&format!("note: {note}")));
     }
 
-    /// Prints the result: JSON where asked for, and the text on stdout, or on stderr where an output is
-    /// there; under --quiet no text of what was written to files.
+    /// Prints the result: JSON if requested, and the text on stdout, or on stderr if stdout has an output; with --quiet
+    /// no text about written files.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
         if let Some(target) = &self.common.json {
             self.aside(|| crate::report::json(target, value))?;
@@ -204,7 +201,7 @@ impl CommandContext {
         lock(&self.files)
     }
 
-    /// Prints a line of the result: on stdout, or on stderr where an output is there.
+    /// Prints a line of the result on stdout, or on stderr if stdout has an output.
     pub fn line(&self, text: &str) -> Result<()> {
         if self.outputs().on_standard_output() {
             text.lines().for_each(|line| self.message(line));
@@ -213,7 +210,7 @@ impl CommandContext {
         self.aside(|| crate::report::line(text))
     }
 
-    /// Does something that prints, with no progress shown meanwhile. Messages are not for inside it.
+    /// Hides the progress while `work` prints; it must not send messages.
     fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
         match &*lock(&self.display.meter) {
             Some(meter) => meter.aside(print),
@@ -231,7 +228,7 @@ impl Deref for CommandContext {
 }
 
 impl Drop for CommandContext {
-    /// What is shown of the work is taken away.
+    /// Hides the progress.
     fn drop(&mut self) {
         lock(&self.display.meter).take();
     }

@@ -1,4 +1,4 @@
-//! Two PNGs or surface densities, or two folders of them with the same names, against each other.
+//! Compares two PNGs or surface densities, or two folders of them with the same names.
 
 use crate::density_file;
 use particlegs_pipeline::context::Context;
@@ -12,11 +12,9 @@ use std::path::Path;
 #[derive(Serialize)]
 pub struct FolderComparison {
     pub views: Vec<PictureComparison>,
-    /// Means over the views that have a value.
     pub mean: MeanScores,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub densities: Vec<DensityFileComparison>,
-    /// Means over these; `None` without any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_density: Option<MeanDensityScores>,
     pub only_in_a: Vec<String>,
@@ -41,13 +39,13 @@ pub struct PictureComparison {
     pub name: String,
     #[serde(flatten)]
     pub scores: Option<Scores>,
-    /// Largest difference of a pixel, levels.
+    /// Largest difference of a pixel in levels.
     pub largest_difference: u8,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
 
-/// Means of views' scores: of the decibels, never the decibels of a mean.
+/// Means over views; decibels are averaged as they are.
 #[derive(Serialize)]
 pub struct MeanScores {
     /// dB over all pixels.
@@ -59,8 +57,8 @@ pub struct MeanScores {
     pub left_out: usize,
 }
 
-/// Scores a picture, or the values of a surface density, against another; of a folder and a file, the one in the folder
-/// that has the file's name; of two folders, all that have the same names.
+/// Scores a picture or surface density against another. In a folder, the file of the same name is used; of two folders,
+/// all files with the same names.
 pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderComparison> {
     let within = |folder: &Path, file: &Path| folder.join(file.file_name().unwrap_or_default());
     let (a, b) = match (a.is_dir(), b.is_dir()) {
@@ -83,7 +81,7 @@ pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCompar
     Ok(FolderComparison::new(views, densities))
 }
 
-/// Scores every PNG of folder `a` against the one of its name in `b`, and every surface density that `--raw` wrote.
+/// Scores every PNG, and every surface density of `--raw`, in folder `a` against the same name in `b`.
 fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderComparison> {
     let (in_a, in_b) = (FolderNames::new(a)?, FolderNames::new(b)?);
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
@@ -131,7 +129,7 @@ fn mean_density(densities: &[DensityFileComparison]) -> Option<MeanDensityScores
     })
 }
 
-/// The mean of the values there are, in order; `None` where there is none.
+/// Mean of the existing values; `None` without any.
 fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let (sum, count) = values.flatten().fold((0.0, 0u32), |(sum, count), v| (sum + v, count + 1));
     (count > 0).then(|| sum / f64::from(count))
@@ -164,17 +162,17 @@ pub struct DensityFileComparison {
     pub error: Option<String>,
 }
 
-/// Means of views' scores, over those that have a value.
+/// Means over views that have a value.
 #[derive(Serialize)]
 pub struct MeanDensityScores {
-    /// Of the root mean squares of log10(A / B).
+    /// Root mean square of log10(A / B).
     pub rms_dex: Option<f64>,
-    /// Of the means of log10(A / B).
+    /// Mean of log10(A / B).
     pub mean_dex: Option<f64>,
     pub correlation: Option<f64>,
 }
 
-/// Scores the values of one file against those of another. A pair that cannot be scored is told in its place.
+/// Scores the values of one file against those of another; failures are listed in place of scores.
 fn compare_density(name: &str, a: &Path, b: &Path, context: &Context<'_>) -> DensityFileComparison {
     let (scores, error) = match density_scores(a, b, context) {
         Ok(Ok(scores)) => (Some(scores), None),
@@ -194,10 +192,9 @@ fn density_scores(a: &Path, b: &Path, context: &Context<'_>) -> Result<std::resu
     }
 }
 
-/// Names without ending of what can be compared in a folder.
+/// Names, without extension, of the comparable files in a folder.
 struct FolderNames {
     pictures: BTreeSet<String>,
-    /// Of values with a description beside them.
     densities: BTreeSet<String>,
 }
 

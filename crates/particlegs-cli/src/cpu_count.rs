@@ -1,22 +1,22 @@
-//! How many threads this process was given: by the batch system, the control group, the affinity mask.
+//! Number of threads this process may use, by batch system, control group and affinity mask.
 
 use std::num::NonZeroUsize;
 
-/// Variables that say how many threads a process may start, the most explicit first. Those of batch
-/// systems come before OMP_NUM_THREADS, which some sites set to 1 for everyone.
+/// Environment variables with a number of threads, most explicit first. Those of batch systems come before
+/// OMP_NUM_THREADS, which some sites set to 1 for everyone.
 const VARIABLES: [&str; 7] =
     ["RAYON_NUM_THREADS", "SLURM_CPUS_PER_TASK", "PBS_NCPUS", "NCPUS", "LSB_DJOB_NUMPROC", "NSLOTS", "OMP_NUM_THREADS"];
 
-/// Threads to use where `--threads` does not say.
+/// Default of `--threads`.
 pub fn threads() -> usize {
-    // Asks for the affinity mask and, on Linux, the control group's quota.
+    // This respects the affinity mask and, on Linux, the quota of the control group.
     let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     threads_of(|name| std::env::var(name).ok(), cores)
 }
 
 /// As [`threads`], on a machine that lets this process use `cores`.
 fn threads_of(variable: impl Fn(&str) -> Option<String>, cores: usize) -> usize {
-    // OMP_NUM_THREADS may be a list, one number a level.
+    // OMP_NUM_THREADS may be a list, one number per level.
     let number = |name: &str| {
         let text = variable(name)?;
         text.split(',').next().unwrap_or("").trim().parse::<usize>().ok().filter(|n| *n > 0)
@@ -30,7 +30,7 @@ fn threads_of(variable: impl Fn(&str) -> Option<String>, cores: usize) -> usize 
         .map_or(cores, |n| n.min(cores))
 }
 
-/// The cores that a Slurm job of one task has on its node, where it did not ask by `--cpus-per-task`.
+/// Cores of a Slurm job with one task on its node, without `--cpus-per-task`.
 fn slurm_node(number: &impl Fn(&str) -> Option<usize>) -> Option<usize> {
     let alone = number("SLURM_NTASKS").is_none_or(|tasks| tasks == 1);
     number("SLURM_CPUS_ON_NODE").filter(|_| alone)
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_batch_system_says_how_many() {
+    fn the_batch_system_sets_the_number_of_threads() {
         let with = |variables: &[(&str, &str)]| {
             threads_of(|name| variables.iter().find(|v| v.0 == name).map(|v| v.1.to_string()), 16)
         };
@@ -72,7 +72,7 @@ mod tests {
 
     /// The machine knows best what it lets a process use; what is no number says nothing.
     #[test]
-    fn never_more_than_there_are_and_never_none() {
+    fn the_number_of_threads_is_within_1_and_the_cores() {
         let with = |text: &str| threads_of(|name| (name == "SLURM_CPUS_PER_TASK").then(|| text.to_string()), 16);
         assert_eq!(["64", "0", "-1", "many", ""].map(with), [16; 5]);
     }

@@ -1,4 +1,4 @@
-//! Surface density on the command line: colours, and values in place of pictures. Shared by `render` and `reference`.
+//! Options of surface densities: colours, and values instead of pictures. Shared by `render` and `reference`.
 
 use crate::common::{CommandContext, named};
 use crate::density_file::{self, Means};
@@ -31,19 +31,19 @@ pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
     named()
 }
 
-/// What a snapshot or a model says about its masses and lengths, and what a density of it is.
+/// Units of a snapshot or model, and the meaning of its density.
 #[derive(Clone, Debug)]
 pub struct Quantities {
     length_unit: Option<String>,
     mass_unit: Option<String>,
-    /// What weights are that are not masses.
+    /// Name of the weights, if they are not masses.
     weight_name: Option<String>,
     comoving: bool,
     smooth: Option<usize>,
 }
 
 impl Quantities {
-    /// Of a snapshot, each of whose particles may be spread over some neighbours.
+    /// For a snapshot, whose particles may be smoothed over neighbours.
     pub fn from_particles(p: &Particles, smooth: Option<usize>) -> Self {
         let (m, known) = (&p.meta, p.weights().is_some() || p.meta.particle_mass.is_some());
         Quantities { smooth, ..Quantities::new(&m.units, known, m.weight_name.as_deref()) }
@@ -73,7 +73,7 @@ impl Quantities {
         self.comoving
     }
 
-    /// What is summed, where it is not mass: ` of Charge`.
+    /// The summed quantity, if it is not mass: ` of Charge`.
     pub fn of_what(&self) -> String {
         self.weight_name.as_ref().map_or_else(String::new, |name| format!(" of {name}"))
     }
@@ -102,7 +102,7 @@ impl DensityArgs {
         range_of(self.range.as_deref())
     }
 
-    /// Says what is written of these views as values.
+    /// Declares the files of values for these views.
     pub fn plan_raw(&self, out: &PictureOut, views: &[View], context: &CommandContext) -> Result<()> {
         let path = |view: &View, ending| out.folder().join(format!("{}.{ending}", view.name));
         views.iter().try_for_each(|view| {

@@ -1,5 +1,5 @@
-//! Surface density as numbers: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which says
-//! what they are. Written by `--raw`, read by `compare`.
+//! Surface density as numbers: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which describes
+//! them. `--raw` writes and `compare` reads them.
 
 use particlegs_files::input::{Begins, Form, read_whole};
 use particlegs_files::output::{FileSet, write_atomic, write_bytes};
@@ -10,9 +10,9 @@ use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Pictures larger than this in either direction are refused before memory is taken.
+/// Larger pictures are refused before memory is allocated.
 const LARGEST_SIDE: usize = 65_536;
-/// Cameras that differ by less than this of their largest number are the same.
+/// Relative tolerance for equal cameras.
 const SAME: f64 = 1e-6;
 
 const JSON: Form = Form { title: "a description of values", begins: Begins::Object, most: 1 << 20, expansion: 16 };
@@ -25,13 +25,13 @@ pub struct DensityDescription {
     #[serde(flatten)]
     means: Means,
     projection: String,
-    /// From where; `projection` and `world_per_pixel` say its window.
+    /// The camera; `projection` and `world_per_pixel` define the window.
     #[serde(flatten)]
     camera: Option<CameraRecord>,
     name: String,
 }
 
-/// What of a plane's description the plane and its view do not say.
+/// Part of the description that the plane and its view do not know.
 #[derive(Serialize, Deserialize)]
 pub struct Means {
     pub quantity: String,
@@ -39,14 +39,14 @@ pub struct Means {
     pub unit: String,
     /// Are lengths comoving?
     pub comoving: bool,
-    /// Neighbours that each particle is spread over; of pictures of particles, smoothed.
+    /// Number of neighbours for smoothing, for pictures of particles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smooth: Option<usize>,
-    /// World units a pixel; at the focal point in perspective.
+    /// World units per pixel; in perspective, at the focal point.
     pub world_per_pixel: f64,
 }
 
-/// Writes the two files of a view into a folder; the path of the values.
+/// Writes the two files of a view into a folder; returns the path of the values.
 pub fn write(folder: &Path, view: &DensityView, plane: &Plane, means: Means) -> Result<PathBuf> {
     let set = FileSet::in_folder(folder)?;
     let name = format!("{}.f32", view.name);
@@ -77,7 +77,7 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
     }
 }
 
-/// Reads what [`write`] has written of a view, by the name of one of its two files.
+/// Reads what [`write`] wrote for a view, given one of the two files.
 pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, Plane)> {
     let path = file.with_extension("json");
     let text = read_whole(&path, JSON, context)?;
@@ -89,7 +89,7 @@ pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, P
     }
     let path = file.with_extension("f32");
     let most = 4 * size.pixels() as u64;
-    // As they are read, and as numbers.
+    // Compare numbers, as they are read back.
     let form = Form { title: "values of surface density", begins: Begins::With(b""), most, expansion: 2 };
     let bytes = read_whole(&path, form, context)?;
     let (numbers, rest) = bytes.as_chunks::<4>();
@@ -105,7 +105,7 @@ pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, P
 }
 
 impl DensityDescription {
-    /// Why these values cannot be compared with others pixel by pixel; `None` where they can.
+    /// Why these values cannot be compared with others pixel by pixel, if so.
     pub fn differs(&self, other: &DensityDescription) -> Option<String> {
         let pair =
             |what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| Some(format!("{what}{a} and {b}"));
@@ -132,7 +132,7 @@ impl DensityDescription {
         (!(same_pixels && same)).then(|| "their views differ: use --save-views on one and --views on the other".into())
     }
 
-    /// Size of a pixel, and the camera where it is known.
+    /// Size of a pixel, and the camera if it is known.
     fn numbers(&self) -> Vec<f64> {
         let mut all = vec![self.means.world_per_pixel];
         if let Some(c) = &self.camera {

@@ -1,4 +1,4 @@
-//! `--device`: what draws and trains.
+//! `--device`: the CPU or a GPU.
 
 use clap::Args;
 use particlegs_pipeline::train::Accelerator;
@@ -16,7 +16,6 @@ pub struct DeviceArgs {
     device: DeviceRequest,
 }
 
-/// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum DeviceRequest {
     Cpu,
@@ -39,7 +38,7 @@ impl FromStr for DeviceRequest {
 }
 
 impl DeviceArgs {
-    /// What draws and trains; `None` = the CPU.
+    /// The GPU; `None` = the CPU.
     pub fn open(&self) -> Result<Option<Arc<dyn Accelerator>>> {
         match self.device {
             DeviceRequest::Cpu => Ok(None),
@@ -49,7 +48,7 @@ impl DeviceArgs {
         }
     }
 
-    /// [`DeviceArgs::open`] where anything is trained; refused where nothing is and a GPU is asked for.
+    /// [`DeviceArgs::open`] for training; without training a GPU is refused.
     pub fn trainer(&self, trains: bool) -> Result<Option<Arc<dyn Accelerator>>> {
         match self.device {
             _ if trains => self.open(),
@@ -60,7 +59,7 @@ impl DeviceArgs {
         }
     }
 
-    /// The GPU that is asked for, the first real one where none is, with kernels that can be timed.
+    /// The requested GPU, or the first real one, with kernels that can be timed.
     #[cfg(all(feature = "gpu", feature = "lab"))]
     pub fn open_timed(&self) -> Result<Arc<particlegs_gpu::Device>> {
         let number = if let DeviceRequest::Number(n) = self.device { Some(n) } else { None };
@@ -68,7 +67,7 @@ impl DeviceArgs {
     }
 }
 
-/// The GPU of a number, or the first real one.
+/// The GPU with a number, or the first real one.
 #[cfg(feature = "gpu")]
 fn accelerator(number: Option<usize>) -> Result<Arc<dyn Accelerator>> {
     let device = particlegs_gpu::Device::open(choice(number), particlegs_gpu::Checks::Off)?;
@@ -80,13 +79,13 @@ fn choice(number: Option<usize>) -> particlegs_gpu::AdapterChoice {
     number.map_or(particlegs_gpu::AdapterChoice::Gpu, particlegs_gpu::AdapterChoice::Number)
 }
 
-/// There is no GPU in this program.
+/// Stands for GPUs in a program without GPU support.
 #[cfg(not(feature = "gpu"))]
 fn accelerator(_: Option<usize>) -> Result<Arc<dyn Accelerator>> {
     Err(no_gpu_support())
 }
 
-/// Why a program that was built without GPU support does not do this.
+/// The error of a program without GPU support.
 #[cfg(not(feature = "gpu"))]
 pub fn no_gpu_support() -> Error {
     let what = "this program was built without GPU support";

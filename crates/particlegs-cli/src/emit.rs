@@ -1,7 +1,6 @@
-//! The short scripts by which a site's own engine drives a job folder: `plan --emit slurm|snakemake`.
+//! Scripts that run a job with a workflow engine: `plan --emit slurm|snakemake`.
 //!
-//! The scripts stand beside this file as they are, with `@NAME@` where the plan's values go; the user
-//! owns what is printed. Nothing here asks the engine or the disk.
+//! Their templates are beside this file; `@NAME@` is replaced by values of the plan.
 
 use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -17,13 +16,13 @@ pub enum JobEngine {
     Snakemake,
 }
 
-/// What a script must know of a job. Paths should be absolute: tasks run elsewhere.
+/// The values of a script. Paths should be absolute, since tasks run elsewhere.
 #[derive(Clone, Debug)]
 pub struct JobScript {
     pub program: PathBuf,
     pub folder: PathBuf,
     pub model: PathBuf,
-    /// Chunks of the input to scatter; 0 where blocks read the snapshot itself.
+    /// Chunks of the input to scatter; 0 if blocks read the snapshot directly.
     pub chunks: u64,
     pub blocks: u64,
     pub task_bytes: u64,
@@ -31,9 +30,9 @@ pub struct JobScript {
     pub threads: usize,
 }
 
-/// A path as an engine's script has it. Refused: one that is no UTF-8 or has a line break, and what an
-/// engine gives a meaning of its own and knows no way to quote: for Snakemake braces (wildcards) and
-/// angle brackets (path variables), for Slurm backslashes (in names of logs).
+/// A path for an engine's script. Refuses paths that are not UTF-8 or have line breaks, and special characters that the
+/// engine cannot quote: for Snakemake braces (wildcards) and angle brackets (path variables), for Slurm backslashes (in
+/// names of logs).
 pub fn quoted(engine: JobEngine, path: &Path) -> Result<String> {
     let (refused, quote): (&[char], fn(&str) -> String) = match engine {
         JobEngine::Slurm => (&['\n', '\r', '\\'], shell_word),
@@ -49,7 +48,8 @@ pub fn quoted(engine: JobEngine, path: &Path) -> Result<String> {
 }
 
 pub fn script(engine: JobEngine, job: &JobScript) -> Result<String> {
-    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
+    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6. Ask for a tenth more, since engines kill tasks that exceed
+    // it.
     let (template, unit) = match engine {
         JobEngine::Slurm => (SLURM, 1 << 20),
         JobEngine::Snakemake => (SNAKEMAKE, 1_000_000),
@@ -71,7 +71,7 @@ pub fn script(engine: JobEngine, job: &JobScript) -> Result<String> {
     ))
 }
 
-/// Replaces each `@NAME@` in one pass, so that a path may contain whatever it likes.
+/// Replaces each `@NAME@` in one pass, so that paths may contain anything.
 fn fill(template: &str, values: &[(&str, String)]) -> String {
     let mut text = String::with_capacity(template.len() + 256);
     let mut rest = template;
@@ -101,7 +101,7 @@ pub fn shell_word(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
-/// A string for Python: JSON's escapes are Python's, and serde_json leaves other characters as they are.
+/// A Python string: JSON uses the same escapes.
 fn python_literal(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn every_place_is_filled_once() {
+    fn every_placeholder_is_filled_once() {
         for engine in [JobEngine::Slurm, JobEngine::Snakemake] {
             let text = script(engine, &JobScript { folder: "/scratch/job".into(), ..job() }).unwrap();
             for name in ["PROGRAM", "JOB", "MODEL", "CHUNKS", "BLOCKS", "MEMORY", "MERGE_MEMORY", "THREADS"] {
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn slurm_says_what_the_plan_says() {
+    fn the_slurm_script_matches_the_plan() {
         let text = script(JobEngine::Slurm, &job()).unwrap();
         for line in [
             "program=/opt/particlegs\n",
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn snakemake_says_what_the_plan_says() {
+    fn the_snakefile_matches_the_plan() {
         let text = script(JobEngine::Snakemake, &JobScript { folder: "/s/a \"b\" \\c é".into(), ..job() }).unwrap();
         for line in [
             "PROGRAM = \"/opt/particlegs\"\n",
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_cannot_stand_in_a_script_is_refused() {
+    fn a_path_that_a_script_cannot_quote_is_refused() {
         for engine in [JobEngine::Slurm, JobEngine::Snakemake] {
             assert!(script(engine, &JobScript { folder: "a\nb".into(), ..job() }).is_err());
         }
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn words_survive_the_shell() {
+    fn arguments_survive_the_shell() {
         for word in ["", "plain/path.pgs", "a b", "it's", "$HOME `x` \"y\" \\ * {1}", "é", "-o"] {
             let echo = Command::new("sh").arg("-c").arg(format!("printf %s {}", shell_word(word))).output();
             let output = echo.expect("a shell");

@@ -1,4 +1,4 @@
-//! What the command says of an error: its exit code, and what to do, in the command's own terms.
+//! Exit codes and hints of errors, in terms of the command line.
 
 use particlegs_pipeline::{Error, Hint};
 
@@ -14,7 +14,7 @@ pub fn exit_code(error: &Error) -> u8 {
         Error::Differs { .. } => 9,
         Error::Checkpointed { .. } => 75,
         Error::Cancelled => 130,
-        // Reading or writing, and what is to come.
+        // Reading, writing and future kinds.
         _ => 6,
     }
 }
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn remedies_name_the_options_that_bring_them_about() {
+    fn hints_name_the_options_that_help() {
         let fit = |broken| {
             let hint = Hint::from(if broken { "delete it and run " } else { "run " });
             hint.command("block", "job 3")

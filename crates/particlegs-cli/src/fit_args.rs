@@ -1,4 +1,4 @@
-//! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
+//! Options of the fit: target, effort, certificate. Shared by `compress` and `plan`.
 
 use crate::common::named;
 use crate::snapshot_args::ParticleArgs;
@@ -44,7 +44,7 @@ impl FitArgs {
         self.effort == Effort::Fast
     }
 
-    /// The options of a job in one block, in memory. The selection's seed is theirs, too.
+    /// The library's options for one block in memory, with the seed of the selection.
     pub fn options(&self, particles: &ParticleArgs, seed: u64) -> Result<Options> {
         for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
             if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {

@@ -1,4 +1,4 @@
-//! What `info` prints about a model file, and its certificate as a table.
+//! Output of `info` for a model file, and its certificate as a table.
 
 use crate::common::CommandContext;
 use crate::figure::number;
@@ -44,7 +44,7 @@ pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> 
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
 }
 
-/// Does a model file say that this made it?
+/// Was a model file made by this recipe?
 pub fn is_of_recipe(path: &Path, recipe: &Recipe, context: &Context<'_>) -> Result<bool> {
     Ok(codec::read_metadata(&inputs::model(path, context)?, &name_of(path))?.recipe == *recipe)
 }
@@ -128,7 +128,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     }
     row("particles", m.count.to_string());
     let of = m.weight_name().map_or_else(String::new, |name| format!(" of `{name}`"));
-    row("weights", format!("{}{of} in total (1 per particle in layers without any)", m.mass));
+    row("weights", format!("{}{of} in total (1 per particle in layers without weights)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::to_string));
     row("default radius", number(m.default_radius));
@@ -137,7 +137,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("source BLAKE3", hex(&m.source_hash));
     row("unit of length", info_snapshot::length(&m.units));
     info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
-    row("kept", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
+    row("raw data", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
     row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
     row("command", m.recipe.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
@@ -208,7 +208,7 @@ pub fn describe_goal(goal: &GoalResult, unit: Option<&str>) -> String {
     format!("asked for: {}", goal.describe(unit))
 }
 
-/// Rows of figures, a table for those that have the same ones; rows of one figure in one line.
+/// Rows of numbers: one table for rows with the same columns; single numbers share a line.
 fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
     type MetricRows<'a> = Vec<&'a [MetricEntry]>;
     let mut tables: Vec<MetricRows<'_>> = Vec::new();
@@ -252,8 +252,8 @@ pub fn verdict(findings: &[Assessment]) -> String {
     out
 }
 
-/// The verdict on a model that was just written to `place`, in at most nine lines, and as data; tells unasked what a user
-/// must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
+/// The verdict on a model that was just written, in at most nine lines, and as data. Warns about a poor model, whose
+/// pictures or density do not clearly beat trivial ones.
 pub fn describe_new_model<T>(
     c: Option<&Certificate>,
     metadata: &Metadata,
@@ -277,7 +277,7 @@ pub fn describe_new_model<T>(
     (format!("{short}\nparticlegs info {} shows the rest", place.display()), v)
 }
 
-/// A line a use; uses that were not measured for one reason share a line.
+/// One line per use; uses that were not measured for the same reason share a line.
 fn brief(findings: &[Assessment]) -> String {
     let (missing, judged): (Vec<_>, Vec<_>) = findings.iter().partition(|f| f.word == Grade::NotMeasured);
     let mut lines: Vec<[String; 3]> =

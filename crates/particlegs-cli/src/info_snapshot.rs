@@ -1,4 +1,4 @@
-//! What `info` prints about a snapshot.
+//! Output of `info` for a snapshot.
 
 use crate::common::CommandContext;
 use crate::printable::one_line;
@@ -18,7 +18,7 @@ struct SnapshotInfoReport<'a> {
     description: &'a Description,
     particles: u64,
     redshift: Option<f64>,
-    /// One a species, in order; empty where they were not read.
+    /// One per species, in order; empty if they were not read.
     bounds: &'a [Bounds],
 }
 
@@ -101,7 +101,7 @@ pub fn length(units: &Units) -> String {
     said(units.length_text()) + comoving + &size
 }
 
-/// What is known beside the unit of length, by name: unit of mass, moment, and of the cosmology what is stated.
+/// Other known units, the time and the cosmology, by name.
 pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'static str, String)> {
     let c = cosmology;
     let factor = epoch.redshift().zip(epoch.scale_factor).map(|(z, a)| format!("{a} (z = {z:.4})"));

@@ -1,4 +1,4 @@
-//! Inputs as commands want them: a model, or whichever of model and snapshot a path names.
+//! Reads inputs: a model, or either a model or a snapshot.
 
 use crate::printable::one_line;
 use crate::progress::to_stderr;
@@ -34,7 +34,7 @@ fn no_model(path: &Path) -> Error {
     Error::input_with(path, what, kind.to_a_model())
 }
 
-/// A model or a snapshot. What a pipe gives is looked at once.
+/// A model or a snapshot. A pipe is read only once.
 pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<'_>) -> Result<PathContent> {
     let mut choice = opening.choice()?;
     if path.is_dir() {
@@ -50,7 +50,7 @@ pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<
     Ok(PathContent::Snapshot(choice.into()))
 }
 
-/// Says what is waited for before a command's own progress is set up.
+/// Prints what the command waits for before its progress is shown.
 pub struct WaitNotice;
 
 impl ProgressSink for WaitNotice {

@@ -1,4 +1,4 @@
-//! How a job's snapshot is named in its manifest, and opened again.
+//! Stores the snapshot of a job in its manifest, and opens it again.
 
 use crate::common::CommandContext;
 use crate::snapshot_args::ParticleArgs;
@@ -9,7 +9,7 @@ use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A snapshot as a job's manifest has it.
+/// A snapshot in a job's manifest.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct JobSnapshot {
     paths: Vec<PathBuf>,
@@ -19,7 +19,7 @@ pub struct JobSnapshot {
 }
 
 impl JobSnapshot {
-    /// As named on the command line; tasks may run in other folders.
+    /// Absolute paths, since tasks may run in other folders.
     pub fn new(paths: &[PathBuf], particles: &ParticleArgs, seed: u64) -> Result<Self> {
         let absolute = |p: &PathBuf| {
             if is_stream(p) {
@@ -51,8 +51,8 @@ impl JobSnapshot {
         self.paths.first().map_or_else(String::new, |p| p.display().to_string())
     }
 
-    /// The snapshot, and whether tasks can open it again and read any part of it; what cannot be read where it
-    /// lies is put into `storage`.
+    /// Opens the snapshot; also returns whether tasks can reopen it and read any part. Data that cannot be read in
+    /// place goes to `storage`.
     pub fn source(&self, storage: &Storage, context: &CommandContext) -> Result<(LayeredParticles, bool)> {
         match self.particles.choice(self.seed)?.read_later(&self.paths, context)? {
             Some(layered) => Ok((layered, true)),
@@ -60,12 +60,12 @@ impl JobSnapshot {
         }
     }
 
-    /// The snapshot of a job, to be read run by run; `plan` told its notes.
+    /// The snapshot of a job, to be read in parts; `plan` printed its notes.
     pub fn layered(&self, context: &CommandContext) -> Result<LayeredParticles> {
         Ok(context.told_before(|| self.source(&Storage::Memory, context))?.0)
     }
 
-    /// The particles of a job; `plan` told their notes.
+    /// The particles of a job; `plan` printed their notes.
     pub fn particles(&self, context: &CommandContext) -> Result<Particles> {
         context.told_before(|| self.selected(&Storage::Memory, context))
     }
@@ -75,7 +75,7 @@ impl JobSnapshot {
     }
 }
 
-/// A task's number: from 0, or `env:NAME` for what an engine's variable says.
+/// Number of a task, from 0, or `env:NAME` for an environment variable.
 pub fn task_number(text: &str) -> Result<u64> {
     let said = match text.strip_prefix("env:") {
         None => text.to_string(),
@@ -86,7 +86,7 @@ pub fn task_number(text: &str) -> Result<u64> {
     said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a number from 0")))
 }
 
-/// Errors of a task that an engine runs again: a stop is no failure.
+/// Adds the task to an error; a stop is not an error, since the engine runs the task again.
 pub fn task_error(error: Error, job: &Path, task: &str) -> Error {
     match error {
         Error::Cancelled => Error::Checkpointed { what: format!("{}: {task}", job.display()) },

@@ -120,7 +120,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A panic, which is a defect of the program, says where it is and ends the command, whatever thread it is on.
+/// Makes a panic on any thread, which is a bug, print its location and end the command.
 fn end_on_panic() {
     let say = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

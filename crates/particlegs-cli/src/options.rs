@@ -1,5 +1,4 @@
-//! Options that would do nothing: one table of which option means something beside which other. An option
-//! that is given and means nothing is refused by name, for a result without it would mislead.
+//! Refuses options that have no effect, since ignoring them would mislead. One table holds the rules.
 
 use crate::figure::FileKind;
 use clap::parser::ValueSource;
@@ -10,17 +9,17 @@ use particlegs_pipeline::{Error, NamedValue, Result};
 use std::path::Path;
 
 struct OptionRule {
-    /// Separated by blanks, as the options are.
+    /// Separated by spaces, like the options.
     commands: &'static str,
-    /// As clap knows them; a group of options by the name of its struct.
+    /// clap's ids; a group of options by the name of its struct.
     options: &'static str,
-    /// Do they mean nothing beside what else was given?
+    /// Do they have no effect, given the other arguments?
     idle: fn(&CommandMatches<'_>) -> bool,
     belongs: &'static str,
     hint: &'static str,
 }
 
-/// Rules, each as commands, options, when these mean nothing, what they belong to, and what to do where that helps.
+/// Rules: commands, options, when these have no effect, what they apply to, and a hint if one helps.
 macro_rules! rules {
     ($($commands:literal: $options:expr, $idle:expr => $belongs:expr $(, $hint:expr)?;)*) => {
         &[$(OptionRule {
@@ -137,12 +136,12 @@ fn is_group(option: &str) -> bool {
 struct CommandMatches<'a>(&'a ArgMatches);
 
 impl CommandMatches<'_> {
-    /// Is the argument there, and not as a default?
+    /// Was the argument given, not only as a default?
     fn has(&self, id: &str) -> bool {
         self.0.try_contains_id(id).unwrap_or(false) && self.0.value_source(id) == Some(ValueSource::CommandLine)
     }
 
-    /// The option, or of a group the first that is there.
+    /// The option, or the first one of a group that was given.
     fn first_of(&self, option: &str) -> Option<String> {
         if is_group(option) {
             let given = self.0.try_get_many::<Id>(option).ok().flatten();
@@ -161,7 +160,7 @@ impl CommandMatches<'_> {
         self.words(id).iter().any(|v| v == value)
     }
 
-    /// Is a surface density drawn, or perhaps: of a picture to be drawn alike it is not known yet?
+    /// Is a surface density drawn? With --like it may be.
     fn density(&self) -> bool {
         self.is("style", "density") || self.has("like") && !self.has("style")
     }
@@ -171,12 +170,12 @@ impl CommandMatches<'_> {
         self.density() || self.draws_page() || beside
     }
 
-    /// Is anything written about the picture, or on it?
+    /// Does the picture have annotations?
     fn has_letters(&self) -> bool {
         self.has_bars() || ["axes", "title"].iter().any(|id| self.has(id))
     }
 
-    /// Is the output a page with its own room about the picture?
+    /// Is the output a PDF or SVG page?
     fn draws_page(&self) -> bool {
         let kind = self.paths("out").first().and_then(|p| FileKind::from_path(p));
         kind.is_some_and(|k| k != FileKind::Png)
@@ -186,7 +185,7 @@ impl CommandMatches<'_> {
         ["fast", "best", "paper"].iter().any(|p| self.is("train", p)) || self.has("config") || self.has("print_config")
     }
 
-    /// What `export` is to write; `None` where that is not clear, which is told of later.
+    /// What `export` writes; `None` if that is unclear, which is reported later.
     fn exports(&self) -> Option<Group> {
         let asked = self.words("kind").first().and_then(|name| Exported::from_name(name).ok());
         let out = self.paths("output").into_iter().next()?;
@@ -197,7 +196,7 @@ impl CommandMatches<'_> {
         matches!(self.exports(), Some(Group::Page | Group::Splats))
     }
 
-    /// Does a page open with a surface density, as it does unless it is told otherwise?
+    /// Does a page open with a surface density, its default?
     fn page_of_density(&self) -> bool {
         let page = self.exports().is_none_or(|e| e == Group::Page);
         page && !["paraview", "expected"].iter().any(|s| self.is("style", s))
@@ -209,8 +208,7 @@ impl CommandMatches<'_> {
         self.has("only") && !measures.iter().any(|m| self.is("only", m))
     }
 
-    /// Is the one file of a positional argument a model? Files that cannot be
-    /// read are told of later, and what can be read once only is left alone.
+    /// Is the only positional argument a model? Unreadable files are reported later, and pipes are not touched.
     fn model(&self, id: &str) -> bool {
         matches!(&self.paths(id)[..], [one] if matches!(PathKind::from_path(one), PathKind::Model))
     }
@@ -232,7 +230,7 @@ mod tests {
 
     /// Every command and option of the table exists: a renamed one would never be refused.
     #[test]
-    fn the_table_names_what_there_is() {
+    fn the_rules_name_existing_options() {
         let cli = crate::Cli::command();
         for rule in RULES {
             for name in rule.commands.split(' ') {

@@ -1,4 +1,4 @@
-//! What a command reads and writes, said before its work: the one place that decides what is replaced.
+//! Inputs and outputs of a command, declared before its work: the one place that decides what is replaced.
 
 use crate::common::CommandContext;
 use crate::text_wrap::wrapped;
@@ -13,25 +13,25 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Said where something is there that is not replaced unasked.
+/// Hint for an existing output.
 const ADVICE: &str = "name another output, or replace it with --force";
 
-/// Files of a folder that are named one by one.
+/// Most files of a folder that are listed by name.
 const MOST_NAMED: usize = 12;
 
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ForceArgs {
-    /// Replace an existing output. Inputs and files of other kinds are never replaced.
+    /// Replace an existing output, but no input and no file of another kind.
     #[arg(long, help_heading = None::<&'static str>, display_order = 900)]
     pub force: bool,
 }
 
-/// A file that is replaced where there is one of its kind.
+/// Kind of an output; existing files of the same kind may be replaced.
 const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
     Kind { name, kept: false, is }
 }
 
-/// A model file: kept unless replacing is asked for.
+/// A model file: kept without --force.
 pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
 pub const PNG: Kind = replaced("a PNG", |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n"));
@@ -44,30 +44,30 @@ pub const MP4: Kind = replaced("an MP4 film", |_, head| head.get(4..8).is_some_a
 /// In the container of Matroska.
 pub const WEBM: Kind = replaced("a WebM film", |_, head| head.starts_with(&[0x1a, 0x45, 0xdf, 0xa3]));
 
-/// Results as JSON. What describes a snapshot or a job is JSON too, and not replaced.
+/// Results as JSON, but not the JSON of a snapshot or job.
 pub const JSON: Kind = replaced("a result as JSON", |path, head| {
     let first = head.iter().find(|b| !b.is_ascii_whitespace());
     let describes = path.file_name().is_some_and(|n| n == "meta.json" || n == "plan.json");
     matches!(first, Some(b'{' | b'[')) && is_text(head) && !describes
 });
 
-/// The log of a training run, a JSON object a line.
+/// The log of a training run, one JSON object per line.
 pub const LOG: Kind = replaced("a log of JSON lines", |_, head| {
     let line = head.split(|b| *b == b'\n').next().unwrap_or_default();
     serde_json::from_slice::<Value>(line).is_ok_and(|v| v.is_object())
 });
 
-/// Surface density as raw values: what describes them lies beside them.
+/// Surface density as raw values, with their description beside them.
 pub const VALUES: Kind = replaced("raw values of a surface density", |path, _| {
     beginning(&path.with_extension("json")).is_some_and(|text| text.contains("\"surface density\""))
 });
 
 pub const PARTICLES: Kind = Kind { name: "a snapshot", kept: true, is: |_, _| true };
 
-/// A file that nothing but an empty one may be in the place of.
+/// A file that may only replace an empty one.
 const UNKNOWN: Kind = replaced("made by this command", |_, _| false);
 
-/// Do two files, or all files of two folders, hold the same?
+/// Are two files, or all files of two folders, equal?
 fn same_files(a: &Path, b: &Path) -> Result<bool> {
     let names = |folder: &Path| -> std::io::Result<BTreeSet<OsString>> {
         std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect()
@@ -98,12 +98,12 @@ fn same_bytes(a: &Path, b: &Path) -> std::io::Result<bool> {
     }
 }
 
-/// Is a file's beginning text? It may end within a letter.
+/// Is the beginning of a file text? It may end inside a character.
 fn is_text(head: &[u8]) -> bool {
     std::str::from_utf8(head).map_or_else(|e| e.error_len().is_none(), |_| true)
 }
 
-/// The first few thousand bytes of a file, as text.
+/// The beginning of a file, as text.
 fn beginning(path: &Path) -> Option<String> {
     let mut head = Vec::new();
     File::open(path).ok()?.take(4096).read_to_end(&mut head).ok()?;
@@ -111,14 +111,13 @@ fn beginning(path: &Path) -> Option<String> {
 }
 
 impl CommandContext {
-    /// Begins the plan of a command that reads `inputs` and replaces kept outputs if `force`; `--json` is
-    /// its first output.
+    /// Declares the `inputs` of a command and its first output, `--json`; `force` replaces kept outputs.
     pub fn reads<'a>(&self, inputs: impl IntoIterator<Item = &'a Path>, force: bool) -> Result<()> {
         let inputs = inputs.into_iter().map(|path| Input::Data(path.to_path_buf()));
         self.plan(Outputs::new(force, ADVICE), inputs)
     }
 
-    /// [`CommandContext::reads`] of a job's folder and the snapshot that it names.
+    /// [`CommandContext::reads`] for a job folder and its snapshot.
     pub fn reads_job(&self, job: &Path, snapshot: &[PathBuf], force: bool) -> Result<()> {
         let inputs = snapshot.iter().map(|path| Input::Data(path.clone()));
         self.plan(Outputs::new(force, ADVICE), inputs.chain([Input::Whole(job.to_path_buf())]))
@@ -134,15 +133,14 @@ impl CommandContext {
         Ok(())
     }
 
-    /// Takes note of a file that is to be written; tells whether one is there that is kept
-    /// ([`Outputs::writes`]).
+    /// Declares an output; returns whether it exists and is kept ([`Outputs::writes`]).
     pub fn writes(&self, path: &Path, kind: &Kind) -> Result<bool> {
         let kept = self.outputs().writes(path, kind, self)?;
         self.files().push(path.to_path_buf());
         Ok(kept)
     }
 
-    /// A line for every folder in which files were written that `text` does not name.
+    /// One line per folder with written files that `text` does not mention.
     pub fn names_files(&self, text: &str) -> String {
         let mut folders: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
         for path in self.files().iter().filter(|p| p.is_file() && !text.contains(&p.display().to_string())) {
@@ -160,7 +158,7 @@ impl CommandContext {
         folders.values().map(line).collect()
     }
 
-    /// Takes note of a file that is to be written, and refuses one that is there and kept.
+    /// Declares an output; refuses an existing file that is kept.
     pub fn writes_new(&self, path: &Path, kind: &Kind) -> Result<()> {
         if self.writes(path, kind)? { Err(self.refused(path)) } else { Ok(()) }
     }
@@ -169,12 +167,12 @@ impl CommandContext {
         self.outputs().refused(path)
     }
 
-    /// Makes a folder for outputs; it goes again if nothing comes into it.
+    /// Creates a folder for outputs; it is removed again if it stays empty.
     pub fn makes_folder(&self, folder: &Path) -> Result<()> {
         self.outputs().make_folder(folder)
     }
 
-    /// Says how many of a command's pictures there are, where it ends before the last.
+    /// Reports the number of complete pictures if a command ends early.
     pub fn count_pictures<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
         if outcome.is_err() && done > 0 {
             self.message(&format!("{done} of {all} pictures are complete, in {}", folder.display()));
@@ -190,7 +188,7 @@ impl CommandContext {
         Ok(())
     }
 
-    /// Writes a model file. Where one is `kept` it is only looked whether it is the same.
+    /// Writes a model file; a `kept` one is only compared.
     pub fn write_model(&self, path: &Path, bytes: &[u8], kept: bool) -> Result<()> {
         if !kept {
             return output::write_bytes(path, bytes);
@@ -199,21 +197,20 @@ impl CommandContext {
         self.same_or_refused(path, there == bytes)
     }
 
-    /// Writes a snapshot. Where one is `kept` it is written beside it, and only looked whether it is the same.
+    /// Writes a snapshot; a `kept` one is only compared, with one written beside it.
     pub fn write_snapshot(&self, path: &Path, kept: bool, write: impl FnOnce(&Path) -> Result<u64>) -> Result<u64> {
         if !kept {
             return write(path);
         }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // It goes with the set, which is never finished.
+        // The unfinished set is removed.
         let set = FileSet::in_folder(folder)?;
         let again = set.path().join(path.file_name().unwrap_or("snapshot".as_ref()));
         let bytes = write(&again)?;
         self.same_or_refused(path, same_files(&again, path)?).map(|()| bytes)
     }
 
-    /// Writes a file and what describes it beside it, both or neither. Where one is `kept` they are only looked
-    /// whether they are the same.
+    /// Writes a file and its description, both or neither; `kept` ones are only compared.
     pub fn write_described(
         &self,
         path: &Path,
@@ -235,7 +232,7 @@ impl CommandContext {
         self.same_or_refused(path, path.exists() && same_files(&staged(path), path)?).map(|()| bytes)
     }
 
-    /// Writes several files into `folder`, all of them or none; gives their paths.
+    /// Writes several files into `folder`, all or none; returns their paths.
     pub fn write_set(&self, folder: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<Vec<PathBuf>> {
         self.makes_folder(folder)?;
         let set = FileSet::in_folder(folder)?;
@@ -248,7 +245,7 @@ impl CommandContext {
     }
 }
 
-/// The kind of a result file, by its ending; a table is told by its head.
+/// The kind of a result file, by its extension; tables also by their header.
 fn kind_of(place: &Path, staged: &Path) -> Kind {
     let same_head = || {
         let line = |path| Some(beginning(path)?.lines().next()?.to_string());

@@ -93,7 +93,7 @@ impl PageArgs {
         [&self.like, &self.views].into_iter().flatten()
     }
 
-    /// How a page of these models opens; of `layers` those are drawn, all where there are none.
+    /// How a page of these models opens; empty `layers` means all.
     pub fn opening(
         &self,
         dials: &AppearanceArgs,
@@ -164,7 +164,7 @@ impl PageArgs {
     }
 }
 
-/// The layers that are meant by `names`, of all models: their own names, or those of their species.
+/// The layers of all models with these names or species.
 fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
     let there: Vec<&str> = models.iter().flat_map(|m| &m.layers).map(|l| &l.name[..]).collect();
     let called =
@@ -181,7 +181,7 @@ fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
     Ok(own)
 }
 
-/// A views file as the page reads it.
+/// A views file for the page.
 fn views(set: ViewSet) -> Result<serde_json::Value> {
     let text = ViewsFile(set).text()?;
     serde_json::from_str(&text).map_err(|e| Error::argument(e.to_string()))

@@ -1,4 +1,4 @@
-//! The models that a page shows: read and looked at before a browser opens.
+//! Reads and checks the models of a page before a browser opens.
 
 use crate::common::CommandContext;
 use crate::inputs;
@@ -23,8 +23,8 @@ struct PageModelFile {
 }
 
 impl ModelFiles {
-    /// Reads the files; none that is not whole is shown. Small ones are decoded. Of those that would keep the page
-    /// waiting the checksums are checked, which find whatever storage and networks do to a file.
+    /// Reads the files and refuses damaged ones. Small ones are decoded; for large ones only the checksums are
+    /// verified, to keep the page fast.
     pub fn read(paths: &[PathBuf], context: &CommandContext) -> Result<Self> {
         let names = names(paths);
         let mut files = Vec::with_capacity(paths.len());
@@ -41,7 +41,7 @@ impl ModelFiles {
         Ok(viewed)
     }
 
-    /// Says where models are in other units than the first: the page shows each in its own.
+    /// Note on models with other units than the first.
     fn note_units(&self, context: &CommandContext) {
         let Some((first, others)) = self.files.split_first() else { return };
         let text = |m: &Metadata| m.units.length_text().unwrap_or("an unknown unit").to_string();
@@ -64,7 +64,7 @@ impl ModelFiles {
         }
     }
 
-    /// What the page calls each, and its number of Gaussians.
+    /// Name of each model on the page, and its number of Gaussians.
     pub fn names(&self) -> impl Iterator<Item = (&str, usize)> {
         self.files.iter().map(|f| (&f.name[..], f.info.gaussians()))
     }
@@ -77,13 +77,13 @@ impl ModelFiles {
         self.files.iter_mut().map(|f| (f.name.clone(), std::mem::take(&mut f.bytes))).collect()
     }
 
-    /// Is there a model that takes the page long enough for a poster? Of several none is the whole page.
+    /// Does the only model load slowly enough to need a poster?
     pub fn has_poster(&self, opening: &PageOpening) -> bool {
         matches!(&self.files[..], [only] if poster::wanted(only.info.gaussians(), opening)
             && only.info.gaussians() <= poster::SERVED_UP_TO)
     }
 
-    /// The poster of the only model, from its bytes. What fails is told, and the page goes without.
+    /// The poster of the only model; if it fails, a warning is printed.
     pub fn poster(&self, bytes: &[u8], context: &CommandContext, tell: &dyn Fn(&str)) -> Option<Vec<u8>> {
         let place = self.files.first().map_or("", |f| &f.place);
         let model = codec::decode_with(bytes, place, context);
@@ -98,7 +98,7 @@ impl ModelFiles {
     }
 }
 
-/// What the page calls the files: by their names, by their paths where two have one name.
+/// Names of the files on the page; paths if two have the same name.
 fn names(paths: &[PathBuf]) -> Vec<String> {
     let name =
         |path: &Path| path.file_name().filter(|_| path != Path::new("-")).map(|n| n.to_string_lossy().into_owned());

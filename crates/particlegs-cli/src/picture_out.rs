@@ -1,4 +1,4 @@
-//! Where pictures go: a folder with one file a view, or the one file that is named.
+//! Where pictures go: a folder with one file per view, or one named file.
 
 use crate::common::CommandContext;
 use crate::figure::FileKind;
@@ -15,8 +15,8 @@ pub enum PictureOut {
 }
 
 impl PictureOut {
-    /// What an output means for so many views; a name that ends in `.png`, `.pdf` or `.svg` is the one picture's, and so
-    /// is a stream. Makes the folder. `raw` values need a folder.
+    /// Interprets an output for this number of views: a stream, or a name that ends in `.png`, `.pdf` or `.svg`, is one
+    /// picture; otherwise a folder, which is created. `raw` values need a folder.
     pub fn new(out: &Path, views: usize, raw: bool, context: &CommandContext) -> Result<Self> {
         let is_picture = FileKind::from_path(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
@@ -38,7 +38,7 @@ impl PictureOut {
         Ok(PictureOut::File(out.to_path_buf()))
     }
 
-    /// The files of the views' pictures, which are about to be written.
+    /// The files of the views' pictures, declared as outputs.
     pub fn pictures<'a>(&self, names: impl Iterator<Item = &'a str>, context: &CommandContext) -> Result<Vec<PathBuf>> {
         let paths: Vec<PathBuf> = names.map(|name| self.picture(name)).collect();
         let kind = match self.kind() {

@@ -1,4 +1,5 @@
-//! What `compress --pictures` and `eval --pictures` write: truth beside model beside error, and the surface density.
+//! The pictures of `compress --pictures` and `eval --pictures`: truth, model and error side by side, and the surface
+//! density.
 
 use crate::density_args::Quantities;
 use crate::drawing::ViewContent;
@@ -23,20 +24,20 @@ use particlegs_pipeline::splat::ToneStyle;
 use std::path::{Path, PathBuf};
 
 const PANEL: Size = Size { width: 640, height: 640 };
-/// Pixels across the surface density, and at most down; the window is the bounds seen along z.
+/// Width and largest height of the surface density in pixels; it shows the bounds along z.
 const DENSITY_WIDTH: usize = 1200;
 const DENSITY_HEIGHTS: [f64; 2] = [300.0, 2400.0];
-/// Where the camera stands: degrees, and times the base distance.
+/// Camera: azimuth and elevation in degrees, and distance in base distances.
 const ANGLES: [f64; 2] = [30.0, 20.0];
 const DISTANCE: f64 = 0.85;
-/// Height of letters, for pictures that are shown at half their size.
+/// Font size, for pictures that are shown at half size.
 const LETTERS: f64 = 9.0;
 
 pub fn paths(folder: &Path) -> [PathBuf; 2] {
     ["comparison.png", "density.png"].map(|name| folder.join(name))
 }
 
-/// Writes them, both or none; the paths written. Their places have been looked at before.
+/// Writes both or none; returns their paths, which must be declared before.
 pub fn write(folder: &Path, model: &Model, particles: &Particles, context: &Context<'_>) -> Result<Vec<PathBuf>> {
     let set = FileSet::in_folder(folder)?;
     let [compared, summed] = paths(set.path());
@@ -131,7 +132,7 @@ fn error(truth: &Gray8, model: &Gray8) -> (FigureImage, ColourBar) {
     (FigureImage::Color(Rgb8 { size: truth.size, data }), bar)
 }
 
-/// A round number of levels that nearly all (99.9 %) of the lit differences stay within.
+/// A round number of levels that 99.9 % of the lit differences stay within.
 fn reach(differences: &[i32]) -> f32 {
     let mut sizes: Vec<i32> = differences.iter().map(|d| d.abs()).filter(|d| *d > 0).collect();
     sizes.sort_unstable();
@@ -161,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_have_their_sign_and_a_round_reach() {
+    fn errors_have_their_sign_and_a_round_range() {
         let size = Size { width: 4, height: 1 };
         let gray = |data: [u8; 4]| Gray8 { size, data: data.to_vec() };
         let (image, bar) = error(&gray([100; 4]), &gray([100, 103, 96, 100]));
@@ -172,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn thousands_stand_apart() {
+    fn thousands_are_separated() {
         assert_eq!([2633, 20_000, 2_097_152].map(grouped), ["2633", "20\u{a0}000", "2\u{a0}097\u{a0}152"]);
     }
 }

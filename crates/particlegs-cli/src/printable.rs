@@ -1,10 +1,10 @@
-//! Text of other people's making on the terminal: names in files, paths, variables. Nothing in it may
-//! move the cursor, set a title or turn the direction of what follows.
+//! Makes foreign text (names in files, paths, variables) safe for a terminal: it must not move the cursor, set a title
+//! or change the direction of text.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
-/// The text with control and formatting characters as escapes such as `\u{1b}`; line breaks stay.
+/// Escapes control and formatting characters, such as `\u{1b}`; line breaks stay.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c != '\n' && is_dangerous(c), |out, c| write!(out, "{}", c.escape_default()))
 }
@@ -14,7 +14,7 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     escaped(text, is_dangerous, |out, c| write!(out, "{}", c.escape_default()))
 }
 
-/// JSON with those characters as JSON's escapes, beyond the ones that it must have: the same values.
+/// JSON with these characters escaped, too; the values stay the same.
 pub fn printable_json(text: &str) -> Cow<'_, str> {
     escaped(
         text,
@@ -39,8 +39,8 @@ fn escaped(
     Cow::Owned(out)
 }
 
-/// Control characters (C0, DEL, C1), line and paragraph separators, and characters that show nothing
-/// or change the order of others (Unicode 16, general category Cf).
+/// Control characters (C0, DEL, C1), line and paragraph separators, and invisible or reordering characters (Unicode 16,
+/// general category Cf).
 fn is_dangerous(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{ad}' | '\u{600}'..='\u{605}' | '\u{61c}' | '\u{6dd}' | '\u{70f}' | '\u{180e}')
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_moves_the_cursor_is_escaped() {
+    fn cursor_movements_are_escaped() {
         assert!(matches!(printable("Größe 10⁻³ (Mpc/h)³\nnext"), Cow::Borrowed(_)));
         assert_eq!(printable("a\u{1b}]0;title\u{7}b"), "a\\u{1b}]0;title\\u{7}b");
         assert_eq!(printable("\u{9b}2J\u{7f}\r"), "\\u{9b}2J\\u{7f}\\r");

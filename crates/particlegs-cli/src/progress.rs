@@ -1,8 +1,7 @@
-//! What a user sees while waiting: on a terminal a line that never stands still, elsewhere one plain
-//! line a minute.
+//! Progress: a live line on a terminal, elsewhere one plain line per minute.
 //!
-//! [`Meter`] is the clock and the thread; [`Display`] knows what is going on and is told the time, so that
-//! tests need no clock; a [`StatusSink`] shows it.
+//! A [`Meter`] has the clock and the thread. A [`Display`] knows the phases and receives the time, so that tests need
+//! no clock. A [`StatusSink`] shows the state.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
@@ -10,39 +9,39 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Time between two looks at the work, on a terminal ...
+/// Interval of updates on a terminal ...
 const TICK: Duration = Duration::from_millis(200);
 /// ... and elsewhere.
 const PLAIN_TICK: Duration = Duration::from_secs(1);
-/// Time between two plain lines; shorter runs print none.
+/// Interval of plain lines; shorter runs print none.
 const PLAIN_EVERY: Duration = Duration::from_secs(60);
-/// What takes less than this draws nothing on a terminal.
+/// Shorter work shows nothing on a terminal.
 const UNSEEN: Duration = Duration::from_millis(400);
-/// A rate is an estimate once a phase has run so long.
+/// A phase must run this long before its rate is used.
 const SETTLED: Duration = Duration::from_secs(1);
-/// Characters of the phases' names that a line shows at most.
+/// Most characters of phase names in a line.
 const NAME_WIDTH: usize = 44;
 
-/// Where the state of the work goes.
+/// Shows the state of the work.
 trait StatusSink: Send {
-    /// Shows how far the work is, `now` after its beginning.
+    /// Shows the state, `now` after the start.
     fn show(&mut self, status: &ProgressStatus, now: Duration);
-    /// Takes away what is shown.
+    /// Hides the state.
     fn clear(&mut self);
-    /// A line for the user, above what is shown.
+    /// Prints a line above the state.
     fn message(&mut self, text: &str);
 }
 
-/// How far the work is.
+/// State of the work.
 #[derive(Clone, Debug, PartialEq)]
 struct ProgressStatus {
-    /// The phase, and those within it.
+    /// The phase and the phases inside it.
     name: String,
-    /// Share that is done, of the outermost phase whose size is known.
+    /// Finished share of the outermost phase with a known size.
     share: Option<f64>,
-    /// Time that this phase has taken.
+    /// Time of this phase so far.
     elapsed: Duration,
-    /// Time that it still takes, at the rate so far.
+    /// Remaining time, at the rate so far.
     left: Option<Duration>,
 }
 
@@ -66,27 +65,27 @@ fn duration(d: Duration) -> String {
     }
 }
 
-/// What was done of a phase at some time.
+/// Progress of a phase at some time.
 #[derive(Clone, Copy)]
 struct ProgressSample {
     at: Duration,
     done: u64,
 }
 
-/// A phase of the work that has begun and not ended.
+/// A running phase.
 struct ProgressPhase {
     name: String,
     total: u64,
     done: u64,
     began: Duration,
-    /// The first look at it: a run that goes on finds much of it done.
+    /// State at the first update: a resumed run starts with some steps done.
     first: Option<ProgressSample>,
-    /// Its last step: the first look after it.
+    /// State at the first update after the last step.
     moved: ProgressSample,
 }
 
 impl ProgressPhase {
-    /// Share that is done; `None` where the total is not known. Some totals are estimates.
+    /// Finished share; `None` if the total is unknown. Some totals are estimates.
     fn share(&self) -> Option<f64> {
         self.share_of(self.done)
     }
@@ -103,8 +102,8 @@ impl ProgressPhase {
         }
     }
 
-    /// Time that is left at the rate from the first look to its last step, less what went by since: steps may take
-    /// minutes. A step that takes longer than all that was left is taken to last a tenth of its time more.
+    /// Remaining time: the rate from the first update to the last step, minus the time since. Steps may take minutes; a
+    /// step that exceeds the estimate is assumed to take another tenth of its time.
     fn left(&self, now: Duration) -> Option<Duration> {
         let first = self.first.unwrap_or(ProgressSample { at: self.began, done: 0 });
         let moved = if self.moved.done == self.done { self.moved.at } else { now };
@@ -117,11 +116,11 @@ impl ProgressPhase {
     }
 }
 
-/// What is going on, and where it is shown. Times count from the beginning of the command.
+/// The phases, and where they are shown. Times count from the start of the command.
 struct Display {
     /// The outermost phase first.
     phases: Vec<ProgressPhase>,
-    /// Since when no phase is under way.
+    /// Since when no phase is running.
     idle_since: Duration,
     sink: Box<dyn StatusSink>,
 }
@@ -147,13 +146,13 @@ impl Display {
         self.idle_since = now;
     }
 
-    /// What a user should know now.
+    /// The state at this time.
     fn status(&self, now: Duration) -> ProgressStatus {
         let Some(outermost) = self.phases.first() else {
             let elapsed = now.saturating_sub(self.idle_since);
             return ProgressStatus { name: "working".into(), share: None, elapsed, left: None };
         };
-        // The size of the outer phase tells most, as soon as a step of it is done.
+        // Prefer the outer phase as soon as one of its steps is done.
         let known = self.phases.iter().find(|p| p.done > 0 && p.total > 0);
         let told = known.or(self.phases.iter().find(|p| p.total > 0)).unwrap_or(outermost);
         let names: Vec<&str> = self.phases.iter().map(|p| p.name.as_str()).collect();
@@ -168,7 +167,7 @@ impl Display {
     }
 }
 
-/// The name, with an ellipsis where it is longer than a line has room for.
+/// The name, shortened to fit the line.
 fn shortened(name: &str) -> String {
     if name.chars().count() <= NAME_WIDTH {
         return name.to_string();
@@ -177,7 +176,7 @@ fn shortened(name: &str) -> String {
     format!("{kept}…")
 }
 
-/// A line on a terminal, drawn anew at every tick.
+/// A live line on a terminal.
 struct Terminal {
     bar: ProgressBar,
     of_known_size: Option<bool>,
@@ -217,7 +216,7 @@ impl StatusSink for Terminal {
     }
 }
 
-/// Lines without control characters, for log files and batch systems.
+/// Plain lines for log files and batch systems.
 struct PlainLines<W> {
     out: W,
     next: Duration,
@@ -229,7 +228,7 @@ impl<W: Write + Send> StatusSink for PlainLines<W> {
             return;
         }
         self.next = now + PLAIN_EVERY;
-        // A log that cannot be written is no reason to stop.
+        // Errors of the log do not stop the work.
         let _ = writeln!(self.out, "progress after {}: {}, {}", duration(now), status.name, status.figures());
     }
 
@@ -240,12 +239,12 @@ impl<W: Write + Send> StatusSink for PlainLines<W> {
     }
 }
 
-/// A line that is read by people; where standard error is full or closed the work goes on.
+/// Prints a line to standard error; errors do not stop the work.
 pub fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Shows the work of one command as it goes on.
+/// Shows the progress of one command.
 pub struct Meter {
     began: Instant,
     shared: Arc<SharedDisplay>,
@@ -253,7 +252,7 @@ pub struct Meter {
 }
 
 struct SharedDisplay {
-    /// `None` once the command is over.
+    /// `None` after the end of the command.
     display: Mutex<Option<Display>>,
     over: Condvar,
 }
@@ -265,7 +264,7 @@ impl SharedDisplay {
 }
 
 impl Meter {
-    /// On a terminal a moving line, elsewhere a plain line a minute.
+    /// A live line on a terminal, elsewhere one plain line per minute.
     pub fn start() -> Meter {
         let dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
         match std::io::stderr().is_terminal() && !dumb {
@@ -285,33 +284,33 @@ impl Meter {
                 display = seen.over.wait_timeout(display, every).unwrap_or_else(|e| e.into_inner()).0;
             }
         });
-        // Without a thread there is no progress, and the work goes on.
+        // Without a thread the work goes on without progress.
         Meter { began, shared, ticker: ticker.ok() }
     }
 
-    /// A phase of `total` steps begins (0 = unknown), within those that have not ended.
+    /// Starts a phase of `total` steps (0 = unknown) inside the running ones.
     pub fn begin(&self, phase: &str, total: u64) {
         let now = self.began.elapsed();
         self.shared.lock().iter_mut().for_each(|d| d.begin(phase, total, now));
     }
 
-    /// `steps` more steps of the innermost phase are done.
+    /// Adds finished steps to the innermost phase.
     pub fn advance(&self, steps: u64) {
         self.shared.lock().iter_mut().for_each(|d| d.advance(steps));
     }
 
-    /// The innermost phase is over.
+    /// Ends the innermost phase.
     pub fn end(&self) {
         let now = self.began.elapsed();
         self.shared.lock().iter_mut().for_each(|d| d.end(now));
     }
 
-    /// A line for the user.
+    /// Prints a line for the user.
     pub fn message(&self, text: &str) {
         self.shared.lock().iter_mut().for_each(|d| d.sink.message(text));
     }
 
-    /// Does something that writes to the terminal, with nothing shown meanwhile.
+    /// Hides the progress while `work` writes to the terminal.
     pub fn aside<T>(&self, write: impl FnOnce() -> T) -> T {
         let mut display = self.shared.lock();
         display.iter_mut().for_each(|d| d.sink.clear());
@@ -368,13 +367,13 @@ mod tests {
     }
 
     #[test]
-    fn durations_are_said_in_two_units_at_most() {
+    fn durations_have_at_most_two_units() {
         let said = [0, 59, 60, 3599, 3600, 90_061].map(|s| duration(at(s)));
         assert_eq!(said, ["0 s", "59 s", "1 min 0 s", "59 min 59 s", "1 h 0 min", "25 h 1 min"]);
     }
 
     #[test]
-    fn a_phase_says_what_how_far_and_how_long() {
+    fn a_phase_shows_its_name_share_and_time() {
         let record = ShownRecord::default();
         let mut d = Display::new(Box::new(record.clone()));
         d.begin("fitting", 200, at(10));
@@ -400,7 +399,7 @@ mod tests {
 
     /// What an earlier run did says nothing about the rate of this one.
     #[test]
-    fn a_phase_that_goes_on_tells_the_time_left_by_its_own_steps() {
+    fn a_resumed_phase_estimates_time_from_its_own_steps() {
         let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("training", 100, at(0));
         d.advance(70);
@@ -427,7 +426,7 @@ mod tests {
 
     /// A step of the inner phase is worth telling until the first of the outer one is done.
     #[test]
-    fn the_inner_phase_is_told_until_the_outer_one_moves() {
+    fn the_inner_phase_is_shown_until_the_outer_one_advances() {
         let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("views", 4, at(0));
         d.begin("drawing", 10, at(0));
@@ -443,7 +442,7 @@ mod tests {
 
     /// Whatever the work says or does not say, two seconds never pass with the same line.
     #[test]
-    fn the_line_never_stands_still() {
+    fn the_live_line_keeps_moving() {
         let record = ShownRecord::default();
         let mut d = Display::new(Box::new(record.clone()));
         for second in 0..10 {
@@ -462,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn totals_that_were_estimates_do_not_go_beyond_the_whole() {
+    fn estimated_totals_do_not_exceed_the_whole() {
         let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("partition", 977, at(0));
         d.advance(1037);
@@ -498,7 +497,7 @@ mod tests {
 
     /// The thread asks by itself, and ends with the meter.
     #[test]
-    fn a_meter_shows_without_being_asked() {
+    fn a_meter_updates_on_its_own() {
         let record = ShownRecord::default();
         let meter = Meter::with(Box::new(record.clone()), Duration::from_millis(1));
         meter.begin("reading", 0);

@@ -1,4 +1,4 @@
-//! Pictures in a JSON report: cameras by the keys of a views file, so that `--views` reads the report.
+//! Pictures in a JSON report, with the keys of a views file, so that `--views` can read it.
 
 use crate::view_args::ViewSubject;
 use particlegs_pipeline::camera::{DensityView, View};
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 #[derive(Serialize)]
 pub struct RenderedView {
-    /// Its view; a surface density does not depend on radius and opacity.
+    /// The view; a surface density has no radius and opacity.
     #[serde(flatten)]
     pub view: View,
     pub seconds: f64,
@@ -16,7 +16,7 @@ pub struct RenderedView {
 }
 
 impl RenderedView {
-    /// The picture of a view; no path where it is a frame that went into a film.
+    /// The picture of a view, without a path if it only went into a film.
     pub fn new(view: &View, subject: &ViewSubject, seconds: f64, path: Option<PathBuf>) -> Self {
         let mut view = view.clone();
         if subject.density {

@@ -1,4 +1,4 @@
-//! What people and programs read: results on stdout, everything else on stderr.
+//! Prints results on stdout and everything else on stderr.
 
 use crate::error_text;
 use crate::printable::{one_line, printable, printable_json};
@@ -21,12 +21,12 @@ pub fn failure(error: &Error) -> ExitCode {
     ExitCode::from(error_text::exit_code(error))
 }
 
-/// A line of the result, on stdout.
+/// Prints a line of the result on stdout.
 pub fn line(text: &str) -> particlegs_pipeline::Result<()> {
     verbatim(&printable(text))
 }
 
-/// Text for another program, on stdout: as it is.
+/// Prints text for another program on stdout, unchanged.
 pub fn verbatim(line: &str) -> particlegs_pipeline::Result<()> {
     whole(|| writeln!(std::io::stdout(), "{line}"))
 }
@@ -39,12 +39,12 @@ pub fn help(asked: &clap::Error) -> particlegs_pipeline::Result<()> {
     whole(|| asked.print())
 }
 
-/// Writes to stdout, and finds out whether all of it got there.
+/// Writes to stdout and checks that all of it arrived.
 fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs_pipeline::Result<()> {
     write().and_then(|()| std::io::stdout().flush()).map_err(|e| Error::io("standard output", e))
 }
 
-/// The result as JSON: to a file, or to stdout for `-`.
+/// Writes the result as JSON to a file, or to stdout for `-`.
 pub fn json(target: &Path, value: &impl Serialize) -> particlegs_pipeline::Result<()> {
     let text = serde_json::to_string_pretty(value).expect("results are plain data") + "\n";
     let text = printable_json(&text);

@@ -1,5 +1,4 @@
-//! Long runs: how long they may take, what they go on from, what they say. The same for `compress` and
-//! `finetune`.
+//! Options of long runs: time limit, checkpoint and log. Shared by `compress` and `finetune`.
 
 use crate::common::CommandContext;
 use crate::outputs::{LOG, PNG, SVG};
@@ -17,9 +16,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Share of --minutes that is left for coding and measuring ...
+/// Share of --minutes reserved for coding and measuring ...
 const SHARE_AFTER: f64 = 0.1;
-/// ... and seconds that it is at most.
+/// ... and its limit in seconds.
 const MOST_AFTER: f64 = 60.0;
 
 #[derive(Args, Clone, Debug)]
@@ -40,7 +39,7 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// How far training goes in a command that began at `began`; scratch files go to `scratch`.
+    /// Limits of training in a command that started at `began`; scratch files go to `scratch`.
     pub fn limits(&self, began: Instant, scratch: PathBuf) -> Result<Limits> {
         if self.minutes.is_some_and(|m| !(m > 0.0 && m.is_finite())) {
             return Err(Error::argument("--minutes must be positive"));
@@ -49,13 +48,13 @@ impl RunArgs {
         Ok(Limits { began, seconds, scratch: Some(scratch), ..Limits::default() })
     }
 
-    /// Does it go on from a checkpoint?
+    /// Does it continue from a checkpoint?
     pub fn goes_on(&self) -> bool {
         self.resume
     }
 
-    /// Says what is written beside the model at `output`: the checkpoint, the log and its curves. What an
-    /// interrupted run has left is given up by `force` alone.
+    /// Declares the checkpoint, the log and its curves as outputs beside the model. Only `force` discards files of an
+    /// interrupted run.
     pub fn plan(&self, output: &Path, force: bool, context: &CommandContext) -> Result<()> {
         match checkpoint_path(output)? {
             Some(path) => {
@@ -77,7 +76,7 @@ impl RunArgs {
         Ok(())
     }
 
-    /// The checkpoint beside `output` of the work that `whose` names; none where the output is a stream.
+    /// The checkpoint beside `output` of the work with this id; none if the output is a stream.
     pub fn checkpoint(&self, output: &Path, whose: &[u8; 32]) -> Result<Option<Checkpoint>> {
         let Some(path) = checkpoint_path(output)? else { return Ok(None) };
         let place = path.display().to_string();
@@ -95,8 +94,8 @@ impl RunArgs {
         }
     }
 
-    /// Does the work, with its log and its checkpoint, and writes the model to `output`. Where the work ends early the
-    /// checkpoint stays, and the error is that it was stopped.
+    /// Does the work with its log and checkpoint, and writes the model to `output`. If it is stopped, the checkpoint
+    /// stays, and an error says so.
     pub fn run(
         &self,
         output: &Path,
@@ -140,7 +139,7 @@ impl RunArgs {
             Ok(done) if done.stopped => checkpoint.save()?,
             Ok(_) => {}
             Err(error) => {
-                // What went wrong first is the error.
+                // Report the first error.
                 if let Err(e) = checkpoint.save() {
                     context.message(&format!("warning: the checkpoint was not saved: {e}"));
                 } else if matches!(error, Error::Cancelled) && !checkpoint.is_empty() {
@@ -152,7 +151,7 @@ impl RunArgs {
     }
 }
 
-/// Where the checkpoint of a run lies; nowhere where its output is a stream.
+/// Path of the checkpoint; `None` if the output is a stream.
 fn checkpoint_path(output: &Path) -> Result<Option<PathBuf>> {
     if output::is_stream(output)? {
         return Ok(None);

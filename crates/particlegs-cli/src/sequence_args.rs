@@ -1,4 +1,4 @@
-//! Frames of a film: a turn round the vertical axis, or a path through key frames.
+//! Frames of a film: a turn around the vertical axis, or a path through key frames.
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueHint};
@@ -6,12 +6,12 @@ use particlegs_pipeline::camera::{ViewSet, path_through};
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
-/// More frames than a film of ours has.
+/// Most frames of a film.
 const MOST: u64 = 100_000;
-/// Frames from each key frame to the next where no number is given.
+/// Default number of frames from each key frame to the next.
 const BETWEEN_KEYS: usize = 60;
 
-/// Which frames, and the film that they are joined to.
+/// Options of frames and films.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Films")]
 pub struct SequenceArgs {
@@ -55,18 +55,18 @@ pub struct SequenceArgs {
 }
 
 impl SequenceArgs {
-    /// Are frames drawn that belong together?
+    /// Are the pictures frames of a sequence?
     pub fn is_asked_for(&self) -> bool {
         self.turntable.is_some() || self.path.is_some()
     }
 
-    /// Degrees that the one view is turned by.
+    /// Rotations of the view in degrees.
     pub fn turns(&self) -> Vec<f64> {
         let turns = |n| (0..n).map(|i| 360.0 * i as f64 / n as f64).collect();
         self.turntable.map(turns).unwrap_or_default()
     }
 
-    /// The frames of these views: all of them where no film is asked for.
+    /// The frames of these views; without a film the views themselves.
     pub fn frames(&self, set: ViewSet) -> Result<ViewSet> {
         let views = match (self.turntable, &self.path) {
             (Some(frames), _) => match &set.views[..] {

@@ -1,7 +1,7 @@
-//! A mapped file that another program cuts short while it is read: the system says so by SIGBUS alone.
+//! Handles SIGBUS, which the system sends if another program truncates a memory-mapped file.
 
-/// Ends the process with one line and the exit code of a failed read, instead of a dump of its memory.
-/// Outputs have no names until they are whole, so nothing of them is left.
+/// Ends the process with one line and the exit code of a failed read. Outputs have no names until they are complete, so
+/// nothing remains.
 #[cfg(unix)]
 pub fn end_with_message() {
     use signal_hook::consts::SIGBUS;
@@ -10,10 +10,10 @@ pub fn end_with_message() {
         let _ = rustix::io::write(rustix::stdio::stderr(), LINE);
         signal_hook::low_level::exit(6);
     };
-    // SAFETY: the handler does nothing but write a constant and leave, by system calls alone.
+    // SAFETY: the handler only writes a constant and exits, both by system calls.
     let _ = unsafe { signal_hook::low_level::register(SIGBUS, end) };
 }
 
-/// Mapped files cannot be cut short here.
+/// Mapped files cannot be truncated on this system.
 #[cfg(not(unix))]
 pub fn end_with_message() {}

@@ -138,7 +138,7 @@ pub struct WindowArgs {
     pub width: Option<Vec<f64>>,
 }
 
-/// Which particles a command works on: how a snapshot is read, and what of it is kept.
+/// The particles of a command: how a snapshot is read, and which are selected.
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 pub struct ParticleArgs {
     #[command(flatten)]
@@ -154,25 +154,25 @@ impl ParticleArgs {
         ParticleArgs { opening: opening.clone(), selection: selection.clone(), window: WindowArgs::default() }
     }
 
-    /// What to read; `seed` draws the sample.
+    /// The selection; `seed` draws the sample.
     pub fn choice(&self, seed: u64) -> Result<Choice> {
         let selection = self.selection.selection(&self.window, seed)?;
         Ok(Choice { selection: Some(selection), ..self.opening.choice()? })
     }
 
-    /// Reads the particles; what is not used as it lies is put into `storage`.
+    /// Reads the particles; those that cannot be used in place go to `storage`.
     pub fn read(&self, paths: &[PathBuf], seed: u64, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         self.choice(seed)?.read(paths, storage, context)
     }
 }
 
 impl SnapshotArgs {
-    /// Of a model, the layers of the particle types that are chosen.
+    /// The layers of a model with the chosen particle types.
     pub fn layers_of(&self, model: Model) -> Result<Model> {
         if self.particle_type.is_empty() { Ok(model) } else { model.only(&self.particle_type) }
     }
 
-    /// The options that were given, as they would be given again; `None` without any.
+    /// The given options as text for a command line; `None` without any.
     #[cfg(feature = "lab")]
     pub fn describe(&self) -> Option<String> {
         let numbers = |list: &Vec<f64>| list.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
@@ -259,7 +259,7 @@ mod tests {
 
     /// What is said of the options gives them again.
     #[test]
-    fn options_are_said_as_they_are_given() {
+    fn options_are_reported_as_given() {
         let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.describe();
         assert_eq!(of(&[]), None);
         let rest = "--particle-type 1,dm --mass-field none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \

@@ -1,4 +1,4 @@
-//! Is this the snapshot that a model was made of?
+//! Checks that a snapshot is the one that a model was made from.
 
 use particlegs_pipeline::codec;
 use particlegs_pipeline::model::Model;
@@ -6,13 +6,13 @@ use particlegs_pipeline::particles::Particles;
 use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
-/// Is a file a merge of several snapshots? It has the hash of its blocks: no snapshot can match it.
+/// Is a file merged from several snapshots? Its hash is that of its blocks, so no snapshot matches.
 pub fn is_of_several(bytes: &[u8], model: &Model, place: &str) -> Result<bool> {
     Ok(model.metadata.source_hash == codec::blocks_hash(&codec::coded_layers(bytes, place)?))
 }
 
-/// Refuses particles that are not those of the model: by their hash, or, of a merge of several
-/// snapshots, by their number. `snapshot` and the model's `file` are how the error names them.
+/// Refuses particles with another hash, or, for a merge of several snapshots, another number. The error names
+/// `snapshot` and the model's `file`.
 pub fn check(model: &Model, of_several: bool, particles: &Particles, snapshot: &Path, file: &Path) -> Result<()> {
     let told = model.metadata.source_hash;
     let matches = particles.source_hash() == told || of_several && particles.len() as u64 == model.metadata.count;

@@ -1,4 +1,4 @@
-//! Statistics as pictures: one figure each, and the central slices.
+//! Plots of statistics, and the central slices.
 
 use crate::figure::{
     self, ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, Plot, PlotAxis, Point, Series, write_plots,
@@ -11,7 +11,7 @@ use particlegs_pipeline::stats::{
 };
 use std::path::Path;
 
-/// Axis labels in the unit of length, where it is known.
+/// Axis labels with the unit of length, if it is known.
 struct AxisUnits {
     length: String,
     wave: String,
@@ -26,7 +26,7 @@ impl AxisUnits {
     }
 }
 
-/// Writes every figure that the statistics have, as files of these kinds.
+/// Writes all plots of the statistics, in these formats.
 pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>, kinds: &[FileKind]) -> Result<()> {
     let units = AxisUnits::new(unit);
     let of_particles = groups(s).into_iter().chain(neighbours(s, &units)).chain(rdf(s, &units));
@@ -50,7 +50,7 @@ const TRUTH: usize = 8;
 const OTHER: usize = 1;
 const THIRD: usize = 0;
 
-/// A plot, and below it, where there is one, the ratio of its curves.
+/// A plot, and below it the ratio of its curves, if any.
 type ChartParts = Vec<Plot>;
 type Points = Vec<(f64, f64)>;
 
@@ -73,14 +73,14 @@ fn pair([a, b]: [Points; 2]) -> Vec<Series> {
 
 fn chart(name: &str, title: &str, axes: [PlotAxis; 2], mut series: Vec<Series>, ratio: Points) -> ChartParts {
     let [x, y] = axes;
-    // Lines go on over what a logarithmic axis cannot show.
+    // Lines skip values that a logarithmic axis cannot show.
     series.iter_mut().for_each(|s| s.points.retain(|p| !y.log || p.y > 0.0));
     let below = (!ratio.is_empty()).then(|| ratio_plot(&x, ratio));
     let plot = Plot { name: name.into(), title: title.into(), x, y, series, levels: Vec::new() };
     [plot].into_iter().chain(below).collect()
 }
 
-/// Values of both sides at the same places, and their ratio where the truth's is above `least`.
+/// Values of both sides at the same places, and their ratio if the truth's is above `least`.
 fn compared(name: &str, title: &str, axes: [PlotAxis; 2], rows: &[(f64, [f64; 2])], least: f64) -> ChartParts {
     let side = |k: usize| rows.iter().map(|(at, values)| (*at, values[k])).collect();
     let known = rows.iter().filter(|(_, [truth, _])| *truth > least);
@@ -161,7 +161,7 @@ fn neighbours(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
             .collect::<Vec<_>>()
     };
     let [a, b] = s.neighbours.as_ref()?.each_ref().map(of);
-    // Both histograms have edges of one lattice, if not the same ends.
+    // Both histograms share one grid of edges, but may have other ends.
     let ratio = a
         .iter()
         .filter(|p| p.1 > 1e-4)
@@ -180,9 +180,9 @@ fn pdf(d: &DensityReport) -> ChartParts {
     compared("density_pdf", "Distribution of density", axes, &rows.map(of).collect::<Vec<_>>(), 0.0)
 }
 
-/// g(r) above which an axis that is not logarithmic shows nothing but its peak.
+/// Above this g(r), a linear axis would show only the peak.
 const TALL: f64 = 30.0;
-/// g(r) of the truth below which a ratio says nothing.
+/// Below this g(r) of the truth, ratios mean nothing.
 const LEAST_G: f64 = 0.2;
 
 fn rdf(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
@@ -209,7 +209,7 @@ fn profile(p: &AxisProfile, axis: &str, u: &AxisUnits) -> ChartParts {
     compared(&format!("profile_{axis}"), &format!("Density along {axis}"), axes, &rows, 0.0)
 }
 
-/// The mean density of shells about all centres, and the median of enclosed masses.
+/// Mean density of shells around all centres, and median of enclosed masses.
 fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     let h = s.haloes.as_ref()?;
     let scale = h.radius.unwrap_or(1.0);
@@ -226,13 +226,13 @@ fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     Some(chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect()))
 }
 
-/// Height of letters about slices, pixels.
+/// Font size of slices, pixels.
 const SLICE_LETTERS: f64 = 16.0;
 
 /// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.
 fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {
     let [columns, rows] = [[1, 2], [0, 2], [0, 1]][axis].map(|k: usize| d.cells[k]);
-    // About 480 pixels along the longer side, cells as squares of pixels; the first axis across.
+    // About 480 pixels along the longer side, each cell a square of pixels; the first axis is horizontal.
     let scale = (480 / columns.max(rows).max(1)).max(1);
     let size = Size { width: columns * scale, height: rows * scale };
     let picture = |values: &Vec<f32>| {

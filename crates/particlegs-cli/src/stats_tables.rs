@@ -1,4 +1,4 @@
-//! Statistics as tables: CSV files, and the short one on the terminal.
+//! Tables of statistics: CSV files, and a summary for the terminal.
 
 use particlegs_files::output::write_bytes;
 use particlegs_pipeline::Result;

@@ -1,4 +1,4 @@
-//! How large a model is to be. Commands add what they mean where nothing is said.
+//! Target of a model: size or quality. Commands add their default.
 
 use crate::error_text::option_error;
 use clap::{Arg, Args};
@@ -6,23 +6,25 @@ use particlegs_pipeline::compress::Target;
 use particlegs_pipeline::model::{Goal, GoalKind};
 use particlegs_pipeline::{Error, Result};
 
+const HEADING: &str = "Target (choose one)";
+
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]
 pub struct TargetArgs {
     /// Compression ratio to reach.
     ///
     /// The size of the particles as float32, 12 bytes each (16 with weights), divided by the file size.
-    #[arg(long, value_name = "R")]
+    #[arg(long, help_heading = HEADING, value_name = "R")]
     ratio: Option<f64>,
     /// File size to reach, such as 11MB, 900kB or 1.5GiB.
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, help_heading = HEADING, value_name = "SIZE")]
     size: Option<String>,
     /// Number of Gaussians, stored at the nominal precision.
-    #[arg(long, value_name = "K")]
+    #[arg(long, help_heading = HEADING, value_name = "K")]
     gaussians: Option<u64>,
 }
 
-/// --ratio with what holds where nothing is said.
+/// Adds a default to the help of --ratio.
 pub fn with_default(ratio: Arg, default: &str) -> Arg {
     let noted = |help: Option<&clap::builder::StyledStr>| {
         help.map(|h| h.to_string().replace("to reach", &format!("to reach [default: {default}]")))
@@ -63,32 +65,32 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
 
 #[derive(Args, Clone, Debug)]
 pub struct GoalArgs {
-    /// Masked PSNR to reach, in dB; --help lists targets for P(k), density and groups.
+    /// Masked PSNR to reach, in dB; --help lists more targets.
     ///
     /// Measured in the style `expected`, averaged over held-out views. This and the targets below are found by search: up
     /// to eight fits are decoded and measured, and the smallest file that reaches the target is kept. The certificate
     /// states the target and what the file reaches.
-    #[arg(long, value_name = "DB", group = "TargetArgs")]
+    #[arg(long, help_heading = HEADING, value_name = "DB", group = "TargetArgs")]
     psnr: Option<f64>,
     /// Power spectrum: P(k) within this share of the particles', such as 1% or 0.01, up to --k-max.
     ///
     /// In every shell of wave numbers (of width 2 pi over the longest edge) where the particles' power is above the
     /// scatter of their shot noise. Measured as in the certificate: on as many particles drawn from the model, with shot
     /// noise subtracted (above three million particles, on the mixture itself). Needs a periodic box.
-    #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "k_max", value_parser = parse_share, hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "SHARE", group = "TargetArgs", requires = "k_max", value_parser = parse_share, hide_short_help = true)]
     max_pk_error: Option<f64>,
     /// Largest wave number of --max-pk-error, in the inverse of the data's unit of length.
     ///
     /// At most the particles' Nyquist frequency, pi over their mean spacing, or what the grid of 256 cells measures.
-    #[arg(long, value_name = "K", requires = "max_pk_error", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "K", requires = "max_pk_error", hide_short_help = true)]
     k_max: Option<f64>,
     /// Density: Pearson correlation of model and particles, in cells of edge --cell.
-    #[arg(long, value_name = "R", group = "TargetArgs", requires = "cell", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "R", group = "TargetArgs", requires = "cell", hide_short_help = true)]
     min_correlation: Option<f64>,
     /// Edge of the cells of --min-correlation, in the data's unit of length.
     ///
     /// Reduced so that equal cells fill the box, or the particles' bounds if there is no box.
-    #[arg(long, value_name = "LENGTH", requires = "min_correlation", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "LENGTH", requires = "min_correlation", hide_short_help = true)]
     cell: Option<f64>,
     /// Groups: numbers of friends-of-friends groups within this share, such as 10% or 0.1, from --from on.
     ///
@@ -96,15 +98,15 @@ pub struct GoalArgs {
     /// --from and grow by the square root of 2; from the largest down they are joined until each has 100 of the
     /// particles' groups, so that too many small groups do not make up for missing large ones. For at most 3 145 728
     /// particles.
-    #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "from", value_parser = parse_share, hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "SHARE", group = "TargetArgs", requires = "from", value_parser = parse_share, hide_short_help = true)]
     groups_within: Option<f64>,
     /// Smallest groups of --groups-within, in particles: 20 or more.
-    #[arg(long, value_name = "N", requires = "groups_within", hide_short_help = true)]
+    #[arg(long, help_heading = HEADING, value_name = "N", requires = "groups_within", hide_short_help = true)]
     from: Option<u64>,
 }
 
 impl GoalArgs {
-    /// The target; `None` where no quality is asked for.
+    /// The target; `None` without a target of quality.
     pub fn target(&self) -> Result<Option<Target>> {
         if let Some(d) = self.psnr {
             return Target::Psnr(d).check().map(Some);

@@ -1,6 +1,6 @@
-//! Rows of what is printed: they fit a terminal.
+//! Wraps text for a terminal.
 
-/// Columns of a terminal that rows fit on.
+/// Width of a terminal.
 pub const COLUMNS: usize = 100;
 
 /// `1 block`, `2 blocks`.
@@ -8,8 +8,7 @@ pub fn counted(n: usize, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
-/// `text` behind `lead`, broken at blanks; what does not fit goes on in lines that begin with `indent`
-/// blanks.
+/// `lead` and `text`, wrapped at spaces; further lines are indented by `indent` spaces.
 pub fn wrapped(lead: &str, text: &str, indent: usize) -> String {
     let (mut out, mut column, mut empty) = (lead.to_string(), lead.chars().count(), true);
     for word in text.split(' ') {
@@ -34,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_rows_are_broken_at_blanks() {
+    fn long_rows_are_wrapped_at_spaces() {
         let fields = (0..60).map(|i| format!("Field{i} f32[3]")).collect::<Vec<_>>().join(", ");
         let text = wrapped("  fields           ", &fields, 19);
         let lines: Vec<&str> = text.lines().collect();

@@ -1,5 +1,4 @@
-//! How a fit is trained further: presets, a configuration file, limits. The same for `compress` and
-//! `plan`.
+//! Options of training: presets, a configuration file, limits. Shared by `compress` and `plan`.
 
 use crate::common::{OrNone, named, named_or};
 use crate::error_text;
@@ -46,7 +45,7 @@ pub struct TuneArgs {
     /// Total number of training steps; the stages keep their proportions.
     #[arg(long, value_name = "N", hide_short_help = true)]
     iterations: Option<u64>,
-    /// The text of --config, once it is read.
+    /// The text of --config, after reading.
     #[arg(skip)]
     file: OnceCell<String>,
 }
@@ -62,8 +61,7 @@ enum PrintConfigArg {
 }
 
 impl TrainArgs {
-    /// What the hyper-parameters begin with; `None` = no training. A file of hyper-parameters without a
-    /// preset changes `fast`.
+    /// The preset; `None` = no training. A configuration file without a preset changes `fast`.
     fn preset(&self) -> Option<Config> {
         let changed = self.tune.config.is_some() || self.tune.print_config.is_some();
         let preset = self.train.or(changed.then_some(Preset::Fast))?;
@@ -80,7 +78,7 @@ impl TrainArgs {
         Ok(None)
     }
 
-    /// The hyper-parameters as TOML where they are to be printed.
+    /// The hyper-parameters as TOML, for --print-config.
     pub fn printed(&self) -> Result<Option<String>> {
         self.preset().map_or(Ok(None), |preset| self.tune.printed(preset, self.law))
     }
@@ -100,7 +98,7 @@ impl TuneArgs {
         Ok(self.file.get_or_init(|| text))
     }
 
-    /// `preset` as changed by the file, then by the other options; `law` is what it must be, if anything.
+    /// `preset` changed by the file, then by the other options; `law` is the required law, if any.
     pub fn config(&self, preset: Config, law: Option<LawKind>) -> Result<Config> {
         let mut config = preset;
         if let Some(path) = &self.config {
@@ -127,7 +125,7 @@ impl TuneArgs {
         Ok(config)
     }
 
-    /// The hyper-parameters as TOML where they are to be printed.
+    /// The hyper-parameters as TOML, for --print-config.
     pub fn printed(&self, preset: Config, law: Option<LawKind>) -> Result<Option<String>> {
         let Some(which) = self.print_config else { return Ok(None) };
         let mut all = table(&self.config(preset.clone(), law)?)?;
@@ -138,7 +136,7 @@ impl TuneArgs {
     }
 }
 
-/// The first line of an error, and what follows in brief.
+/// The first line of an error, and the rest in brief.
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -164,7 +162,7 @@ fn overlay(all: &mut toml::Table, changes: toml::Table) {
     }
 }
 
-/// The values of `all` that `other` has not.
+/// The values of `all` that `other` does not have.
 fn differing(all: toml::Table, other: &toml::Table) -> toml::Table {
     let mut out = toml::Table::new();
     for (key, value) in all {

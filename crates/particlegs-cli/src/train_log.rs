@@ -1,4 +1,4 @@
-//! The log of a training run, line by line, and its curves.
+//! Writes the log of a training run and its curves.
 
 use crate::common::CommandContext;
 use crate::figure::{FileKind, Plot, PlotAxis, Point, Series, write_plots};
@@ -12,10 +12,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// Years of training, a line every fifty steps.
+/// Enough for years of training, with one line every fifty steps.
 const FILE: Form = Form { title: "a log of training", begins: Begins::Text, most: 1 << 28, expansion: 16 };
 
-/// A caller's sink whose log lines go to a file.
+/// A sink that writes log lines to a file.
 struct LoggedProgress<'a> {
     context: &'a CommandContext,
     path: PathBuf,
@@ -37,7 +37,7 @@ impl ProgressSink for LoggedProgress<'_> {
     }
 }
 
-/// Does work whose log lines go to `path`, then draws their curves beside it. A run that goes on appends.
+/// Does work with a log at `path`, then draws its curves. A resumed run appends.
 pub fn logged<T>(
     path: &Path,
     append: bool,
@@ -48,7 +48,7 @@ pub fn logged<T>(
     let logged = LoggedProgress { context, path: path.to_path_buf(), file: Mutex::new(Some(file)) };
     let done = work(&context.with_sink(&logged));
     let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
-    // The run's outcome is worth more than its curves.
+    // Failing curves must not lose the run.
     if whole
         && !output::is_stream(path)?
         && let Err(error) = draw(path)
@@ -61,7 +61,7 @@ pub fn logged<T>(
 const CURVES: [&str; 2] = ["loss", "psnr"];
 const KINDS: [FileKind; 2] = [FileKind::Svg, FileKind::Png];
 
-/// Where the curves of the log at `path` are drawn; nowhere where it is a stream.
+/// Paths of the curves of a log; none if it is a stream.
 pub fn curves(path: &Path) -> Result<Vec<PathBuf>> {
     if output::is_stream(path)? {
         return Ok(Vec::new());
@@ -78,7 +78,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "training".into(), |s| s.to_string_lossy().into_owned())
 }
 
-/// The curves of a log: NAME-loss and NAME-psnr, SVG and PNG; of several runs one after the other.
+/// Draws the curves of a log: NAME-loss and NAME-psnr, as SVG and PNG, for all its runs in order.
 fn draw(path: &Path) -> Result<()> {
     let text = read_own(path, FILE)?.unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
@@ -87,7 +87,7 @@ fn draw(path: &Path) -> Result<()> {
     let figure = |key: &str, name: &str, title: &str, y: &str, curve: &str| {
         let point = |l: &Value| Some(Point::new(l["iteration"].as_f64()?, l[key].as_f64()?));
         let points = |lines: &Vec<Value>| lines.iter().filter_map(point).collect();
-        // Of runs that are drawn alike the first is named.
+        // Only the first run is in the legend.
         let name_of = |run: usize| if run == 0 { curve.into() } else { String::new() };
         let line = |(run, lines)| Series { name: name_of(run), style: 1, dashed: false, points: points(lines) };
         let (x, y, series) =
@@ -100,7 +100,7 @@ fn draw(path: &Path) -> Result<()> {
     set.finish().map(drop)
 }
 
-/// The lines of each run of a log; those that a resumed run went over again count once, the last time.
+/// The lines of each run; if a resumed run repeats steps, only the last ones count.
 fn by_run(text: &str) -> Vec<Vec<Value>> {
     let mut runs: Vec<Vec<Value>> = Vec::new();
     for line in text.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()) {
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_resumed_run_replaces_what_it_does_again() {
+    fn a_resumed_run_replaces_repeated_steps() {
         let text = "{\"iteration\":1}\n{\"iteration\":2}\nbroken\n{\"iteration\":3}\n{\"run\":\"block 1\",\"iteration\":1}\n{\"iteration\":2}\n";
         let runs = by_run(text);
         assert_eq!(runs.len(), 2);

@@ -1,5 +1,4 @@
-//! Which views to draw: a views file, or one camera described in words. Shared by `reference` and
-//! `render`.
+//! Which views to draw: a views file, or one camera from options. Shared by `reference` and `render`.
 
 use crate::common::CommandContext;
 use crate::outputs::JSON;
@@ -15,7 +14,7 @@ use particlegs_pipeline::space::{Bounds, Cell};
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
-/// Which views, and how particles look in them.
+/// Options of views, radius and opacity.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "View options")]
 pub struct ViewArgs {
@@ -100,7 +99,7 @@ pub enum ProjectionArg {
     Orthographic,
 }
 
-/// What has to be in a picture whole.
+/// What must fit into a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Fit {
     /// The simulation box.
@@ -132,25 +131,25 @@ fn fitted(length: f64) -> Result<f64> {
     if length > 0.0 && length.is_finite() { Ok(length) } else { Err(fault()) }
 }
 
-/// What a snapshot or a model says about how to look at it.
+/// Properties of a snapshot or model that views depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewSubject {
     /// Bounds of the whole snapshot, world units.
     pub bounds: Bounds,
-    /// Its cell, where it has one.
+    /// Its cell, if it has one.
     pub cell: Option<Cell>,
-    /// What an orthographic picture shows whole.
+    /// What an orthographic picture shows completely.
     pub extent: Extent,
     /// Default particle radius, world units.
     pub radius: f64,
     /// Default opacity.
     pub opacity: f64,
-    /// Is its surface density drawn?
+    /// Is a surface density drawn?
     pub density: bool,
 }
 
 impl ViewArgs {
-    /// What is said of size, radius and opacity, in place of what views say; checks every view.
+    /// Applies the options size, radius and opacity to views, and checks every view.
     pub fn apply(&self, set: &mut ViewSet) -> Result<()> {
         if let Some(size) = self.size {
             set.size = size;
@@ -163,7 +162,7 @@ impl ViewArgs {
         Ok(())
     }
 
-    /// Writes the views that are drawn, where that is asked for.
+    /// Writes the views to --save-views, if given.
     pub fn save(&self, set: &ViewSet, context: &CommandContext) -> Result<()> {
         if let Some(path) = &self.save_views {
             context.writes(path, &JSON)?;
@@ -172,7 +171,7 @@ impl ViewArgs {
         Ok(())
     }
 
-    /// One view. `turned` = azimuths that it is turned by, all of which have to fit.
+    /// One view; it must fit at all rotations in `turned`.
     pub fn one_view(&self, subject: &ViewSubject, turned: &[f64]) -> Result<ViewSet> {
         if !(self.distance > 0.0 && self.distance.is_finite()) {
             return Err(Error::argument(format!("--distance {} must be positive", self.distance)));
@@ -233,13 +232,13 @@ impl ViewArgs {
         Ok(DensityView::orthographic("view", &window, size, &subject.bounds, subject.cell)?.camera)
     }
 
-    /// Frames of every direction that is looked along.
+    /// Camera axes for every direction.
     fn frames(&self, turned: &[f64]) -> Result<Vec<Frame>> {
         let more = if turned.is_empty() { &[0.0][..] } else { turned };
         more.iter().map(|by| spherical_camera([0.0; 3], self.azimuth + by, self.elevation, 1.0).frame()).collect()
     }
 
-    /// What a user should know of the window: that no width was given and what was taken for it.
+    /// Note on the default width of a window.
     pub fn note(&self, subject: &ViewSubject, set: &ViewSet, unit: &str) -> Option<String> {
         let chosen = self.views.is_some() || self.width.is_some() || self.fit.is_some();
         if chosen || self.projection == ProjectionArg::Perspective || subject.repeats() {
@@ -253,7 +252,7 @@ impl ViewArgs {
 }
 
 impl ViewSubject {
-    /// Of a model.
+    /// For a model.
     pub fn of_model(model: &Model, density: bool) -> Self {
         let m = &model.metadata;
         let (bounds, cell) = (m.bounds, m.cell);
@@ -264,12 +263,10 @@ impl ViewSubject {
         ViewSubject { bounds, cell, extent, radius: m.default_radius, opacity: m.default_opacity, density }
     }
 
-    /// Is it a density in a cell?
     pub fn repeats(&self) -> bool {
         self.density && self.cell.is_some_and(|c| c.periodic.contains(&true))
     }
 
-    /// A view of its surface density.
     pub fn density_view(&self, view: &View, size: Size) -> DensityView {
         DensityView::of_cell(view, size, &self.bounds, self.cell)
     }
@@ -299,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_that_is_not_known_is_refused() {
+    fn fit_box_needs_a_known_box() {
         let subject = |cell: Option<Cell>| {
             let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [5.0, 4.0, 9.0] };
             let extent = Extent::new(&bounds, cell.as_ref());

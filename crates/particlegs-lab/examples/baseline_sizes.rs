@@ -1,5 +1,5 @@
-//! Sizes of every baseline on raw columns, each run's bound verified: `baseline_sizes FOLDER BOUND|RATIOx...`, as
-//! `0.2 263x`; SZ3 and ZFP too where PARTICLEGS_LAB_PYTHON names a Python that has them. Lines of CSV.
+//! Sizes of every baseline on raw columns, with verified bounds, as CSV: `baseline_sizes FOLDER BOUND|RATIOx...`, such as
+//! `0.2 263x`. SZ3 and ZFP need a Python that has them in PARTICLEGS_LAB_PYTHON.
 use particlegs_lab::{Baseline, PositionColumns, baselines, external::External, rate, subset};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::particles::Particles;

@@ -1,19 +1,19 @@
 """SZ3 and ZFP for the laboratory: answers requests on standard input until it ends.
 
-A request is its length (uint64), then: a letter for what is asked ('v' versions, 'c' compress, 'd' decompress), the
+A request is its length (uint64), then: a letter for its kind ('v' versions, 'c' compress, 'd' decompress), the
 length of a compressor's name (uint8) and the name, the bound (float64), the number of particles (uint64), and data:
-three columns of float32 one after the other, or what was compressed. An answer is 'K', 'E' (an error) or 'M' (packages
-are missing), its length (uint64), and bytes: of 'v' lines "name source", of 'c' what a decoder needs, of 'd' three
-columns, of an error its text, of 'M' the packages. All little-endian.
+three float32 columns one after the other, or compressed bytes. An answer is 'K', 'E' (an error) or 'M' (packages
+are missing), its length (uint64), and bytes: for 'v' lines "name source", for 'c' the compressed bytes, for 'd' three
+columns, for an error its text, for 'M' the packages. All numbers are little-endian.
 """
 
 import os
 import struct
 import sys
 
-# Modules come from the Python that was named, not from the folder that it was started in.
+# Import modules only from this Python, not from the current folder.
 sys.path = [p for p in sys.path if p not in ("", os.getcwd())]
-# The answers' own way out: what a library prints goes to standard error.
+# Only answers go to standard output; what libraries print goes to standard error.
 ANSWERS = os.fdopen(os.dup(1), "wb")
 os.dup2(2, 1)
 
@@ -39,7 +39,7 @@ def version(package):
 
 
 class SZ3:
-    """Absolute bound, each axis alone, by the smaller of the library's two predictors for such columns."""
+    """Absolute bound, each axis alone, by the better of two predictors."""
 
     @staticmethod
     def source():
@@ -78,7 +78,7 @@ class ZFP:
     def decompress(data, n):
         column = zfpy.decompress_numpy(data)
         if column.shape != (n,) or column.dtype != np.float32:
-            raise ValueError("a column of another length")
+            raise ValueError("the column has another length")
         return column
 
 
@@ -87,7 +87,7 @@ COMPRESSORS = {"SZ3": SZ3, "ZFP": ZFP}
 
 def compress(compressor, bound, n, data):
     columns = np.frombuffer(data, np.float32).reshape(3, n)
-    # A column of nothing is nothing: the libraries refuse it.
+    # The libraries refuse empty columns.
     parts = [compressor.compress(np.ascontiguousarray(c), bound) if n else b"" for c in columns]
     return b"".join([struct.pack("<4Q", n, *map(len, parts)), *parts])
 
@@ -95,7 +95,7 @@ def compress(compressor, bound, n, data):
 def decompress(compressor, data):
     n, *lengths = struct.unpack_from("<4Q", data)
     if len(data) != 32 + sum(lengths):
-        raise ValueError("lengths that do not add up")
+        raise ValueError("the lengths do not add up")
     at, columns = 32, []
     for length in lengths:
         part = data[at : at + length]
@@ -119,7 +119,7 @@ def answer(request):
 
 
 def read(n):
-    """n bytes of standard input; ends the program where it ends."""
+    """Reads n bytes from standard input; exits at its end."""
     data = sys.stdin.buffer.read(n)
     if len(data) < n:
         sys.exit(0)

@@ -2,10 +2,10 @@
 
 The request is JSON: `folder` with xx.f32, yy.f32 and zz.f32 (little-endian float32), `width` and `height` in pixels,
 `first` (a view), `cameras` and `settings` (lists of views), `pictures` (a folder or null), `limit` (seconds after which
-no further frame is begun, once there is one of each kind). A view has position, focal_point, view_up, clipping_range,
-fov_deg, radius and opacity. The answer is JSON with seconds. What fails says why in the last line of standard error.
+no further frame is started, after one of each kind). A view has position, focal_point, view_up, clipping_range,
+fov_deg, radius and opacity. The answer is JSON with seconds. The last line of standard error says why it failed.
 
-The mapper is set up as ParaView 6.0 does it for the representation "Point Gaussian" with the shader "Gaussian Blur":
+The mapper is set up as in ParaView 6.0 for the representation "Point Gaussian" with the shader "Gaussian Blur":
 emissive off, white, no multisampling, dual depth peeling in four peels, FXAA with its settings. Every frame is drawn
 and its pixels are fetched.
 """
@@ -15,9 +15,9 @@ import os
 import sys
 import time
 
-# Modules come from the Python that was named, not from the folder that it was started in.
+# Import modules only from this Python, not from the current folder.
 sys.path = [p for p in sys.path if p not in ("", os.getcwd())]
-# The answer's own way out: what a library prints goes to standard error.
+# Only the answer goes to standard output; what libraries print goes to standard error.
 ANSWER = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
 
@@ -37,13 +37,13 @@ try:
     import vtkmodules.vtkRenderingOpenGL2
 except ModuleNotFoundError as error:
     package = "vtk" if error.name.startswith("vtk") else error.name
-    fail("%s lacks %s: install the packages of lab/requirements.txt" % (sys.executable, package))
+    fail("%s is missing %s: install the packages of lab/requirements.txt" % (sys.executable, package))
 except ImportError as error:
     fail("VTK cannot be loaded: %s (%s)" % (error, OPENGL))
 
 
 def load(folder):
-    """Columns of float32 to points as the mapper takes them."""
+    """Reads float32 columns as points for the mapper."""
     columns = [np.fromfile(os.path.join(folder, name), "<f4") for name in ("xx.f32", "yy.f32", "zz.f32")]
     xyz = np.stack(columns, 1)
     points = vtkCommonCore.vtkPoints()
@@ -93,14 +93,14 @@ class Scene:
         return options
 
     def frame(self, view, fxaa=True):
-        """Grey levels from the top row down, and the seconds that they took."""
+        """Grey levels from the top row down, and their seconds."""
         camera = self.renderer.GetActiveCamera()
         camera.SetViewAngle(view["fov_deg"])
         camera.SetPosition(view["position"])
         camera.SetFocalPoint(view["focal_point"])
         camera.SetViewUp(view["view_up"])
         camera.SetClippingRange(view["clipping_range"])
-        # What is as it was is not set again: setting it would have the mapper build its buffers anew.
+        # Set only what changed, since setting a value makes the mapper rebuild its buffers.
         if self.mapper.GetScaleFactor() != view["radius"]:
             self.mapper.SetScaleFactor(view["radius"])
         if self.look.GetOpacity() != view["opacity"]:
@@ -116,19 +116,19 @@ class Scene:
         return rgb[::-1, :, 0], took
 
     def renderer_name(self):
-        """What OpenGL says of itself."""
+        """The name of the OpenGL renderer."""
         lines = [line.split(":", 1) for line in self.window.ReportCapabilities().splitlines() if ":" in line]
         return {name.strip(): value.strip() for name, value in lines}.get("OpenGL renderer string", "")
 
 
 def check_opengl():
-    """Without an OpenGL that draws off-screen VTK crashes: a child tries it."""
+    """Tries OpenGL in a child, since VTK crashes if it cannot draw off-screen."""
     child = os.fork() if hasattr(os, "fork") else None
     if child == 0:
         Scene(vtkCommonDataModel.vtkPolyData(), 16, 16).window.Render()
         os._exit(0)
     if child and os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0:
-        fail("VTK finds no OpenGL that draws off-screen (%s)" % OPENGL)
+        fail("VTK found no OpenGL that can draw off-screen (%s)" % OPENGL)
 
 
 def answer(request):
@@ -140,13 +140,13 @@ def answer(request):
     picture, first = scene.frame(request["first"])
     name = scene.renderer_name()
     if not name or not picture.any():
-        fail("VTK draws nothing off-screen: no OpenGL (%s)" % OPENGL)
+        fail("VTK drew nothing off-screen, so OpenGL is missing (%s)" % OPENGL)
     if request["pictures"]:
         picture.tofile(os.path.join(request["pictures"], "fxaa.gray"))
         scene.frame(request["first"], fxaa=False)[0].tofile(os.path.join(request["pictures"], "plain.gray"))
     seconds = {"cameras": [], "settings": []}
     began = time.perf_counter()
-    # Frames under new cameras first, with one and the same radius and opacity; then other radii under one camera.
+    # First new cameras with the same radius and opacity, then new radii and opacities with one camera.
     for kind, limit in (("cameras", 0.5), ("settings", 1.0)):
         for view in request[kind]:
             if seconds[kind] and time.perf_counter() - began > limit * request["limit"]:
@@ -158,5 +158,5 @@ def answer(request):
 
 ANSWER.write(json.dumps(answer(json.load(sys.stdin))))
 ANSWER.flush()
-# A window's end may crash where its OpenGL is incomplete; everything is said.
+# Exit at once: closing the window may crash if its OpenGL is incomplete.
 os._exit(0)

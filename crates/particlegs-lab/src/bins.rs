@@ -1,17 +1,17 @@
-//! Coordinates as numbers of bins of twice the bound, decoded at the bins' centres. Centres are rounded to float32: the
-//! few particles that rounding puts beyond the bound are decoded at the edge of their bin, so that no bound is broken.
+//! Coordinates as bin numbers. Bins are twice the error bound wide and decode to their centres. Centres are rounded to
+//! float32; the few particles that rounding would put beyond the bound decode to the edge of their bin instead.
 
 use crate::PositionColumns;
 
-/// Half bins along an axis: fewer.
+/// Upper limit of half bins along an axis.
 const MOST_BINS: f64 = 4_294_967_296.0;
 
-/// The bin of a place so many bounds above the lowest.
+/// The bin of a coordinate that lies this many bounds above the lowest.
 fn bin(bounds: f64) -> u32 {
     (bounds.floor() / 2.0).floor() as u32
 }
 
-/// What a decoder knows of the bins.
+/// The bins as the file stores them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BinGrid {
     pub particles: usize,
@@ -23,9 +23,9 @@ pub struct BinGrid {
 
 pub struct ParticleBins {
     pub grid: BinGrid,
-    /// The bin of each particle.
+    /// Bin of each particle.
     pub of: Vec<[u32; 3]>,
-    /// Particles along each axis that rounding puts beyond the bound, and whether they lie above the centre.
+    /// Per axis, the particles that rounding puts beyond the bound, and whether they lie above the centre.
     exceptions: [Vec<(u32, bool)>; 3],
 }
 
@@ -34,13 +34,13 @@ impl BinGrid {
         f64::from(self.low[axis]) + (2.0 * f64::from(bin) + 1.0) * self.bound
     }
 
-    /// A coordinate moved from its bin's centre by the bound.
+    /// The upper or lower edge of a bin.
     fn moved(&self, axis: usize, bin: u32, up: bool) -> f32 {
         (self.centre(axis, bin) + if up { self.bound } else { -self.bound }) as f32
     }
 
-    /// Coordinates of particles in bins: the centres, but for those that [`ParticleBins::moved`] lists. `None` for a
-    /// list that is not of these bins.
+    /// Coordinates of particles: bin centres, except for those that [`ParticleBins::moved`] lists. `None` if the list
+    /// does not fit the bins.
     pub fn coordinates(&self, bins: &[[u32; 3]], moved: &[Vec<i64>; 3]) -> Option<PositionColumns> {
         let mut all: PositionColumns = [0, 1, 2].map(|k| bins.iter().map(|b| self.centre(k, b[k]) as f32).collect());
         for (k, column) in all.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ impl BinGrid {
         Some(all)
     }
 
-    /// Range over bound, along each axis.
+    /// Range divided by the bound, along each axis.
     pub fn count(&self) -> [f64; 3] {
         [0, 1, 2].map(|k| (f64::from(self.high[k]) - f64::from(self.low[k])) / self.bound)
     }
@@ -64,7 +64,7 @@ impl BinGrid {
         self.count().map(bin)
     }
 
-    /// Reads what [`ParticleBins::write`] wrote, and gives what follows.
+    /// Reads what [`ParticleBins::write`] wrote; also returns the rest of the bytes.
     pub fn read(bytes: &[u8]) -> Option<(BinGrid, &[u8])> {
         let (head, rest) = bytes.split_first_chunk::<40>()?;
         let word = |at: usize| <[u8; 4]>::try_from(&head[at..at + 4]).expect("four bytes");
@@ -82,8 +82,8 @@ impl BinGrid {
 }
 
 impl ParticleBins {
-    /// Particles in bins of twice the bound; `None` where there would be too many bins, coordinates that are not finite,
-    /// no particles, or more of them than an order can name.
+    /// Puts particles into bins; `None` for too many bins, coordinates that are not finite, no particles, or 2^32
+    /// particles and more.
     pub fn new(particles: &PositionColumns, bound: f64) -> Option<ParticleBins> {
         let n = particles[0].len();
         let ends =
@@ -91,7 +91,7 @@ impl ParticleBins {
         let ends = particles.each_ref().map(ends);
         let grid = BinGrid { particles: n, bound, low: ends.map(|e| e[0]), high: ends.map(|e| e[1]) };
         let count = grid.count();
-        // Minima pass over coordinates that are no numbers.
+        // Minima ignore NaN.
         let fine = count.iter().all(|c| *c < MOST_BINS) && !particles.iter().flatten().any(|v| v.is_nan());
         if n == 0 || u32::try_from(n).is_err() || !fine {
             return None;
@@ -112,8 +112,8 @@ impl ParticleBins {
         Some(ParticleBins { grid, of, exceptions })
     }
 
-    /// Particles along an axis that rounding puts beyond the bound: twice their place in `order` (`None` = their own),
-    /// one more where they lie above the centre; rising, the first and then differences.
+    /// The particles that rounding puts beyond the bound along an axis: twice their position in `order` (`None` = the
+    /// input order), plus one if they lie above the centre; sorted, the first value and then differences.
     pub fn moved(&self, axis: usize, order: Option<&[u32]>) -> Vec<i64> {
         let exceptions = &self.exceptions[axis];
         if exceptions.is_empty() {
@@ -132,7 +132,6 @@ impl ParticleBins {
         moved
     }
 
-    /// Writes what a decoder needs to know.
     pub fn write(&self, out: &mut Vec<u8>) {
         let BinGrid { particles, bound, low, high } = &self.grid;
         out.extend((*particles as u64).to_le_bytes());

@@ -1,4 +1,4 @@
-//! What pictures hide: how well the density is kept, by the density's own measures.
+//! How well a method keeps the density, which pictures alone do not show.
 
 use crate::lab::Lab;
 use crate::method::{CompressionMethod, FileContent};
@@ -9,27 +9,27 @@ use particlegs_pipeline::stats::{Domain, Likelihood, Measure, Statistics, StatsO
 use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Measures of one way at one size; `None` = not to be had.
+/// Measures of one method at one file size; `None` = not available.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct DensityMeasures {
-    /// How likely particles are that were left out, bits a particle beyond a uniform density: of a model its own
-    /// density, of particles an adaptive kernel's on what half of them became in as many bytes.
+    /// Likelihood of held-out particles, in bits per particle above a uniform density. Models use their own density;
+    /// particles use an adaptive kernel on the other half, kept in as many bytes.
     pub held_out_bits: Option<f64>,
     /// Correlation of counts in cells.
     pub correlation: Option<f64>,
-    /// Mean |P(k) ratio - 1| of the shells up to a quarter of the largest wave number.
+    /// Mean |P(k) ratio - 1| over shells up to a quarter of the largest wave number.
     pub large_scales: Option<f64>,
     /// Largest |P(k) ratio - 1| of any shell.
     pub power: Option<f64>,
     /// r(k) is at least 0.99 up to this share of the largest wave number.
     pub correlated_to: Option<f64>,
-    /// Groups of 100 particles and more, other / truth.
+    /// Number of groups of 100 particles or more, other / truth.
     pub groups: Option<f64>,
     /// Mass within cores, other / truth.
     pub cores: Option<f64>,
 }
 
-/// Particles of a cell of the density's grid, about.
+/// Mean particles per cell of the density grid.
 const A_CELL: f64 = 16.0;
 
 impl DensityMeasures {
@@ -37,7 +37,7 @@ impl DensityMeasures {
         let seed = lab.settings.seed;
         let inputs = (method.source(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
         match lab.store.result("density", &inputs, || measured(lab, snapshot, method, bytes)) {
-            // A way that fails has no measures; its failure stands beside its pictures, and is not kept.
+            // A failed method has no measures. Its error is reported with its pictures and not cached.
             Err(Error::Input { .. } | Error::Argument { .. } | Error::Unreachable { .. }) => {
                 lab.context.check()?;
                 Ok(DensityMeasures::default())
@@ -88,12 +88,12 @@ fn large_scales(s: &Statistics) -> Option<f64> {
     (!off.is_empty()).then(|| off.iter().sum::<f64>() / off.len() as f64)
 }
 
-/// Of classes of 100 particles and more, together.
+/// All groups of 100 particles or more.
 fn groups(s: &Statistics) -> Option<f64> {
     s.groups.as_ref()?.classes.iter().find(|c| c.from == 100)?.ratio
 }
 
-/// Bits a particle of the half that was left out; `None` of fewer than 64 particles, half of which say little.
+/// Bits per held-out particle; `None` for fewer than 64 particles.
 fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<Option<f64>> {
     if snapshot.particles.len() < 64 {
         return Ok(None);
@@ -112,7 +112,7 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes
     }
 }
 
-/// What a kernel on all particles of one half says of the other: as much as there is to know of so many.
+/// Held-out bits of a kernel on all particles of the other half: the upper limit for this number of particles.
 pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
     let seed = lab.settings.seed;
     lab.store.result("kernel-bits", &(&snapshot.hash, seed), || {

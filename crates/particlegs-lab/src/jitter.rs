@@ -1,11 +1,11 @@
-//! Decoded particles spread over their bins: what lies at bin centres shows the bins as a lattice.
+//! Spreads decoded particles over their bins: at bin centres they would show up as a lattice.
 
 use crate::PositionColumns;
 use particlegs_pipeline::math::{Purpose, Random};
 use particlegs_pipeline::parallel;
 
-/// Moves every coordinate by a uniform draw within `bound` of where it is, by no more after rounding to float32: what was
-/// decoded within a bound of the truth is then within twice the bound of it.
+/// Moves every coordinate by a uniform draw of at most `bound`, also after rounding to float32: the error is then at
+/// most twice the bound.
 pub fn jittered(decoded: &PositionColumns, bound: f64, seed: u64) -> PositionColumns {
     let columns = parallel::map(0..3, |k| {
         let mut random = Random::from_purpose(Purpose::Jitter, seed, k as u64);
@@ -14,7 +14,7 @@ pub fn jittered(decoded: &PositionColumns, bound: f64, seed: u64) -> PositionCol
     columns.try_into().expect("three axes")
 }
 
-/// A coordinate moved, and rounded towards where it was if rounding took it out of the bound.
+/// A moved coordinate, rounded back towards the original if rounding exceeds the bound.
 fn moved(from: f32, by: f64, bound: f64) -> f32 {
     let to = (f64::from(from) + by) as f32;
     match (f64::from(to) - f64::from(from)).abs() <= bound {
@@ -32,7 +32,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn twice_the_bound_is_kept_and_the_bins_are_gone() {
+    fn moved_particles_stay_within_twice_the_bound() {
         let particles = testing::clustered(5000);
         let coded = Lcp.compress(&particles, 0.3).unwrap();
         let decoded = Lcp.decompress(&coded.bytes).unwrap();

@@ -1,4 +1,4 @@
-//! What experiments share: kept results, other compressors, and models by how they are made.
+//! What experiments share: cached results, other compressors, and models by their recipe.
 
 use crate::Baseline;
 use crate::external::External;
@@ -25,28 +25,28 @@ use particlegs_pipeline::splat::ToneStyle;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Pictures of one thing as ParaView draws it, antialiased, by view and size.
+/// Draws pictures of one object as ParaView would, antialiased, by view and size.
 pub type Draw<'a> = Box<dyn Fn(&View, Size) -> Result<Gray8> + 'a>;
 
-/// What of all particles is drawn.
+/// How all particles are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// ParaView's own picture, shot noise and all.
+    /// ParaView's own picture, with shot noise.
     Paraview,
-    /// Its mean without that noise.
+    /// Its mean, without shot noise.
     NoiseFree,
 }
 
-/// Where experiments are done.
+/// The environment of experiments.
 pub struct Lab<'a> {
     pub settings: Settings,
     pub store: ResultStore,
-    /// Those that the settings' device had a part in: pictures, their scores, trained models.
+    /// Results that depend on the device: pictures, their scores, trained models.
     pub on_device: ResultStore,
-    /// A GPU whose kernels can be timed, where one is to be measured.
+    /// The GPU to measure, with kernels that can be timed.
     #[cfg(feature = "gpu")]
     pub gpu: Option<std::sync::Arc<particlegs_gpu::Device>>,
-    /// Other compressors: those that need nothing else, and those of the settings' Python.
+    /// Other compressors: the built-in ones, and those of the user's Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     pub context: &'a Context<'a>,
 }
@@ -54,28 +54,25 @@ pub struct Lab<'a> {
 /// How a model is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelSettings {
-    /// What the file is to meet.
     pub target: Target,
     pub effort: Effort,
-    /// Blocks that are fitted on their own.
+    /// Number of blocks, each fitted on its own.
     pub blocks: u32,
-    /// Seed of the fit.
     pub seed: u64,
 }
 
 impl ModelSettings {
-    /// A file of raw bytes over `ratio`, by the default fit.
+    /// A file of raw bytes / `ratio`, with the default fit.
     pub fn ratio(ratio: f64, seed: u64) -> ModelSettings {
         ModelSettings { target: Target::Ratio(ratio), effort: Effort::Default, blocks: 1, seed }
     }
 
-    /// The same with its size in bytes: a ratio and the size that it comes to are one model, fitted once.
+    /// Turns a ratio into bytes, so that a ratio and its size are one model, fitted once.
     fn in_bytes(&self, snapshot: &Snapshot) -> ModelSettings {
         let bytes = self.target.bytes(snapshot.position_bytes());
         ModelSettings { target: bytes.map_or(self.target, Target::Size), ..self.clone() }
     }
 
-    /// The options of `compress`.
     pub fn options(&self) -> Options {
         Options {
             target: self.target,
@@ -88,17 +85,16 @@ impl ModelSettings {
     }
 }
 
-/// A model file and what it decodes to.
 pub struct ModelBuild {
     pub bytes: Vec<u8>,
-    /// What it decodes to.
+    /// The decoded file.
     pub model: Model,
-    /// Wall-clock seconds of the compression.
+    /// Wall-clock time of the compression.
     pub seconds: f64,
 }
 
 impl<'a> Lab<'a> {
-    /// Keeps results in `folder`, which is there.
+    /// Caches results in an existing folder.
     pub fn new(settings: Settings, folder: &Path, context: &'a Context<'a>) -> Result<Self> {
         let external = settings.python.as_deref().map(External::start).transpose()?;
         let baselines = crate::baselines(external.as_ref());
@@ -115,13 +111,13 @@ impl<'a> Lab<'a> {
         })
     }
 
-    /// What is not measured for want of a Python; nothing where there is one.
+    /// Note on the compressors that need a Python, if none was named.
     pub fn left_out(&self) -> Option<String> {
         let words = "SZ3 and ZFP were not measured: they need a Python with their libraries.";
         self.settings.python.is_none().then(|| words.into())
     }
 
-    /// The model of a snapshot by a recipe: kept, or made now.
+    /// The model of a snapshot by a recipe, from the cache if possible.
     pub fn model(&self, snapshot: &Snapshot, recipe: &ModelSettings) -> Result<ModelBuild> {
         let recipe = recipe.in_bytes(snapshot);
         self.made(&(&snapshot.hash, &recipe), || {
@@ -129,14 +125,14 @@ impl<'a> Lab<'a> {
         })
     }
 
-    /// As many particles drawn from a model as it stands for.
+    /// Draws as many particles from a model as it was made from.
     pub fn drawn(&self, model: Model, method: recover::Method, seed: u64) -> Result<Particles> {
         let form = RawForm::Columns;
         let options = recover::Options { particles: None, method, scale: 1.0, seed, form, model_name: String::new() };
         options.draw(model, self.context)
     }
 
-    /// Draws particles with these bounds (world units) by the settings' device.
+    /// Draws particles with these bounds (world units) on the chosen device.
     pub fn draws_particles<'b>(&'b self, of: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
         let reference = Reference::with_bounds(of, bounds);
         let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
@@ -149,7 +145,7 @@ impl<'a> Lab<'a> {
         }))
     }
 
-    /// Draws a model by the settings' device.
+    /// Draws a model on the chosen device.
     pub fn draws_model<'b>(&'b self, of: &'b Model) -> Result<Draw<'b>> {
         let scene = Scene::new(of);
         let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
@@ -159,7 +155,7 @@ impl<'a> Lab<'a> {
         Ok(Box::new(move |view, size| renderer.draw(view, size, ToneStyle::Paraview, self.context)))
     }
 
-    /// Keeps a model that a recipe gave in `seconds`, unless there is one.
+    /// Caches a model that a recipe gave in `seconds`, unless one is cached.
     pub fn keep(&self, snapshot: &Snapshot, recipe: &ModelSettings, done: CompressedModel, seconds: f64) -> Result<()> {
         let inputs = (&snapshot.hash, recipe.in_bytes(snapshot));
         self.store.bytes("model", &inputs, "pgs", || Ok(done.bytes))?;
@@ -167,13 +163,12 @@ impl<'a> Lab<'a> {
         Ok(())
     }
 
-    /// A model by whatever way, kept by what it was made from.
+    /// A model made by `work`, cached by its inputs.
     pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<CompressedModel>) -> Result<ModelBuild> {
         self.kept_model(&self.store, inputs, || timed(make))
     }
 
-    /// [`Lab::made`] by the settings' device, and by work that says itself how many seconds it took, those of earlier
-    /// pieces included.
+    /// [`Lab::made`] on the chosen device, with work that reports its own seconds, including earlier runs.
     pub fn made_on_device(
         &self,
         inputs: &impl Serialize,
@@ -200,7 +195,7 @@ impl<'a> Lab<'a> {
     }
 }
 
-/// What is there already, or is made now.
+/// The value, made at the first call.
 pub fn or_made<T>(there: &mut Option<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
     let made = match there.take() {
         Some(made) => made,
@@ -209,7 +204,7 @@ pub fn or_made<T>(there: &mut Option<T>, make: impl FnOnce() -> Result<T>) -> Re
     Ok(there.insert(made))
 }
 
-/// What work gives, and its wall-clock seconds.
+/// The result of work, and its wall-clock seconds.
 pub fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
     let start = std::time::Instant::now();
     let done = work()?;

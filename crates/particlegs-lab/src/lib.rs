@@ -1,14 +1,14 @@
-//! What models are measured against, and the experiments that do it.
+//! The laboratory: other compressors, and the experiments that compare models with them.
 //!
-//! [`Baseline`] is a compressor with an absolute bound on every coordinate: [`lcp`] written from its paper, [`quantised`]
-//! bins and pco, [`external`] SZ3 and ZFP by their own libraries in a Python that the user names. [`rate`] finds the
-//! bound of a size, and runs a baseline with its bound verified. [`jitter`] is for those that decode at bin centres;
-//! [`subset`] is what needs no bound, a random subset drawn larger.
+//! A [`Baseline`] is a compressor with an absolute error bound on every coordinate: [`lcp`] follows its paper,
+//! [`quantised`] combines bins with pco, and [`external`] runs the libraries SZ3 and ZFP in the user's Python. [`rate`]
+//! finds the bound for a file size, runs a baseline and verifies its bound. [`jitter`] moves particles that decode at
+//! bin centres. [`subset`] has no bound: it keeps a random subset of the particles and draws it larger.
 //!
-//! [`experiments`] measure models beside them, each [`method`] by the pictures ([`views`]) and the [`density`] that it
-//! gives back: they find tables, plots and pictures as data ([`results`]), which [`report`] puts into files. A [`lab::Lab`]
-//! keeps results by the hash of what they were made from. Pictures are drawn, and steps taken, by a
-//! [`Accelerator`](particlegs_pipeline::train::Accelerator), or the CPU where the settings name none.
+//! [`experiments`] compare each [`method`] by its pictures ([`views`]) and its [`density`]. They return tables, plots
+//! and pictures as data ([`results`]), which [`report`] writes to files. A [`lab::Lab`] caches results by the hash of
+//! their inputs. An [`Accelerator`](particlegs_pipeline::train::Accelerator) draws and trains, or the CPU if the
+//! settings name none.
 
 #![allow(missing_docs)]
 
@@ -40,37 +40,35 @@ use particlegs_pipeline::{Error, Result};
 pub type PositionColumns = [Vec<f32>; 3];
 
 pub struct CompressedParticles {
-    /// All that a decoder needs.
     pub bytes: Vec<u8>,
-    /// Which particle comes where in what is decoded; `None` = in their own order.
+    /// Input index of each decoded particle; `None` = the input order.
     pub order: Option<Vec<u32>>,
 }
 
 /// A compressor with an absolute bound on every coordinate.
 pub trait Baseline: Sync {
-    /// What tables call it.
+    /// Name in tables.
     fn name(&self) -> &'static str;
-    /// Where it is from: paper or library, and version.
+    /// Paper or library, and version.
     fn source(&self) -> String;
     /// Compresses particles so that no decoded coordinate is off by more than `bound`.
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles>;
     fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns>;
 }
 
-/// All baselines: those that need nothing else, and those of `external`, where there is one.
+/// The built-in baselines, and those of `external` if it is given.
 pub fn baselines(external: Option<&External>) -> Vec<Box<dyn Baseline>> {
     let mut all: Vec<Box<dyn Baseline>> = vec![Box::new(lcp::Lcp), Box::new(quantised::QuantisedCoder)];
     all.extend(external.into_iter().flat_map(External::baselines));
     all
 }
 
-/// The largest error of any decoded coordinate, infinite where one is not a number: what a bound is held to, on every
-/// run. Columns of equal lengths, with an order of as many particles.
+/// The largest error of any decoded coordinate; infinite if one is NaN. All columns and the order have the same length.
 pub fn largest_error(particles: &PositionColumns, decoded: &PositionColumns, order: Option<&[u32]>) -> f64 {
     errors(particles, decoded, order).map(|e| e.1).fold(0.0, f64::max)
 }
 
-/// Each coordinate with the error that it is decoded with.
+/// Each coordinate with its error after decoding.
 fn errors<'a>(
     particles: &'a PositionColumns,
     decoded: &'a PositionColumns,
@@ -80,7 +78,7 @@ fn errors<'a>(
         decoded[k].iter().enumerate().map(move |(i, v)| {
             let own = particles[k][order.map_or(i, |o| o[i] as usize)];
             let error = (f64::from(*v) - f64::from(own)).abs();
-            // What is kept exactly has no error, be it infinite or no number.
+            // Exactly kept values have no error, even if they are infinite or NaN.
             let same = *v == own || v.is_nan() && own.is_nan();
             let error = if error.is_nan() { f64::INFINITY } else { error };
             (own, if same { 0.0 } else { error })
@@ -95,7 +93,6 @@ fn finite_ends(column: &[f32]) -> [f64; 2] {
     finite.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)])
 }
 
-/// Refuses a bound that is none.
 fn check_bound(bound: f64) -> Result<()> {
     match bound > 0.0 && bound.is_finite() {
         true => Ok(()),

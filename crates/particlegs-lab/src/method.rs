@@ -1,5 +1,5 @@
-//! Ways to keep a snapshot in few bytes: our models, other compressors, a subset. Each gives back a model or particles
-//! that are drawn and measured like the snapshot's own.
+//! Methods to keep a snapshot in few bytes: our models, other compressors, a subset. Each returns a model or particles
+//! to draw and measure.
 
 use crate::jitter::jittered;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
@@ -20,11 +20,11 @@ use serde::{Deserialize, Serialize};
 pub enum CompressionMethod {
     /// Our models: Gaussians whose optical depths add up.
     OpticalDepth,
-    /// The published law, trained by its recipe at the lab's scale.
+    /// The published law, trained at the lab's scale.
     AlphaBlend,
-    /// One of the lab's baselines by its place; moved at random within its bound after decoding?
+    /// One of the lab's baselines; its particles may be moved at random within the bound after decoding.
     Baseline {
-        /// Place in [`Lab::baselines`].
+        /// Index in [`Lab::baselines`].
         at: usize,
         jitter: bool,
     },
@@ -35,7 +35,7 @@ pub enum CompressionMethod {
 pub struct MethodOutput {
     pub bytes: u64,
     pub content: FileContent,
-    /// Of a compressor with a bound: how it held.
+    /// The bound, for compressors that have one.
     pub bound: Option<BoundReport>,
 }
 
@@ -52,31 +52,32 @@ pub enum FileContent {
     Particles(Box<Particles>, f64),
 }
 
-/// How a bound held.
+/// A bound and whether it held.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoundReport {
     /// The bound of every coordinate, world units.
     pub asked: f64,
-    /// The largest error found after decoding; of moved particles before they were moved.
+    /// The largest error after decoding, before particles are moved.
     pub largest_error: f64,
     /// Seconds of compression and of decompression.
     pub seconds: [f64; 2],
 }
 
-/// One way at one size.
+/// One method at one size.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MethodMeasurement {
-    /// Bytes of the file; 0 where there is none.
+    /// File size; 0 without a file.
     pub bytes: u64,
-    /// How a bound held.
+    /// A bound and whether it held.
     pub bound: Option<BoundReport>,
-    /// Scores of its pictures; empty where it failed.
+    /// Scores of its pictures; empty if it failed.
     pub scores: Vec<Score>,
     pub failure: Option<String>,
 }
 
 impl CompressionMethod {
-    /// All that train nothing, ours first. Those that decode at the centres of bins stand there twice.
+    /// All methods without training, ours first. Methods that decode to bin centres appear twice, also with moved
+    /// particles.
     pub fn all(lab: &Lab<'_>) -> Vec<CompressionMethod> {
         let of = |at: usize| {
             let moved = ["LCP", "Quantise + pco"].contains(&lab.baselines[at].name());
@@ -89,7 +90,7 @@ impl CompressionMethod {
         [CompressionMethod::OpticalDepth, CompressionMethod::Subset].into_iter().chain(baselines).collect()
     }
 
-    /// [`CompressionMethod::all`], and where models may be trained the published law after ours.
+    /// [`CompressionMethod::all`]; with training also the published law, after ours.
     pub fn all_and_trained(lab: &Lab<'_>) -> Vec<CompressionMethod> {
         let mut all = CompressionMethod::all(lab);
         if lab.settings.training {
@@ -98,12 +99,12 @@ impl CompressionMethod {
         all
     }
 
-    /// Is it a model, which takes longest to make and hardly depends on its seed?
+    /// Is it a model? Models are slow and hardly depend on the seed.
     pub fn is_model(self) -> bool {
         matches!(self, CompressionMethod::OpticalDepth | CompressionMethod::AlphaBlend)
     }
 
-    /// What tables call it.
+    /// Name in tables.
     pub fn name(self, lab: &Lab<'_>) -> String {
         match self {
             CompressionMethod::OpticalDepth => "particlegs".into(),
@@ -114,12 +115,12 @@ impl CompressionMethod {
         }
     }
 
-    /// Is there a draw or a random start in it?
+    /// Does it depend on the seed?
     pub fn is_random(self) -> bool {
         !matches!(self, CompressionMethod::Baseline { jitter: false, .. })
     }
 
-    /// What its results depend on beside snapshot, size and seed.
+    /// What results depend on besides snapshot, size and seed.
     pub fn source(self, lab: &Lab<'_>) -> String {
         match self {
             CompressionMethod::Baseline { at, .. } => format!("{} {}", self.name(lab), lab.baselines[at].source()),
@@ -128,7 +129,7 @@ impl CompressionMethod {
         }
     }
 
-    /// Keeps particles in at most about so many bytes. `hash` names the particles.
+    /// Keeps particles in about `bytes` at most; `hash` identifies them.
     pub fn keep(self, lab: &Lab<'_>, particles: &Particles, hash: &str, bytes: u64, seed: u64) -> Result<MethodOutput> {
         match self {
             CompressionMethod::OpticalDepth => {
@@ -165,7 +166,7 @@ impl CompressionMethod {
                 };
                 let seconds = [run.compress_seconds, run.decompress_seconds];
                 let bound = BoundReport { asked: run.bound, largest_error: run.largest_error, seconds };
-                // What was kept exactly has no bins to be moved within.
+                // Exactly kept particles have no bins.
                 let moved = jitter && run.largest_error > 0.0;
                 let decoded = if moved { jittered(&run.decoded, run.bound, seed) } else { run.decoded };
                 let content = FileContent::Particles(Box::new(particles_of(decoded, particles)), 1.0);
@@ -174,8 +175,8 @@ impl CompressionMethod {
         }
     }
 
-    /// Keeps a snapshot in about so many bytes and scores its pictures. A failure is a result, but not a kept one: what
-    /// a Python that died could not do is tried again the next time.
+    /// Keeps a snapshot in about `bytes` and scores its pictures. Failures are reported but not cached, so that they
+    /// are tried again the next time.
     pub fn measure(
         self,
         lab: &Lab<'_>,
@@ -197,7 +198,7 @@ impl CompressionMethod {
         match measured {
             Err(e @ (Error::Cancelled | Error::Io { .. } | Error::Memory { .. })) => Err(e),
             Err(e) => {
-                // A stop that reaches a Python ends it before it answers: that is no failure of its own.
+                // Ctrl-C also ends the Python: report the stop, not a failure.
                 lab.context.check()?;
                 Ok(MethodMeasurement { bytes: 0, bound: None, scores: Vec::new(), failure: Some(e.to_string()) })
             }
@@ -242,7 +243,7 @@ mod tests {
 
     /// What failed once is no failure of the next run, and what a stop ended is none at all.
     #[test]
-    fn failures_are_told_and_not_kept() {
+    fn failures_are_reported_and_not_cached() {
         static FAILS: AtomicBool = AtomicBool::new(false);
         let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let stopped = AtomicBool::new(false);

@@ -1,17 +1,17 @@
-//! Bits of three numbers in turn: neighbours in space come near each other in the order of these codes.
+//! Morton codes: they interleave the bits of three numbers, so that neighbours in space get similar codes.
 
 use crate::{PositionColumns, finite_ends};
 use particlegs_pipeline::parallel;
 
-/// Bits an axis of an order of particles: three fill a code.
+/// Bits per axis when particles are sorted: three axes fill a code.
 const ORDER_BITS: u32 = 21;
 
-/// How many bits of each axis a code has.
+/// Number of bits of each axis in a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bits([u32; 3]);
 
 impl Bits {
-    /// As many as the largest numbers take; `None` where a code would have more than 64.
+    /// Enough bits for the largest numbers; `None` if a code would need more than 64.
     pub fn new(last: [u32; 3]) -> Option<Bits> {
         let bits = last.map(|q| 32 - q.leading_zeros());
         (bits.iter().sum::<u32>() <= 64).then_some(Bits(bits))
@@ -35,7 +35,7 @@ impl Bits {
         Some(q)
     }
 
-    /// Bits and their axes, from the highest; axes of fewer bits join where theirs begin.
+    /// Bits and their axes, from the highest; axes with fewer bits start lower.
     fn rounds(&self) -> impl Iterator<Item = (u32, usize)> {
         let bits = self.0;
         let highest = bits[0].max(bits[1]).max(bits[2]);
@@ -43,14 +43,14 @@ impl Bits {
     }
 }
 
-/// Which particle comes where in the order of codes; particles of one code stay in their order.
+/// Particle indices sorted by code; the sort is stable.
 pub fn order_of(codes: &[u64]) -> Vec<u32> {
     let mut keys: Vec<(u64, u32)> = codes.iter().copied().zip(0u32..).collect();
     keys.sort_unstable();
     keys.into_iter().map(|k| k.1).collect()
 }
 
-/// Codes of cubes, 2^21 along the longest edge of the box around all particles.
+/// Codes of particles in cubes, 2^21 along the longest edge of their bounds.
 pub fn codes_of_places(particles: &PositionColumns) -> Vec<u64> {
     let ends = particles.each_ref().map(|c| finite_ends(c));
     let longest = ends.iter().map(|e| e[1] - e[0]).fold(0.0, f64::max);
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_their_numbers() {
+    fn codes_decode_to_their_numbers() {
         for last in [[0, 0, 0], [7, 7, 7], [0, 5, 1 << 20], [u32::MAX, u32::MAX, 0], [1, 0, 0]] {
             let bits = Bits::new(last).unwrap();
             for q in [[0; 3], last, last.map(|v| v / 3)] {
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_come_together() {
+    fn neighbours_get_similar_codes() {
         let line: Vec<f32> = (0..64).map(|i| (i * 37 % 64) as f32).collect();
         let order = order_of(&codes_of_places(&[line.clone(), line.clone(), line.clone()]));
         let sorted: Vec<f32> = order.iter().map(|i| line[*i as usize]).collect();

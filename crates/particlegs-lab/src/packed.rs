@@ -1,19 +1,18 @@
-//! Streams of numbers by pco, one after the other, behind a checksum; readers take at most what they expect.
+//! Streams of numbers coded by pco, one after the other, behind a checksum. Readers limit the numbers they accept.
 
 use pco::ChunkConfig;
 use pco::data_types::Number;
 use pco::standalone::{DecompressorItem, FileDecompressor, simple_compress};
 
-/// pco's highest: the level of all that it tries.
+/// pco's highest level.
 const LEVEL: usize = 12;
-/// Bytes of the checksum.
 const CHECKSUM: usize = 4;
-/// Particles that any bytes may decode to, and more of them a byte: what a reader takes of memory follows from what it
-/// is given. Writers append zeros where a checksummed file would hold more.
+/// Particles that any file may decode to, and how many more per byte: this limits a reader's memory. Writers append
+/// zeros to files that hold more particles.
 const PARTICLES_OF_ANY: usize = 1 << 22;
 const PARTICLES_A_BYTE: usize = 1 << 13;
 
-/// Appends a number, seven bits a byte, the lowest first.
+/// Appends a number, seven bits per byte, the lowest first.
 pub fn write_number(mut value: u64, out: &mut Vec<u8>) {
     while value >= 0x80 {
         out.push(value as u8 | 0x80);
@@ -22,7 +21,7 @@ pub fn write_number(mut value: u64, out: &mut Vec<u8>) {
     out.push(value as u8);
 }
 
-/// A number again, and what follows it.
+/// Reads a number; also returns the rest.
 pub fn read_number(mut bytes: &[u8]) -> Option<(u64, &[u8])> {
     let mut value = 0u64;
     for shift in (0..64).step_by(7) {
@@ -40,18 +39,18 @@ pub fn read_number(mut bytes: &[u8]) -> Option<(u64, &[u8])> {
     None
 }
 
-/// Appends numbers; nothing but a zero for none.
+/// Appends numbers; for none, only a zero.
 pub fn write<T: Number>(values: &[T], out: &mut Vec<u8>) {
     let config = ChunkConfig::default().with_compression_level(LEVEL);
     let coded = match values.is_empty() {
         true => Vec::new(),
-        false => simple_compress(values, &config).expect("a preset, and memory to write to"),
+        false => simple_compress(values, &config).expect("compression into memory cannot fail"),
     };
     write_number(coded.len() as u64, out);
     out.extend(coded);
 }
 
-/// At most `most` numbers, and what follows them; `None` for bytes that [`write()`] did not make.
+/// Reads at most `most` numbers; also returns the rest; `None` for bytes that [`write()`] did not make.
 pub fn read<T: Number + Default>(bytes: &[u8], most: usize) -> Option<(Vec<T>, &[u8])> {
     let (length, rest) = read_number(bytes)?;
     let (coded, rest) = rest.split_at_checked(usize::try_from(length).ok()?)?;
@@ -70,7 +69,7 @@ pub fn read<T: Number + Default>(bytes: &[u8], most: usize) -> Option<(Vec<T>, &
     Some((values, rest))
 }
 
-/// Bytes with their checksum before them, long enough for so many particles.
+/// Prepends a checksum, and pads the bytes as the number of particles requires.
 pub fn sealed(mut bytes: Vec<u8>, particles: usize) -> Vec<u8> {
     let least = particles.saturating_sub(PARTICLES_OF_ANY).div_ceil(PARTICLES_A_BYTE);
     bytes.resize(bytes.len().max(least), 0);
@@ -79,7 +78,7 @@ pub fn sealed(mut bytes: Vec<u8>, particles: usize) -> Vec<u8> {
     out
 }
 
-/// The bytes, and how many particles they may decode to; `None` where they are not what [`sealed`] made.
+/// The bytes, and how many particles they may decode to; `None` if [`sealed`] did not make them.
 pub fn opened(bytes: &[u8]) -> Option<(&[u8], usize)> {
     let (checksum, rest) = bytes.split_first_chunk::<CHECKSUM>()?;
     let most = PARTICLES_OF_ANY.saturating_add(rest.len().saturating_mul(PARTICLES_A_BYTE));
@@ -91,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_come_back() {
+    fn numbers_survive_a_round_trip() {
         for value in [0, 1, 127, 128, 300, u64::from(u32::MAX), u64::MAX] {
             let mut bytes = Vec::new();
             write_number(value, &mut bytes);
@@ -102,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn streams_come_back_and_no_more_than_expected() {
+    fn streams_survive_a_round_trip_and_are_limited() {
         let values: Vec<u64> = (0..1000u64).map(|i| i * i % 77).collect();
         let mut bytes = Vec::new();
         write(&values, &mut bytes);
@@ -115,7 +114,7 @@ mod tests {
 
     /// A file of a few bytes may not claim more memory than a reader would give any file.
     #[test]
-    fn much_of_little_is_made_longer() {
+    fn small_files_of_many_particles_are_padded() {
         let sealed_bytes = sealed(vec![1, 2, 3], 100_000_000);
         let (inner, most) = opened(&sealed_bytes).unwrap();
         assert!(inner.starts_with(&[1, 2, 3, 0]) && most >= 100_000_000);

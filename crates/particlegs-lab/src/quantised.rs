@@ -1,27 +1,27 @@
-//! What a user would put together: bins of twice the bound, sorted in Morton order, their numbers coded by pco
-//! (Loncaric, Jeppesen and Zinberg, arXiv 2502.06112; the crate `pco`). The order of the particles is not kept, but where
-//! columns in their own order take fewer bytes.
+//! A compressor that users could assemble themselves: bins of twice the bound, sorted in Morton order and coded by pco
+//! (Loncaric, Jeppesen and Zinberg, arXiv 2502.06112; the crate `pco`). The order of the particles is kept only if that
+//! takes fewer bytes.
 
 use crate::bins::{BinGrid, ParticleBins};
 use crate::morton::{self, Bits};
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, packed};
 use particlegs_pipeline::{Error, Result, parallel};
 
-/// The coder: every layout is tried, and the smallest is kept.
+/// The coder: it tries every layout and uses the smallest.
 pub struct QuantisedCoder;
 
-/// What is coded of the particles.
+/// How particles are stored.
 #[derive(Clone, Copy, PartialEq)]
 enum CodingLayout {
-    /// The coordinates as they are: no bins.
+    /// Plain coordinates, no bins.
     Exact = 0,
-    /// Bins that hold particles, in Morton order, and how many each holds.
+    /// Occupied bins in Morton order, and the number of particles in each.
     Cells = 1,
     /// The bin of each particle, in Morton order.
     Codes = 2,
-    /// Its bin along each axis, in Morton order.
+    /// The bin of each particle along each axis, in Morton order.
     Axes = 3,
-    /// Its bin along each axis, in the particles' own order.
+    /// The bin of each particle along each axis, in the input order.
     File = 4,
 }
 
@@ -62,7 +62,7 @@ impl Baseline for QuantisedCoder {
 
 struct SortedParticles {
     bins: ParticleBins,
-    /// Bits of an exact code; `None` where bins are too many for one.
+    /// Bits of an exact code; `None` if there are too many bins.
     bits: Option<Bits>,
     codes: Vec<u64>,
     order: Vec<u32>,
@@ -72,16 +72,16 @@ impl SortedParticles {
     fn new(bins: ParticleBins) -> Self {
         let last = bins.grid.last();
         let bits = Bits::new(last);
-        // Of bins too many for a code, the highest bits give an order that is nearly as good.
+        // If there are too many bins for a code, the order of the highest bits is nearly as good.
         let coarse = if bits.is_some() { 0 } else { 11 };
-        let of = Bits::new(last.map(|q| q >> coarse)).expect("three of 21 bits");
+        let of = Bits::new(last.map(|q| q >> coarse)).expect("3 x 21 bits fit");
         let own = parallel::map_range(bins.of.len(), |i| of.code(bins.of[i].map(|q| q >> coarse)));
         let order = morton::order_of(&own);
         let codes = order.iter().map(|i| own[*i as usize]).collect();
         SortedParticles { bins, bits, codes, order }
     }
 
-    /// A layout's bytes; `None` where there are no codes.
+    /// The bytes of a layout; `None` if it needs codes and there are none.
     fn coded(&self, layout: CodingLayout) -> Option<Vec<u8>> {
         let mut out = vec![layout as u8];
         self.bins.write(&mut out);
@@ -112,7 +112,7 @@ impl SortedParticles {
     }
 }
 
-/// The first of rising numbers, then differences.
+/// The first of sorted numbers, then differences.
 fn steps(rising: impl Iterator<Item = u64>) -> Vec<u64> {
     let mut last = 0;
     rising.map(|v| v - std::mem::replace(&mut last, v)).collect()
@@ -149,7 +149,7 @@ fn binned(layout: CodingLayout, bytes: &[u8], most: usize) -> Option<PositionCol
     (bins.len() == n).then(|| grid.coordinates(&bins, &moved))?
 }
 
-/// Bins of codes by their differences.
+/// Bins from differences of codes.
 fn of_codes(grid: &BinGrid, steps: &[u64]) -> Option<Vec<[u32; 3]>> {
     let bits = Bits::new(grid.last())?;
     let mut code = 0u64;
@@ -160,10 +160,10 @@ fn of_codes(grid: &BinGrid, steps: &[u64]) -> Option<Vec<[u32; 3]>> {
     steps.iter().map(next).collect()
 }
 
-/// What is not cut into bins.
+/// Particles that cannot be cut into bins.
 fn exact(particles: &PositionColumns) -> CompressedParticles {
     let mut out = vec![CodingLayout::Exact as u8];
-    // As bits: pco keeps every float, and here nothing hangs on how it reads them.
+    // As bits, so that every float is kept exactly.
     let bits = |c: &Vec<f32>| c.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     particles.iter().for_each(|c| packed::write(&bits(c), &mut out));
     CompressedParticles { bytes: packed::sealed(out, particles[0].len()), order: None }

@@ -1,4 +1,4 @@
-//! Baselines at a size, and with their bounds verified.
+//! Finds the bound at which a baseline has a given size, and verifies bounds.
 
 use crate::subset::mean_spacing;
 use crate::{Baseline, PositionColumns, errors, finite_ends};
@@ -6,37 +6,36 @@ use particlegs_pipeline::context::Context;
 use particlegs_pipeline::{Error, Result};
 use std::time::Instant;
 
-/// Trials of a bound at most; six are usual.
+/// Largest number of trials; six are usual.
 const TRIALS: u64 = 12;
-/// A size is met where it is off by less than this share of it.
+/// A size within this share counts as reached.
 const CLOSE_ENOUGH: f64 = 0.01;
-/// Bounds nearer than this share of each other are not told apart.
+/// Bounds closer than this share count as equal.
 const NARROW: f64 = 1e-4;
-/// The first bound beside one that misses is this many times larger or smaller at most.
+/// Largest factor of the first step from a bound that misses the size.
 const LARGEST_STEP: f64 = 8.0;
 
-/// The bound of a size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SizeBound {
     /// The bound, in the particles' unit of length.
     pub bound: f64,
-    /// Bytes at this bound.
+    /// File size at this bound.
     pub bytes: u64,
-    /// How far they are from those asked for, as a share of them: above 0 is more.
+    /// Relative deviation from the requested size; positive if larger.
     pub off: f64,
     pub trials: u64,
 }
 
 impl SizeBound {
-    /// Is it within 1 % of what was asked for? Where not, the baseline has no such size: its steps are larger, or its
-    /// smallest file is.
+    /// Is the size within 1 % of the requested one? Otherwise the baseline cannot reach it: its steps, or its smallest
+    /// file, are too large.
     pub fn met(&self) -> bool {
         self.off.abs() <= CLOSE_ENOUGH
     }
 }
 
-/// The bound at which a baseline takes as close to `bytes` as it can, on a logarithmic scale of sizes: sought between
-/// bounds of too many and too few bytes by the secant of log size over log bound.
+/// The bound at which the size of a baseline is closest to `bytes`, found by the secant method on log size over log
+/// bound.
 pub fn at_size(
     baseline: &dyn Baseline,
     particles: &PositionColumns,
@@ -69,29 +68,29 @@ pub fn at_size(
         }
     }
     context.end();
-    Ok(SizeBound { trials, ..best.expect("one trial at least") })
+    Ok(SizeBound { trials, ..best.expect("at least one trial") })
 }
 
-/// Where log sizes over log bounds fall through 0: logarithms of bounds.
+/// Search for the zero of log size over log bound; bounds are logarithms.
 struct Search {
     next: f64,
-    /// The largest bound known that gives too many bytes, and by what logarithm.
+    /// Largest known bound with too many bytes, and the logarithm of the excess.
     more: Option<(f64, f64)>,
-    /// The smallest known that gives too few.
+    /// Smallest known bound with too few bytes, likewise.
     less: Option<(f64, f64)>,
-    /// Bounds that are not passed.
+    /// Limits of the bound.
     ends: [f64; 2],
-    /// How often in a row the same side of the bracket moved: below 0 `more`.
+    /// How often the same end of the bracket moved in a row; negative for `more`.
     same: i32,
 }
 
 impl Search {
-    /// From the bound at which evenly spread particles take the bytes, coded as a set.
+    /// Starts at the bound at which uniform particles, coded as a set, take these bytes.
     fn new(particles: &PositionColumns, bytes: u64) -> Search {
         let ends = particles.iter().map(|c| finite_ends(c));
         let longest = ends.map(|e| e[1] - e[0]).fold(0.0, f64::max);
         let longest = if longest > 0.0 { longest } else { 1.0 };
-        // From float32's own precision to far more than one bin: ZFP's sizes fall until then.
+        // From the precision of float32 to far more than one bin: ZFP's sizes fall until then.
         let ends = [longest * 2f64.powi(-30), longest * 1024.0].map(f64::ln);
         let bits = 8.0 * bytes as f64 / particles[0].len() as f64;
         let finite = particles.iter().flatten().all(|v| v.is_finite());
@@ -100,7 +99,7 @@ impl Search {
         Search { next: guess.clamp(ends[0], ends[1]), more: None, less: None, ends, same: 0 }
     }
 
-    /// Notes by what logarithm the size at the last bound is too large, and finds the next; `false` where there is none.
+    /// Records the log excess at the last bound and finds the next bound; `false` at the end.
     fn learn(&mut self, miss: f64) -> bool {
         let here = (self.next, miss);
         if miss > 0.0 {
@@ -117,13 +116,13 @@ impl Search {
                 if less.0 - more.0 < NARROW {
                     return false;
                 }
-                // What stays at its end is counted half as far off each time (Illinois): sizes are curves, and steps.
+                // Illinois method: the value of the end that stays is halved, since sizes are curved and stepped.
                 let half = 0.5f64.powi((self.same.abs() - 1).min(8));
                 let (above, below) = if self.same < 0 { (more.1, half * less.1) } else { (half * more.1, less.1) };
                 let share = (above / (above - below)).clamp(0.02, 0.98);
                 more.0 + (less.0 - more.0) * share
             }
-            // Sizes fall about as bounds grow; where they hardly do, steps grow.
+            // Sizes fall roughly as bounds grow; where they hardly do, the steps grow.
             (Some(more), None) => more.0 + grown * more.1.clamp(0.1, step),
             (None, Some(less)) => less.0 + grown * less.1.clamp(-step, -0.1),
             (None, None) => return false,
@@ -135,32 +134,32 @@ impl Search {
     }
 }
 
-/// One run of a baseline: what it took, and what came back.
+/// One run of a baseline.
 pub struct BaselineRun {
     pub bound: f64,
     pub bytes: u64,
     pub compress_seconds: f64,
     pub decompress_seconds: f64,
     pub largest_error: f64,
-    /// By how much the worst coordinate passes the bound and half a float32 ulp of its own; 0 where none does.
+    /// By how much the worst coordinate exceeds the bound plus half a float32 ulp; 0 if none does.
     pub excess: f64,
     pub decoded: PositionColumns,
-    /// Which particle comes where in them; `None` = in their own order.
+    /// Input index of each decoded particle; `None` = the input order.
     pub order: Option<Vec<u32>>,
 }
 
-/// What became of a run.
+/// Outcome of a run.
 pub enum BoundCheck {
-    /// The bound holds, to half a float32 ulp of each coordinate.
+    /// The bound holds, within half a float32 ulp of each coordinate.
     Held(BaselineRun),
-    /// It does not: `excess` says by how much.
+    /// The bound is exceeded by `excess`.
     Exceeded(BaselineRun),
-    /// The baseline failed, or did not give back as many particles.
+    /// The baseline failed, or returned another number of particles.
     Failed(Error),
 }
 
 impl BoundCheck {
-    /// What a report says where the bound does not hold or the baseline failed: one line; `None` where all is well.
+    /// One line for the report if the bound is broken or the baseline failed.
     pub fn failure(&self) -> Option<String> {
         match self {
             BoundCheck::Held(_) => None,
@@ -172,7 +171,7 @@ impl BoundCheck {
         }
     }
 
-    /// The run, whether its bound holds or not.
+    /// The run, even if its bound is broken.
     pub fn run(&self) -> Option<&BaselineRun> {
         match self {
             BoundCheck::Held(run) | BoundCheck::Exceeded(run) => Some(run),
@@ -181,8 +180,8 @@ impl BoundCheck {
     }
 }
 
-/// Compresses, decompresses and holds every coordinate to its bound. Nothing beyond it is allowed but half a float32 ulp
-/// of the coordinate, the rounding of a decoder that computes in more digits than it gives.
+/// Compresses, decompresses and checks every coordinate. Half a float32 ulp above the bound is allowed: the rounding of
+/// a decoder that computes in more digits.
 pub fn verified(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) -> BoundCheck {
     match run(baseline, particles, bound) {
         Ok(run) if run.excess > 0.0 => BoundCheck::Exceeded(run),

@@ -1,4 +1,4 @@
-//! What an experiment found, as plain data: tables, plots, pictures, and what a reader must know.
+//! Results of an experiment as plain data: tables, plots, pictures and notes.
 
 use particlegs_figure::is_identical;
 pub use particlegs_figure::{Plot, PlotAxis, Point, Series, Spread};
@@ -11,7 +11,7 @@ pub struct ExperimentResults {
     pub tables: Vec<ResultTable>,
     pub plots: Vec<Plot>,
     pub pictures: Vec<Pictures>,
-    /// What a reader must know: how it was measured, what was left out and why.
+    /// How it was measured, and what was left out and why.
     pub notes: Vec<String>,
 }
 
@@ -20,7 +20,7 @@ pub struct ResultTable {
     /// File name without its ending.
     pub name: String,
     pub title: String,
-    /// Heads of the columns, with units.
+    /// Headers of the columns, with units.
     pub columns: Vec<String>,
     /// Rows, as long as `columns`.
     pub rows: Vec<Vec<TableCell>>,
@@ -32,7 +32,6 @@ impl ResultTable {
         ResultTable { name: name.into(), title: title.into(), columns, rows: Vec::new() }
     }
 
-    /// The same with further rows.
     pub fn with<R: IntoIterator<Item = TableCell>>(mut self, rows: impl IntoIterator<Item = R>) -> Self {
         rows.into_iter().for_each(|cells| self.row(cells));
         self
@@ -49,7 +48,7 @@ impl ResultTable {
 #[serde(untagged)]
 pub enum TableCell {
     Text(String),
-    /// The median of several, and the smallest and largest.
+    /// Median of several values, with their range.
     Spread {
         value: f64,
         /// Smallest and largest.
@@ -57,7 +56,6 @@ pub enum TableCell {
         /// Digits after the point.
         digits: usize,
     },
-    /// A number with so many digits after the point.
     Number {
         value: f64,
         /// Digits after the point.
@@ -71,7 +69,6 @@ impl TableCell {
         TableCell::Text(words.into())
     }
 
-    /// A number; nothing where there is none.
     pub fn number(value: impl Into<Option<f64>>, digits: usize) -> TableCell {
         value.into().filter(|v| v.is_finite()).map_or(TableCell::Empty, |value| TableCell::Number { value, digits })
     }
@@ -80,8 +77,7 @@ impl TableCell {
         TableCell::number(value as f64, 0)
     }
 
-    /// The median of values of several seeds with their range; one value alone is a number. Those that are not finite
-    /// are left out.
+    /// Median and range over seeds; a single value is a number. Values that are not finite are left out.
     pub fn spread(values: &[f64], digits: usize) -> TableCell {
         match Spread::new(values) {
             None => TableCell::Empty,
@@ -90,7 +86,7 @@ impl TableCell {
         }
     }
 
-    /// Decibels of several seeds; `identical` where no picture of any differs from the truth.
+    /// Decibels over seeds; `identical` if no picture of any seed differs from the truth.
     pub fn decibels(values: &[f64]) -> TableCell {
         match is_identical(values) {
             true => TableCell::text("identical"),
@@ -98,21 +94,21 @@ impl TableCell {
         }
     }
 
-    /// As it stands in a table of text.
+    /// Text for a table.
     pub fn describe(&self) -> String {
         match self {
             TableCell::Text(words) => words.clone(),
             TableCell::Number { value, digits } => grouped(*value, *digits),
             TableCell::Spread { value, range: [low, high], digits } => {
                 let [value, low, high] = [value, low, high].map(|v| grouped(*v, *digits));
-                // Digits that are shown do not tell them apart.
+                // The range vanishes at this precision.
                 if low == high { value } else { format!("{value} ({low} to {high})") }
             }
             TableCell::Empty => "–".into(),
         }
     }
 
-    /// As it stands in a file of values: every digit, nothing where nothing was measured.
+    /// Text for a CSV file: every digit; empty if nothing was measured.
     pub fn plain(&self) -> String {
         match self {
             TableCell::Text(words) => words.clone(),
@@ -126,10 +122,10 @@ impl TableCell {
     }
 }
 
-/// Whole numbers of five digits and more in groups of three.
+/// Whole numbers of five digits or more, in groups of three.
 pub(crate) fn grouped(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
-    // What is rounded to nothing has no sign.
+    // No sign for numbers that round to zero.
     let text = if text.contains(|c: char| ('1'..='9').contains(&c)) { text } else { text.replace('-', "") };
     let (whole, rest) = text.split_at(text.find('.').unwrap_or(text.len()));
     let (sign, whole) = whole.strip_prefix('-').map_or(("", whole), |w| ("-", w));
@@ -141,14 +137,13 @@ pub(crate) fn grouped(value: f64, digits: usize) -> String {
     format!("{sign}{}{rest}", digits.into_iter().rev().collect::<Vec<_>>().join(","))
 }
 
-/// Colours that stand for a quantity, in equal steps of its logarithm.
+/// Logarithmic colour scale.
 #[derive(Clone, Debug)]
 pub struct Colours {
     /// The quantity, with its unit.
     pub title: String,
-    /// From the lowest to the highest.
     pub map: Colormap,
-    /// The lowest value, and the highest.
+    /// Lowest and highest value.
     pub range: [f64; 2],
 }
 
@@ -157,16 +152,16 @@ pub struct Colours {
 pub struct Pictures {
     /// File name without its ending.
     pub name: String,
-    /// What stands above them.
+    /// Title.
     pub title: String,
-    /// What they show, for a reader who has no other text.
+    /// Caption that explains the pictures on its own.
     pub caption: String,
-    /// How many stand beside each other.
+    /// Pictures per row.
     pub columns: usize,
-    /// What their colours say, where they are not grey levels.
+    /// Colour scale, if they are not grey.
     #[serde(skip)]
     pub colours: Option<Colours>,
-    /// What stands under each, and the picture.
+    /// Pictures with their labels.
     #[serde(skip)]
     pub panels: Vec<(String, Rgb8)>,
 }
@@ -176,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_grouped_and_spreads_told() {
+    fn numbers_are_grouped_and_spreads_shown() {
         let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| TableCell::number(v, 0).describe());
         assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
         assert_eq!(TableCell::number(12345.678, 2).describe(), "12,345.68");

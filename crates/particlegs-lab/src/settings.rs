@@ -1,41 +1,38 @@
-//! How finely experiments measure.
+//! Settings of the experiments.
 
 use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::train::Accelerator;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What is measured, and how finely.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Small pictures, few ratios, one frame an orbit: to see that all of it runs.
+    /// Small pictures, few ratios and one view per orbit, to check that everything runs.
     pub quick: bool,
-    /// Also experiments that train models.
+    /// Also run experiments that train models.
     pub training: bool,
-    /// Pixels of the pictures that are scored.
+    /// Size of the scored pictures.
     pub size: Size,
     pub frames: usize,
-    /// Raw bytes over bytes of a file, rising.
+    /// Compression ratios, ascending.
     pub ratios: Vec<f64>,
     pub seed: u64,
-    /// Seeds, where a draw or a start is random.
+    /// Number of seeds for random results.
     pub seeds: usize,
-    /// Share of the published recipe's pixels, steps and Gaussians that models are trained with; `None` = each
-    /// experiment's own.
+    /// Share of the published recipe's pixels, steps and Gaussians to train with; `None` = each experiment's default.
     pub scale: Option<f64>,
-    /// Minutes after which a long training run ends for now, to be gone on from by the same command; `None` = the
-    /// experiment's own.
+    /// Minutes after which a long training run pauses, to be continued by the same command; `None` = the experiment's
+    /// default.
     pub minutes: Option<f64>,
-    /// A Python that has the packages of other compressors and renderers.
+    /// Python with the packages of other compressors and renderers.
     pub python: Option<PathBuf>,
-    /// What draws the pictures that are scored, and trains; `None` = the CPU, whose results are the same everywhere.
+    /// Device that draws scored pictures and trains; `None` = the CPU, whose results are reproducible.
     pub device: Option<Arc<dyn Accelerator>>,
-    /// This program, where whole commands are measured.
+    /// Path of this program, to measure whole commands.
     pub program: PathBuf,
 }
 
 impl Settings {
-    /// The settings of `--quick`, or the full ones.
     pub fn new(quick: bool, program: PathBuf) -> Settings {
         let (size, frames, seeds) = match quick {
             true => (Size { width: 640, height: 360 }, 1, 2),
@@ -49,7 +46,6 @@ impl Settings {
         Settings { quick, training, size, frames, ratios, seed: 42, seeds, scale, minutes, python, device, program }
     }
 
-    /// The device's name, where there is one.
     pub fn device_name(&self) -> Option<&str> {
         self.device.as_ref().map(|d| d.name())
     }

@@ -1,4 +1,4 @@
-//! Snapshots that are measured, and their positions as compressors take them.
+//! The measured snapshots, and their positions as compressors take them.
 
 use crate::PositionColumns;
 #[cfg(doc)]
@@ -9,17 +9,17 @@ use particlegs_pipeline::particles::{Column, Particles, Positions, Selection, Sn
 use std::path::PathBuf;
 
 pub struct Snapshot {
-    /// Its name in tables.
+    /// Name in tables.
     pub name: String,
     pub path: PathBuf,
     pub particles: Particles,
-    /// The beginning of the hash that models of it carry, in hexadecimal digits, and of one of what that does not know:
-    /// box, units and cosmology, and options of the command that it was read by.
+    /// Start of the hash that models carry, in hexadecimal, and of a hash of what that leaves out: box, units,
+    /// cosmology and reading options.
     pub hash: String,
 }
 
 impl Snapshot {
-    /// Of particles from `path`, read by `options` of the command, where there were some.
+    /// Particles from `path`, read with `options` if there were any.
     pub fn new(name: String, path: PathBuf, particles: Particles, options: Option<&str>) -> Snapshot {
         let start = |hash: blake3::Hash, digits: usize| hash.to_hex()[..digits].to_string();
         let said = SnapshotMeta { name: String::new(), ..particles.meta.clone() };
@@ -28,19 +28,19 @@ impl Snapshot {
         Snapshot { name, path, particles, hash }
     }
 
-    /// Two random halves of the particles, the same for the same seed.
+    /// Two random halves of the particles; they depend only on the seed.
     pub fn halves(&self, seed: u64, context: &Context<'_>) -> Result<[Particles; 2]> {
         let half = Selection { sample: Some(self.particles.len() as u64 / 2), seed, ..Selection::all() };
         let taken = |selection| self.particles.select(selection, &Storage::Memory, context);
         Ok([taken(half)?, taken(Selection { left_out: true, ..half })?])
     }
 
-    /// Bytes of its positions in float32, which ratios are of: all that other compressors keep.
+    /// Size of the positions in float32, to which ratios refer.
     pub fn position_bytes(&self) -> u64 {
         12 * self.particles.len() as u64
     }
 
-    /// What a reader must know of ratios where particles have masses of their own.
+    /// Note on ratios, if particles have individual masses.
     pub fn weights_note(&self) -> Option<String> {
         (self.particles.raw_bytes() > self.position_bytes()).then(|| {
             format!(
@@ -51,24 +51,23 @@ impl Snapshot {
         })
     }
 
-    /// What positions are in, as tables call it.
+    /// Unit of positions in tables.
     pub fn unit(&self) -> &str {
         self.particles.meta.units.length_text().unwrap_or("length units")
     }
 
-    /// Mean spacing of the particles in their box, world units.
+    /// Mean spacing of the particles, world units.
     pub fn spacing(&self) -> f64 {
         particlegs_pipeline::stats::Domain::from_particles(&self.particles).spacing(self.particles.len())
     }
 }
 
-/// Positions in columns, as compressors take them: relative to the particles' origin, since float32 far from it has few
-/// digits left.
+/// Positions in columns, relative to the particles' origin, since float32 has few digits far from it.
 pub fn columns_of(p: &Particles) -> PositionColumns {
     [0, 1, 2].map(|k| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect())
 }
 
-/// Particles of such columns, about the origin and in the box of others.
+/// Particles from such columns, with the origin and box of `self`.
 pub fn particles_of(columns: PositionColumns, like: &Particles) -> Particles {
     Particles::new(Positions::Columns(columns.map(Column::owned)), like.origin, like.meta.clone())
 }
@@ -79,7 +78,7 @@ mod tests {
 
     /// Another box is another snapshot, though the positions are the same, whether a file or a user says so.
     #[test]
-    fn the_hash_knows_the_box_and_options_and_no_name() {
+    fn the_hash_covers_box_and_options_but_not_the_name() {
         let of = |lengths: Option<[f64; 3]>, name: &str, options| {
             let mut particles = Particles::from_columns(vec![1.0; 3], vec![2.0; 3], vec![3.0; 3]);
             particles.meta.name = name.into();
@@ -108,7 +107,7 @@ mod tests {
 
     /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.
     #[test]
-    fn columns_keep_the_digits_of_places_far_away() {
+    fn columns_keep_digits_far_from_the_origin() {
         let near = [vec![0.125f32, 3.0], vec![1.0, 2.0], vec![0.0, 0.5]];
         let positions = Positions::Columns(near.clone().map(Column::owned));
         let far = Particles::new(positions, [1e9, 0.0, -1e9], Particles::from_columns(vec![], vec![], vec![]).meta);

@@ -1,4 +1,4 @@
-//! Results kept by the hash of what they were made from, so that work that was interrupted goes on where it was.
+//! Cache of results by the hash of their inputs, so that interrupted work continues where it stopped.
 
 use particlegs_files::output::{FileSet, write_bytes};
 use particlegs_pipeline::{Error, Result};
@@ -8,34 +8,33 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Raised where results of the same inputs come to mean something else: what was kept is then not used any more.
+/// Raise this when results of the same inputs change their meaning: older ones are then ignored.
 const VERSION: u32 = 1;
 
-/// The commit of this program, where it was built in a repository.
+/// Commit of this program, if it was built in a repository.
 pub(crate) const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 
 /// A folder of results.
 pub struct ResultStore {
     folder: PathBuf,
-    /// What took part in making its results beside this program, which they depend on; the processor is not named.
+    /// Device that the results depend on; empty for the CPU.
     by: Option<String>,
-    /// Commits of the programs that made what was asked for and there already.
+    /// Commits of the programs that made the cached results used so far.
     kept_of: Arc<Mutex<BTreeSet<Option<String>>>>,
 }
 
 impl ResultStore {
-    /// In a folder that is there.
+    /// Uses an existing folder.
     pub fn new(folder: &Path) -> ResultStore {
         ResultStore { folder: folder.to_path_buf(), by: None, kept_of: Arc::default() }
     }
 
-    /// The same folder's results that a device had a part in: where it has a name, they are others than this store's.
+    /// The results of a device in the same folder, apart from those of the CPU.
     pub fn by(&self, device: Option<&str>) -> ResultStore {
         ResultStore { folder: self.folder.clone(), by: device.map(str::to_string), kept_of: Arc::clone(&self.kept_of) }
     }
 
-    /// The file of a result: its kind and the hash of its inputs. Inputs are what the result depends on and nothing
-    /// else: hashes of data, options, seeds.
+    /// The file of a result: its kind and the hash of its inputs (hashes of data, options, seeds).
     pub fn path(&self, kind: &str, inputs: &impl Serialize, ending: &str) -> PathBuf {
         let text = match &self.by {
             None => serde_json::to_vec(&(VERSION, kind, inputs)),
@@ -46,7 +45,7 @@ impl ResultStore {
         self.folder.join(format!("{kind}-{}.{ending}", &hash.as_str()[..24]))
     }
 
-    /// Bytes that are there, or are made and kept.
+    /// Cached bytes; made if they are missing.
     pub fn bytes(
         &self,
         kind: &str,
@@ -65,7 +64,7 @@ impl ResultStore {
         Ok(bytes)
     }
 
-    /// A result that is there, or is made and kept. What cannot be read, of another version or damaged, is made again.
+    /// A cached result; made if it is missing, damaged or of another version.
     pub fn result<T: Serialize + DeserializeOwned>(
         &self,
         kind: &str,
@@ -75,8 +74,7 @@ impl ResultStore {
         self.result_if(kind, inputs, make, |_| true)
     }
 
-    /// [`ResultStore::result`], kept only where it `lasts`: what failed for a reason that may pass is tried again the next
-    /// time.
+    /// [`ResultStore::result`], cached only if it `lasts`: other failures are retried the next time.
     pub fn result_if<T: Serialize + DeserializeOwned>(
         &self,
         kind: &str,
@@ -98,13 +96,12 @@ impl ResultStore {
         Ok(result)
     }
 
-    /// A folder for files that go away with it.
+    /// A temporary folder.
     pub fn scratch(&self) -> Result<FileSet> {
         FileSet::in_folder(&self.folder)
     }
 
-    /// What of the results is of other programs than this one, in words: they were kept, and are not measured again.
-    /// `None` where this program made all of them.
+    /// Note on cached results that other versions of this program made, if there are any.
     pub fn of_others(&self) -> Option<String> {
         let all = self.kept_of.lock().unwrap_or_else(PoisonError::into_inner);
         let told = |c: &Option<String>| c.as_ref().map_or("an unknown commit".into(), |c| format!("commit {c}"));
@@ -113,17 +110,17 @@ impl ResultStore {
     }
 }
 
-/// The text of a result's file: what it was made from stands beside it, with a hash of the result as a reader finds it.
+/// Text of a result's file: the inputs, the result and a hash of it.
 fn record(inputs: &impl Serialize, result: &impl Serialize) -> serde_json::Result<Vec<u8>> {
     let (inputs, result) = (serde_json::to_value(inputs)?, serde_json::to_value(result)?);
     let mut all = serde_json::json!({ "inputs": inputs, "commit": COMMIT, "result": result });
-    // Numbers as they are read again, to the last bit.
+    // Hash the numbers as they are read back.
     let read: serde_json::Value = serde_json::from_slice(&serde_json::to_vec(&all)?)?;
     all["hash"] = hash_of(&read).into();
     serde_json::to_vec_pretty(&all)
 }
 
-/// BLAKE3 of a kept result's text.
+/// BLAKE3 of a result's text.
 fn hash_of(all: &serde_json::Value) -> String {
     blake3::hash(all["result"].to_string().as_bytes()).to_hex().to_string()
 }
@@ -136,7 +133,7 @@ struct StoredRecord<T> {
 }
 
 impl<T: DeserializeOwned> StoredRecord<T> {
-    /// `None` of what is cut short or was altered: it is made again.
+    /// `None` for a truncated or altered file.
     fn from_text(text: &[u8]) -> Option<Self> {
         let all: serde_json::Value = serde_json::from_slice(text).ok()?;
         let sound = all["hash"] == hash_of(&all);

@@ -1,4 +1,4 @@
-//! What users do who need fewer bytes: a random subset of the particles, drawn larger.
+//! What users do to save bytes: keep a random subset of the particles and draw it larger.
 
 use crate::PositionColumns;
 use particlegs_pipeline::codec::Thinning;
@@ -7,16 +7,16 @@ use particlegs_pipeline::math::each_axis;
 use particlegs_pipeline::space::Bounds;
 use particlegs_pipeline::{Error, Result};
 
-/// A random subset as its coded bytes have it.
+/// A random subset, after decoding.
 pub struct CodedSubset {
     pub particles: PositionColumns,
     pub bytes: u64,
-    /// What the radius is multiplied by, sqrt(N / kept), so that as much light is covered.
+    /// Factor of the radius, sqrt(N / kept), so that the same area is covered.
     pub radius_factor: f64,
 }
 
-/// The most particles, the first of one random order of all, whose places within 0.05 of the mean spacing
-/// ([`mean_spacing`]) take at most `bytes`, as they come back from their coded form. `None` where not one fits.
+/// The largest subset, in one random order, whose positions, coded within 0.05 of the [`mean_spacing`], take at most
+/// `bytes`. `None` if not one particle fits.
 pub fn subset(
     particles: &PositionColumns,
     bytes: u64,
@@ -41,8 +41,7 @@ pub fn subset(
     }))
 }
 
-/// The edge of a particle's share of the box around all: the cube root of volume over number; axes without an extent
-/// count as the longest. 1 for no particles.
+/// Cube root of the bounds' volume per particle; axes without extent count as the longest. 1 for no particles.
 pub fn mean_spacing(particles: &PositionColumns) -> f64 {
     match particles[0].len() {
         0 => 1.0,
@@ -63,7 +62,7 @@ mod tests {
     use particlegs_pipeline::context::Context;
 
     #[test]
-    fn as_many_are_kept_as_fit() {
+    fn the_subset_fills_the_bytes() {
         let particles = testing::clustered(20_000);
         let of = |bytes, seed| subset(&particles, bytes, seed, &Context::SILENT).unwrap();
         for bytes in [1_000, 10_000] {
@@ -80,7 +79,7 @@ mod tests {
 
     /// Every particle kept is one of the snapshot's, as close as was said.
     #[test]
-    fn those_kept_are_particles() {
+    fn the_subset_consists_of_particles() {
         let particles = testing::clustered(2000);
         let thin = subset(&particles, 600, 5, &Context::SILENT).unwrap().unwrap();
         let close = 0.05 * mean_spacing(&particles) + 1e-5;
@@ -91,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_particles_are_taken_or_refused() {
+    fn unusual_particles_are_accepted_or_refused() {
         let none: PositionColumns = Default::default();
         assert!(subset(&none, 1000, 1, &Context::SILENT).unwrap().is_none());
         let same = [vec![5.0f32; 9], vec![5.0; 9], vec![-1e7; 9]];

@@ -29,8 +29,8 @@ pub fn clustered(n: usize) -> PositionColumns {
     columns
 }
 
-/// Odd particles with a bound for each: none, one, two, in one place, on a line, far from the origin, of a huge range, of
-/// values that are not finite.
+/// Unusual particles, each with a bound: none, one, two, all in one place, on a line, far from the origin, of a huge
+/// range.
 pub fn odd() -> Vec<(PositionColumns, f64)> {
     let noise = clustered(300);
     let far = noise.clone().map(|c| c.into_iter().map(|v| v + 1e7).collect());
@@ -47,7 +47,7 @@ pub fn odd() -> Vec<(PositionColumns, f64)> {
     ]
 }
 
-/// The bytes of a round trip whose bound is checked, to half a float32 ulp of the largest coordinate.
+/// Checks the bound of a round trip, within half a float32 ulp of the largest coordinate; returns its bytes.
 pub fn held(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) -> usize {
     let coded = baseline.compress(particles, bound).unwrap();
     let decoded = baseline.decompress(&coded.bytes).unwrap();
@@ -55,11 +55,11 @@ pub fn held(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) ->
     if let Some(order) = &coded.order {
         let mut all = order.clone();
         all.sort_unstable();
-        assert!(all.into_iter().eq(0..particles[0].len() as u32), "an order names every particle once");
+        assert!(all.into_iter().eq(0..particles[0].len() as u32), "the order does not list every particle once");
     }
     let error = largest_error(particles, &decoded, coded.order.as_deref());
     let largest = particles.iter().flatten().fold(0f32, |m, v| m.max(v.abs()));
     assert!(error <= bound + 0.5 * f64::from(largest * f32::EPSILON), "{error} for {bound}");
-    assert_eq!(coded.bytes, baseline.compress(particles, bound).unwrap().bytes, "the same bytes twice");
+    assert_eq!(coded.bytes, baseline.compress(particles, bound).unwrap().bytes, "not the same bytes twice");
     coded.bytes.len()
 }

@@ -1,4 +1,4 @@
-//! The pictures that everything is scored by: all particles in the views of three orbits, drawn once and kept.
+//! Reference pictures: all particles in views from three orbits, drawn once and cached.
 
 use crate::lab::{Lab, Style, or_made};
 use crate::snapshot::Snapshot;
@@ -11,28 +11,28 @@ use particlegs_pipeline::score::evaluation_views;
 use particlegs_pipeline::space::Bounds;
 use serde::{Deserialize, Serialize};
 
-/// Views with the picture of all particles in each, as ParaView draws it.
+/// Views, each with ParaView's picture of all particles.
 pub struct ReferenceViews {
-    /// The views, each with a clipping range: the particles' own, for every picture of the view.
+    /// The views, with the clipping range of the particles.
     pub views: Vec<View>,
     pub size: Size,
     pub bounds: Bounds,
-    /// Pictures, one a view.
+    /// One picture per view.
     pub pictures: Vec<Gray8>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     pub view: String,
-    /// dB over all pixels; `None` where none differs.
+    /// dB over all pixels; `None` if none differs.
     pub psnr: Option<f64>,
-    /// dB over lit pixels; `None` where none differs.
+    /// dB over lit pixels; `None` if none differs.
     pub masked: Option<f64>,
     pub ssim: Option<f64>,
 }
 
 impl ReferenceViews {
-    /// In the views that models are scored on: `frames` an orbit, radius and opacity drawn from the published ranges
+    /// The views that models are scored on: `frames` per orbit, radius and opacity drawn from the published ranges
     /// (paper, section 5.1).
     pub fn new(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata) -> Result<ReferenceViews> {
         let s = &lab.settings;
@@ -43,7 +43,6 @@ impl ReferenceViews {
         ReferenceViews::at_size(lab, snapshot, views, lab.settings.size)
     }
 
-    /// In given views, at a size of its own.
     pub fn at_size(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>, size: Size) -> Result<ReferenceViews> {
         let bounds = snapshot.particles.bounds();
         for view in &mut views {
@@ -61,13 +60,13 @@ impl ReferenceViews {
         Ok(ReferenceViews { bounds, views, size, pictures })
     }
 
-    /// What scores in these views depend on.
+    /// Cache key of scores in these views.
     pub fn key(&self) -> String {
         let views: String = self.views.iter().map(|v| cache_key(v, self.size)).collect();
         blake3::hash(views.as_bytes()).to_hex()[..16].to_string()
     }
 
-    /// Scores of the pictures that `draw` gives for each view.
+    /// Scores the picture that `draw` returns for each view.
     pub fn score(&self, mut draw: impl FnMut(&View) -> Result<Gray8>) -> Result<Vec<Score>> {
         let of = |(view, truth): (&View, &Gray8)| {
             let Scores { psnr, masked_psnr: masked, ssim } = Scores::new(&draw(view)?, truth);
@@ -76,7 +75,7 @@ impl ReferenceViews {
         self.views.iter().zip(&self.pictures).map(of).collect()
     }
 
-    /// Scores of other particles, drawn with a multiple of the radius.
+    /// Scores other particles, drawn with a multiple of the radius.
     pub fn score_particles(&self, lab: &Lab<'_>, particles: &Particles, radius_factor: f64) -> Result<Vec<Score>> {
         let draw = lab.draws_particles(particles, self.bounds, Style::Paraview)?;
         self.score(|view| draw(&View { radius: view.radius * radius_factor, ..view.clone() }, self.size))
@@ -88,12 +87,11 @@ impl ReferenceViews {
     }
 }
 
-/// A view as what a result depends on.
 pub fn cache_key(view: &View, size: Size) -> String {
     format!("{view:?} {size:?}")
 }
 
-/// A picture that is there, or is drawn and kept.
+/// A cached picture; drawn if it is missing.
 pub fn kept_picture(lab: &Lab<'_>, inputs: &impl Serialize, draw: impl FnOnce() -> Result<Gray8>) -> Result<Gray8> {
     let path = lab.on_device.path("picture", inputs, "png");
     if path.exists() {
@@ -109,7 +107,7 @@ pub fn orbit(view: &str) -> &str {
     view.split('_').next().unwrap_or(view)
 }
 
-/// Decibels of a picture that does not differ from the truth: more than any number of them.
+/// Decibels of a picture that equals the truth.
 pub const IDENTICAL: f64 = f64::INFINITY;
 
 pub fn masked(s: &Score) -> Option<f64> {
@@ -124,8 +122,7 @@ pub fn ssim(s: &Score) -> Option<f64> {
     s.ssim
 }
 
-/// The mean over views of one figure, orbits having as many views each: as [`mean_of_values`]. `None` where a view has
-/// none.
+/// [`mean_of_values`] over views; orbits have equal numbers of views. `None` if a view has no value.
 pub fn mean(scores: &[Score], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
     mean_of_values(&scores.iter().map(pick).collect::<Option<Vec<f64>>>()?)
 }
@@ -136,8 +133,8 @@ pub fn mean_of(scores: &[Score], of: &str, pick: fn(&Score) -> Option<f64>) -> O
     mean(&own, pick)
 }
 
-/// The mean of those that are finite, and [`IDENTICAL`] where none is: one identical picture would else be all that a
-/// mean of decibels tells. `None` without values.
+/// Mean of the finite values, [`IDENTICAL`] if none is finite, `None` without values: one identical picture must not
+/// make the mean infinite.
 pub fn mean_of_values(values: &[f64]) -> Option<f64> {
     let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     match (values.len(), finite.len()) {
@@ -147,8 +144,7 @@ pub fn mean_of_values(values: &[f64]) -> Option<f64> {
     }
 }
 
-/// Which of some named pictures do not differ from the truth where anything is lit, and what that does to means;
-/// nothing where all differ.
+/// Note on pictures that equal the truth in all lit pixels, if there are any.
 pub fn identical_note<'a>(all: impl IntoIterator<Item = (String, &'a [Score])>) -> Option<String> {
     let mut counts: Vec<(String, usize, usize)> = Vec::new();
     for (name, scores) in all {
@@ -179,7 +175,7 @@ mod tests {
 
     /// A picture that is the truth does not drop out silently, and does not hide what the others score.
     #[test]
-    fn identical_pictures_are_told_and_means_are_of_the_others() {
+    fn identical_pictures_are_noted_and_left_out_of_means() {
         let some = [score("far_00", Some(40.0)), score("far_01", None), score("near_00", Some(44.0))];
         let all = [score("far_00", None), score("near_00", None)];
         assert_eq!((mean(&some, masked), mean(&all, masked)), (Some(42.0), Some(IDENTICAL)));

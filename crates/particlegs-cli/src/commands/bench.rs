@@ -79,7 +79,7 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Does experiments and writes what they found.
+/// Runs experiments and writes their results.
 pub fn run(a: &Arguments) -> Result<()> {
     if a.name == "list" {
         let context = a.common.clone().start()?;
@@ -108,8 +108,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     summary(&sections, output, &context)
 }
 
-/// Measures a GPU, which takes no snapshot: the first real one, or that of --device. With --training the published
-/// recipe as well, in pieces that a folder keeps.
+/// Measures a GPU without a snapshot: the first real one, or that of --device. With --training it also trains by the
+/// published recipe, with a checkpoint in a folder.
 #[cfg(feature = "gpu")]
 fn gpu(a: &Arguments) -> Result<()> {
     a.refuse_for_gpu()?;
@@ -139,7 +139,7 @@ fn gpu(a: &Arguments) -> Result<()> {
     Err(crate::device::no_gpu_support())
 }
 
-/// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
+/// Shows the progress of experiments, without the hundreds of notes on single snapshots and models.
 struct BenchProgress<'a>(&'a CommandContext);
 
 impl ProgressSink for BenchProgress<'_> {
@@ -164,7 +164,7 @@ fn list() -> String {
     EXPERIMENTS.iter().map(row).collect()
 }
 
-/// Does them; one that fails is reported, and the others are done.
+/// Runs them all, and reports those that fail.
 fn experiment_by_experiment(
     chosen: &[&'static Experiment],
     lab: &Lab<'_>,
@@ -191,7 +191,7 @@ fn experiment_by_experiment(
 }
 
 impl Arguments {
-    /// Options that would do nothing where a GPU is measured.
+    /// Refuses options that have no effect when a GPU is measured.
     fn refuse_for_gpu(&self) -> Result<()> {
         let of_experiments = [
             (!self.snapshots.is_empty(), "SNAPSHOT"),
@@ -248,7 +248,7 @@ impl Arguments {
         }
     }
 
-    /// Opens every snapshot; names are those of files and folders.
+    /// Opens every snapshot, named after its file or folder.
     fn open(&self, context: &CommandContext) -> Result<Vec<Snapshot>> {
         let open = |path: &PathBuf| {
             let particles = self.snapshot.choice()?.read(
@@ -292,7 +292,7 @@ impl Arguments {
     }
 }
 
-/// What was found where; fails where every experiment failed.
+/// Summary of the files; an error if every experiment failed.
 fn summary(sections: &[Section], output: &Path, context: &CommandContext) -> Result<()> {
     let mut text = String::new();
     for s in sections {

@@ -32,7 +32,7 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Compares; pictures of different sizes are named and make the command fail after the others.
+/// Compares all pictures, and then fails if some have different sizes.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.a.as_path(), &a.b], false)?;

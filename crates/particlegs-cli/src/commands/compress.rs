@@ -52,7 +52,7 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    /// Folder for pictures: snapshot, model and error side by side, and surface density.
+    /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
     /// Memory limit, such as 2GiB: larger snapshots are fitted block by block.
@@ -89,7 +89,7 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Place in the help of options that come after those of the fit.
+/// Position in the help: after the options of the fit.
 const LATER: usize = 500;
 
 pub fn run(a: Arguments) -> Result<()> {
@@ -129,7 +129,7 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 impl Arguments {
-    /// The model file; empty where nothing but the configuration is printed.
+    /// The model file; empty if only the configuration is printed.
     fn output(&self) -> &Path {
         self.output.as_deref().unwrap_or(Path::new(""))
     }
@@ -138,13 +138,12 @@ impl Arguments {
         self.scratch.clone().unwrap_or_else(|| output::scratch_folder(self.output()))
     }
 
-    /// Says what is read and written. Tells whether a model is there that is kept: one that this command
-    /// can have made.
+    /// Declares inputs and outputs. Returns whether there is a model already that this command may have made.
     fn plan(&self, options: &Options, context: &CommandContext) -> Result<bool> {
         let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.tune.config_file());
         context.reads(inputs, self.force.force)?;
         if let Some(folder) = &self.pictures {
-            // The model may go there as well.
+            // The model may go into the same folder.
             context.makes_folder(folder)?;
             crate::pictures::paths(folder)
                 .iter()
@@ -178,8 +177,8 @@ impl Arguments {
     }
 }
 
-/// A model is there and not to be replaced: says that it is what this command makes, or refuses. Its
-/// pictures are drawn all the same.
+/// For an existing model: accepts it if this command makes the same one, else refuses to replace it. Draws its pictures
+/// in any case.
 fn there_already(a: &Arguments, options: &Options, particles: &Particles, context: &CommandContext) -> Result<()> {
     let (bytes, place) = (crate::inputs::model(a.output(), context)?, a.output().display().to_string());
     let model = codec::decode_with(&bytes, &place, context)?;

@@ -57,7 +57,7 @@ pub struct Arguments {
     common: Common,
 }
 
-/// What `convert -h` shows of the options that other commands leave to `--help`.
+/// Options that only `convert` shows in `-h`; elsewhere they are in `--help`.
 const SELECTION: [&str; 5] = ["region", "every", "sample", "center", "width"];
 
 fn writers() -> Vec<&'static str> {
@@ -76,7 +76,7 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let writer = match Writer::for_output(&a.output, a.to.as_deref()) {
         Ok(writer) => writer,
-        // That it is an input or another output matters more.
+        // First check that the output is neither an input nor another output.
         Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
     };
     let there = match writer.folder {

@@ -48,7 +48,7 @@ mod adapter_list {
             })
         };
         let mut report = json!({ "devices": all.iter().enumerate().map(row).collect::<Vec<_>>() });
-        // What would help where there is no GPU.
+        // Without a GPU, say what would help.
         advice.iter().for_each(|advice| report["advice"] = advice.as_str().into());
         context.finish(&text.join("\n"), &report)
     }

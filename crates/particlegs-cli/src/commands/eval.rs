@@ -6,6 +6,7 @@ use crate::inputs;
 use crate::outputs::PNG;
 use crate::pictures;
 use crate::snapshot_args::ParticleArgs;
+use crate::text_wrap::counted;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
@@ -49,7 +50,7 @@ pub struct Arguments {
     /// Picture size in pixels.
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, conflicts_with = "views")]
     size: Size,
-    /// Folder for pictures: snapshot, model and error side by side, and surface density.
+    /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
     #[command(flatten)]
@@ -118,7 +119,7 @@ pub fn run(a: Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The views, their size, and where they are from in words.
+/// The views, their size, and a text about their origin.
 fn views(a: &Arguments, model: &Model, context: &CommandContext) -> Result<(Vec<View>, Size, String)> {
     if let Some(path) = &a.views {
         let ViewsFile(set) = ViewsFile::read(path, context)?;
@@ -128,7 +129,7 @@ fn views(a: &Arguments, model: &Model, context: &CommandContext) -> Result<(Vec<
         return Err(Error::argument(format!("--frames {} is outside 1 to 10000", a.frames)));
     }
     let seed = context.common.seed;
-    let words = format!("{} views per orbit, seed {seed}", a.frames);
+    let words = format!("{} per orbit, seed {seed}", counted(a.frames, "view"));
     Ok((score::evaluation_views(&model.metadata, a.size, seed, a.frames), a.size, words))
 }
 

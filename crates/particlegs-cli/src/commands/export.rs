@@ -101,7 +101,7 @@ struct GridArgs {
     cell: Option<f64>,
 }
 
-/// What was written: its bytes, what it is in words, and what the report says beside it.
+/// What was written: its size, a description, and further keys of the report.
 type ExportSummary = (u64, String, Value);
 
 struct Export<'a> {
@@ -117,7 +117,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads([&a.model].into_iter().chain(a.page.files()).map(PathBuf::as_path), a.force.force)?;
     let kind = match Kind::for_output(&a.output, a.kind) {
         Ok(kind) => kind,
-        // That it is an input or another output matters more.
+        // First check that the output is neither an input nor another output.
         Err(error) => return context.writes(&a.output, &crate::outputs::PARTICLES).and(Err(error)),
     };
     let kept = context.writes(&a.output, &kind.file())?;
@@ -153,7 +153,7 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 impl Export<'_> {
-    /// The page, which holds the file as it is, whatever it opens with.
+    /// The page, which contains the unchanged file.
     fn page(&self, file: ModelFile<'_>, model: &Model) -> Result<u64> {
         let a = self.a;
         let info = codec::read_info(file.bytes, &name_of(&a.model))?;
@@ -176,7 +176,7 @@ impl Export<'_> {
         }
         let (range, colormap) = (range_of(a.range.as_deref())?, a.colormap.unwrap_or_default());
         let (radius, opacity) = (a.radius.unwrap_or(m.default_radius), a.opacity.unwrap_or(m.default_opacity));
-        // Beside the model: colours, and for glTF its arrays.
+        // Memory besides the model: colours, and for glTF its arrays.
         context.require_memory("splats", 40 * model.gaussians() as u64)?;
         let coloring = Coloring::new(&model, color, colormap, range)?;
         let notes = &mut self.notes;

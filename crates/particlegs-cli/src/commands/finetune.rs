@@ -87,7 +87,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let inputs = a.snapshot.iter().map(PathBuf::as_path).chain([path]).chain(a.tune.config_file());
     context.reads(inputs, a.force.force)?;
-    // What time may have ended is never known to be the same.
+    // A run with a time limit cannot be compared with another.
     if context.writes(out, &outputs::MODEL)? && !a.run.goes_on() {
         return Err(context.refused(out));
     }

@@ -25,7 +25,7 @@ const PAGE: Kind = Kind { name: "a manual page", kept: false, is: |_, head| head
 pub fn run(a: &Arguments) -> Result<()> {
     let mut outputs = Outputs::new(false, "");
     outputs.make_folder(&a.folder)?;
-    // The pages describe what `-h` leaves to `--help`, too.
+    // The pages also describe options that only `--help` shows.
     let shown = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));
     let mut program = crate::Cli::command().mut_subcommands(shown);
     program.build();

@@ -78,7 +78,7 @@ pub fn run(a: Arguments) -> Result<()> {
         counted(layers, "layer"),
         bytes.len()
     );
-    // A job's file is measured; one of files has no certificate, and nothing is said of it.
+    // Only a job's file is measured; a file merged from files has no certificate.
     if info.certificate.is_some() {
         text += &info_model::describe_new_model(
             info.certificate.as_ref(),
@@ -108,18 +108,18 @@ fn merge_files(parts: &[PathBuf], context: &CommandContext) -> Result<Vec<u8>> {
     merge.finish()
 }
 
-/// The file of a job, the number of its blocks, and whether a model is there that is kept.
+/// The file of a job, the number of its blocks, and whether the model exists already.
 fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(Vec<u8>, usize, bool)> {
     let job = Job::open(folder)?;
     let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
     let kept = context.writes(&a.output, &outputs::MODEL)?;
-    // The same job gives the same bytes; another one's work is not begun.
+    // The same job gives the same bytes; refuse the model of another job before any work.
     if kept && !info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
         return Err(context.refused(&a.output));
     }
     let level = a.certificate.unwrap_or(job.certificate());
-    // Blocks that are missing are named before the snapshot is read.
+    // Report missing blocks before reading the snapshot.
     job.check_done()?;
     let particles = match level {
         CertificateLevel::None | CertificateLevel::Blocks => None,

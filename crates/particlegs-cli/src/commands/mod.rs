@@ -1,4 +1,4 @@
-//! One file a command.
+//! One file per command.
 
 #[cfg(feature = "lab")]
 mod bench;
@@ -48,8 +48,8 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
     ),
 ];
 
-/// The verbs.
-// Parsed once: its size costs nothing.
+/// The commands.
+// It is parsed once, so its size does not matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Subcommand)]
 pub enum Command {
@@ -102,7 +102,6 @@ pub enum Command {
     Man(man::Arguments),
 }
 
-/// Runs one.
 pub fn run(command: Command) -> Result<()> {
     match command {
         Command::Compress(a) => compress::run(a),

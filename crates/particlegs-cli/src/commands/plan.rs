@@ -77,7 +77,7 @@ pub fn run(a: Arguments) -> Result<()> {
         }
     };
     if let Some(engine) = a.emit {
-        // Better said before the snapshot is read than after.
+        // Check the name before reading the snapshot.
         let folder = std::path::absolute(&a.output).map_err(|e| Error::io(&a.output, e))?;
         emit::quoted(engine, &folder)?;
     }
@@ -88,7 +88,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if a.emit.is_some() && context.outputs().on_standard_output() {
         return Err(Error::argument("--emit prints its script to standard output: write --json to a file"));
     }
-    // What is in the folder is looked at by the plan itself; only an input it must not be.
+    // The plan itself checks the content of the folder; here it only must not be an input.
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
     let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), &context)?;
@@ -124,10 +124,10 @@ pub fn run(a: Arguments) -> Result<()> {
     crate::report::verbatim(script.trim_end())
 }
 
-/// Threads of a task in a script, where `--threads` does not say: blocks run beside each other.
+/// Default of `--threads` for a task in a script, since blocks run side by side.
 const THREADS: usize = 4;
 
-/// The engine's script for a job: the model file beside the folder, tasks as large as the plan says.
+/// The script of a workflow engine for a job, with the model file beside the folder.
 fn script(engine: JobEngine, job: &Job, threads: usize) -> Result<String> {
     let absolute = |p: &Path| std::fs::canonicalize(p).map_err(|e| Error::io(p, e));
     let folder = absolute(&job.folder)?;

@@ -65,7 +65,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if !a.layer.is_empty() {
         let certificate = model.certificate.take();
         model = model.only(&a.layer)?;
-        // What was measured on the whole says little about a part of it.
+        // Scores of the whole model say little about some layers.
         if certificate.is_some() {
             context.message("note: the scores in the model file are for all layers together, not for these");
         }

@@ -91,7 +91,7 @@ pub struct Arguments {
     common: Common,
 }
 
-/// How particles are drawn: as which tone style, and whether with its noise; `None` = surface density.
+/// How particles are drawn: the tone style, and whether with shot noise; `None` = surface density.
 type ParticleStyle = OrNone<(ToneStyle, bool)>;
 
 const STYLES: [NamedChoice<ParticleStyle>; 6] = [
@@ -120,7 +120,7 @@ struct ParticleView {
 struct ReferenceReport {
     style: String,
     particles: u64,
-    /// Neighbours that each particle is spread over, and how long they took to find.
+    /// Number of neighbours to smooth over, and the seconds to find them.
     #[serde(skip_serializing_if = "Option::is_none")]
     smooth: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -128,7 +128,7 @@ struct ReferenceReport {
     width: usize,
     height: usize,
     fov_deg: Option<f64>,
-    /// Values of the first and last colour, where all pictures have one range.
+    /// Values of the first and last colour, if all pictures share one range.
     #[serde(skip_serializing_if = "Option::is_none")]
     range: Option<[f64; 2]>,
     views: Vec<ParticleView>,
@@ -220,7 +220,7 @@ fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     text
 }
 
-/// Draws a snapshot, where there is one on its device.
+/// Draws a snapshot, on a GPU if one is given.
 fn renderer<'a>(
     reference: &'a Reference<'a>,
     on_device: Option<Box<dyn Renderer + 'a>>,
@@ -240,6 +240,6 @@ fn renderer<'a>(
         };
         levels.map(ViewContent::Levels)
     };
-    // Each picture takes all threads, and memory of the snapshot's order.
+    // Each picture uses all threads, and memory like the snapshot's.
     ViewRenderer { draw: Box::new(draw), side_by_side: false }
 }

@@ -110,7 +110,7 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The styles that a model can be drawn in; `None` = its surface density.
+/// Style of a model's picture; `None` = surface density.
 const STYLES: [NamedChoice<OrNone<ToneStyle>>; 4] = [
     (Some(ToneStyle::Paraview), "paraview", "ParaView's picture of the particles, without shot noise"),
     (Some(ToneStyle::ParaviewNoFxaa), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
@@ -125,7 +125,7 @@ struct RenderReport {
     width: usize,
     height: usize,
     fov_deg: Option<f64>,
-    /// Values of the first and last colour, where all pictures have one range.
+    /// Values of the first and last colour, if all pictures share one range.
     #[serde(skip_serializing_if = "Option::is_none")]
     range: Option<[f64; 2]>,
     views: Vec<RenderedView>,
@@ -143,7 +143,7 @@ impl SourceModel {
     }
 }
 
-/// What the options say, with what a picture says that is to be drawn alike.
+/// The options, completed by the settings in the --like picture.
 struct RenderOptions {
     /// `None` = surface density.
     style: OrNone<ToneStyle>,
@@ -152,7 +152,7 @@ struct RenderOptions {
     colormap: Colormap,
     range: Option<[f64; 2]>,
     figure: FigureArgs,
-    /// The view of that picture, and its units.
+    /// The view and the units of that picture.
     like: Option<(ViewSet, PictureUnits)>,
 }
 
@@ -194,7 +194,7 @@ impl RenderOptions {
         Ok(asked)
     }
 
-    /// What is to be drawn alike in the units of the model; a range that is given is in them.
+    /// Converts the --like settings to the model's units; a given range is in them already.
     fn convert(&mut self, a: &Arguments, model: &Model, context: &CommandContext) -> Result<()> {
         let (Some((set, units)), Some(path)) = (&mut self.like, &a.like) else { return Ok(()) };
         let to = model.metadata.unit_system();
@@ -310,7 +310,7 @@ fn legend(asked: &RenderOptions, model: &Model) -> Vec<(String, [u8; 3])> {
     }
 }
 
-/// What files say of themselves; views and range are each picture's.
+/// Provenance stored in the files, without each picture's view and range.
 fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -> PictureProvenance {
     let density = asked.style.is_none();
     let ground = asked.figure.background.and_then(|b| Some(b.to_possible_value()?.get_name().to_string()));
@@ -342,7 +342,7 @@ fn renderer<'a>(
         let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
         return Err(Error::argument_with(what, hint));
     }
-    // Each layer alone, where colours tell them apart.
+    // Colours need each layer on its own.
     let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
     let scene = Scene::new(&read.model);
     if device.is_some() && (look.is_none() || !layers.is_empty()) {

@@ -42,6 +42,10 @@ pub fn run(a: Arguments) -> Result<()> {
         done += u64::from(scattered.map_err(|e| task_error(e, &a.job, &format!("chunk {chunk}")))?);
     }
     let all = chunks.end - chunks.start;
-    let text = format!("{}: {done} of {all} chunks sorted, {} were already done", a.job.display(), all - done);
+    let text = match all {
+        0 => "scatter is not needed; blocks read the snapshot directly".to_string(),
+        _ => format!("{done} of {all} chunks sorted, {} were already done", all - done),
+    };
+    let text = format!("{}: {text}", a.job.display());
     context.finish(&text, &json!({ "job": a.job.to_string_lossy(), "bucketed": done, "before": all - done }))
 }

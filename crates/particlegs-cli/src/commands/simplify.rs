@@ -47,7 +47,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     context.notes(codec::read_info(&bytes, &name_of(&a.model))?.left_out().as_slice());
-    // The same work gives the same bytes; other work is not begun.
+    // The same options give the same bytes; refuse another model before any work.
     let recipe = model.metadata.recipe.clone().then(RecipeStep::Simplify(target));
     if kept && !info_model::is_of_recipe(&a.output, &recipe, &context)? {
         return Err(context.refused(&a.output));

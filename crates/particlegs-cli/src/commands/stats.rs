@@ -56,6 +56,27 @@ pub struct Arguments {
     /// Definitions to use.
     #[arg(long, value_name = "NAME", default_value = "correct", hide_short_help = true, value_parser = named::<Convention>())]
     convention: Convention,
+    /// Treat no axis as periodic, whatever the files say.
+    #[arg(long)]
+    open: bool,
+    /// Write tables only, no plots.
+    #[arg(long)]
+    no_plots: bool,
+    /// File formats of the plots.
+    #[arg(long, value_name = "KIND,...", default_value = "svg,png", hide_short_help = true)]
+    #[arg(value_parser = named::<FileKind>(), value_delimiter = ',', conflicts_with = "no_plots")]
+    plots: Vec<FileKind>,
+    #[command(flatten)]
+    measure: MeasureArgs,
+    #[command(flatten)]
+    snapshot: SnapshotArgs,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Args)]
+#[command(next_help_heading = "Options of single measures")]
+struct MeasureArgs {
     /// Density: cells along the longest edge.
     #[arg(long, value_name = "N", default_value_t = 256)]
     grid: usize,
@@ -119,20 +140,6 @@ pub struct Arguments {
     /// Neighbours: number of particles to find the nearest neighbour of.
     #[arg(long, value_name = "N", default_value_t = 500_000, hide_short_help = true)]
     neighbours: usize,
-    /// Treat no axis as periodic, whatever the files say.
-    #[arg(long)]
-    open: bool,
-    /// Write tables only, no plots.
-    #[arg(long)]
-    no_plots: bool,
-    /// File formats of the plots.
-    #[arg(long, value_name = "KIND,...", default_value = "svg,png", hide_short_help = true)]
-    #[arg(value_parser = named::<FileKind>(), value_delimiter = ',', conflicts_with = "no_plots")]
-    plots: Vec<FileKind>,
-    #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    common: Common,
 }
 
 enum StatsInput {
@@ -161,7 +168,7 @@ impl StatsInput {
         }
     }
 
-    /// What its numbers are in, and its box.
+    /// Units and box.
     fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
         match self {
             StatsInput::Particles(p) => (p.meta.unit_system(), p.meta.cell),
@@ -188,10 +195,10 @@ struct StatsReport<'a> {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let mut options = options(&a)?;
-    context.reads([a.truth.as_path(), &a.other].into_iter().chain(a.centres.as_deref()), false)?;
+    context.reads([a.truth.as_path(), &a.other].into_iter().chain(a.measure.centres.as_deref()), false)?;
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
-    let list = a.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
+    let list = a.measure.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
     let truth = StatsInput::open(&a.truth, &a.snapshot, &context)?;
     let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
@@ -217,7 +224,7 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 fn options(a: &Arguments) -> Result<StatsOptions> {
-    let separations = match a.separations.as_deref() {
+    let separations = match a.measure.separations.as_deref() {
         None => None,
         Some([low, high]) => Some([*low, *high]),
         Some(_) => return Err(Error::argument("--separations takes two lengths LO,HI")),
@@ -226,24 +233,24 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
     Ok(StatsOptions {
         measures,
         convention: a.convention,
-        cells: a.grid,
-        assignment: a.assignment,
-        spectrum_cells: a.spectrum_grid,
-        spectrum_assignment: a.spectrum_assignment,
+        cells: a.measure.grid,
+        assignment: a.measure.assignment,
+        spectrum_cells: a.measure.spectrum_grid,
+        spectrum_assignment: a.measure.spectrum_assignment,
         open: a.open,
-        interlaced: !a.no_interlacing,
-        k_max: a.k_max,
+        interlaced: !a.measure.no_interlacing,
+        k_max: a.measure.k_max,
         separations,
-        pair_budget: a.pairs,
-        rdf_max: a.rdf_max,
-        profile_axis: "xyz".find(&a.profile_axis).unwrap_or(2),
-        profile_bins: a.profile_bins,
-        halo_radius: a.halo_radius,
-        halo_bins: a.halo_bins,
-        linking: a.linking,
-        linking_length: a.linking_length.clone(),
-        aperture: a.aperture,
-        neighbour_sample: a.neighbours,
+        pair_budget: a.measure.pairs,
+        rdf_max: a.measure.rdf_max,
+        profile_axis: "xyz".find(&a.measure.profile_axis).unwrap_or(2),
+        profile_bins: a.measure.profile_bins,
+        halo_radius: a.measure.halo_radius,
+        halo_bins: a.measure.halo_bins,
+        linking: a.measure.linking,
+        linking_length: a.measure.linking_length.clone(),
+        aperture: a.measure.aperture,
+        neighbour_sample: a.measure.neighbours,
         seed: a.common.seed,
         ..StatsOptions::default()
     })

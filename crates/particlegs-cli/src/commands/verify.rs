@@ -55,15 +55,15 @@ struct VerifyReport {
     stored: Option<Certificate>,
     measured_again: Option<Certificate>,
     figures: Vec<CertificateFigure>,
-    /// What the file says of its source and the snapshot does not: name, stored, found.
+    /// Metadata that differs from the snapshot: name, stored, found.
     source_differences: Vec<[String; 3]>,
     contradictions: Vec<String>,
     doubts: Vec<String>,
     verdict: Vec<Assessment>,
 }
 
-/// Reads the whole file, decodes every block and checks the sums; with a snapshot compares its hash, then
-/// measures the certificate again.
+/// Reads the whole file, decodes every block and checks the sums; with a snapshot also compares its hash and measures
+/// the certificate again.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     if Job::is_job(&a.model) {
@@ -97,7 +97,7 @@ pub fn run(a: Arguments) -> Result<()> {
         (None, Some(measured)) => (Assessment::verdict(Some(measured), &model.metadata), Vec::new()),
         (Some(stored), Some(measured)) => {
             let completes = certificate_check::level_of(measured) != certificate_check::level_of(stored);
-            // Sums of blocks are rounded one by one.
+            // Each block's sum is rounded on its own.
             let exact = stored.blocks.is_none() && model.metadata.tool_version == env!("CARGO_PKG_VERSION");
             let figures = certificate_check::side_by_side(stored, measured, completes, exact);
             (Assessment::verdict(Some(measured), &model.metadata), figures)
@@ -148,7 +148,7 @@ fn with_certificate(path: &Path, bytes: &[u8], model: &Model, certificate: Optio
 }
 
 impl VerifyReport {
-    /// An error where what is stored is not what was measured, or cannot be at all.
+    /// An error if the stored values differ from the measurement or contradict themselves.
     fn judge(&self, place: &str) -> Result<()> {
         let hint = "the certificate was altered, or another version of the program measured it: do not trust the file before you know which";
         let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
@@ -182,7 +182,7 @@ impl VerifyReport {
 
 fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
-        "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
+        "{place}: intact: {} bytes, law {}, {} Gaussians for {} particles, relative mass error {:.1e}\n",
         r.model_bytes, r.law, r.gaussians, r.particles, r.mass_error
     );
     if r.measured_again.is_some() && of_several {
@@ -236,7 +236,7 @@ fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     let status = job.status()?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(
-        "{}: sound: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are done and intact",
+        "{}: intact: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are done",
         a.model.display(),
         done(&status.chunks),
         status.chunks.len(),
@@ -261,8 +261,8 @@ fn sums(model: &Model) -> (u64, f64) {
     (counts, (mass / model.metadata.mass - 1.0).abs())
 }
 
-/// The certificate of the same views, measured now, as the file rounds it, and where the file's metadata is not the
-/// snapshot's. An error where the snapshot is not the source.
+/// The certificate measured now in the same views, rounded like the file, and metadata that differs from the snapshot.
+/// An error if the snapshot is not the source.
 fn measure(
     a: &Arguments,
     model: &Model,

@@ -103,7 +103,7 @@ pub fn run(a: Arguments) -> Result<()> {
             to_stderr(&one_line(text));
         }
     };
-    // The page shows what goes on from here.
+    // From here on the page shows the progress.
     let context = context.without_progress();
     let models = viewed.take_files();
     let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
@@ -151,7 +151,7 @@ impl Arguments {
         particles.read(&self.particles, self.common.seed, &Storage::Memory, context).map(Some)
     }
 
-    /// What the page calls the snapshot: the name of its first file or folder.
+    /// Name of the snapshot on the page: its first file or folder.
     fn named(&self, reference: &Reference<'_>) -> Snapshot {
         let first = self.particles.first().map_or(Path::new(""), |p| p);
         let whole = std::path::absolute(first).unwrap_or_else(|_| first.to_path_buf());
@@ -189,7 +189,7 @@ fn announce(
     context.finish(&text, &report)
 }
 
-/// Starts the user's browser, where there is a screen that it can appear on.
+/// Starts a browser if there is a display.
 fn open(server: &Server, context: &CommandContext) -> Result<()> {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
     let screen = !cfg!(all(unix, not(target_os = "macos")))
@@ -225,7 +225,7 @@ fn node() -> Option<String> {
     std::env::var("COMPUTERNAME").ok()
 }
 
-/// Starts the user's browser, and does not wait for it.
+/// Starts a browser without waiting for it.
 #[cfg(target_os = "linux")]
 fn start_browser(url: &str) -> std::io::Result<()> {
     use std::process::{Command, Stdio};
@@ -233,7 +233,7 @@ fn start_browser(url: &str) -> std::io::Result<()> {
         let mut command = Command::new(program);
         command.arg(url).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().map(drop)
     };
-    // The second is WSL's.
+    // The second is for WSL.
     start("xdg-open").or_else(|_| start("wslview"))
 }
 

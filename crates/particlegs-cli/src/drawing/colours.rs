@@ -1,26 +1,26 @@
-//! From what is seen to colours: grey levels, densities by the logarithm, layers by hue.
+//! Turns rendered views into colours: grey levels, logarithmic densities, layers by hue.
 
 use super::ViewContent;
 use crate::figure::{FigureImage, PaperColour};
 use particlegs_pipeline::parallel;
 use particlegs_pipeline::picture::{Colormap, DensityColors, Rgb8};
 
-/// Decades that a common range has at most, as one of its own ([`particlegs_pipeline::picture::Plane::log_range`]).
+/// Most decades of a common range, as for a single picture ([`particlegs_pipeline::picture::Plane::log_range`]).
 const DECADES: f64 = 1e-4;
 
-/// One range for all: from the lowest to the highest, of four decades at most.
+/// One range for all: from the lowest to the highest, at most four decades.
 pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64; 2] {
     let both = ranges.into_iter().flatten().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
     let [lo, hi] = both.unwrap_or([1.0, 10.0]);
     [lo.max(hi * DECADES), hi]
 }
 
-/// The colours of densities over a range, on a ground.
+/// Colours of densities over a range, on a background.
 pub fn densities(map: Colormap, ground: PaperColour, range: [f64; 2]) -> DensityColors {
     DensityColors::new(map, ground == PaperColour::White, range)
 }
 
-/// What is seen as a picture.
+/// Turns a rendered view into a picture.
 pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperColour) -> FigureImage {
     match seen {
         ViewContent::Levels(gray) => match ground {
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn white_grounds_have_dark_ink() {
+    fn white_backgrounds_have_dark_ink() {
         let size = Size { width: 3, height: 1 };
         let gray = || Gray8 { size, data: vec![0, 100, 255] };
         let of = |seen, ground| image(seen, Colormap::Grey, [1.0, 100.0], ground);

@@ -1,4 +1,4 @@
-//! Frames joined to a film: by ffmpeg where it is installed, a GIF by ourselves.
+//! Joins frames into a film, with ffmpeg, or without it into a GIF.
 
 use super::gif::{self, GifFrame};
 use crate::common::CommandContext;
@@ -10,32 +10,31 @@ use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A film by its name.
+/// Format of a film, by its extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilmFormat {
     /// H.264, which everything plays.
     Mp4,
     /// VP9.
     Webm,
-    /// Without any program.
+    /// Needs no other program.
     Gif,
 }
 
 /// A film to be made.
 pub struct Film {
     path: PathBuf,
-    /// What it is.
     pub form: FilmFormat,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: u32,
-    /// Where its frames are, if they are files.
+    /// Folder of the frames, if they are files.
     frames: Option<PathBuf>,
-    /// Are they removed when the film is there?
+    /// Are the frames removed when the film is complete?
     passing: bool,
 }
 
 impl Film {
-    /// A film, and where its frames go: the folder that is named, or one beside the film.
+    /// A film whose frames go to the named folder, or to one beside the film.
     pub fn plan(path: &Path, fps: u32, out: Option<&Path>, context: &CommandContext) -> Result<Film> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let (form, kind) = match &ending[..] {
@@ -60,17 +59,14 @@ impl Film {
         Ok(Film { path: path.to_path_buf(), form, fps, frames, passing: out.is_none() })
     }
 
-    /// The film's own path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Do its frames go when it is there?
     pub fn is_passing(&self) -> bool {
         self.passing
     }
 
-    /// The folder of the frames, where they are files.
     pub fn frames(&self) -> Option<&Path> {
         self.frames.as_deref()
     }
@@ -100,20 +96,20 @@ impl Film {
         }
         set.finish()?;
         if let Some(out) = out.filter(|_| self.passing) {
-            // What is left does no harm.
+            // Remaining frames do no harm.
             names.iter().for_each(|name| drop(std::fs::remove_file(out.picture(name))));
             let _ = std::fs::remove_dir(folder);
         }
         Ok(())
     }
 
-    /// What ffmpeg is told.
+    /// Arguments for ffmpeg.
     fn arguments(&self, folder: &Path, frames: usize, to: &Path) -> Vec<String> {
         let folder = folder.to_string_lossy().replace('%', "%%");
-        // Named as files: ffmpeg would take a colon for the end of a protocol, and a dash for an option.
+        // With `file:`, since ffmpeg would take a colon for a protocol and a dash for an option.
         let pattern = format!("file:{folder}/frame_%0{}d.png", frame_digits(frames));
         let fps = self.fps.to_string();
-        // Sides of an even number of pixels, which the coders need.
+        // The encoders need even widths and heights.
         let even = "crop=trunc(iw/2)*2:trunc(ih/2)*2";
         let coder: &[&str] = match self.form {
             FilmFormat::Mp4 => &["-c:v", "libx264", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"],
@@ -143,7 +139,7 @@ fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Runs ffmpeg; why it failed, where it did.
+/// Runs ffmpeg; returns why it failed, if so.
 fn run(arguments: &[String]) -> std::result::Result<(), String> {
     let ran = Command::new("ffmpeg").args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).output();
     match ran {
@@ -158,13 +154,13 @@ fn run(arguments: &[String]) -> std::result::Result<(), String> {
     }
 }
 
-/// What ffmpeg wrote is looked at, whatever it says of itself.
+/// Checks the file itself, not the exit code of ffmpeg.
 fn there(film: &Path) -> std::result::Result<(), String> {
     let bytes = film.metadata().map_or(0, |m| m.len());
     if bytes > 0 { Ok(()) } else { Err("ffmpeg wrote no film".into()) }
 }
 
-/// The command for a shell.
+/// The command as text for a shell.
 fn line(arguments: &[String]) -> String {
     let words = arguments.iter().map(|a| crate::emit::shell_word(a));
     std::iter::once("ffmpeg".to_string()).chain(words).collect::<Vec<_>>().join(" ")

@@ -1,4 +1,4 @@
-//! What is seen, made a picture or a figure, and written.
+//! Turns rendered views into pictures or figures and writes them.
 
 use super::ViewContent;
 use super::colours::{self, common_range};
@@ -16,12 +16,12 @@ use particlegs_pipeline::camera::{Projection, View};
 use particlegs_pipeline::picture::{Colormap, Size, journal_unit};
 use std::path::Path;
 
-/// A scale bar is at most so long, in shares of the picture's width.
+/// Longest scale bar, as a share of the picture's width.
 const LONGEST_BAR: f64 = 0.22;
 
-/// How what is seen is finished: one for all pictures of a command.
+/// How pictures are finished; the same for all pictures of a command.
 pub struct Finisher<'a> {
-    /// What stands about pictures.
+    /// Annotations.
     pub args: &'a FigureArgs,
     /// Colours of a density.
     pub colormap: Colormap,
@@ -29,9 +29,9 @@ pub struct Finisher<'a> {
     pub quantities: &'a Quantities,
     /// Bounds and cell.
     pub subject: &'a ViewSubject,
-    /// What layers' colours stand for.
+    /// Legend of the layers' colours.
     pub legend: Vec<(String, [u8; 3])>,
-    /// What is said inside files; its views and range are each picture's.
+    /// Provenance stored in files, without each picture's view and range.
     pub about: PictureProvenance,
 }
 
@@ -39,18 +39,18 @@ pub struct Finisher<'a> {
 type MissingScaleReason = &'static str;
 
 impl Finisher<'_> {
-    /// The range that a density's colours have where none is given.
+    /// Default range of a density's colours.
     pub fn range_of(&self, seen: &ViewContent) -> Option<[f64; 2]> {
         if let ViewContent::Density(plane) = seen { plane.log_range() } else { None }
     }
 
-    /// World units a pixel, and what is to be said of them.
+    /// World units per pixel, and notes on them.
     fn world_per_pixel(&self, view: &View, size: Size) -> std::result::Result<(f64, &'static str), MissingScaleReason> {
         let (camera, focal) = (&view.camera, view.camera.focal_pixels(size));
         match camera.projection {
             Projection::Orthographic { .. } => Ok((1.0 / focal, "")),
             Projection::Perspective { .. } => {
-                // A length is told at the focal point: where no particle is near it, it would be of nothing.
+                // Lengths hold at the focal point; without particles near it they would mean nothing.
                 let b = &self.subject.bounds;
                 let inside = (0..3).all(|k| {
                     let room = 1e-6 * (b.max[k] - b.min[k]).abs();
@@ -79,7 +79,7 @@ impl Finisher<'_> {
         Ok(ScaleBar { share: length / width, label: format!("{} {unit}{notes}", number(length)) })
     }
 
-    /// Why a view has no scale bar where one is drawn, in words.
+    /// Note on a requested scale bar that a view cannot have.
     pub fn note(&self, view: &View, size: Size, kind: FileKind) -> Option<String> {
         let wanted = self.args.has_scale(self.has_bars(), kind);
         let why = self.scale(view, size).err().filter(|_| wanted)?;
@@ -90,12 +90,12 @@ impl Finisher<'_> {
         self.about.colormap.is_some() || !self.legend.is_empty()
     }
 
-    /// Is a file of this kind more than the picture?
+    /// Does a file of this kind contain annotations?
     pub fn is_figure(&self, kind: FileKind) -> bool {
         self.args.is_figure(self.has_bars(), kind)
     }
 
-    /// A picture with what is about it.
+    /// A picture with its annotations.
     pub fn panel(&self, seen: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
         let mut panel = Panel::plain(colours::image(seen, self.colormap, range, self.args.ground()));
         let size = panel.image.size();
@@ -128,7 +128,7 @@ impl Finisher<'_> {
         Figure { title, panels, columns, bar, legend, place, page, ground }
     }
 
-    /// What a file says of itself.
+    /// Provenance for a file.
     pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<PngMetadata> {
         let range = self.about.colormap.is_some().then_some(range);
         let views: Vec<View> = views.iter().map(|v| self.spelled_out(v)).collect();
@@ -141,7 +141,7 @@ impl Finisher<'_> {
         })
     }
 
-    /// A view with the clipping range that is drawn: another model's bounds would have others.
+    /// A view with its clipping range fixed, since another model's bounds give another one.
     fn spelled_out(&self, view: &View) -> View {
         let mut camera = view.camera;
         let perspective = matches!(camera.projection, Projection::Perspective { .. });
@@ -151,7 +151,7 @@ impl Finisher<'_> {
         View { camera, ..view.clone() }
     }
 
-    /// A picture as it is shown in a film: the figure's pixels.
+    /// A frame of a film: the pixels of the figure.
     pub fn pixels(&self, seen: ViewContent, view: &View, range: [f64; 2]) -> Result<(FigureImage, Option<f64>)> {
         if !self.is_figure(FileKind::Png) {
             let image = colours::image(seen, self.colormap, range, self.args.ground());

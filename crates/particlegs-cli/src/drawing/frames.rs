@@ -1,4 +1,4 @@
-//! Frames of a film: drawn, coded and written side by side; where colours have a range, one range for all.
+//! Frames of a film, drawn and written in parallel, with one colour range for all.
 
 use super::colours::common_range;
 use super::finish::Finisher;
@@ -17,13 +17,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// What was drawn.
+/// The drawn frames.
 pub struct FrameSeries {
-    /// Seconds that each frame took, coding and writing with it.
+    /// Seconds per frame, including writing.
     pub seconds: Vec<f64>,
-    /// Frames of a GIF, where one is made.
+    /// Frames of a GIF, if one is made.
     pub gif: Vec<GifFrame>,
-    /// The range of all.
+    /// Common range.
     pub range: Option<[f64; 2]>,
 }
 
@@ -31,11 +31,11 @@ pub struct FrameSeries {
 pub struct FrameOutputs<'a> {
     /// A folder of PNGs.
     pub files: Option<&'a PictureOut>,
-    /// Frames a second of a GIF that they are coded for.
+    /// A GIF with this number of frames per second.
     pub gif: Option<u32>,
 }
 
-/// The range that all of these views have in common: each is drawn once for it.
+/// Common range of these views; draws each of them once.
 fn one_range(
     painter: &ViewRenderer<'_>,
     finish: &Finisher<'_>,
@@ -53,7 +53,7 @@ fn one_range(
     Ok(common_range(ranges?))
 }
 
-/// Work on every view, side by side where the painter allows it.
+/// Works on every view, in parallel if the painter allows it.
 fn each<T: Send>(painter: &ViewRenderer<'_>, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
     match painter.side_by_side {
         true => parallel::try_map_range(views.len(), |i| of(&views[i])),
@@ -61,7 +61,7 @@ fn each<T: Send>(painter: &ViewRenderer<'_>, views: &[View], of: impl Fn(&View) 
     }
 }
 
-/// Draws all frames. After an error no frame that follows is begun; those that are there are whole.
+/// Draws all frames. An error stops further frames; existing ones are complete.
 pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries> {
     let DrawingJob { painter, finish, set, range, context, .. } = *job;
     let (density, count) = (finish.about.colormap.is_some(), set.views.len());
@@ -96,7 +96,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
     Ok(FrameSeries { seconds, gif: gif.into_iter().flatten().collect(), range })
 }
 
-/// Frames of one film are of one size: labels that grow would change it.
+/// Frames of a film must have one size, which growing labels could change.
 fn of_one_size(first: &Mutex<Option<particlegs_pipeline::picture::Size>>, image: &FigureImage) -> Result<()> {
     let size = *first.lock().unwrap_or_else(|e| e.into_inner()).get_or_insert(image.size());
     if size == image.size() {

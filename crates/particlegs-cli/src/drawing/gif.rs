@@ -1,4 +1,4 @@
-//! Frames of an animated GIF: each with its own colours, exact where it has at most 256.
+//! Frames of an animated GIF, each with its own palette, exact up to 256 colours.
 
 use crate::figure::FigureImage;
 use ::gif::{Encoder, Frame, Repeat};
@@ -9,22 +9,22 @@ use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
-/// A frame as it stands in the file.
+/// An encoded frame.
 pub struct GifFrame(Frame<'static>);
 
-/// Colours of a frame.
+/// Most colours of a frame.
 const COLOURS: usize = 256;
-/// The most frequent colours are kept where so large a share of the pixels has them: all but the rims of letters. Else
-/// colours are chosen by a network (Dekker 1994).
+/// If the most frequent colours cover this share of the pixels (all but the edges of letters), they are the palette;
+/// otherwise a neural network chooses one (Dekker 1994).
 const ALMOST_ALL: f64 = 0.97;
-/// Frames with more colours than this are not looked at closer.
+/// With more colours than this, the network chooses.
 const MANY: usize = 4096;
-/// Of that network: every so many pixels teach it.
+/// The network learns from one in so many pixels.
 const SPEED: i32 = 10;
-/// Viewers take less for a tenth of a second.
+/// Viewers treat shorter delays as a tenth of a second.
 const SHORTEST: u16 = 2;
 
-/// A picture as a frame that is shown for a share of a second.
+/// Encodes a picture as a frame with a delay.
 pub fn coded(image: FigureImage, fps: u32) -> Result<GifFrame> {
     let size = image.size();
     let (Ok(width), Ok(height)) = (u16::try_from(size.width), u16::try_from(size.height)) else {
@@ -47,7 +47,7 @@ pub fn coded(image: FigureImage, fps: u32) -> Result<GifFrame> {
     Ok(GifFrame(frame))
 }
 
-/// Pixels by their number in a palette; `None` where there are too many colours.
+/// Palette indices of the pixels; `None` if there are too many colours.
 fn of_few(pixels: &[[u8; 3]]) -> Option<(Vec<u8>, Vec<u8>)> {
     let mut counts: HashMap<[u8; 3], u32> = HashMap::new();
     for pixel in pixels {
@@ -69,7 +69,7 @@ fn of_few(pixels: &[[u8; 3]]) -> Option<(Vec<u8>, Vec<u8>)> {
     Some((pixels.iter().map(|p| number[p]).collect(), palette.into_iter().flatten().collect()))
 }
 
-/// Writes frames as one GIF that begins again at its end.
+/// Writes frames as one looping GIF.
 pub fn write(path: &Path, frames: &[GifFrame]) -> Result<()> {
     let Some(GifFrame(first)) = frames.first() else { return Ok(()) };
     write_atomic(path, |to: &mut dyn Write| {
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn many_colours_are_near() {
+    fn many_colours_are_approximated() {
         let pixels: Vec<[u8; 3]> = (0..2000).map(|i| [(i % 255) as u8, (i / 255) as u8 * 4, 7]).collect();
         assert!(of_few(&pixels).is_none());
         // Few that fill the picture, and some between them.

@@ -10,7 +10,7 @@ use particlegs_pipeline::render::{Scene, Tones, optical_depth};
 use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::{Error, Result};
 
-/// A model's layers, each to be drawn alone.
+/// A model's layers, one model each.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {
     if model.metadata.law == LawKind::AlphaBlend {
         let what = "--color-by-layer: an alpha-blend model has no optical depth to mix colours by";
@@ -19,7 +19,6 @@ pub fn apart(model: &Model) -> Result<Vec<Model>> {
     model.layers.iter().map(|l| model.clone().only(std::slice::from_ref(&l.name))).collect()
 }
 
-/// Draws a view of layers.
 pub fn draw(layers: &[Model], view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<ViewContent> {
     context.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
     let planes =

@@ -1,4 +1,4 @@
-//! From views to files: what `render` and `reference` have in common.
+//! From views to files: shared by `render` and `reference`.
 
 pub mod colours;
 pub mod film;
@@ -16,17 +16,17 @@ use particlegs_pipeline::Result;
 use particlegs_pipeline::camera::View;
 use particlegs_pipeline::picture::{Gray8, Plane, Size};
 
-/// What is seen in a view, before it has its colours.
+/// A rendered view without colours.
 pub enum ViewContent {
     /// Grey levels.
     Levels(Gray8),
-    /// Grey levels of everything, and the mixed colour of the layers at each pixel.
+    /// Grey levels of everything, and the mixed colour of the layers per pixel.
     Layers(Gray8, Vec<[u8; 3]>),
     /// Surface density.
     Density(Plane),
 }
 
-/// A picture whose mean grey level is below this is dark.
+/// A picture with a lower mean grey level is dark.
 const DARK: f64 = 10.0;
 
 impl ViewContent {
@@ -37,7 +37,7 @@ impl ViewContent {
         Some(sum / grey.data.len() as f64).filter(|mean| *mean < DARK)
     }
 
-    /// Says so where a density has nothing in it.
+    /// Warns if a density is empty.
     fn say_if_empty(&self, view: &View, context: &CommandContext) {
         if matches!(self, ViewContent::Density(plane) if plane.data.iter().all(|v| *v == 0.0)) {
             let name = &view.name;
@@ -50,6 +50,6 @@ impl ViewContent {
 pub struct ViewRenderer<'a> {
     /// Draws a view.
     pub draw: Box<dyn Fn(&View, Size) -> Result<ViewContent> + Sync + 'a>,
-    /// May several views be drawn side by side?
+    /// Can several views be drawn in parallel?
     pub side_by_side: bool,
 }

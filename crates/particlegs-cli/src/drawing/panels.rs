@@ -11,27 +11,27 @@ use particlegs_pipeline::camera::ViewSet;
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
-/// More pictures than a figure has.
+/// Most panels of a figure.
 const MOST: usize = 100;
 
-/// What is drawn beside one another, and how.
+/// Panels and their layout.
 pub struct Panels<'a> {
-    /// What is drawn, each with its name.
+    /// Painters with their names.
     pub painters: Vec<(String, &'a ViewRenderer<'a>)>,
-    /// What stands above the pictures, in place of names.
+    /// Captions instead of names.
     pub captions: Vec<String>,
-    /// Pictures in a row.
+    /// Panels per row.
     pub columns: Option<usize>,
 }
 
 impl Panels<'_> {
-    /// Pictures in a row: those of one view, or, of one model, up to three.
+    /// Panels per row: one per model, or up to three for a single model.
     pub fn columns(&self, views: usize) -> usize {
         let own = if self.painters.len() > 1 { self.painters.len() } else { views.min(3) };
         self.columns.unwrap_or(own).clamp(1, self.painters.len() * views)
     }
 
-    /// Draws every view of everything into one figure; the range that they have in common.
+    /// Draws every view of every model into one figure; returns the common range.
     pub fn draw(
         &self,
         finish: &Finisher<'_>,

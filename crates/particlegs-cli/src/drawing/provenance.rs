@@ -1,4 +1,4 @@
-//! What a picture is of, as text inside it: enough to draw the same view again, of this model or another.
+//! Provenance of a picture, stored in it as text: enough to draw the same view again, of this or another model.
 
 use crate::figure::png_file;
 use particlegs_pipeline::camera::{View, ViewSet, ViewsFile};
@@ -10,19 +10,18 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// What a picture is of.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct PictureProvenance {
     /// The program's version.
     pub particlegs: String,
-    /// What was drawn, one for each panel's file.
+    /// Files that were drawn, one per panel.
     pub of: Vec<SourceFile>,
-    /// The look.
+    /// The style.
     pub style: String,
     /// Layers that were drawn, or `all`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<String>,
-    /// Were they told apart by colour?
+    /// Were they coloured?
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub color_by_layer: bool,
     /// Colour map of a density.
@@ -34,17 +33,17 @@ pub struct PictureProvenance {
     /// Its unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
-    /// What its lengths and masses are in.
+    /// Units of length and mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<PictureUnits>,
-    /// Ground of the picture, where it is chosen.
+    /// Background, if it was chosen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<String>,
     /// A views file: the cameras, with every default filled in.
     pub views: Value,
 }
 
-/// What numbers of a picture are in.
+/// Units of a picture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PictureUnits {
     #[serde(flatten)]
@@ -54,13 +53,11 @@ pub struct PictureUnits {
 }
 
 impl PictureUnits {
-    /// Those of a system.
     pub fn new(system: UnitSystem<'_>) -> Self {
         let UnitSystem { units, scale_factor, hubble } = system;
         PictureUnits { units: units.clone(), scale_factor, hubble }
     }
 
-    /// As a system.
     pub fn system(&self) -> UnitSystem<'_> {
         UnitSystem { units: &self.units, scale_factor: self.scale_factor, hubble: self.hubble }
     }
@@ -76,7 +73,6 @@ pub struct SourceFile {
 }
 
 impl PictureProvenance {
-    /// With these views, as text.
     pub fn text(&self, views: &[View], size: Size) -> Result<String> {
         let file = ViewsFile(ViewSet { size, views: views.to_vec() }).text()?;
         let plain = |e: serde_json::Error| Error::argument(e.to_string());
@@ -84,7 +80,7 @@ impl PictureProvenance {
         serde_json::to_string(&PictureProvenance { views, ..self.clone() }).map_err(plain)
     }
 
-    /// Of a picture that is there, with its view.
+    /// Reads the provenance of a picture, and its view.
     pub fn read(path: &Path, context: &Context<'_>) -> Result<(PictureProvenance, ViewSet)> {
         let text = png_file::provenance(path, context)?;
         let told: PictureProvenance = serde_json::from_str(&text)

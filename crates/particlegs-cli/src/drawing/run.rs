@@ -1,5 +1,4 @@
-//! The way from views to files that `render` and `reference` share: which views, which files, one after the other or as
-//! frames, and the report.
+//! Draws views into files, as single pictures or as frames, and reports them. Shared by `render` and `reference`.
 
 use super::ViewContent;
 use super::film::{Film, FilmFormat};
@@ -17,19 +16,19 @@ use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
 
-/// What was drawn, for a report.
+/// Results for a report.
 pub struct DrawingReport {
     /// The pictures.
     pub views: Vec<RenderedView>,
-    /// The range of all, where they have one.
+    /// Common range, if they have one.
     pub range: Option<[f64; 2]>,
-    /// Lines about the film, for people.
+    /// Lines about the film.
     pub lines: Vec<String>,
 }
 
 /// Where pictures go.
 pub struct PictureTarget<'a> {
-    /// The folder or the picture; none where a film alone is written.
+    /// The folder or the picture; `None` if only a film is written.
     pub out: Option<&'a Path>,
     /// Colours and values of a density.
     pub density: &'a DensityArgs,
@@ -37,7 +36,7 @@ pub struct PictureTarget<'a> {
     pub sequence: &'a SequenceArgs,
 }
 
-/// The views that are given, or that the options say, with the options applied; key frames made a path.
+/// The views of the file or the options, with the options applied; key frames become a path.
 pub fn views(
     given: Option<ViewSet>,
     args: &ViewArgs,
@@ -141,7 +140,7 @@ impl DrawingJob<'_> {
 }
 
 impl DrawingReport {
-    /// A row for each picture, or, of a film, what became of it.
+    /// A row for each picture, or lines about a film.
     pub fn text(&self) -> String {
         if !self.lines.is_empty() {
             return self.lines.join("\n");

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A particlegs job for Slurm, written by `particlegs plan --emit slurm`. It is yours: edit it.
 #   bash THIS_FILE          on a login node: submits scatter -> blocks -> merge and returns
-#   bash THIS_FILE          again, after failures: what is done is skipped, what is interrupted continues
+#   bash THIS_FILE          again after failures: finished tasks are skipped, interrupted ones continue
 # Progress: particlegs status JOB. Logs of the tasks: JOB/logs.
 set -euo pipefail
 
@@ -10,26 +10,26 @@ job=@JOB@
 model=@MODEL@
 chunks=@CHUNKS@             # chunks of the input to scatter; 0: nothing to scatter
 blocks=@BLOCKS@
-memory=@MEMORY@M         # of a chunk or a block, as planned
-merge_memory=@MERGE_MEMORY@M   # of the merge; where it measures a certificate, with all particles
+memory=@MEMORY@M         # for a chunk or a block, as planned
+merge_memory=@MERGE_MEMORY@M   # for the merge, with all particles if it measures a certificate
 cpus=@THREADS@
-time=04:00:00        # of a task; what needs longer stops at a checkpoint and queues again
-notice=120           # seconds before the end at which a task is told to stop
-at_once=100          # tasks of an array that run together
-array=1000           # tasks of an array at most (also the site's MaxArraySize): more blocks go in batches
-site=()              # what your site wants: site=(--partition=long --account=me)
+time=04:00:00        # per task; longer tasks stop at a checkpoint and queue again
+notice=120           # seconds before its end at which a task gets the signal to stop
+at_once=100          # most tasks of an array that run at the same time
+array=1000           # most tasks in an array (also limited by the site's MaxArraySize); more blocks go in batches
+site=()              # options that your site needs: site=(--partition=long --account=me)
 
 ending='' signalled='' child=''
 
-# Another turn for this task alone: SLURM_JOB_ID may name the whole array. When Slurm itself ends the
-# task (scancel, preemption, requeue), it decides about another turn, not we.
+# Requeues only this task: SLURM_JOB_ID may name the whole array. If Slurm itself ends the task (scancel,
+# preemption, requeue), Slurm decides whether it runs again.
 again() {
   [ -n "$ending" ] || scontrol requeue "${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID"
   exit 75
 }
 
-# A task of an array: its items, one after the other. The program runs in the background, so that
-# this shell hears the signal at once and hands it on; SIGTERM reaches the program by itself.
+# An array task: its items, one after the other. The program runs in the background, so that this shell
+# receives signals at once and passes them on; SIGTERM also reaches the program directly.
 items() { # scatter|block COUNT BATCH
   local i code first=$((SLURM_ARRAY_TASK_ID * $3)) end=$(((SLURM_ARRAY_TASK_ID + 1) * $3))
   trap 'signalled=yes; kill -USR1 "$child" 2>/dev/null || true' USR1
@@ -39,13 +39,13 @@ items() { # scatter|block COUNT BATCH
     child=$!
     while signalled='' code=0; wait "$child" || code=$?; [ -n "$signalled" ]; do :; done
     if [ "$code" = 75 ]; then again; fi
-    # Killed (out of memory, by hand): it continues from its checkpoint, three times at most.
+    # Killed (out of memory, by hand): it continues from its checkpoint, at most three times.
     if [ "$code" -gt 128 ] && [ "${SLURM_RESTART_COUNT:-0}" -lt 3 ]; then again; fi
     if [ "$code" != 0 ]; then exit "$code"; fi
   done
 }
 
-submit() { # NAME DEPENDENCY, then sbatch's arguments: prints the job's number
+submit() { # NAME DEPENDENCY, then arguments for sbatch: prints the job id
   local name=$1 after=$2
   shift 2
   sbatch --parsable --job-name="$title-$name" --output="${job//%/%%}/logs/$name-%A-%a.log" --open-mode=append \

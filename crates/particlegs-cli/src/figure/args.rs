@@ -1,11 +1,11 @@
-//! What stands about a picture, and how large it is printed. Shared by `render` and `reference`.
+//! Annotations and printed size of pictures. Shared by `render` and `reference`.
 
 use super::{BarPlacement, FileKind, PaperColour, missing};
 use clap::{Args, ValueEnum};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::picture::Size;
 
-/// Width of a figure and height of its letters, points: a column of a journal.
+/// Default width of a figure (a journal column) and font size, in points.
 const COLUMN: f64 = 84.0 * 72.0 / 25.4;
 const LETTERS: f64 = 8.0;
 
@@ -44,7 +44,7 @@ pub struct FigureArgs {
     pub no_annotations: bool,
 }
 
-/// Where bars stand.
+/// Position of the bars.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ColorbarArg {
     /// Beside the picture.
@@ -64,7 +64,7 @@ pub enum Background {
     White,
 }
 
-/// What says where things are.
+/// Kind of axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Axes {
     /// Coordinates along the edges of an orthographic picture.
@@ -76,7 +76,7 @@ pub enum Axes {
 }
 
 impl FigureArgs {
-    /// Does anything stand about a picture of this look in such a file?
+    /// Does a picture of this style have annotations in such a file?
     pub fn is_figure(&self, bars: bool, kind: FileKind) -> bool {
         let asked = self.axes.is_some_and(|a| a != Axes::None) || self.scale_bar || self.title.is_some();
         let sized = self.figure_width.is_some() || self.font_size.is_some();
@@ -88,37 +88,37 @@ impl FigureArgs {
         !self.no_annotations && (self.scale_bar || bars || kind != FileKind::Png || self.figure_width.is_some())
     }
 
-    /// Is a colour bar drawn, where there are colours?
+    /// Is a colour bar drawn, if there are colours?
     pub fn has_bar(&self) -> bool {
         !self.no_annotations && self.colorbar != Some(ColorbarArg::None)
     }
 
-    /// Where bars stand.
+    /// Position of the bars.
     pub fn place(&self) -> BarPlacement {
         if self.colorbar == Some(ColorbarArg::Inside) { BarPlacement::Inside } else { BarPlacement::Outside }
     }
 
-    /// The pictures' ground.
+    /// Background of the picture.
     pub fn ground(&self) -> PaperColour {
         if self.background == Some(Background::White) { PaperColour::White } else { PaperColour::Black }
     }
 
-    /// The page's.
+    /// Background of the page.
     pub fn page(&self) -> PaperColour {
         if self.background == Some(Background::Black) { PaperColour::Black } else { PaperColour::White }
     }
 
-    /// Width of a figure in points, where it is chosen or the file has one.
+    /// Width of a figure in points, if it is chosen or the format needs one.
     pub fn points(&self, kind: FileKind) -> Option<f64> {
         self.figure_width.or((kind != FileKind::Png).then_some(COLUMN))
     }
 
-    /// Height of letters in points.
+    /// Font size in points.
     pub fn letters(&self) -> f64 {
         self.font_size.unwrap_or(LETTERS)
     }
 
-    /// Height of an em in the pixels of a PNG whose size on paper is not said.
+    /// Font size in pixels for a PNG without a printed size.
     pub fn pixels(&self, size: Size) -> f64 {
         match (self.font_size, self.dpi) {
             (None, _) => (size.height.min(size.width * 9 / 16) as f64 / 30.0).clamp(11.0, 200.0).round(),
@@ -126,14 +126,14 @@ impl FigureArgs {
         }
     }
 
-    /// The pixels of a picture that is printed at a chosen resolution, `columns` beside one another.
+    /// Picture size for a chosen resolution, with `columns` pictures per row.
     pub fn resolved(&self, size: Size, kind: FileKind, columns: usize) -> Option<Size> {
         let width = (self.dpi? * self.points(kind)? / 72.0 / columns as f64).ceil().clamp(1.0, 32_768.0);
         let height = (width * size.height as f64 / size.width as f64).round().clamp(1.0, 32_768.0);
         Some(Size { width: width as usize, height: height as usize })
     }
 
-    /// Says of characters that the letters lack.
+    /// Note on characters that the font lacks.
     pub fn note_missing(&self, more: &[String], context: &Context<'_>) {
         let texts = self.title.iter().chain(more);
         let missing: String = texts.map(|t| missing(t)).collect();

@@ -1,4 +1,4 @@
-//! What the command line says of figures; `particlegs_figure` draws them.
+//! Figures on the command line; `particlegs_figure` draws them.
 
 pub mod args;
 pub mod output;

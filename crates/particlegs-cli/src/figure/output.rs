@@ -1,18 +1,18 @@
-//! A figure as the bytes of a file, as the command line asks for it.
+//! Writes figures as the command line requests.
 
 use super::args::FigureArgs;
 use super::png_file::{PngEffort, PngMetadata, coded};
 use super::{Figure, FigureImage, FigureSpace, FileKind, layout, raster};
 use particlegs_pipeline::Result;
 
-/// A figure as pixels, and their number an inch where its width on paper is chosen.
+/// A figure as pixels, and the resolution if its printed width is chosen.
 pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(FigureImage, Option<f64>)> {
     let size = figure.panels.first().map(|p| p.image.size());
     let Some(points) = args.figure_width else {
         let em = size.map_or(11.0, |s| args.pixels(s));
         return Ok((FigureImage::Color(raster(&layout(figure, em, FigureSpace::Pixels)?)?), args.dpi));
     };
-    // Letters are so high on paper: how many pixels that is depends on the figure's, which depend on the letters.
+    // The font's pixel size depends on the figure's size in pixels, which depends on the font.
     let letters = args.letters();
     layout(figure, letters, FigureSpace::Width(points))?;
     let mut em = 11.0;

@@ -1,5 +1,4 @@
-//! Models of the alpha-blend law in every command that reads a model: a tiny one of the sample,
-//! untrained.
+//! Every command that reads a model, with a tiny untrained alpha-blend model of the sample.
 
 use crate::common::{TestFolder, listing};
 use crate::models::tiny;
@@ -15,7 +14,7 @@ fn folder() -> TestFolder {
 }
 
 #[test]
-fn info_and_verify_say_what_it_is() {
+fn info_and_verify_describe_the_model() {
     let dir = folder();
     let [text, _] = dir.runs("info m.pgs");
     assert!(text.contains("1.0, image law alpha-blend"), "{text}");
@@ -27,8 +26,8 @@ fn info_and_verify_say_what_it_is() {
     assert_eq!((info["metadata"]["law"].as_str(), info["published_bytes"].as_u64()), (Some("alpha-blend"), Some(4352)));
     assert_eq!((&info["vizmapper"]["parameters"], &info["vizmapper"]["ranges"]["floor"]), (&4610.into(), &0.4.into()));
     let [text, _] = dir.runs("verify m.pgs");
-    assert!(text.contains("64 Gaussians whose counts sum to 262144 particles"), "{text}");
-    // Measured as any other: pictures by its own law, densities and particles by its counts.
+    assert!(text.contains("64 Gaussians for 262144 particles"), "{text}");
+    // Pictures are scored by its own law, densities and particles by its counts.
     let measured = &dir.says("verify m.pgs SAMPLE --quiet")["measured_again"];
     assert!(measured["orbits"][0]["expected"]["masked_psnr"].is_number(), "{measured}");
     let correlation = measured["density"]["correlation"].as_f64().unwrap();
@@ -113,7 +112,7 @@ fn splats_are_written_as_published() {
     let bytes = dir.bytes("m.ply");
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     assert_eq!(bytes.len() - end, 64 * 68);
-    // A snapshot of 64 points to the other commands, which take an alpha-blend model's frame.
+    // Other commands read it as a snapshot of 64 points, in the frame of an alpha-blend model.
     dir.runs("convert m.ply -o points --quiet");
     let (model, points) = (dir.model("m.pgs"), Particles::open_raw(&[dir.at("points")]).unwrap());
     let frame = particlegs_pipeline::camera::Normalisation::new(&model.metadata.bounds);

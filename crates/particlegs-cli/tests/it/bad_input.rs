@@ -2,7 +2,7 @@
 
 use crate::common::{TestFolder, fails, snapshot, words};
 
-/// Runs `compress` on a folder of columns; demands the failure and that nothing was written.
+/// Runs `compress` on a folder of columns; it must fail and write nothing.
 fn refused(columns: &[Vec<f32>], code: i32, text: &str) {
     let dir = TestFolder::new();
     snapshot(&dir.at("in"), columns);
@@ -11,7 +11,7 @@ fn refused(columns: &[Vec<f32>], code: i32, text: &str) {
 }
 
 #[test]
-fn snapshots_that_are_none() {
+fn files_that_are_no_snapshots() {
     let v = |n: usize| vec![1.0f32; n];
     refused(&[v(3), v(2), v(3)], 3, "2 values");
     refused(&[v(0), v(0), v(0)], 3, "no particles");
@@ -66,7 +66,7 @@ fn outputs_that_cannot_be_written() {
     dir.fails("compress SAMPLE -o .", 6, "folder");
 }
 
-/// A disk that takes 16 kB of a model of 52: a limit on the size of files, which needs no rights.
+/// A limit on file sizes acts like a full disk, and needs no root: 16 kB of a 52 kB model fit.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_nothing() {

@@ -1,4 +1,4 @@
-//! `bench` as a user runs it, on few particles: what it writes, that it goes on, and what it refuses.
+//! `bench` on few particles: its files, its cache, and its errors.
 
 use crate::common::{TestFolder, fails, listing, particlegs, snapshot, success};
 
@@ -18,7 +18,7 @@ fn folder() -> TestFolder {
 const BENCH: &str = "bench rate-distortion clumps --quick --quiet --size 160x90 --seeds 1 -o";
 
 #[test]
-fn results_are_written_and_gone_on_with() {
+fn results_are_written_and_continued() {
     let dir = folder();
     let words = format!("{BENCH} out --ratios 20,50");
     dir.runs(&words);
@@ -30,7 +30,7 @@ fn results_are_written_and_gone_on_with() {
     assert_eq!(results["made_by"]["snapshots"][0][1], 4000);
     let tables = results["experiments"]["rate-distortion"]["tables"].as_array().unwrap();
     let named = |name: &str| tables.iter().find(|t| t["name"] == name).unwrap()["rows"].as_array().unwrap();
-    // Every way at every ratio; every bound held.
+    // Every method at every ratio, with every bound kept.
     let pictures = named("rate-distortion-pictures");
     assert_eq!(pictures.len(), 2 * 6);
     let masked = |name: &str| {
@@ -39,20 +39,20 @@ fn results_are_written_and_gone_on_with() {
     };
     assert!(masked("particlegs") > masked("LCP"), "{pictures:?}");
     assert!(named("rate-distortion-bounds").iter().all(|r| r[4] == "yes"), "{tables:?}");
-    // The page is whole: nothing in it is fetched.
+    // The page is self-contained.
     let page = read("report.html");
     assert!(page.contains("<svg") && !page.contains("src=\"http") && !page.contains("href=\"http"));
     let csv = read("figures/rate-distortion-pictures.csv");
     assert_eq!(csv.lines().count(), 13, "{csv}");
 
-    // Kept results are used again: the same pages, and nothing new is kept.
+    // Cached results are used again: the same pages, and nothing new in the cache.
     let kept = listing(&dir.at("out/kept"));
     dir.runs(&words);
     assert_eq!((page, kept), (read("report.html"), listing(&dir.at("out/kept"))));
 }
 
 #[test]
-fn what_is_there_is_listed() {
+fn existing_types_are_listed() {
     let [text, _] = success(particlegs().args(["bench", "list"]));
     let labels = "tab:ablation_core tab:ablation_ft tab:block, tab:generalization tab:gen_view tab:rd tab:perf \
                   tab:recovery_methods tab:recovery_blocks fig:artifact fig:block_distance fig:scale fig:rd \
@@ -63,13 +63,13 @@ fn what_is_there_is_listed() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused() {
+fn impossible_measurements_are_refused() {
     let dir = folder();
     let unknown = "no experiment \"nothing\": use `all` or one of rate-distortion";
     dir.fails("bench nothing x -o y", 2, unknown);
     dir.fails("bench all", 2, "`bench` needs a snapshot and a folder for the results");
     dir.fails(&format!("{BENCH} a --ratios 0.5"), 2, "--ratios: 0.5 is not above 1");
-    // A folder of something else is left alone, and so is the snapshot's own.
+    // Folders with other files, such as the snapshot's own, are refused.
     std::fs::create_dir(dir.at("other")).unwrap();
     dir.write("other/mine.txt", "mine");
     for place in ["other", "clumps"] {
@@ -79,9 +79,9 @@ fn what_cannot_be_measured_is_refused() {
     dir.fails(&format!("{BENCH} b --python {}", dir.at("python").display()), 3, "python");
 }
 
-/// Whether or not there is a GPU.
+/// Works with and without a GPU.
 #[test]
-fn what_does_nothing_for_a_card_is_refused() {
+fn options_without_effect_on_a_gpu_are_refused() {
     let gpu = |more: &[&str], why: &str| fails(particlegs().args(["bench", "gpu"]).args(more), 2, why);
     gpu(&["snapshot"], "`bench gpu` makes its own scenes: omit SNAPSHOT");
     gpu(&["--size", "160x90"], "omit --size");

@@ -1,4 +1,4 @@
-//! What the end-to-end tests share.
+//! Helpers of the end-to-end tests.
 
 use assert_cmd::Command;
 use particlegs_pipeline::codec;
@@ -15,7 +15,7 @@ pub fn particlegs() -> Command {
     Command::cargo_bin("particlegs").expect("the binary is built")
 }
 
-/// The binary as a process that is started and left running.
+/// The binary as a background process.
 pub fn process(folder: &Path) -> std::process::Command {
     let mut c = std::process::Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
     c.current_dir(folder);
@@ -32,8 +32,8 @@ pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures").join(name)
 }
 
-/// Words of a command line, in which SAMPLE, FIXTURES and GOLDEN (VTK's pictures of the sample and their views) stand
-/// for those folders.
+/// Words of a command line. SAMPLE, FIXTURES and GOLDEN (VTK's pictures of the sample and their views) are replaced by
+/// those folders.
 pub fn words(text: &str) -> Vec<OsString> {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-pipeline/tests/golden/nbody64");
     let places = [("SAMPLE", sample()), ("FIXTURES", fixture("")), ("GOLDEN", golden)];
@@ -44,7 +44,7 @@ pub fn words(text: &str) -> Vec<OsString> {
     text.split_whitespace().map(word).collect()
 }
 
-/// A new folder, which goes with the test, and commands that run in it.
+/// A temporary folder, and commands that run in it.
 pub struct TestFolder(tempfile::TempDir);
 
 impl TestFolder {
@@ -81,7 +81,7 @@ impl TestFolder {
         codec::decode(&self.bytes(name), name).unwrap()
     }
 
-    /// What lies in it, sorted.
+    /// Its files, sorted.
     pub fn listing(&self) -> Vec<String> {
         listing(self.path())
     }
@@ -92,23 +92,23 @@ impl TestFolder {
         c
     }
 
-    /// Runs a command that succeeds: what it prints, and what it says on standard error.
+    /// Runs a command that must succeed; returns standard output and standard error.
     pub fn runs(&self, text: &str) -> [String; 2] {
         success(&mut self.command(text))
     }
 
-    /// Runs a command that succeeds and gives what it says as JSON.
+    /// Runs a command that must succeed; returns its JSON.
     pub fn says(&self, text: &str) -> Value {
         json(&mut self.command(text))
     }
 
-    /// Runs a command that succeeds: the bytes of the file that `-o` names.
+    /// Runs a command that must succeed; returns the bytes of its `-o` file.
     pub fn makes(&self, text: &str) -> Vec<u8> {
         self.runs(text);
         self.bytes(output(text))
     }
 
-    /// The file that a command makes, which ran once for all tests that name it so.
+    /// The file that a command makes; it runs once for all tests with this name.
     pub fn once(&self, text: &str) -> Vec<u8> {
         type Made = Mutex<HashMap<String, Arc<OnceLock<Vec<u8>>>>>;
         static MADE: OnceLock<Made> = OnceLock::new();
@@ -124,25 +124,25 @@ impl TestFolder {
     }
 }
 
-/// The word behind `-o`.
+/// The argument of `-o`.
 fn output(text: &str) -> &str {
     let behind = text.split_once("-o ").expect("an output").1;
     behind.split(' ').next().unwrap()
 }
 
-/// Runs a command that succeeds: what it prints, and what it says on standard error.
+/// Runs a command that must succeed; returns standard output and standard error.
 pub fn success(command: &mut Command) -> [String; 2] {
     let out = command.output().unwrap();
     assert!(out.status.success(), "{command:?}: {}", said(&out));
     [out.stdout, out.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Runs a command that succeeds and gives what it says as JSON.
+/// Runs a command that must succeed; returns its JSON.
 pub fn json(command: &mut Command) -> Value {
     serde_json::from_str(&success(command.args(["--json", "-"]))[0]).unwrap()
 }
 
-/// What a command said on standard error.
+/// Standard error of a command.
 pub fn said(out: &Output) -> String {
     String::from_utf8_lossy(&out.stderr).into_owned()
 }
@@ -169,7 +169,7 @@ pub fn snapshot(folder: &Path, columns: &[Vec<f32>]) {
     }
 }
 
-/// A few particles on a spiral, and a model of them, in a folder.
+/// A folder with a few particles on a spiral, and a model of them.
 pub fn spiral() -> TestFolder {
     let dir = TestFolder::new();
     let along = |f: fn(f32) -> f32| (0..3000).map(|i| f(i as f32 / 3000.0)).collect::<Vec<f32>>();
@@ -179,7 +179,7 @@ pub fn spiral() -> TestFolder {
     dir
 }
 
-/// Runs and demands failure with `code`, one `error:` line that holds `text`, and nothing on stdout.
+/// Runs a command that must fail with `code`, one `error:` line that contains `text`, and nothing on stdout.
 pub fn fails(command: &mut Command, code: i32, text: &str) {
     let out = command.output().unwrap();
     let err = said(&out);
@@ -189,7 +189,7 @@ pub fn fails(command: &mut Command, code: i32, text: &str) {
     assert!(!err.contains("panicked"), "{err}");
 }
 
-/// Waits until a process catches a signal: its handler is set up.
+/// Waits until a process has a handler for a signal.
 #[cfg(target_os = "linux")]
 pub fn wait_for_handler(child: &std::process::Child, signal: u32) {
     let status = format!("/proc/{}/status", child.id());
@@ -203,7 +203,7 @@ pub fn wait_for_handler(child: &std::process::Child, signal: u32) {
     });
 }
 
-/// Waits until a process has written so many bytes.
+/// Waits until a process has written this many bytes.
 #[cfg(target_os = "linux")]
 pub fn wait_for_bytes(child: &std::process::Child, bytes: u64) {
     let io = format!("/proc/{}/io", child.id());
@@ -214,7 +214,7 @@ pub fn wait_for_bytes(child: &std::process::Child, bytes: u64) {
     });
 }
 
-/// Asks every millisecond, for a minute at most.
+/// Polls every millisecond, for at most a minute.
 pub fn waited(what: &str, mut ready: impl FnMut() -> bool) {
     let start = std::time::Instant::now();
     while !ready() {

@@ -1,4 +1,4 @@
-//! `compress` end to end: sizes met, counts kept, same bytes whatever the threads.
+//! `compress` end to end: sizes, counts, and the same bytes for any number of threads.
 
 use crate::common::{TestFolder, snapshot};
 #[cfg(target_os = "linux")]
@@ -41,10 +41,10 @@ fn blocks_hold_all_particles_and_draw_the_same() {
 }
 
 #[test]
-fn sizes_are_met() {
+fn requested_sizes_are_reached() {
     let dir = TestFolder::new();
     let raw = 262_144 * 12;
-    // With a certificate where its bytes weigh most.
+    // With a certificate, in a small file, where it matters most.
     for (ratio, certificate) in [(30, "none"), (300, "none"), (2000, "quick")] {
         let fit = format!("--effort fast --ratio {ratio} --certificate={certificate}");
         let bytes = dir.makes(&format!("compress SAMPLE -o {ratio}.pgs {fit} --quiet")).len();
@@ -73,7 +73,7 @@ fn odd_snapshots_work() {
     ];
     for (name, columns) in cases {
         snapshot(&dir.at(name), &columns);
-        // A certificate, too, of what no density or spacing is: a point, a line, numbers near the largest.
+        // A certificate also for degenerate particles: a point, a line, numbers near the largest.
         let measured = if ["one", "line", "huge"].contains(&name) { "quick" } else { "none" };
         for (effort, certificate) in [("fast", measured), ("default", "none")] {
             let model = &format!("{name}-{effort}.pgs");
@@ -91,7 +91,7 @@ fn spawned(dir: &TestFolder, text: &str) -> std::process::Child {
     process(dir.path()).args(words(&format!("{text} --quiet SAMPLE"))).spawn().unwrap()
 }
 
-/// Killed at any moment, nothing half-written appears under the output's name.
+/// A process killed at any moment leaves no partial file under the output's name.
 #[cfg(target_os = "linux")]
 #[test]
 fn killing_is_safe() {

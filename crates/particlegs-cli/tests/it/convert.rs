@@ -1,4 +1,4 @@
-//! `convert` and `compare` as a user runs them.
+//! `convert` and `compare`.
 
 use crate::common::TestFolder;
 use std::path::Path;
@@ -36,7 +36,7 @@ fn fields_ids_and_float64_are_carried() {
     told("convert b.vtp -o c.dump");
     let rows = dir.text("c.dump");
     assert!(rows.contains("\n1152921504606846977 1 0.75 1.0 1.25\n"), "{rows}");
-    // Float64 and velocities of a table, a part of it, and what has no place.
+    // Float64 and velocities of a table, part of a table, and fields that the format cannot store.
     let row = |i: u32| format!("{},{},3.25,{i},{},-1.5,{}\n", 0.1 + f64::from(i), i, 2 * i, 7 * i);
     dir.write("t.csv", format!("x,y,z,vx,vy,vz,id\n{}", (0..9).map(row).collect::<String>()));
     told("convert t.csv -o a.hdf5 --every 4 --force");
@@ -76,7 +76,7 @@ fn bad_arguments_leave_nothing() {
 }
 
 #[test]
-fn compare_names_what_it_cannot_score() {
+fn compare_lists_files_that_it_cannot_score() {
     use particlegs_pipeline::picture::{Size, write_png};
     let dir = TestFolder::new();
     let [a, b] = ["a", "b"].map(|n| dir.at(n));

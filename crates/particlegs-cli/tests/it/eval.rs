@@ -1,4 +1,4 @@
-//! `eval` as a user runs it: a tiny model of the sample.
+//! `eval` on a tiny model of the sample.
 
 use crate::common::TestFolder;
 use crate::models::tiny;

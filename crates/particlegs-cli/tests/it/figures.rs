@@ -1,4 +1,4 @@
-//! Figures, films and panels, and what a picture says of itself.
+//! Figures, films and panels, and the provenance in a picture.
 
 use crate::common::{TestFolder, listing, said, snapshot};
 use serde_json::Value;
@@ -45,7 +45,7 @@ fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
     for text in [">x (Mpc h⁻¹)<", ">y (Mpc h⁻¹)<", ">A &lt; B<", "font-size=\"8\"", ">4<", ">6<"] {
         assert!(svg.contains(text), "{text}");
     }
-    // One title of the one bar, and two pictures: the density and the bar's colours.
+    // One colour bar with a title, and two images: the density and the bar.
     assert_eq!(svg.matches(">Σ (").count(), 1);
     assert_eq!(svg.matches("data:image/png;base64,").count(), 2);
     assert!(svg.contains("<metadata>{&quot;particlegs&quot;"));
@@ -59,7 +59,7 @@ fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
 }
 
 #[test]
-fn a_picture_is_drawn_alike_from_what_it_says() {
+fn a_picture_can_be_drawn_again_from_its_provenance() {
     let s = folder();
     for view in [
         "--azimuth 33.3 --elevation -12 --radius 0.03 --opacity 0.3 --size 80x50",
@@ -71,7 +71,7 @@ fn a_picture_is_drawn_alike_from_what_it_says() {
         render(&s, "a.pgs -o b.png --like a.png");
         assert!(s.bytes("a.png") == s.bytes("b.png"), "{view:?}");
     }
-    // Of another model it is the same view.
+    // For another model it is the same view.
     model(&s, "b", 7.0, 60);
     let first = render(&s, "a.pgs -o a.png --azimuth 33 --width 4 --size 80x50");
     let other = render(&s, "b.pgs -o b.png --like a.png");
@@ -79,7 +79,7 @@ fn a_picture_is_drawn_alike_from_what_it_says() {
         assert_eq!(first["views"][0][key], other["views"][0][key], "{key}");
     }
     assert!(s.bytes("a.png") != s.bytes("b.png"));
-    // Pictures without that text, and what is no picture, are refused.
+    // Pictures without that text, and files that are no pictures, are refused.
     s.write("no.png", [&s.bytes("a.png")[..40], b"more"].concat());
     refused(&s, "a.pgs -o c.png --like no.png", 3, "does not contain the settings of its view");
     refused(&s, "a.pgs -o c.png --like a.pgs", 3, "a.pgs");
@@ -121,7 +121,7 @@ fn a_turn_begins_with_its_view_and_has_one_range() {
     let pixels = |name: &str| particlegs_pipeline::picture::read_png(&s.at(name)).unwrap();
     assert_eq!(pixels("frames/frame_0000.png"), pixels("first.png"));
     assert!(pixels("frames/frame_0001.png") != pixels("first.png"));
-    // The frames are those of the views that are saved, and the same with other threads.
+    // The frames match the saved views, for any number of threads.
     render(&s, "a.pgs -o again --views keys.json");
     render(&s, &format!("a.pgs -o alone --threads 1 {turn}"));
     for name in &names {
@@ -139,7 +139,7 @@ fn a_turn_begins_with_its_view_and_has_one_range() {
     refused(&s, "a.pgs -o x --turntable 3 --video x.avi", 2, ".mp4, .webm or .gif");
 }
 
-/// Where ffmpeg is not to be found the frames are kept, and the error says the line that joins them.
+/// Without ffmpeg the frames are kept, and the error prints the command that joins them.
 #[test]
 fn without_ffmpeg_frames_are_kept() {
     let s = folder();
@@ -152,8 +152,7 @@ fn without_ffmpeg_frames_are_kept() {
     assert!(!s.at("turn.mp4").exists());
 }
 
-/// ffmpeg is told that names are files: it would take what stands before a colon for a protocol. What it wrote is
-/// looked at.
+/// ffmpeg gets names with `file:`, since it would take text before a colon for a protocol. Its output is checked.
 #[cfg(unix)]
 #[test]
 fn films_with_colons_in_their_names_are_files() {
@@ -184,7 +183,7 @@ fn films_with_colons_in_their_names_are_files() {
 }
 
 #[test]
-fn figures_that_cannot_be_are_refused() {
+fn impossible_figures_are_refused() {
     let s = folder();
     refused(&s, "a.pgs -o x.pdf --axes frame", 2, "need an orthographic view");
     refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "too narrow");
@@ -194,18 +193,18 @@ fn figures_that_cannot_be_are_refused() {
         s.command(words).assert().failure().code(2);
     }
     assert!(!s.at("x.png").exists() && !s.at("x.pdf").exists());
-    // Bars on the picture leave it the size that was asked for.
+    // Bars on the picture do not change its size.
     render(&s, &format!("{DENSITY} z.png --colorbar inside"));
     let size = particlegs_pipeline::picture::read_png(&s.at("z.png")).unwrap().size;
     assert_eq!([size.width, size.height], [60, 60]);
-    // A view whose focal point is beside the particles has no length to tell.
+    // A view with its focal point outside the particles has no scale.
     render(&s, "a.pgs -o x.svg --center 90,0,0 --distance 5 --size 40x30");
     assert!(!s.text("x.svg").split("</metadata>").nth(1).unwrap().contains("Mpc"));
     render(&s, "a.pgs -o y.svg --size 40x30");
     assert!(s.text("y.svg").contains(" Mpc h⁻¹ (at the centre)</text>"));
 }
 
-/// Of a GIF by the words of its specification (version 89a): size, and the colours of every frame's pixels.
+/// Decodes a GIF by its specification (version 89a): size, and the colours of every frame's pixels.
 fn decoded(file: &[u8]) -> ([usize; 2], Vec<Vec<[u8; 3]>>) {
     assert!(file.starts_with(b"GIF89a"));
     let word = |at: usize| usize::from(file[at]) + 256 * usize::from(file[at + 1]);
@@ -215,7 +214,7 @@ fn decoded(file: &[u8]) -> ([usize; 2], Vec<Vec<[u8; 3]>>) {
     };
     let all = palette(13, file[10]);
     let (mut at, mut frames) = (13 + 3 * all.len(), Vec::new());
-    // Sub-blocks from a place on, and where they end.
+    // Sub-blocks from a position on, and their end.
     let blocks = |mut at: usize| {
         let mut data = Vec::new();
         while file[at] > 0 {

@@ -1,10 +1,10 @@
-//! Certificates and metadata that were altered: every figure, every field, up, down, to nothing and beyond.
+//! Altered certificates and metadata: every number and field, larger, smaller, missing and out of range.
 
 use crate::common::{TestFolder, snapshot};
 use particlegs_pipeline::codec;
 use particlegs_pipeline::model::Coding;
 
-/// Sections of a model file: its head, and tag and content of each (docs/format.md, section 1).
+/// Header of a model file, and tag and content of each section (docs/format.md, section 1).
 fn sections(file: &[u8]) -> Vec<([u8; 4], Vec<u8>)> {
     let (mut at, mut all) = (24, Vec::new());
     while at < file.len() {
@@ -34,7 +34,7 @@ fn file_of(head: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
     [&head[..], &checksum(&head).to_le_bytes(), &body].concat()
 }
 
-/// Tags and values, of a certificate's groups or of metadata's fields.
+/// Tags and values of a certificate's groups or of metadata fields.
 fn fields(section: &[u8]) -> Vec<(u8, Vec<u8>)> {
     let (mut at, mut all) = (0, Vec::new());
     while at < section.len() {
@@ -49,7 +49,7 @@ fn section_of(fields: &[(u8, Vec<u8>)]) -> Vec<u8> {
     fields.iter().flat_map(|(tag, v)| [&[*tag][..], &(v.len() as u16).to_le_bytes(), v].concat()).collect()
 }
 
-/// Other values of a figure.
+/// Other values for a number.
 fn other_values(coding: Coding, bytes: &[u8]) -> Vec<Vec<u8>> {
     let reals = |v: f64| [1.2 * v, 0.8 * v, 1000.0 * v, 0.001 * v, v + 1.0, 0.0, -1.0, -2.0, 1e30, f64::NAN];
     let all: Vec<Vec<u8>> = match (coding, bytes.len()) {
@@ -77,7 +77,7 @@ fn other_values(coding: Coding, bytes: &[u8]) -> Vec<Vec<u8>> {
     all.into_iter().filter(|v| v != bytes).collect()
 }
 
-/// Bytes of a figure.
+/// Bytes of a number.
 fn length_of(coding: Coding) -> usize {
     match coding {
         Coding::Whole(bytes) => bytes,
@@ -125,7 +125,7 @@ fn forgeries(file: &[u8]) -> Vec<(String, Vec<u8>)> {
     }
     let told = fields(&all[meta].1);
     for (place, (tag, value)) in told.iter().enumerate() {
-        // The source's name, the recipe and the program's version are of the making.
+        // The source's name, the recipe and the program's version describe how the model was made.
         if [9, 40, 41].contains(tag) {
             continue;
         }
@@ -154,8 +154,8 @@ fn grades(dir: &TestFolder, json: &str) -> Vec<usize> {
     value["verdict"].as_array().unwrap().iter().map(rank).collect()
 }
 
-/// Of all forgeries, those that `each` picks are verified against the snapshot: none is told with a better word than the
-/// true file, and next to none passes.
+/// Verifies the forgeries that `each` picks against the snapshot: none gets a better verdict than the true file, and
+/// almost none passes.
 fn verified(certificate: &str, each: usize) {
     let dir = TestFolder::new();
     let place = |i: u32, k: u32| {

@@ -1,9 +1,9 @@
-//! Other people's files as a user brings them: info, choosing, layers, units, round trips.
+//! Files of other programs: info, selection, layers, units, round trips.
 
 use crate::common::{TestFolder, said};
 use serde_json::Value;
 
-/// What `info` says.
+/// JSON of `info`.
 fn info(dir: &TestFolder, words: &str) -> Value {
     dir.says(&format!("info {words} -q"))
 }
@@ -20,7 +20,7 @@ fn info_tells_species_fields_and_frames() {
     let d = info(&dir, "FIXTURES/two_frames.dump.gz --frame 0 --length-unit Angstrom --no-bounds");
     assert_eq!((d["frames"]["count"].as_u64(), d["frames"]["chosen"].as_u64()), (Some(2), Some(0)));
     assert_eq!((&d["meta"]["length_unit"], d["bounds"].as_array().unwrap().len()), (&"Angstrom".into(), 0));
-    // In words, too, and raw data like any other.
+    // Also as text, and for raw data.
     let [text, _] = dir.runs("info SAMPLE");
     assert!(text.contains("262144 particles") && text.contains("Mpc/h, comoving"), "{text}");
 }
@@ -48,7 +48,7 @@ fn species_and_masses_become_layers() {
     assert_eq!(layers[2]["particle_mass"], 3.0);
     let (_, layers, _) = compress("--mass-field none");
     assert!(layers.iter().all(|l| l["weighted"] == false && l["particle_mass"].is_null()));
-    // One layer alone is drawn, and a name that is none is told.
+    // One layer can be drawn alone; unknown names are refused.
     compress("");
     let render = |layer: &str| format!("render m.pgs --layer {layer} --size 64x64 --out {layer}");
     dir.runs(&render("PartType1"));
@@ -81,7 +81,7 @@ fn a_window_wraps_around_the_box() {
 }
 
 #[test]
-fn what_is_written_is_read_again() {
+fn written_values_are_read_back() {
     let dir = TestFolder::new();
     dir.runs("convert SAMPLE -o raw --sample 70000 -q");
     for name in ["a.npy", "a.hdf5", "a.vtp", "a.dump"] {
@@ -89,7 +89,7 @@ fn what_is_written_is_read_again() {
         dir.runs(&format!("convert {name} -o {name}.raw -q"));
         assert!(dir.bytes("raw/yy.f32") == dir.bytes(&format!("{name}.raw/yy.f32")), "{name} changes bits");
     }
-    // Species and masses survive where the format has them.
+    // Species and masses survive if the format can store them.
     for name in ["s.hdf5", "s"] {
         dir.runs(&format!("convert FIXTURES/species.hdf5 -o {name} -q"));
         let d = info(&dir, name);
@@ -99,7 +99,7 @@ fn what_is_written_is_read_again() {
 }
 
 #[test]
-fn what_cannot_be_read_is_told_in_one_line() {
+fn unreadable_files_are_reported_in_one_line() {
     let dir = TestFolder::new();
     dir.write("nothing.bin", [7u8; 100]);
     for (words, code, word) in [
@@ -121,10 +121,10 @@ fn what_cannot_be_read_is_told_in_one_line() {
     }
 }
 
-/// Trajectories that were not wrapped, blocks that Gadget does not know and headers of other snapshots are read, with a
-/// note; what the user says of them goes first.
+/// Unwrapped trajectories, unknown Gadget blocks and headers of other snapshots are read with a note; options override
+/// them.
 #[test]
-fn what_files_leave_open_is_said_and_can_be_stated() {
+fn missing_metadata_is_reported_and_can_be_given() {
     let dir = TestFolder::new();
     let head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 10\n0 10\n0 10\n";
     dir.write("xu.dump", format!("{head}ITEM: ATOMS id xu yu zu\n1 73 -22 5\n2 1 2 3\n"));

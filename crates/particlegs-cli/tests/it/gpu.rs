@@ -108,7 +108,7 @@ fn a_gpu_trains_as_the_cpu_does() {
     assert!(refused.status.code() == Some(2) && error.contains("--train"), "{error}");
 }
 
-/// The published recipe on the device, and fine-tuning of what comes of it.
+/// The published recipe on the GPU, and fine-tuning of its model.
 #[cfg(feature = "gpu")]
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
@@ -144,7 +144,7 @@ fn slow_a_gpu_measures_what_the_cpu_measures() {
     assert!(on_gpu.0.iter().zip(&on_cpu.0).all(|(a, b)| (a - b).abs() < 0.02), "{on_gpu:?} {on_cpu:?}");
 }
 
-/// Rows of a table that `bench gpu` found, by the heads of its columns.
+/// Rows of a table of `bench gpu`, by column header.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 fn rows(found: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
     let table = found["tables"].as_array().unwrap().iter().find(|t| t["name"] == name);
@@ -161,7 +161,7 @@ fn rows(found: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
     table["rows"].as_array().unwrap().iter().map(row).collect()
 }
 
-/// `bench gpu`: every row with numbers that can be; the published recipe in pieces, and rows that are kept meanwhile.
+/// `bench gpu` fills every row with plausible numbers, and continues the published recipe with cached rows.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
@@ -185,14 +185,14 @@ fn slow_a_gpu_is_measured_and_trains_in_pieces() {
         positive(row, &["GB", "G ops"]);
         let pixels = row["pixels"].as_str().unwrap().split('x').map(|n| n.parse::<u64>().unwrap()).collect::<Vec<_>>();
         assert!(pixels.len() == 2 && pixels.iter().all(|n| *n > 0), "{row}");
-        // Nothing is added up by the other law.
+        // The other law has no additions.
         assert_eq!(row["G adds"].as_f64().unwrap() > 0.0, row["law"] != "alpha-blend", "{row}");
     }
     let mut kernels = std::collections::BTreeMap::new();
     for row in rows(&first, "gpu-kernels") {
         *kernels.entry(row["of"].to_string()).or_insert(0) += 1;
     }
-    // Those of every row, or of none.
+    // All rows have them, or none.
     assert!(kernels.is_empty() || kernels.len() == 12 + 3 + 1, "{kernels:?}");
     assert!(kernels.values().all(|n| *n > 2), "{kernels:?}");
     for row in &frames {
@@ -204,7 +204,7 @@ fn slow_a_gpu_is_measured_and_trains_in_pieces() {
         assert!(loss("last loss") > 0.0 && loss("last loss") < loss("first loss"), "{row}");
     }
     positive(&particles[0], &["particles", "s per picture"]);
-    // The recipe goes on where it was, on the same particles; the rows are those of the first time.
+    // The recipe continues with the same particles; the rows come from the cache.
     let second = piece("5");
     assert_eq!((frames, training), (rows(&second, "gpu-frames"), rows(&second, "gpu-steps")));
     let number =

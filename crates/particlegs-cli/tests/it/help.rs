@@ -1,5 +1,4 @@
-//! What a user reads before anything runs: help that fits a screen, options of one spelling, versions,
-//! completions and manual pages.
+//! Help that fits a screen, consistent options, versions, completions and manual pages.
 
 use crate::common::{TestFolder, listing, particlegs, success};
 
@@ -152,7 +151,7 @@ fn a_manual_page_for_every_command() {
     {
         assert!(page.contains(described), "{described}");
     }
-    // Written again over its own kind, and over nothing else.
+    // Replaces only files of its own kind.
     dir.runs("man man1");
     dir.write("man1/particlegs-block.1", "my notes");
     dir.command("man man1").assert().code(8);

@@ -1,5 +1,5 @@
-//! Inputs that are pipes, devices, links to nowhere, of the wrong kind, or that carry names which mean
-//! harm: one clear line each, and nothing that hangs or takes memory.
+//! Inputs that are pipes, devices, broken links, of the wrong kind, or with malicious names: each gives one clear line,
+//! without hanging or taking memory.
 #![cfg(unix)]
 
 use crate::common::{TestFolder, errors, fails, fixture, pipe, process, said, snapshot, success, words};
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// The binary, for what is started and left running.
+/// The binary, to run in the background.
 fn started(folder: &Path, text: &str) -> Command {
     let mut command = process(folder);
     command.args(words(text)).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -46,7 +46,7 @@ fn endless_devices_are_left_after_their_first_bytes() {
     let dir = small();
     for reader in READERS {
         let arguments = reader.replace("NAME", "/dev/zero");
-        // A few gigabytes of address space: what is read without a bound ends by a signal.
+        // With a few gigabytes of address space, unbounded reading would end by a signal.
         let mut c = Command::new("timeout");
         c.current_dir(dir.path()).args(["20", "bash", "-c", "ulimit -v 4000000; exec \"$0\" \"$@\""]);
         let out = c.arg(env!("CARGO_BIN_EXE_particlegs")).args(arguments.split(' ')).output().unwrap();
@@ -60,7 +60,7 @@ fn endless_devices_are_left_after_their_first_bytes() {
 }
 
 #[test]
-fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
+fn waiting_for_a_pipe_is_reported_and_can_be_interrupted() {
     let dir = small();
     pipe(&dir.at("pipe"));
     let logs = tempfile::tempdir().unwrap();
@@ -70,7 +70,7 @@ fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
         let child = started(dir.path(), &arguments).stderr(std::fs::File::create(&log).unwrap()).spawn().unwrap();
         (arguments, log, child)
     };
-    // All wait beside each other; each says so before it is told to stop.
+    // All wait in parallel; each must say so before it is stopped.
     for (arguments, log, mut child) in READERS.iter().enumerate().map(start).collect::<Vec<_>>() {
         let within = |done: &mut dyn FnMut() -> bool| {
             (0..600).any(|_| {
@@ -90,7 +90,7 @@ fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
 }
 
 #[test]
-fn what_a_pipe_or_standard_input_gives_is_read() {
+fn pipes_and_standard_input_are_read() {
     let dir = small();
     let fed = |arguments: &str, file: &Path| {
         let bytes = std::fs::read(file).unwrap();
@@ -115,7 +115,7 @@ fn what_a_pipe_or_standard_input_gives_is_read() {
         assert!(text.contains("files              -"), "{text}");
         fed("compress - -o piped.pgs --gaussians 2 --certificate=none --force", &fixture(name));
     }
-    // Broken data are told under the name that people know.
+    // Errors in the data name the file as the user did.
     let mut child = started(dir.path(), "compress - -o x.pgs").stdin(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(b"\x01\x02\x03").unwrap();
     let text = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
@@ -190,7 +190,7 @@ fn foreign_text_does_not_reach_the_terminal_raw() {
         let text = String::from_utf8([out.stdout, out.stderr].concat()).unwrap();
         assert!(!text.contains(|c: char| c != '\n' && (c.is_control() || c == '\u{202e}')), "{arguments:?}: {text:?}");
         assert!(!shown || text.contains(escaped), "{arguments:?}: {text}");
-        // No row of a table is broken in two.
+        // No table row is wrapped.
         assert!(!text.lines().any(|l| l.starts_with("row")), "{arguments:?}: {text}");
     }
 }
@@ -209,7 +209,7 @@ fn paths_need_not_be_utf8() {
     };
     let made = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
     assert!(made["output"].as_str().unwrap().contains('\u{fffd}'));
-    // The same again: there is another report of what is there.
+    // The same again also reports.
     run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
     run(&[&"info", &snapshot]);
     run(&[&"info", &model]);
@@ -219,7 +219,7 @@ fn paths_need_not_be_utf8() {
     run(&[&"recover", &model, &"-o", &odd(b"drawn\xff")]);
     run(&[&"convert", &snapshot, &"-o", &odd(b"copy\xff.hdf5")]);
     run(&[&"merge", &model, &"-o", &odd(b"merged\xff.pgs")]);
-    // A job's manifest is JSON: such a path is refused before anything is made.
+    // A job's manifest is JSON, so such a path is refused at once.
     fails(dir.command("plan -o job").arg(&snapshot), 2, "UTF-8");
     assert!(!dir.at("job").exists());
 }
@@ -229,7 +229,7 @@ fn stated_units_are_compared_with_what_files_say() {
     let dir = small();
     dir.write("in/meta.json", r#"{"length_unit": "Angstrom", "box": 70}"#);
     let told = |more: &str| {
-        // Each run is another model: what is there is not in the way.
+        // Each run makes another model.
         let _ = std::fs::remove_file(dir.at("u.pgs"));
         ["info in", "compress in -o u.pgs --gaussians 2 --certificate=none"]
             .map(|words| dir.runs(&format!("{words} {more}")).concat())
@@ -243,7 +243,7 @@ fn stated_units_are_compared_with_what_files_say() {
 }
 
 #[test]
-fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
+fn a_file_truncated_while_read_gives_one_line() {
     let dir = TestFolder::new();
     let n = 3_000_000;
     let column = |k: u64| (0..n).map(|i| (i * (7 + k) % 99_991) as f32).collect::<Vec<f32>>();
@@ -252,7 +252,7 @@ fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
     let before = dir.listing();
     let compress = "compress in -o m.pgs --ratio 50 --certificate=none --threads 1";
     let mut child = started(dir.path(), compress).spawn().unwrap();
-    // Whether it is already read or not: as soon as it maps the columns.
+    // Truncate it as soon as the columns are mapped.
     let maps = format!("/proc/{}/maps", child.id());
     let mapped = (0..2000).any(|_| {
         std::thread::sleep(Duration::from_millis(2));

@@ -1,4 +1,4 @@
-//! Jobs in a folder as a user, or an engine, runs them.
+//! Jobs in a folder, run by a user or a workflow engine.
 
 use crate::common::{TestFolder, listing, process, sample, snapshot};
 use std::path::Path;
@@ -8,7 +8,7 @@ fn compressed(dir: &TestFolder, input: &str, options: &str) -> Vec<u8> {
     dir.makes(&format!("compress {input} -o direct.pgs {options} --quiet --force"))
 }
 
-/// The file of a job whose parts are done in an odd order.
+/// The file of a job with its tasks in an unusual order.
 fn by_job(dir: &TestFolder, input: &str, job: &str, options: &str) -> (Vec<u8>, u64) {
     let planned = dir.says(&format!("plan {input} -o {job} {options}"));
     let (blocks, chunks) = (planned["blocks"].as_u64().unwrap(), planned["chunks"].as_u64().unwrap());
@@ -45,16 +45,16 @@ fn a_job_gives_the_bytes_that_compress_gives() {
     let status = dir.says("status job");
     assert_eq!(status["particles"], serde_json::json!([262_144, 262_144]));
     dir.runs("verify job");
-    // A block is a model of its own, and nothing but the job's files is in its folder.
+    // A block is a complete model, and the folder contains only the job's files.
     dir.runs("info --quiet job/blocks/00003.pgs");
     assert_eq!(listing(&dir.at("job")), ["blocks", "plan.json", "runs.bin", "scatter"]);
-    // The same plan again changes nothing, done parts stay done.
+    // The same plan again changes nothing; finished parts stay.
     assert_eq!(dir.says("plan SAMPLE -o job --blocks 5 --effort fast")["planned_before"], true);
     assert_eq!(dir.says("block job 4")["before"], true);
 }
 
 #[test]
-fn what_lies_together_is_not_copied() {
+fn adjacent_blocks_are_not_copied() {
     let dir = TestFolder::new();
     in_order(&dir.at("snapshot"), 400_000);
     let options = "--blocks 3 --effort fast --certificate=none";
@@ -84,7 +84,7 @@ fn layers_weights_and_selections_go_through_a_job() {
 }
 
 #[test]
-fn what_is_missing_broken_or_changed_is_named() {
+fn missing_broken_and_changed_parts_are_named() {
     let dir = TestFolder::new();
     in_order(&dir.at("snapshot"), 140_000);
     // Shuffled along x, so that blocks need buckets.
@@ -134,7 +134,7 @@ fn what_is_missing_broken_or_changed_is_named() {
 }
 
 #[test]
-fn plans_that_cannot_be_are_refused() {
+fn impossible_plans_are_refused() {
     let dir = TestFolder::new();
     snapshot(&dir.at("few"), &[vec![0.0, 1.0, 2.0], vec![0.0; 3], vec![0.0; 3]]);
     for (words, code, text) in [
@@ -176,10 +176,10 @@ fn in_layers(folder: &Path) {
     std::fs::write(folder.join("meta.json"), meta.to_string()).unwrap();
 }
 
-/// An engine's signal: what is finished is kept, the exit code asks to be run again.
+/// At an engine's signal finished work is kept, and the exit code requests another run.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
+fn a_stopped_block_continues_to_the_same_bytes() {
     let dir = TestFolder::new();
     let options = "--blocks 1 --ratio 150 --certificate=none";
     in_layers(&dir.at("data"));
@@ -188,7 +188,7 @@ fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
     dir.runs("scatter job --quiet");
     let checkpoint = dir.at("job/blocks/00000.checkpoint");
     let (mut stops, mut wait) = (0, 50);
-    // Later and later, until something was finished before the signal: both signals at least once.
+    // Signal later and later until some work was finished; use both signals at least once.
     while stops < 2 || !checkpoint.exists() {
         let mut child = process(dir.path()).args(["block", "job", "0", "--quiet"]).spawn().unwrap();
         let (number, name) = if stops % 2 == 0 { (10, "-USR1") } else { (15, "-TERM") };

@@ -1,4 +1,4 @@
-//! `render`, `reference`, `info` and `verify` as a user runs them.
+//! `render`, `reference`, `info` and `verify`.
 
 use crate::common::{TestFolder, recertified, said, snapshot};
 use serde_json::Value;
@@ -10,7 +10,7 @@ fn folder(options: &str) -> TestFolder {
     dir
 }
 
-/// What a model at the default effort reaches, with 0.3 dB to spare, and a hundredth of the density's error.
+/// Scores that a model with default effort reaches, less 0.3 dB and a hundredth of the density's error.
 struct QualityFloor {
     ratio: u32,
     /// Masked PSNR by view against VTK's own pictures of all particles, style `paraview`.
@@ -37,8 +37,7 @@ const FLOORS: [QualityFloor; 2] = [
     },
 ];
 
-/// A model of a hundredth, and of a three-hundredth, of the particles looks like VTK's own pictures of all of
-/// them, and holds their density.
+/// Models at ratios 100 and 300 look like VTK's own pictures of all particles, and keep their density.
 #[test]
 fn models_look_like_the_snapshot() {
     let dir = TestFolder::new();
@@ -81,13 +80,13 @@ fn density(dir: &TestFolder, ratio: u32) -> (f64, f64) {
     (of("density_correlation"), of("density_mean_absolute_error"))
 }
 
-/// A training of four hundred steps, all at one size.
+/// Training with four hundred steps at one size.
 const TRAINING: &str = "evaluate_every = 100\nevaluate_views = 2\ncameras.frames = 16\n\
     [[stages]]\niterations = 400\nsize = [240, 135]\noversample = 2\ncrop = [0, 0]\ninternal = 0.2\n\
     densify = { every = 0, until = 0, threshold = 0.0 }\n";
 
-/// Training makes pictures better that it has not seen: of a model of few Gaussians, by 0.2 dB on average after four
-/// hundred steps. (At ratio 300 the fit leaves so short a run nothing: -0.05 to 0.1 dB, by seed.)
+/// Training improves held-out pictures of a model with few Gaussians by 0.2 dB on average in four hundred steps. (At
+/// ratio 300 such a short run gains nothing: -0.05 to 0.1 dB, by seed.)
 #[test]
 fn training_improves_the_pictures() {
     let dir = TestFolder::new();
@@ -101,7 +100,7 @@ fn training_improves_the_pictures() {
     let after = scores("trained", "--train fast --config training.toml");
     let gains: Vec<f64> = before.iter().zip(&after).map(|(a, b)| b.1 - a.1).collect();
     println!("{gains:.3?}");
-    // Seen: from 0.32 to 0.55.
+    // Typical: 0.32 to 0.55.
     assert!(gains.iter().all(|g| *g > 0.0), "{gains:.3?}");
     assert!(gains.iter().sum::<f64>() / gains.len() as f64 > 0.15, "{gains:.3?}");
 }
@@ -175,7 +174,7 @@ fn verify_finds_damage_and_measures_again() {
     assert_eq!(now["groups_within_10_percent_from"], then["groups_within_10_percent_from"]);
     assert!(now["k_max"].as_f64().unwrap() > 7.9);
 
-    // Sound in itself, but of other particles.
+    // An intact model of other particles.
     dir.runs("convert SAMPLE -o other --every 64 -q");
     dir.fails("verify m.pgs other", 3, "not the snapshot");
     std::fs::remove_dir_all(dir.at("other")).unwrap();
@@ -196,8 +195,7 @@ fn flipped(bytes: &[u8], at: usize) -> Vec<u8> {
     out
 }
 
-/// The rest of a certificate is measured later and stored in the file, which stays what it was otherwise; of a lattice
-/// nothing holds.
+/// `verify --store` completes a certificate and changes nothing else; a lattice gets no good verdict.
 #[test]
 fn certificates_are_completed() {
     let dir = TestFolder::new();

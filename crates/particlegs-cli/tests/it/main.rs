@@ -1,4 +1,4 @@
-//! The command as a user runs it, end to end.
+//! End-to-end tests of the command.
 
 mod alpha_blend;
 mod bad_input;

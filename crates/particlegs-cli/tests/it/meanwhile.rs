@@ -1,4 +1,4 @@
-//! Outputs that change while a command runs: nothing that has come or changed there is lost, nor what was made.
+//! Outputs that change while a command runs: neither the changes nor the results are lost.
 #![cfg(target_os = "linux")]
 
 use crate::common::{TestFolder, contents, listing, pipe, process, said, snapshot, waited};
@@ -9,10 +9,9 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// As on Linux.
 const O_NONBLOCK: i32 = 0o4000;
 
-/// A command that reads PIPE and writes OUT, what is there before, and what happens while it reads.
+/// A command that reads PIPE and writes OUT, with files before and changes during the run.
 struct ReadCase {
     words: &'static str,
     /// Name of OUT, and the input whose bytes come through PIPE.
@@ -20,7 +19,7 @@ struct ReadCase {
     /// Files and folders (they end in `/`) below OUT's folder, before and meanwhile: `from > to`.
     before: &'static str,
     meanwhile: &'static str,
-    /// What the command has made all the same.
+    /// Outputs that the command makes nevertheless.
     beside: &'static str,
 }
 
@@ -94,7 +93,7 @@ impl PipeFiles {
         }
     }
 
-    /// Runs the case's command, and has the change happen when it reads.
+    /// Runs the command of a case, and applies the change while it reads.
     fn run(&self, case: &ReadCase, folder: &Path, change: impl FnOnce()) -> Output {
         let [out, input] = case.files;
         let fifo = folder.join("pipe");
@@ -107,7 +106,7 @@ impl PipeFiles {
         });
         let mut child = self.command(folder).args(words).spawn().unwrap();
         let bytes = self.0.bytes(input);
-        // Not for ever: a command that has failed reads nothing.
+        // With a limit, since a failed command reads nothing.
         let open = || std::fs::File::options().write(true).custom_flags(O_NONBLOCK).open(&fifo);
         let mut to = open();
         waited("a reader of the pipe", || {
@@ -115,7 +114,7 @@ impl PipeFiles {
             to.is_ok() || child.try_wait().unwrap().is_some()
         });
         let Ok(to) = to else { panic!("{}: {:?}", case.words, child.wait_with_output()) };
-        // By then all outputs have been looked at: before a model, and behind the first 64 KiB of particles.
+        // By then all outputs have been checked: before a model, and after the first 64 KiB of particles.
         let (first, last) = bytes.split_at(bytes.len() - 1);
         write(&to, first);
         std::thread::sleep(std::time::Duration::from_millis(200));
@@ -128,7 +127,7 @@ impl PipeFiles {
     }
 }
 
-/// Writes all, however slowly it is read.
+/// Writes everything to a slow reader.
 fn write(mut to: &std::fs::File, mut bytes: &[u8]) {
     waited("a pipe to be read", || match to.write(bytes) {
         Err(e) => e.kind() != std::io::ErrorKind::WouldBlock,
@@ -140,7 +139,7 @@ fn write(mut to: &std::fs::File, mut bytes: &[u8]) {
 }
 
 #[test]
-fn nothing_is_lost_that_comes_or_changes_while_a_command_runs() {
+fn files_that_change_while_a_command_runs_are_not_lost() {
     let w = PipeFiles::new();
     let check = |case: &ReadCase| {
         let folder = tempfile::tempdir().unwrap();
@@ -185,9 +184,9 @@ fn of_two_compressions_to_one_name_one_fails_unless_they_are_the_same() {
     }
 }
 
-/// Folders are filled beside their place: there is time for another file to come.
+/// Folders are filled under another name, so that another file can appear meanwhile.
 #[test]
-fn a_folder_is_not_replaced_with_what_has_come_into_it() {
+fn a_folder_with_new_files_is_not_replaced() {
     let w = PipeFiles::new();
     for (words, change) in [
         ("convert SNAP -o out --force --tile 6,6,6", "notes > out/notes"),

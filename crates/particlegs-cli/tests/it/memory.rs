@@ -1,18 +1,18 @@
-//! What needs much memory, under a shell's limit: an error that says so, never an abort.
+//! Work that needs much memory, under a limit: an error, never an abort.
 #![cfg(target_os = "linux")]
 
 use crate::common::{TestFolder, errors, particlegs, said};
 use crate::models::equal_gaussians;
 use std::process::{Command, Output};
 
-/// A folder with a file of so many equal Gaussians.
+/// A folder with a model of equal Gaussians.
 fn folder(n: usize) -> TestFolder {
     let dir = TestFolder::new();
     dir.write("m.pgs", equal_gaussians(n));
     dir
 }
 
-/// Runs the command with so much address space.
+/// Runs the command with limited address space.
 fn limited(dir: &TestFolder, mebibytes: u64, arguments: &str) -> Output {
     let binary = particlegs().get_program().to_owned();
     let script = format!("ulimit -v {}; exec \"$0\" {arguments} --threads 1 -q", mebibytes * 1024);
@@ -20,7 +20,7 @@ fn limited(dir: &TestFolder, mebibytes: u64, arguments: &str) -> Output {
 }
 
 #[test]
-fn pictures_that_do_not_fit_say_so() {
+fn pictures_that_do_not_match_are_refused() {
     let dir = folder(3);
     for style in ["paraview", "density"] {
         let out = limited(&dir, 1024, &format!("render m.pgs --out p --size 32768x32768 --style {style}"));
@@ -30,10 +30,10 @@ fn pictures_that_do_not_fit_say_so() {
     }
 }
 
-/// A small file may stand for many Gaussians: what they take is asked for before they are decoded.
+/// A small file may contain many Gaussians: their memory is checked before decoding.
 #[test]
 #[ignore = "slow"]
-fn models_that_do_not_fit_say_so() {
+fn models_that_do_not_match_are_refused() {
     let dir = folder(1_000_000);
     let bytes = dir.bytes("m.pgs").len();
     assert!(bytes < 1_000_000, "{bytes} bytes");

@@ -1,4 +1,4 @@
-//! `merge` and `recover` as a user runs them.
+//! `merge` and `recover`.
 
 use crate::common::{TestFolder, listing, words};
 
@@ -15,7 +15,7 @@ fn merging_is_exact_whatever_the_order() {
     assert_eq!(one, dir.makes("merge c.pgs a.pgs b.pgs -o again.pgs --quiet"));
     dir.runs("verify whole.pgs");
 
-    // The picture is that of the parts together: depths add up.
+    // The depths of the parts add up.
     use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
     use particlegs_pipeline::context::Context;
     use particlegs_pipeline::picture::Size;
@@ -37,8 +37,8 @@ fn merging_is_exact_whatever_the_order() {
     assert!(brightest > 0.0);
     for i in 0..together.data.len() {
         let sum: f32 = parts.iter().map(|p| p.data[i]).sum();
-        // Interpolation undershoots beside a bright edge and a depth below 0 is drawn as 0, in a part
-        // where the whole has something to take it from.
+        // Interpolation undershoots beside a bright edge: a negative depth is drawn as 0 in a part, but is subtracted
+        // in the whole.
         let cut = parts.iter().any(|p| p.data[i] == 0.0);
         let tolerance = if cut { 1e-5 } else { 1e-6 };
         assert!((together.data[i] - sum).abs() <= tolerance * brightest.max(1.0), "{} {sum}", together.data[i]);
@@ -59,7 +59,7 @@ fn columns(dir: &TestFolder, name: &str) -> [Vec<f32>; 3] {
 }
 
 #[test]
-fn recovered_particles_say_what_they_are() {
+fn recovered_particles_are_marked_as_synthetic() {
     let dir = TestFolder::new();
     dir.once("compress SAMPLE -o m.pgs --effort fast --ratio 300 --quiet");
     let run = |name: &str, more: &str| {
@@ -68,7 +68,7 @@ fn recovered_particles_say_what_they_are() {
     };
     let p = run("own", "--threads 1");
     assert!(p.iter().all(|c| c.len() == 262_144 && c.iter().all(|v| (0.0..25.0).contains(v))));
-    // SIMD and threads change nothing; a seed does.
+    // SIMD and threads change nothing; another seed does.
     let mut plain = dir.command("recover m.pgs -o plain --quiet --threads 3");
     plain.env("PARTICLEGS_SIMD", "off").assert().success();
     assert_eq!(p, columns(&dir, "plain"));
@@ -82,7 +82,7 @@ fn recovered_particles_say_what_they_are() {
     let supports: Vec<&str> = meta["supports"].as_array().unwrap().iter().map(|v| v.as_str().unwrap()).collect();
     assert!(supports[0].contains("correlation") && supports[1].contains("of particles drawn"));
     assert!(supports[1].contains(" h/Mpc") && supports[1].contains("number of groups"), "{supports:?}");
-    // It is a snapshot that the other commands read.
+    // Other commands read it as a snapshot.
     dir.runs("info own");
 
     for method in ["volume", "ellipsoid", "grid", "stratified", "spaced"] {
@@ -105,9 +105,9 @@ fn recovered_particles_say_what_they_are() {
     dir.fails("recover m.pgs -o missing/deep", 6, "missing");
 }
 
-/// A file of a newer program: open, with an index and sections that this one does not know.
+/// A file of a newer program, with an index and unknown sections.
 #[test]
-fn what_newer_programs_add_survives_merging_and_is_named_where_it_is_left_out() {
+fn unknown_sections_survive_merging_or_are_named_if_dropped() {
     let dir = TestFolder::new();
     let room = "FIXTURES/../../../particlegs-pipeline/tests/fixtures/format-1.0-room.pgs";
     dir.runs(&format!("merge {room} -o merged.pgs --quiet"));
@@ -120,7 +120,7 @@ fn what_newer_programs_add_survives_merging_and_is_named_where_it_is_left_out() 
     let [_, text] = dir.runs(&format!("simplify {room} --gaussians 9 -o small.pgs"));
     assert!(text.contains("dropped: `fiLD` (18 bytes), `paRT` (13 bytes), `nOTe` (17 bytes)"), "{text}");
     assert!(!dir.runs("info small.pgs")[0].contains("`fiLD`"));
-    // Cut within its only block, it is refused.
+    // Truncated in its only block, it is refused.
     let bytes = std::fs::read(&words(room)[0]).unwrap();
     dir.write("cut.pgs", &bytes[..bytes.len() / 2]);
     dir.fails("info cut.pgs", 4, "the file ends before the first block");

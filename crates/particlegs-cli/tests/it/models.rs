@@ -1,4 +1,4 @@
-//! Models that no fit makes: small ones of the sample, and many equal Gaussians.
+//! Models made without a fit: small ones of the sample, and many equal Gaussians.
 
 use crate::common::sample;
 use particlegs_pipeline::codec::{self, Precision};
@@ -32,7 +32,7 @@ pub fn equal_gaussians(n: usize) -> Vec<u8> {
 /// Runs of the sample's particles, which are compact.
 const RUN: usize = 4096;
 
-/// The file of a model: moments of some of the sample's runs, with opacities that rise from one to the next where the law has any.
+/// The file of a model: moments of some of the sample's runs, with rising opacities if the law has any.
 pub fn tiny(runs: std::ops::Range<usize>, law: LawKind) -> Vec<u8> {
     let particles = Particles::open_raw(&[sample()]).unwrap();
     let mut gaussians = Mixture::default();

@@ -1,19 +1,19 @@
-//! Every option of every command that reads or draws, as its own help lists them, at odd values: the
-//! command ends with success or one line of error, or is at work and hears that it is to stop.
+//! Every option in the help of every command that reads or draws, at odd values: the command succeeds, prints one error
+//! line, or works and can be stopped.
 
 use crate::common::{TestFolder, errors, particlegs, process, signal, snapshot};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// A value that makes work is told to stop after this ...
+/// A working command is stopped after this ...
 const PATIENCE: Duration = Duration::from_secs(4);
-/// ... and has then stopped within this, on a machine that does much else.
+/// ... and must end within this, on a busy machine.
 const HEARD: Duration = Duration::from_secs(30);
 
 const VALUES: [&str; 9] =
     ["0", "-1", "5e-324", "1e-300", "1e300", "nan", "inf", "18446744073709551615", "1e-9,1e300,1"];
 
-/// Commands with what they cannot do without, and what keeps them small.
+/// Commands with required arguments, and options that make them quick.
 const COMMANDS: [[&str; 2]; 9] = [
     ["compress snap --certificate=none", "-o=@.pgs --effort=fast --ratio=10"],
     ["render m.pgs", "--out=@ --size=32x24"],
@@ -72,7 +72,7 @@ fn wait(child: &mut Child, limit: Duration) -> bool {
     false
 }
 
-/// Runs a command to its end, or to its stop.
+/// Runs a command until it ends or is stopped.
 fn run(dir: &TestFolder, arguments: &[String]) {
     let error = std::fs::File::create(dir.at("stderr")).unwrap();
     let mut command = process(dir.path());
@@ -95,7 +95,7 @@ fn run(dir: &TestFolder, arguments: &[String]) {
     assert_eq!(errors(&text), usize::from(code != 0), "{arguments:?} ended with {code}:\n{text}");
 }
 
-/// Every option at one value in turn, from the `first` on.
+/// Every option with each value, starting with the `first`.
 fn sweep(first: usize) {
     let dir = inputs();
     let mut number = 0;

@@ -1,4 +1,4 @@
-//! Options that would do nothing are refused by name, and outputs of pictures are what their names say.
+//! Options without effect are refused by name, and names of pictures select their format.
 
 use crate::common::{TestFolder, listing, snapshot};
 
@@ -12,7 +12,7 @@ fn folder() -> TestFolder {
 }
 
 #[test]
-fn options_that_do_nothing_are_refused_by_name() {
+fn options_without_effect_are_refused_by_name() {
     let dir = folder();
     let (render, density) = ("render m.pgs --size 64x36 --out p", "render m.pgs --size 64x36 --out p --style density");
     let (compress, stats) = ("compress in -o x.pgs", "stats in m.pgs -o s --only density");
@@ -57,9 +57,9 @@ fn options_that_do_nothing_are_refused_by_name() {
     }
 }
 
-/// The same options where they mean something are taken, in the words of both spellings of the output.
+/// The same options are accepted where they have an effect, with both spellings of the output.
 #[test]
-fn options_that_mean_something_are_taken() {
+fn options_with_an_effect_are_accepted() {
     let dir = folder();
     for words in [
         "render m.pgs -o d --projection orthographic --width 3 --style density --size 64x36",

@@ -1,5 +1,4 @@
-//! Every command that writes, at every place that it can be told to write to: right or refused, and
-//! nothing of the user's is changed.
+//! Every command that writes, with every kind of output: written or refused, and no file of the user is changed.
 #![cfg(target_os = "linux")]
 
 use crate::common::{contents, errors, fails, files, listing, particlegs, pipe, process, said, snapshot};
@@ -9,7 +8,7 @@ use std::os::unix::fs::{FileTypeExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// What a command writes.
+/// Kind of output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum OutputKind {
     /// A model, kept without --force.
@@ -22,13 +21,13 @@ enum OutputKind {
     Columns,
     /// A job's folder, likewise.
     Job,
-    /// A folder with this file in it, which is replaced by its own kind.
+    /// A folder with this file, which the same kind replaces.
     Within(&'static str),
-    /// A result as JSON, likewise; its times differ from run to run.
+    /// A result as JSON, likewise; its times differ between runs.
     Json,
 }
 
-/// A command: its words, in which OUT is the output and others are files of the workshop.
+/// A command line; OUT is the output, and other capitals are input files.
 struct OutputCase {
     words: &'static str,
     writes: OutputKind,
@@ -142,7 +141,7 @@ impl OutputFiles {
         self.dir.path().join(name)
     }
 
-    /// A command of those words, with OUT for the output.
+    /// The command with OUT replaced.
     fn command(&self, words: &str, out: &Path) -> Command {
         let mut c = process(self.dir.path());
         let word = |w: &str| if w == "OUT" { out.as_os_str().to_os_string() } else { OsString::from(w) };
@@ -150,14 +149,14 @@ impl OutputFiles {
         c
     }
 
-    /// Runs a command and demands an exit code.
+    /// Runs a command and checks its exit code.
     fn ends(&self, command: &mut Command, code: i32) -> Output {
         let out = command.output().unwrap();
         assert_eq!(out.status.code(), Some(code), "{command:?}: {}", said(&out));
         out
     }
 
-    /// Nothing that was there before has changed.
+    /// Checks that no earlier file has changed.
     fn unchanged(&self, what: &str) {
         let now = contents(self.dir.path());
         for (path, bytes) in &self.before {
@@ -170,7 +169,7 @@ impl OutputFiles {
         tempfile::tempdir_in(self.dir.path()).unwrap()
     }
 
-    /// Runs a case and demands an exit code; the inputs stay as they are.
+    /// Runs a case and checks its exit code and unchanged inputs.
     fn demand(&self, case: &OutputCase, what: &str, out: &Path, more: &[&str], code: i32) -> Output {
         let mut c = self.command(case.words, out);
         let what = format!("{} ({}): {what}", case.words, case.ending);
@@ -184,8 +183,7 @@ impl OutputFiles {
     }
 }
 
-/// A null device that may be lost, unlike the machine's own; where only root can make one, nobody else can
-/// replace the machine's.
+/// A null device that may be replaced, unlike the system's; without root the system's cannot be replaced anyway.
 fn null_device(folder: &Path) -> PathBuf {
     let node = folder.join("null");
     let made = Command::new("mknod").arg(&node).args(["c", "1", "3"]).stderr(Stdio::null()).status();
@@ -217,7 +215,7 @@ fn an_input_is_never_an_output() {
         }
         w.demand(case, "the folder around an input", &w.at("."), &["--force"], 8);
     }
-    // An argument that is refused before the model is looked at.
+    // An argument that is refused before reading the model.
     let tuned = case("finetune m.pgs snap -o OUT --certificate none --scale 0.01", OutputKind::Model, "pgs");
     for input in ["m.pgs", "snap/xx.f32", "snap/meta.json"] {
         w.demand(&tuned, "an input", &w.at(input), &["--force"], 8);
@@ -226,7 +224,7 @@ fn an_input_is_never_an_output() {
 }
 
 #[test]
-fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_force_alone() {
+fn only_the_same_kind_is_replaced_and_models_particles_and_jobs_only_by_force() {
     let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
@@ -236,7 +234,7 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
         assert!(!first.is_empty());
         let clean = || listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs"));
         assert!(clean(), "{}", case.words);
-        // The same again: done, or replaced where it is not kept.
+        // The same again: accepted as done, or replaced.
         w.ends(&mut w.command(case.words, &out), 0);
         if !case.has_force() {
             continue;
@@ -297,7 +295,7 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         let null = null_device(folder.path());
         if !case.is_file() {
             let (what, code) = match case.writes {
-                // A picture is written through, like any file.
+                // Pictures follow links, like any file.
                 OutputKind::Within("view.png") => ("a device takes one picture", 0),
                 OutputKind::Within("view.f32") => ("a device takes no values beside their description", 2),
                 OutputKind::Within(_) => ("a device is no folder", 6),
@@ -307,7 +305,7 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
             continue;
         }
         let written = std::fs::read(&plain).unwrap();
-        // The ending decides about the format, and a device has none.
+        // The extension selects the format, and a device has none.
         let to: &[&str] = match (case.writes, case.ending) {
             (OutputKind::Particles, "dump") => &["--to", "lammps"],
             (OutputKind::Particles, ending) => &["--to", ending],
@@ -336,7 +334,7 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
 }
 
 #[test]
-fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
+fn full_disks_and_unwritable_folders_leave_nothing() {
     let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
@@ -350,16 +348,16 @@ fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
     }
 }
 
-/// Runs a command that may write files of so many blocks of 512 bytes.
+/// Runs a command with a limit on file sizes, in blocks of 512 bytes.
 fn limited(w: &OutputFiles, command: &Command, blocks: u32) -> Output {
     let mut sh = Command::new("sh");
     sh.arg("-c").arg(format!("ulimit -f {blocks}; exec \"$0\" \"$@\""));
     sh.arg(command.get_program()).args(command.get_args()).current_dir(w.dir.path()).output().unwrap()
 }
 
-/// Where room ends between the first file of a set and the last, none of them appears.
+/// If space runs out within a set of files, none of them appears.
 #[test]
-fn files_that_belong_together_appear_together() {
+fn files_of_a_set_appear_together() {
     let w = OutputFiles::new();
     let mut failed = [0, 0];
     for blocks in [1, 4, 16, 40, 80, 1000] {
@@ -391,9 +389,9 @@ fn files_that_belong_together_appear_together() {
     assert!((2..6).contains(&failed[0]) && (2..5).contains(&failed[1]), "{failed:?}");
 }
 
-/// Another reader of a folder than `info` may be at work: it never sees new columns beside old ones.
+/// A concurrent reader of a folder never sees new and old columns together.
 #[test]
-fn a_failure_leaves_the_old_columns_whole() {
+fn a_failure_leaves_the_old_columns_complete() {
     let w = OutputFiles::new();
     for words in
         ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"]
@@ -429,7 +427,7 @@ fn two_outputs_are_never_one() {
         w.ends(&mut w.command(words, &out), 8);
         assert!(w.ends(&mut w.command(words, Path::new("-")), 8).stdout.is_empty());
     }
-    // What a run writes beside its model is looked at before the work as well.
+    // Other outputs of a run are also checked before the work.
     let (log, here, settings) = (folder.path().join("log.jsonl"), folder.path(), w.folder());
     let config = settings.path().join("config.toml");
     std::fs::write(&config, "# as the preset\n").unwrap();
@@ -453,7 +451,7 @@ fn two_outputs_are_never_one() {
 }
 
 #[test]
-fn folders_that_nothing_comes_into_go_again() {
+fn empty_new_folders_are_removed() {
     let w = OutputFiles::new();
     let folder = w.folder();
     for words in [
@@ -471,9 +469,9 @@ fn folders_that_nothing_comes_into_go_again() {
     w.ends(&mut w.command("compress snap -o OUT --memory 1GiB --scratch nowhere", &folder.path().join("m.pgs")), 6);
 }
 
-/// What the README shows first, twice: it is done, and the pictures are drawn again.
+/// The README's first command, twice: the model is accepted as done, and the pictures are drawn again.
 #[test]
-fn the_same_again_says_that_it_is_done() {
+fn repeating_a_compression_reports_that_it_is_done() {
     let w = OutputFiles::new();
     let folder = w.folder();
     let out = folder.path().join("m.pgs");
@@ -496,9 +494,9 @@ fn the_same_again_says_that_it_is_done() {
     assert_eq!(modified(), made);
 }
 
-/// A conversion leaves no note of its options: what it would write is compared.
+/// A conversion does not record its options, so its output is compared.
 #[test]
-fn the_same_conversion_again_says_that_it_is_done() {
+fn repeating_a_conversion_reports_that_it_is_done() {
     let w = OutputFiles::new();
     let folder = w.folder();
     for name in ["columns", "a.npy", "a.hdf5", "a.vtp"] {
@@ -515,7 +513,7 @@ fn the_same_conversion_again_says_that_it_is_done() {
     assert_eq!(listing(folder.path()), ["a.hdf5", "a.npy", "a.vtp", "columns"]);
 }
 
-/// A full standard output is an error of every command, a reader that went away of none.
+/// A full standard output is an error in every command; a closed pipe is not.
 #[test]
 fn standard_output_that_is_full_or_closed() {
     let w = OutputFiles::new();
@@ -528,7 +526,7 @@ fn standard_output_that_is_full_or_closed() {
     }
 }
 
-/// Where standard error is full, words are lost and nothing else.
+/// With a full standard error only messages are lost.
 #[test]
 fn standard_error_that_is_full() {
     let w = OutputFiles::new();
@@ -540,8 +538,7 @@ fn standard_error_that_is_full() {
     fails(particlegs().args(["info", "--format", "npy", "/dev/zero"]), 3, "first bytes");
 }
 
-/// Killed in the middle, a conversion leaves the old columns; what it has left beside them goes with the
-/// next run there.
+/// A killed conversion leaves the old columns; the next run removes its partial files.
 #[test]
 fn a_killed_conversion_leaves_the_old_columns() {
     let w = OutputFiles::new();
@@ -563,9 +560,9 @@ fn a_killed_conversion_leaves_the_old_columns() {
     assert_eq!(listing(folder.path()), ["out"]);
 }
 
-/// A pipe's reader that is late is waited for; the wait can be stopped.
+/// A command waits for the reader of a pipe; the wait can be interrupted.
 #[test]
-fn a_pipe_without_a_reader_is_said_and_can_be_left() {
+fn a_pipe_without_a_reader_is_reported_and_can_be_interrupted() {
     let w = OutputFiles::new();
     let folder = w.folder();
     let fifo = folder.path().join("pipe");
@@ -579,9 +576,9 @@ fn a_pipe_without_a_reader_is_said_and_can_be_left() {
     assert_eq!(child.wait().unwrap().code(), Some(130));
 }
 
-/// Batch systems signal more than once: a block still keeps what is finished.
+/// Batch systems signal more than once: a block still keeps finished work.
 #[test]
-fn a_second_signal_leaves_a_checkpoint_all_the_same() {
+fn a_second_signal_still_leaves_a_checkpoint() {
     let w = OutputFiles::new();
     let long: Vec<f32> = (0..240_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);

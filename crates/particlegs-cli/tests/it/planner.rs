@@ -1,4 +1,4 @@
-//! `compress` and a job are planned alike: the same snapshot gives the same exit code, notes and bytes.
+//! `compress` and jobs share a planner: the same snapshot gives the same exit code, notes and bytes.
 
 use crate::common::{TestFolder, fixture, particlegs, said, words};
 use std::ffi::OsString;
@@ -6,17 +6,17 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// What a way to a model ends with.
+/// Outcome of making a model.
 #[derive(Debug, Default, PartialEq)]
 struct Outcome {
     code: i32,
-    /// What is told on standard error, each line once.
+    /// Lines of standard error, each once.
     told: Vec<String>,
     bytes: Option<Vec<u8>>,
 }
 
 impl Outcome {
-    /// Runs a command; gives whether it succeeded.
+    /// Runs a command; returns whether it succeeded.
     fn run(&mut self, words: &[OsString]) -> bool {
         let out = particlegs().args(words).output().unwrap();
         let text = said(&out);
@@ -55,7 +55,6 @@ impl Outcome {
 
 const PLAN: &str = "--blocks 2 --gaussians 20 --certificate none --force";
 
-/// A word and a path.
 fn with(word: &str, path: &Path) -> Vec<OsString> {
     vec![word.into(), path.into()]
 }

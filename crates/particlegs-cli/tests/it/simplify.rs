@@ -1,4 +1,4 @@
-//! `simplify` as a user runs it.
+//! `simplify`.
 
 use crate::common::TestFolder;
 

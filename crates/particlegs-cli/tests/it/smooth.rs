@@ -1,12 +1,12 @@
-//! Smoothed surface densities, and models scored against them, as a user runs it.
+//! Smoothed surface densities, and models scored against them.
 
 use crate::common::{TestFolder, listing, said, snapshot};
 use serde_json::Value;
 
-/// Pixels are float32: sums of them are off by less.
+/// Tolerance for sums of float32 pixels.
 const NEARLY: f64 = 1e-4;
 
-/// A clump and an even background in an open box, and a model of them.
+/// A clump and a uniform background in an open box, and a model of them.
 fn folder() -> TestFolder {
     let dir = TestFolder::new();
     // Additive recurrences fill a cube evenly (Roberts 2018).
@@ -24,7 +24,7 @@ fn drawn(dir: &TestFolder, words: &str) -> Value {
     dir.says(&format!("{words} --style density --projection orthographic --size 80x80 --quiet"))
 }
 
-/// Particles in a folder of values with 40 pixels a unit.
+/// Number of particles in a folder of values with 40 pixels per unit.
 fn mass(dir: &TestFolder, name: &str) -> f64 {
     let bytes = dir.bytes(&format!("{name}/view.f32"));
     bytes.as_chunks::<4>().0.iter().map(|v| f64::from(f32::from_le_bytes(*v))).sum::<f64>() / 1600.0
@@ -54,7 +54,7 @@ fn a_model_is_scored_against_the_smoothed_truth() {
     assert!(table.contains("0.0000 dex") && table.contains("1.0000") && !table.contains("PSNR"), "{table}");
 }
 
-/// Of a periodic box that has not the picture's shape, from a side.
+/// A periodic box whose shape differs from the picture's, seen from the side.
 #[test]
 fn a_model_has_the_window_of_its_particles() {
     let dir = folder();
@@ -83,7 +83,7 @@ fn smoothed_pictures_are_the_same_whatever_the_threads() {
 }
 
 #[test]
-fn what_cannot_be_smoothed_or_compared_is_said() {
+fn impossible_smoothing_and_comparison_are_refused() {
     let dir = folder();
     dir.fails("reference cloud -o out --style density --smooth 6000", 2, "not 6000");
     dir.fails("reference cloud -o out --smooth 16", 2, "--smooth has no effect here");
@@ -94,7 +94,7 @@ fn what_cannot_be_smoothed_or_compared_is_said() {
     let out = compare();
     assert_eq!(out.status.code(), Some(3));
     assert!(said(&out).contains("their views differ"));
-    // Files that were cut or are no numbers are said in their place.
+    // Truncated and invalid files are listed in their row.
     let whole = dir.bytes("b/view.f32");
     dir.write("b/view.f32", &whole[..whole.len() - 5]);
     assert!(said(&compare()).contains("80x80 pixels take 25600"));

@@ -1,4 +1,4 @@
-//! `stats` as a user runs it, on a thinned sample.
+//! `stats` on a thinned sample.
 
 use crate::common::{TestFolder, fails, listing};
 use serde_json::Value;
@@ -10,7 +10,7 @@ fn thinned() -> TestFolder {
     dir
 }
 
-/// The statistics of a truth and another, in the folder `out`.
+/// The statistics of two inputs, in the folder `out`.
 fn stats(dir: &TestFolder, subjects: &str, out: &str, more: &str) -> Value {
     dir.runs(&format!("stats {subjects} -o {out} -q {more}"));
     dir.json(&format!("{out}/stats.json"))
@@ -53,7 +53,7 @@ fn a_model_is_measured_by_its_mixture() {
 }
 
 #[test]
-fn plots_are_pdf_where_asked_and_replace_those_of_before() {
+fn plots_can_be_pdf_and_replace_earlier_ones() {
     let dir = thinned();
     for _ in 0..2 {
         dir.runs("stats thin thin -o pdf --only density --grid 8 --plots pdf --quiet");
@@ -105,7 +105,7 @@ fn a_model_has_profiles_and_haloes_and_no_distances() {
     assert!(s["rdf"].is_null() && s["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("g(r)")));
     let of = |name: &str| s["summary"][name].as_f64().unwrap();
     assert!(of("profile_relative_difference") < 0.1 && (of("halo_mass") - 1.0).abs() < 0.1, "{}", s["summary"]);
-    // The other way round there are no groups to take centres of.
+    // The other way round there are no groups as centres.
     let s = stats(&dir, "m.pgs thin", "b", "--only haloes --no-plots");
     assert!(s["haloes"].is_null() && s["notes"][0].as_str().unwrap().contains("no centres"), "{}", s["notes"]);
 }
@@ -147,7 +147,8 @@ fn the_published_convention_and_bad_options() {
     dir.fails("stats thin none -o a", 6, "none");
 }
 
-/// An ideal gas of 4000 in a cell of 720: cubic, triclinic, the same by longer vectors, and upright by permuted ones.
+/// An ideal gas of 4000 particles in a cell of volume 720: cubic, triclinic, the same with longer vectors, and with
+/// permuted ones.
 #[test]
 fn an_ideal_gas_is_one_in_any_cell() {
     let dir = TestFolder::new();
@@ -195,11 +196,11 @@ fn an_ideal_gas_is_one_in_any_cell() {
         let profile = &s["profiles"][2];
         assert!((profile["mean"][0].as_f64().unwrap() * 720.0 / 4000.0 - 1.0).abs() < 1e-9, "{}", profile["mean"]);
     }
-    // The same lattice, by other vectors.
+    // The same lattice with other vectors.
     let pairs = |s: &Value, bin: usize| s["rdf"]["pairs"][0][bin].as_i64().unwrap();
     for (one, other) in [(&one, &other), (&cubic, &turned)] {
         assert_eq!(groups(one), groups(other));
-        // Rounding of the volume, and so of the bins, may move a pair to the next.
+        // Rounding of the volume may move a pair to the next bin.
         assert!((0..200).all(|bin| (pairs(one, bin) - pairs(other, bin)).abs() <= 4));
     }
     assert!(one["domain"]["tilt"].is_object() && turned["domain"]["tilt"].is_null());
@@ -232,7 +233,7 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
     assert_eq!((own["linked"][0].as_u64(), own["contaminated"][0].as_u64()), (Some(2000), Some(0)));
     let largest = own["largest"][0].as_u64().unwrap();
     assert!((300..310).contains(&largest) && own["classes"][2]["groups"][0] == 2, "{own}");
-    // As long, in another unit; and one that joins all.
+    // The same length in another unit, and one that joins all.
     let length = own["linking_length"][0].as_f64().unwrap();
     let (same, _) = groups("same", &format!("--linking-length {}kpc", 1000.0 * length));
     assert_eq!((&same["classes"], &same["largest"]), (&own["classes"], &own["largest"]));
@@ -247,7 +248,7 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
     }
 }
 
-/// A halo finder's list, whose names stand behind # in no fixed order, names its centres, in its own units.
+/// Centres from a halo finder's list, with names after # in any order, in its own units.
 #[test]
 fn catalogues_of_haloes_are_lists_of_centres() {
     let dir = thinned();
@@ -264,7 +265,7 @@ fn catalogues_of_haloes_are_lists_of_centres() {
     let ahf = "#ID(1)\thostHalo(2)\tXc(6)\tYc(7)\tZc(8)\tRhalo(12)\n7\t0\t10500\t8500\t1250\t2000\n";
     dir.runs(&words(ahf, "b"));
     assert_eq!(row("b"), row("a"));
-    // What cannot be the centres of this box is refused.
+    // Centres outside this box are refused.
     dir.fails(&words("#x y z r\n10500 8500 1250 2000\n", "c"), 3, "outside the periodic box");
     dir.fails(&words("#id m a b c\n1 2 3 4 5\n", "c"), 3, "id, m, a, b, c");
 }

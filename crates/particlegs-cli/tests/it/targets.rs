@@ -1,4 +1,4 @@
-//! Targets in the terms of the data: reached and recorded, out of reach, or refused for what they are.
+//! Targets of quality: reached and recorded, unreachable, or refused.
 
 use crate::common::{TestFolder, recertified, snapshot};
 use particlegs_pipeline::codec;
@@ -12,7 +12,7 @@ fn reached(dir: &TestFolder, options: &str) -> (String, Value) {
     (said, dir.json("c.json"))
 }
 
-/// A target is met in the file that was written, the certificate says so, `verify` finds it again, and nobody forges it.
+/// The written file reaches its target, the certificate states it, `verify` confirms it, and a forged one is found.
 #[test]
 fn a_correlation_is_reached_recorded_and_verified() {
     let dir = TestFolder::new();
@@ -30,7 +30,7 @@ fn a_correlation_is_reached_recorded_and_verified() {
     assert_eq!(&info["certificate"]["goal"], goal);
     let command = info["metadata"]["command"].as_str().unwrap();
     assert!(command.contains("compress --min-correlation 0.995 --cell 1 --effort"));
-    // The same command again finds its file.
+    // The same command again accepts its file.
     assert!(dir.runs(&format!("{COMPRESS} {target}"))[0].contains("already exists"));
     let [verified, _] = dir.runs("verify m.pgs SAMPLE");
     assert!(verified.contains("goal: reached") && !verified.contains("differs"), "{verified}");
@@ -40,7 +40,7 @@ fn a_correlation_is_reached_recorded_and_verified() {
     dir.fails("verify f.pgs SAMPLE", 9, "goal: reached is stored as 0.9999");
 }
 
-/// A share may be written both ways; without a certificate the goal is reached all the same, and said.
+/// A share may be written both ways; without a certificate the target is still reached and reported.
 #[test]
 fn power_groups_and_pictures_are_reached_without_a_certificate() {
     let dir = TestFolder::new();
@@ -64,7 +64,7 @@ fn power_groups_and_pictures_are_reached_without_a_certificate() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_said_with_the_best() {
+fn unreachable_targets_are_reported_with_the_best() {
     let dir = TestFolder::new();
     let best = "the target P(k) within 0.001 % up to k = 4 h/Mpc cannot be reached: the best ";
     dir.fails(&format!("{COMPRESS} --max-pk-error 0.001% --k-max 4 -q"), 5, best);
@@ -72,7 +72,7 @@ fn what_is_out_of_reach_is_said_with_the_best() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused_before_the_fit() {
+fn impossible_targets_are_refused_before_the_fit() {
     let dir = TestFolder::new();
     for (options, why) in [
         ("--max-pk-error 1% --k-max 30", "particles in this box is 8.0425"),

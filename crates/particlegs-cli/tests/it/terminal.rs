@@ -1,4 +1,4 @@
-//! What commands say: little, once, and in users' names.
+//! Messages are short, are printed once, and use the user's names.
 
 use crate::common::{TestFolder, listing, particlegs, success};
 
@@ -27,7 +27,7 @@ fn species_are_chosen_in_models_as_in_snapshots() {
         assert_eq!(particles(&format!("dm{i}"), name), own[1], "{name}");
     }
     dir.fails("render m.pgs --layer stars -o no.png", 2, "no layer");
-    // Where snapshots are read as well, of both.
+    // In commands that also read snapshots, for both.
     for option in ["--layer", "--particle-type"] {
         let [_, told] = dir.runs(&format!("eval m.pgs {SPECIES} {option} gas --frames 1 --size 16x16"));
         assert!(!told.contains("warning"), "{told}");
@@ -41,7 +41,7 @@ fn species_are_chosen_in_models_as_in_snapshots() {
 }
 
 #[test]
-fn legends_name_species_as_people_do() {
+fn legends_use_common_names_of_species() {
     let dir = folder();
     dir.runs("render m.pgs --color-by-layer --size 64x48 -o m.svg");
     let svg = dir.text("m.svg");
@@ -64,13 +64,13 @@ fn files_are_named_and_quiet_commands_print_no_tables() {
     let nothing = [String::new(), String::new()];
     assert_eq!(dir.runs(&format!("{stats} -q")), nothing);
     assert_eq!(dir.runs(&format!("{frames} 2 -o few -q")), nothing);
-    // What goes to no file is the result.
+    // Output that goes to no file is the result.
     let [info, told] = dir.runs("info m.pgs -q");
     assert!(info.contains("Gaussians") && told.is_empty(), "{info}{told}");
 }
 
 #[test]
-fn a_note_is_told_once_of_a_job_and_of_a_command() {
+fn a_note_is_printed_once_per_job_and_command() {
     let dir = TestFolder::new();
     let notes = |words: &str| {
         let [_, told] = dir.runs(words);

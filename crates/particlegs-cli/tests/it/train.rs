@@ -1,5 +1,5 @@
-//! Training runs end to end: the same bytes whatever the threads and however often a run was broken;
-//! stops, limits, blocks, fine-tuning, and what is refused.
+//! Training runs end to end: the same bytes for any threads and interruptions; stops, limits, blocks, fine-tuning, and
+//! errors.
 #![cfg(unix)]
 
 use crate::common::{TestFolder, process, signal, snapshot, words};
@@ -27,18 +27,18 @@ fn training(law: &str) -> String {
     format!("--certificate=none --train fast --law {law} --config tiny.toml --effort fast --size 20kB")
 }
 
-/// A small training run of two threads, over what is there.
+/// A small training run with two threads and --force.
 fn trained(law: &str, out: &str) -> String {
     format!("compress SAMPLE -o {out} {} --threads 2 --force", training(law))
 }
 
-/// The bytes of the small training run of a law, unbroken: made once.
+/// The bytes of an uninterrupted small run for a law, made once.
 fn whole(law: &'static str) -> &'static [u8] {
     static WHOLE: [OnceLock<Vec<u8>>; 2] = [OnceLock::new(), OnceLock::new()];
     WHOLE[usize::from(law == LAWS[1])].get_or_init(|| unbroken(&folder(), &trained(law, "m.pgs")))
 }
 
-/// The bytes of an unbroken run.
+/// The bytes of an uninterrupted run.
 fn unbroken(dir: &TestFolder, words: &str) -> Vec<u8> {
     let bytes = dir.makes(&format!("{words} --quiet"));
     let left = dir.listing().into_iter().find(|name| name.ends_with(".checkpoint"));
@@ -50,14 +50,14 @@ fn spawn(dir: &TestFolder, text: &str) -> Child {
     process(dir.path()).args(words(text)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// Waits until a file is there, or the process has ended.
+/// Waits until a file exists or the process has ended.
 fn wait_for(path: &Path, child: &mut Child) {
     while !path.exists() && child.try_wait().unwrap().is_none() {
         std::thread::sleep(Duration::from_millis(2));
     }
 }
 
-/// The file of a job that is planned already.
+/// The file of a planned job.
 fn merged(dir: &TestFolder) -> Vec<u8> {
     for block in ["1", "0"] {
         dir.runs(&format!("block job {block} -q"));
@@ -78,9 +78,9 @@ fn same_bytes_for_any_threads_and_without_simd() {
     }
 }
 
-/// SIGKILL at odd moments, again and again, loses nothing but time.
+/// Repeated SIGKILL loses nothing but time.
 #[test]
-fn killed_runs_go_on_to_the_same_bytes() {
+fn killed_runs_continue_to_the_same_bytes() {
     let dir = folder();
     let checkpoint = dir.at("m.pgs.checkpoint");
     for law in LAWS {
@@ -108,13 +108,13 @@ fn killed_runs_go_on_to_the_same_bytes() {
     }
 }
 
-/// Ctrl-C and SIGTERM leave the best so far, and the run goes on to the same bytes; other work and broken
-/// files are told from the run's own checkpoint.
+/// Ctrl-C and SIGTERM keep the best model, and the run continues to the same bytes; checkpoints of other work and
+/// broken ones are refused.
 #[test]
-fn stopped_runs_leave_the_best_and_go_on() {
+fn stopped_runs_keep_the_best_model_and_continue() {
     let dir = folder();
     for (law, name) in LAWS.into_iter().zip(["-INT", "-TERM"]) {
-        // Going on needs no --force.
+        // Resuming needs no --force.
         let words = format!("compress SAMPLE -o m.pgs {} --threads 2 --iterations 60", training(law));
         let resume = format!("{words} --resume");
         let mut child = spawn(&dir, &words);
@@ -140,9 +140,9 @@ fn stopped_runs_leave_the_best_and_go_on() {
     }
 }
 
-/// --minutes holds for the whole command and is said to be over; log and curves are there.
+/// --minutes limits the whole command, which reports it and writes log and curves.
 #[test]
-fn minutes_bound_the_whole_run() {
+fn minutes_limit_the_whole_run() {
     let dir = folder();
     let bounds = "--iterations 1000000 --minutes 0.06 --log log.jsonl --json r.json";
     let start = Instant::now();
@@ -162,8 +162,8 @@ fn minutes_bound_the_whole_run() {
     assert!(!dir.at("m.pgs.checkpoint").exists());
 }
 
-/// Blocks of the published law: the job's file is that of `compress`, with the network of block 0, of
-/// the size asked for; a stopped block goes on; the merged model is fine-tuned to its own size.
+/// Blocks of the published law: the job's file equals that of `compress`, has the network of block 0 and the requested
+/// size; a stopped block continues; fine-tuning keeps the size.
 #[test]
 fn blocks_and_fine_tuning() {
     let dir = folder();
@@ -191,7 +191,7 @@ fn blocks_and_fine_tuning() {
     assert!((ranges.scale - 0.3).abs() < 1e-6 && (ranges.floor - 0.1).abs() < 1e-6);
     dir.runs("verify tuned.pgs -q");
 
-    // By number, at the nominal precision; never fewer than it has.
+    // By number, at the nominal precision, but never fewer than before.
     let own = particlegs_pipeline::codec::decode(&direct, "m.pgs").unwrap().gaussians();
     let said = dir.says(&format!("{tune} --gaussians {} -q", 2 * own));
     assert_eq!(said["step_factor"], 1.0);
@@ -206,7 +206,7 @@ fn blocks_and_fine_tuning() {
     dir.fails(&format!("finetune m.pgs SAMPLE {to} --size 5kB"), 5, "the header and the network");
 }
 
-/// Weights are not kept by the published law: a weighted snapshot has the same size and the same job.
+/// The published law keeps no weights: a weighted snapshot has the same size and job.
 #[test]
 fn weighted_snapshots_in_blocks() {
     let dir = folder();
@@ -227,7 +227,7 @@ fn weighted_snapshots_in_blocks() {
 }
 
 #[test]
-fn configurations_come_back_and_faults_are_named() {
+fn configurations_survive_a_round_trip_and_errors_name_the_line() {
     let dir = folder();
     for which in ["all", "changed"] {
         let base = format!("compress --train best --law alpha-blend --print-config {which}");
@@ -255,7 +255,7 @@ fn configurations_come_back_and_faults_are_named() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_before_the_work() {
+fn contradictions_are_refused_before_the_work() {
     let dir = folder();
     let plain = "compress SAMPLE -o m.pgs";
     for option in ["--resume", "--minutes 3", "--log l.jsonl", "--scale 0.5"] {
@@ -279,7 +279,7 @@ fn what_cannot_be_is_refused_before_the_work() {
     // A log that cannot be written to costs no model.
     let [_, told] = dir.runs(&trained("--log /dev/full --certificate=none --iterations 60"));
     assert!(told.contains("nothing more is logged"), "{told}");
-    // Nor is there a checkpoint where a folder has its name.
+    // A folder in place of the checkpoint is an error.
     std::fs::create_dir(dir.at("m.pgs.checkpoint")).unwrap();
     dir.fails(&trained("--certificate=none"), 6, "m.pgs.checkpoint");
 }

@@ -1,9 +1,9 @@
-//! Two things in different units meet: numbers are converted, or the two are refused by name.
+//! Inputs in different units are converted, or refused by name.
 
 use crate::common::{TestFolder, snapshot, success};
 use serde_json::Value;
 
-/// A clump of 2000 particles in a box of 16 kpc, in a unit of `size` kpc that is written as `unit`.
+/// A clump of 2000 particles in a box of 16 kpc, in units of `size` kpc named `unit`.
 fn particles(dir: &TestFolder, name: &str, size: f32, unit: &str, comoving: bool) {
     let along = |step: usize| (0..2000).map(|i| (4.0 + (i * step % 997) as f32 / 128.0) / size).collect::<Vec<f32>>();
     snapshot(&dir.at(name), &[along(7), along(31), along(173)]);
@@ -28,7 +28,7 @@ fn folder() -> TestFolder {
     dir
 }
 
-/// What it reports, and what it says on standard error.
+/// Its report and standard error.
 fn runs(dir: &TestFolder, words: &str) -> (Value, String) {
     let [report, said] = success(dir.command(words).args(["--json", "-"]));
     (serde_json::from_str(&report).unwrap(), said)
@@ -75,7 +75,7 @@ fn panels_and_pictures_drawn_alike_are_in_one_unit() {
         let words = format!("render {models} --style density --size 60x40 --panels -o out.png");
         s.says(&words)["range"][1].as_f64().unwrap()
     };
-    // Fits in other units are not the same to the last digit.
+    // Fits in other units differ in the last digits.
     assert!((brightest("kpc.pgs large.pgs") / brightest("kpc.pgs kpc.pgs") - 1.0).abs() < 0.1);
     let refused = "lj.pgs: physical sigma cannot be converted to";
     s.fails("render kpc.pgs lj.pgs --panels -o no.png", 3, refused);

@@ -1,9 +1,9 @@
-//! A model that shows nothing is said to, and a forged certificate is refused.
+//! A useless model gets a warning, and a forged certificate is refused.
 
 use crate::common::{TestFolder, recertified, snapshot};
 use particlegs_pipeline::model::{Certificate, PictureScore};
 
-/// A cubic crystal of 16^3 atoms: what no mixture of fewer Gaussians shows.
+/// A cubic crystal of 16^3 atoms, which no smaller mixture can represent.
 #[test]
 fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     let dir = TestFolder::new();
@@ -25,13 +25,13 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     assert!(said.contains("does not       ") && said.contains("groups: needs a full certificate"), "{said}");
     assert!(said.contains("\nparticlegs info m.pgs shows the rest\nwrote c.json"), "{said}");
 
-    // What compress told is what the file holds, to the last digit.
+    // The file has the numbers that `compress` reported, to the last digit.
     let [shown, _] = dir.runs("info m.pgs --json i.json");
     let info = dir.json("i.json");
     assert_eq!((&info["certificate"], &info["verdict"]), (&compressed["certificate"], &compressed["verdict"]));
     assert!(shown.contains("all black") && shown.lines().all(|l| l.chars().count() <= 100), "{shown}");
 
-    // Measured again it is the same; a forged score is not, nor another snapshot measured at all.
+    // Measured again it is the same; a forged score differs, and another snapshot is refused.
     let [verified, _] = dir.runs("verify m.pgs in");
     assert!(verified.contains("stored") && verified.contains("tolerance"), "{verified}");
     assert!(!verified.contains("differs"), "{verified}");
@@ -52,7 +52,7 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
         "pictures near expected: subset is stored as 3.00 dB",
     );
     forged(&|c| c.subset.as_mut().unwrap().kept -= 1, "subset: particles is stored as");
-    // What no certificate can say no file can hold, whatever wrote it.
+    // Impossible certificates are refused, whatever wrote them.
     let impossible = |c: &mut Certificate| score(&mut c.views.orbits[1].expected.noise_free).masked_psnr = Some(40.0);
     let refused = recertified(&file, impossible).unwrap_err();
     assert!(refused.to_string().contains("a noise-free picture must match itself"), "{refused}");

@@ -1,4 +1,4 @@
-//! Cameras go out and come back: `--save-views`, and the JSON report, draw the same pictures again.
+//! `--save-views` and the JSON report draw the same pictures again.
 
 use crate::common::{TestFolder, said, spiral};
 
@@ -27,7 +27,7 @@ fn saved_views_and_reports_draw_the_same_pictures() {
 }
 
 #[test]
-fn a_report_of_surface_density_says_its_window() {
+fn a_report_of_surface_density_contains_its_window() {
     let window = "--projection orthographic --width 1.5 --size 60x40";
     let report = spiral().says(&format!("render spiral.pgs --style density {window} --quiet -o slab"));
     let view = &report["views"][0];
@@ -35,7 +35,7 @@ fn a_report_of_surface_density_says_its_window() {
     assert!(view["clipping_range"][1].as_f64().unwrap() > 0.0 && view["fov_deg"].is_null());
 }
 
-/// A window, and a slab in perspective, are drawn again from what was saved, to the byte, in every look.
+/// A window, and a slab in perspective, are drawn again from saved views, byte for byte, in every style.
 #[test]
 fn saved_windows_draw_the_same_pictures() {
     let dir = spiral();
@@ -51,16 +51,16 @@ fn saved_windows_draw_the_same_pictures() {
             for file in ["saved.json", "report.json"] {
                 assert!(draw(style, "b.png", &format!("--views {file}")) == first, "{style} {projection} {file}");
             }
-            // The slab leaves something away.
+            // The slab leaves particles out.
             assert!(draw(style, "c.png", &window) != first);
         }
     }
     dir.fails("render spiral.pgs --fit box -o d.png", 2, "no simulation box is known");
 }
 
-/// Of a periodic snapshot, whose pictures of particles are not repeated.
+/// For a periodic snapshot, whose pictures of particles are not repeated.
 #[test]
-fn a_window_that_was_not_stated_is_told_and_no_box_denied() {
+fn the_default_window_is_reported() {
     let dir = TestFolder::new();
     let out = dir.command("reference SAMPLE --projection orthographic --size 40x40 -o a.png").output().unwrap();
     let said = said(&out);

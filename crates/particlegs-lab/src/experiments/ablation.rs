@@ -1,4 +1,4 @@
-//! Trained models judged beside each other: at the size that the paper scores at, and at the largest that they saw.
+//! Compares trained models at the size that the paper scores, and at the largest size of their training.
 
 use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published::{self, BYTES_A_GAUSSIAN, same_sign};
@@ -11,33 +11,33 @@ use particlegs_pipeline::Result;
 use particlegs_pipeline::model::Metadata;
 use particlegs_pipeline::train::Config;
 
-/// Views of a group, by those of an orbit in the settings.
+/// Factor from the settings' views per orbit to views per group.
 const FRAMES: usize = 4;
 
-/// All particles in views at two sizes: of the first stage of training, at which the paper scores, and of the last.
+/// Reference pictures at two sizes: that of the first training stage, which the paper scores, and that of the last.
 pub(super) struct StageEvaluator<'a> {
     lab: &'a Lab<'a>,
     snapshot: &'a Snapshot,
-    /// The first stage's and the last one's.
+    /// Sizes of the first and the last stage.
     pub truths: [ReferenceViews; 2],
 }
 
-/// Models of one recipe, one a seed, and what they score.
+/// Models of one recipe, one per seed, with their scores.
 pub(super) struct AblationRow {
     pub label: String,
-    /// Scores at the two sizes, of each model.
+    /// Scores of each model at the two sizes.
     pub scores: [Vec<Vec<Score>>; 2],
     pub gaussians: Vec<f64>,
     pub bytes: Vec<f64>,
-    /// Wall-clock seconds that each took.
+    /// Wall-clock seconds of each model.
     pub seconds: Vec<f64>,
     pub paper: Option<published::PublishedRow>,
-    /// Was the number of Gaussians of one of them held by the most that there may be?
+    /// Did one of them reach the limit of Gaussians?
     pub held: bool,
 }
 
 impl<'a> StageEvaluator<'a> {
-    /// Of models that `config` trains, in views of `groups`.
+    /// Models trained by `config`, in views of `groups`.
     pub fn new(
         lab: &'a Lab<'a>,
         snapshot: &'a Snapshot,
@@ -51,7 +51,7 @@ impl<'a> StageEvaluator<'a> {
         Ok(StageEvaluator { lab, snapshot, truths: [truth(small)?, truth(large)?] })
     }
 
-    /// What models of one recipe score.
+    /// Scores of the models of one recipe.
     pub fn row(
         &self,
         label: &str,
@@ -73,7 +73,7 @@ impl<'a> StageEvaluator<'a> {
         })
     }
 
-    /// The noise-free picture's scores at both sizes, as a row of its own.
+    /// Scores of the noise-free picture at both sizes.
     pub fn noise_free(&self) -> Result<AblationRow> {
         let of = |truth| Ok(vec![groups::noise_free(self.lab, self.snapshot, truth)?]);
         let [small, large] = &self.truths;
@@ -82,7 +82,6 @@ impl<'a> StageEvaluator<'a> {
         Ok(AblationRow { label, scores, gaussians: vec![], bytes: vec![], seconds: vec![], paper: None, held: false })
     }
 
-    /// The sizes as people write them.
     pub fn sizes(&self) -> [String; 2] {
         [0, 1].map(|k| in_pixels(self.truths[k].size))
     }
@@ -93,11 +92,11 @@ pub(super) fn frames(lab: &Lab<'_>) -> usize {
     FRAMES * lab.settings.frames
 }
 
-/// What counts: whole pictures and lit pixels at the first size, lit pixels at the second.
+/// Whole pictures and lit pixels at the first size, lit pixels at the second.
 const MEASURES: [(usize, fn(&Score) -> Option<f64>); 3] = [(0, psnr), (0, masked), (1, masked)];
 
 impl AblationRow {
-    /// One of [`MEASURES`], of each model, the mean over the trained orbits.
+    /// One of [`MEASURES`] for each model, averaged over the trained orbits.
     pub fn measured(&self, number: usize) -> Vec<f64> {
         let (size, pick) = MEASURES[number];
         means_over(&self.scores[size], &groups::in_range(), pick)
@@ -108,19 +107,19 @@ impl AblationRow {
         means_over(&self.scores[0], &groups::in_range(), ssim)
     }
 
-    /// Change of a measure from another row's median: of each model.
+    /// Change of a measure from the median of another row, for each model.
     pub fn changes(&self, from: &AblationRow, number: usize) -> Vec<f64> {
         let median = Spread::new(&from.measured(number)).map(|s| s.median);
         self.measured(number).into_iter().filter_map(|v| Some(v - median?)).collect()
     }
 
-    /// How far the models of a row lie apart in a measure: the noise of one run.
+    /// Spread of a measure over the models of a row: the noise of one run.
     pub fn noise(&self, number: usize) -> f64 {
         Spread::new(&self.measured(number)).map_or(0.0, |s| s.high - s.low)
     }
 }
 
-/// The rows with their changes from the first, and whether they have the paper's sign.
+/// The rows with their changes from the first, and whether those agree in sign with the paper.
 pub(super) fn table(name: &str, title: &str, rows: &[AblationRow], sizes: &[String; 2]) -> ResultTable {
     let [small, large] = sizes;
     let heads = [
@@ -173,14 +172,14 @@ fn cells(row: &AblationRow, first: &AblationRow) -> Vec<TableCell> {
     ]
 }
 
-/// Has the median change of a measure the paper's sign? Nothing where the paper has no such row.
+/// Does the median change agree in sign with the paper? `None` if the paper has no such row.
 pub(super) fn sign(row: &AblationRow, first: &AblationRow, number: usize) -> Option<&'static str> {
     let theirs = row.paper.filter(|p| p.change != 0.0)?.change;
     let ours = Spread::new(&row.changes(first, number))?.median;
     Some(same_sign(ours, theirs, first.noise(number)))
 }
 
-/// What a reader must know of every table of trained models.
+/// Notes for every table of trained models.
 pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String; 2]) -> Vec<String> {
     let [small, large] = sizes;
     let (frames, steps) = (frames(lab), config.iterations());
@@ -205,7 +204,7 @@ pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String;
     notes
 }
 
-/// Which rows would have more Gaussians if they might.
+/// Note on rows that reached the limit of Gaussians.
 pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a AblationRow>) -> Option<String> {
     let held: Vec<&str> = rows.into_iter().filter(|r| r.held).map(|r| r.label.as_str()).collect();
     (!held.is_empty()).then(|| {
@@ -216,8 +215,7 @@ pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a AblationRow>) -> 
     })
 }
 
-/// How much better than `first` pictures can become: to the noise-free picture of all particles, which shares no noise with
-/// those that are scored against.
+/// Note on how far `first` is below the noise-free picture of all particles, which no model is expected to exceed.
 pub(super) fn room_note(
     what: &str,
     first: &AblationRow,
@@ -235,7 +233,7 @@ pub(super) fn room_note(
     ))
 }
 
-/// What several seeds of the whole recipe say about one run.
+/// Note on the noise of one run.
 pub(super) fn noise_note(first: &AblationRow, sizes: &[String; 2]) -> String {
     let [small, large] = sizes;
     format!(

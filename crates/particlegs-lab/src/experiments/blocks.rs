@@ -1,4 +1,4 @@
-//! Our law in blocks that are fitted on their own, at the same size of file (paper, table and figure of blocks).
+//! Models in several blocks, each fitted on its own, at the same file size (paper, table and figure of blocks).
 
 use super::Experiment;
 use super::distances::{self, DISTANCES, ScoreCurve, at_distances};
@@ -23,7 +23,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 const BLOCKS: [u32; 5] = [1, 2, 4, 8, 16];
 
-/// Models of one number of blocks, one a seed.
+/// Models with one number of blocks, one per seed.
 struct BlockCountScores {
     blocks: u32,
     scores: Vec<Vec<Score>>,
@@ -50,7 +50,6 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     })
 }
 
-/// A model of `blocks` blocks at the common ratio.
 pub(super) fn recipe(blocks: u32, seed: u64) -> ModelSettings {
     ModelSettings { blocks, ..ModelSettings::ratio(RATIO, seed) }
 }
@@ -116,14 +115,14 @@ fn table(all: &[BlockCountScores], noise_free: &[Vec<Score>]) -> ResultTable {
     table
 }
 
-/// What each model's masked PSNR in some groups is more than the median of one block, dB.
+/// Change of each model's masked PSNR from the median of one block, dB.
 fn changes(m: &BlockCountScores, one: &BlockCountScores, groups: &[ViewGroup]) -> Vec<f64> {
     let of = |m: &BlockCountScores| means_over(&m.scores, groups, masked);
     let median = Spread::new(&of(one)).map(|s| s.median);
     of(m).into_iter().filter_map(|v| Some(v - median?)).collect()
 }
 
-/// The same by distance, as a figure.
+/// The change by distance.
 fn changes_by_distance(all: &[BlockCountScores]) -> Plot {
     let series = all.iter().enumerate().skip(1).map(|(style, m)| {
         let point = |d: f64| Point::spread(d, &changes(m, &all[0], &[ViewGroup::orbit(d)]));

@@ -1,4 +1,4 @@
-//! The published recipe without one of its components at a time, and our law at the same bytes (paper, table of
+//! The published recipe with one component removed at a time, and our law at the same bytes (paper, table of
 //! components).
 
 use super::Experiment;
@@ -17,7 +17,7 @@ use particlegs_pipeline::train::{Config, Norm, Start};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "core-ablation",
-    title: "The published recipe without one component at a time",
+    title: "The published recipe with one component removed at a time",
     paper: "tab:ablation_core",
     trains: true,
     weight: 900,
@@ -61,7 +61,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
 
-/// Rows of what the paper does not compare, one seed each, below that of the whole recipe.
+/// Rows that the paper does not have, one seed each, below the whole recipe.
 fn more(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
@@ -75,7 +75,7 @@ fn more(
     Ok(rows)
 }
 
-/// What the paper does not compare: what is chosen otherwise, and what is trained then.
+/// Choices that the paper does not compare, and the task of each.
 fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, TrainingTask)>> {
     let with = |change: fn(&mut Config)| {
         let mut config = recipe();
@@ -89,30 +89,26 @@ fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, TrainingTask)>> {
         ("without opacity resets", published(|c| c.alpha_blend.reset_every = 0)?),
         ("0.8 L1 + 0.2 DSSIM", published(|c| c.loss.dssim = 0.2)?),
         ("L2", published(|c| c.loss.norm = Norm::L2)?),
-        ("targets free of noise (expected)", published(|c| c.target = ToneStyle::Expected)?),
-        ("started from our partition", from(|c| c.start = Start::Partition)?),
-        ("started from our fit", from(|c| c.start = Start::Fit)?),
-        ("law optical-depth, all else published", published(|c| c.law = LawKind::OpticalDepth)?),
+        ("noise-free targets (expected)", published(|c| c.target = ToneStyle::Expected)?),
+        ("start from our partition", from(|c| c.start = Start::Partition)?),
+        ("start from our fit", from(|c| c.start = Start::Fit)?),
+        ("law optical-depth, otherwise as published", published(|c| c.law = LawKind::OpticalDepth)?),
     ])
 }
 
-/// What is left out, the recipe without it, and what the paper found.
+/// What is removed, the recipe without it, and the paper's result.
 fn ablations(scale: f64) -> Result<[(&'static str, Config, paper::PublishedRow); 3]> {
     let (mut no_vizmapper, mut far) = (recipe(), recipe());
     no_vizmapper.alpha_blend.vizmapper = false;
     far.cameras.orbits.truncate(1);
     Ok([
         ("without VizMapper", scaled(no_vizmapper, scale)?, paper::NO_VIZMAPPER),
-        (
-            "single resolution: the first stage's throughout",
-            scaled(single_resolution(), scale)?,
-            paper::SINGLE_RESOLUTION,
-        ),
+        ("single resolution: that of the first stage", scaled(single_resolution(), scale)?, paper::SINGLE_RESOLUTION),
         ("far orbit only", scaled(far, scale)?, paper::FAR_ORBIT),
     ])
 }
 
-/// Where the network is looked at on its own: radius and opacity within the trained range.
+/// Factors at which the network is tested: radius and opacity within the trained range.
 fn factors() -> [(&'static str, ViewGroup); 5] {
     [
         ("radius 0.5", ViewGroup::radius(0.5)),
@@ -127,7 +123,7 @@ fn all_groups() -> Vec<ViewGroup> {
     groups::in_range().into_iter().chain(factors().map(|(_, g)| g)).collect()
 }
 
-/// What the network is worth by radius and opacity.
+/// Gain from the network by radius and opacity.
 fn by_factor(full: &AblationRow, without: &AblationRow, large: &str) -> ResultTable {
     let heads = ["factor of the default", "whole, dB", "without VizMapper, dB", "gain by the VizMapper, dB"];
     let title = format!("Effect of the VizMapper: masked PSNR at the mid orbit, {large}");

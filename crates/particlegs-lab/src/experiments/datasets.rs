@@ -1,5 +1,5 @@
-//! One pipeline, one configuration, several data sets (paper, table "Generalization across spatial regions and
-//! simulation codes"): nothing is tuned to any of them.
+//! Several data sets with one configuration (paper, table "Generalization across spatial regions and simulation
+//! codes").
 
 use super::Experiment;
 use super::shared::rates::{COMPARED, NOT_OF_THIS_SIZE, RatePoint, ReferenceScores, beside, rows, series};
@@ -19,7 +19,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// A data set at the ratio that is compared.
+/// A data set at the compared ratio.
 struct DatasetComparison<'a> {
     snapshot: &'a Snapshot,
     gaussians: usize,
@@ -33,7 +33,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     for snapshot in snapshots {
         match measured(lab, snapshot) {
             Ok(set) => sets.push(set),
-            // One of too few particles leaves the others as they are.
+            // A data set with too few particles must not stop the others.
             Err(e @ (Error::Input { .. } | Error::Argument { .. } | Error::Unreachable { .. })) => {
                 failed.push((snapshot, e));
             }
@@ -79,7 +79,7 @@ impl DatasetComparison<'_> {
         self.rows.iter().find(|r| r.method == method).map(RatePoint::masked).unwrap_or_default()
     }
 
-    /// Is there a file, but none near the size that is compared?
+    /// Is there a file, but none near the compared size?
     fn missed(&self, method: CompressionMethod) -> bool {
         let raw = self.snapshot.position_bytes() as f64;
         self.rows.iter().any(|r| r.method == method && r.bytes().is_some() && !r.met(raw))
@@ -124,7 +124,7 @@ fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
     }))
 }
 
-/// How far ours is above each other way, a column a data set.
+/// How far our models are above each other method, one column per data set.
 fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<&str> = ["method"].into_iter().chain(sets.iter().map(|s| s.snapshot.name.as_str())).collect();
     let title = format!("Our models above other methods, masked PSNR, dB, at ratio {COMPARED}");
@@ -166,7 +166,7 @@ mod tests {
     use particlegs_pipeline::picture::Size;
 
     #[test]
-    fn one_that_is_too_small_leaves_the_others() {
+    fn a_data_set_that_is_too_small_does_not_stop_the_others() {
         let of = |name: &str, n: u32| {
             Snapshot::new(name.into(), name.into(), crate::testing::lattice(n, |v| (v / 31.0).powi(2)), None)
         };

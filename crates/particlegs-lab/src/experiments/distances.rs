@@ -1,4 +1,4 @@
-//! Masked PSNR by distance of the camera for models of several numbers of blocks (paper, figure of block distances).
+//! Masked PSNR by camera distance, for models with different numbers of blocks (paper, figure of block distances).
 
 use super::groups::{ViewGroup, masked, means_over};
 use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
@@ -11,7 +11,7 @@ pub(super) fn at_distances() -> Vec<ViewGroup> {
     DISTANCES.map(ViewGroup::orbit).to_vec()
 }
 
-/// Models of one kind: what they are called, and the scores of each.
+/// Models of one kind with their scores.
 pub(super) struct ScoreCurve<'a> {
     pub label: String,
     pub scores: &'a [Vec<Score>],
@@ -44,7 +44,7 @@ pub(super) fn table(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> Resul
     ResultTable::new(name, title, &heads).with(curves.iter().map(row))
 }
 
-/// How much more models gain over others near (0.5) than far (1.0), median against median: gains far and near, dB.
+/// Gain of models over others far (1.0) and near (0.5), median against median, dB.
 pub(super) fn gains(over: &[Vec<Score>], of: &[Vec<Score>]) -> Option<[f64; 2]> {
     let median = |all: &[Vec<Score>], d| {
         Some(crate::results::Spread::new(&means_over(all, &[ViewGroup::orbit(d)], masked))?.median)

@@ -1,5 +1,5 @@
-//! The published fine-tuning of a merged model of eight blocks, and what becomes of it with another loss or without
-//! density control (paper, table of fine-tuning).
+//! The published fine-tuning of a merged model of eight blocks, also with another loss or without density control
+//! (paper, table of fine-tuning).
 
 use super::Experiment;
 use super::ablation::{self, StageEvaluator};
@@ -22,7 +22,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Blocks that the model is merged of.
+/// Number of merged blocks.
 const BLOCKS: u32 = 8;
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
@@ -31,7 +31,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let tune = |config: &Config, seed| tuned(lab, snapshot, &of_blocks.made, config, seed);
     let config = fine_tuning(lab)?;
     let seeds: Result<Vec<TrainingResult>> = lab.settings.seeds().map(|seed| tune(&config, seed)).collect();
-    // Sizes are those of the recipe that made the blocks: fine-tuning has the first alone.
+    // Sizes of the recipe that made the blocks: fine-tuning has only the first.
     let recipe = whole(lab)?;
     let judge = StageEvaluator::new(lab, snapshot, &recipe, &of_blocks.made.model.metadata, &groups::in_range())?;
     let mut rows = vec![judge.row("published: L1, density control", &seeds?, Some(paper::EIGHT))?];
@@ -59,7 +59,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
 
-/// The changes of the paper's table, and what it found.
+/// The variants of the paper's table, with its results.
 fn variants(production: &Config) -> [(&'static str, Config, paper::PublishedRow); 3] {
     let dssim = |share| {
         let mut config = production.clone();

@@ -1,4 +1,4 @@
-//! One model at distances, radii and opacities that are not those it is made for (paper, table of generalisation).
+//! One model at distances, radii and opacities that it was not made for (paper, table of generalisation).
 
 use super::Experiment;
 use super::ablation::frames as trained_frames;
@@ -122,7 +122,7 @@ fn add(found: &mut ExperimentResults, stem: &str, models: &[SweepModel], noise_f
     }
 }
 
-/// How far a model falls from the defaults beyond the published range, and how much of that is its own.
+/// Note on the loss of quality beyond the published range, and how much of it is due to the model.
 fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
     let cases = [("radius", 2.0), ("radius", 2.5), ("opacity", 2.0), ("opacity", 2.4)];
     let sweeps = sweeps();
@@ -132,7 +132,7 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
         let paper = sweep.paper_fall(*factor)?;
         let (ours, noise) = (ours?, noise?);
         let own = ours - noise;
-        Some(format!("{name} {factor}: {ours:+.2} dB ({own:+.2} of its own; paper {paper:+.2})"))
+        Some(format!("{name} {factor}: {ours:+.2} dB ({own:+.2} relative to noise-free; paper {paper:+.2})"))
     });
     let said: Vec<String> = said.collect();
     vec![format!(
@@ -143,7 +143,7 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
     )]
 }
 
-/// The published law, trained, and ours at the same bytes, where the pictures are those of its training.
+/// The trained published law, and ours at the same bytes, at the sizes of its training.
 fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentResults) -> Result<()> {
     let config = whole(lab)?;
     let published = of_seeds(lab, snapshot, |seed| TrainingTask::published(config.clone(), 1, seed))?;
@@ -174,7 +174,7 @@ fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentRe
     Ok(())
 }
 
-/// What the published law falls beyond its range more than ours.
+/// Note on the loss of the published law beyond its range, compared with ours.
 fn edge(models: &[SweepModel]) -> Option<String> {
     let sweeps = sweeps();
     let radius = sweeps.iter().find(|s| s.name == "radius")?;

@@ -1,8 +1,8 @@
-//! Groups of views: the published spirals at some distance, with radius and opacity drawn from the published range or
-//! given.
+//! Groups of views: the published spirals at one distance, with radius and opacity given or drawn from the published
+//! range.
 //!
-//! Every group has the same directions, and those that draw radius and opacity have the same draws: what differs from
-//! group to group is the distance or the factor alone.
+//! All groups have the same directions, and the same draws of radius and opacity: they differ only in the distance or
+//! the factor.
 
 use crate::lab::{Lab, ModelBuild, Style};
 use crate::snapshot::Snapshot;
@@ -14,15 +14,14 @@ use particlegs_pipeline::math::{Purpose, Random};
 use particlegs_pipeline::model::Metadata;
 use particlegs_pipeline::picture::Size;
 
-/// Factors of the default radius and opacity that are trained on and scored: smallest and largest (paper, section
-/// IV-A).
+/// Smallest and largest factor of the default radius and opacity in training and scoring (paper, section IV-A).
 pub(super) const RANGE: [f64; 2] = [0.25, 1.75];
 /// The trained orbits, far to near.
 pub(super) const TRAINED: [f64; 3] = [1.0, 0.7, 0.5];
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ViewGroup {
-    /// What its views' names begin with.
+    /// Prefix of the names of its views.
     pub name: String,
     /// Distance, in base distances.
     orbit: f64,
@@ -31,7 +30,7 @@ pub(super) struct ViewGroup {
 }
 
 impl ViewGroup {
-    /// At a distance, radius and opacity drawn.
+    /// At a distance, with radius and opacity drawn.
     pub fn orbit(orbit: f64) -> ViewGroup {
         ViewGroup { name: format!("orbit-{orbit}"), orbit, factors: None }
     }
@@ -51,7 +50,8 @@ pub(super) fn in_range() -> Vec<ViewGroup> {
     TRAINED.map(ViewGroup::orbit).to_vec()
 }
 
-/// `frames` views of each group about a snapshot, named after it (`orbit-0.7_00`). Same seed, same views.
+/// `frames` views of each group around a snapshot, named after the group (`orbit-0.7_00`). They depend only on the
+/// seed.
 pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usize) -> Vec<View> {
     let base = base_distance(&of.bounds, Size { width: 16, height: 9 });
     let turn = Random::from_purpose(Purpose::EvaluationTurn, seed, 0).bits();
@@ -73,7 +73,7 @@ pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usiz
     groups.iter().flat_map(in_group).collect()
 }
 
-/// Scores of a model in the views of `truth`: kept, or measured now.
+/// Scores of a model in the views of `truth`, cached.
 pub(super) fn scores(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
@@ -84,7 +84,7 @@ pub(super) fn scores(
     lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.score_model(lab, &made.model))
 }
 
-/// Scores of the noise-free picture of all particles, which no model can be expected to pass: kept, or measured now.
+/// Scores of the noise-free picture of all particles, which no model is expected to exceed, cached.
 pub(super) fn noise_free(lab: &Lab<'_>, snapshot: &Snapshot, truth: &ReferenceViews) -> Result<Vec<Score>> {
     lab.on_device.result("scores", &(&snapshot.hash, "noise-free", all_told(truth)), || {
         let draw = lab.draws_particles(&snapshot.particles, truth.bounds, Style::NoiseFree)?;
@@ -96,19 +96,18 @@ fn all_told(truth: &ReferenceViews) -> Vec<String> {
     truth.views.iter().map(|view| cache_key(view, truth.size)).collect()
 }
 
-/// The mean over groups of the mean over each group's views, of one figure.
+/// Mean over groups of each group's mean over views.
 pub(super) fn mean_over(scores: &[Score], groups: &[ViewGroup], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
     let of = |g: &ViewGroup| crate::views::mean_of(scores, &g.name, pick);
     let values: Option<Vec<f64>> = groups.iter().map(of).collect();
     mean_of_values(&values?)
 }
 
-/// [`mean_over`] of several models: the values that there are.
+/// [`mean_over`] for several models; missing values are left out.
 pub(super) fn means_over(all: &[Vec<Score>], groups: &[ViewGroup], pick: fn(&Score) -> Option<f64>) -> Vec<f64> {
     all.iter().filter_map(|scores| mean_over(scores, groups, pick)).collect()
 }
 
-/// As people write a size.
 pub(super) fn in_pixels(size: Size) -> String {
     format!("{} x {}", size.width, size.height)
 }
@@ -131,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_differ_in_what_they_are_named_after_alone() {
+    fn groups_differ_only_in_their_parameter() {
         let m = metadata();
         let (far, near) = (ViewGroup::orbit(1.3), ViewGroup::orbit(0.5));
         let all = views(&[far, near, ViewGroup::radius(2.0), ViewGroup::opacity(0.5)], &m, 42, 3);
@@ -165,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_count_alike_however_many_views_they_have() {
+    fn groups_have_equal_weight_for_any_number_of_views() {
         let score = |view: &str, v: f64| Score { view: view.into(), psnr: Some(v), masked: None, ssim: None };
         let scores = [score("orbit-1_00", 10.0), score("orbit-1_01", 20.0), score("orbit-0.7_00", 35.0)];
         let same = crate::views::IDENTICAL;

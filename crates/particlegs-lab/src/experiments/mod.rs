@@ -1,4 +1,4 @@
-//! The experiments, each a file: what it measures, and its tables and figures.
+//! The experiments, one per file.
 
 mod ablation;
 mod blocks;
@@ -28,22 +28,21 @@ use crate::snapshot::Snapshot;
 use particlegs_pipeline::{Error, Result};
 
 pub struct Experiment {
-    /// What it is asked for by.
+    /// Name on the command line.
     pub name: &'static str,
-    /// What it measures, in a line.
+    /// What it measures, in one line.
     pub title: &'static str,
-    /// The tables and figures of the paper that it makes, by their labels there.
+    /// Labels of the paper's tables and figures that it reproduces.
     pub paper: &'static str,
     /// Does it train models?
     pub trains: bool,
-    /// About how long it takes of all, in shares of the whole: for the time that is left. 0 = it takes no snapshot, and
-    /// is none of `all`.
+    /// Approximate share of the time of `all`, for the progress. 0 = it needs no snapshot and is not part of `all`.
     pub weight: u64,
-    /// Does it. The first snapshot is the one that is measured; those after it are what it is compared over.
+    /// Runs it. The first snapshot is measured; the others are compared with it.
     pub run: fn(&Lab<'_>, &[Snapshot]) -> Result<ExperimentResults>,
 }
 
-/// All of them, in the order of a report.
+/// All experiments, in the order of a report.
 pub const EXPERIMENTS: &[Experiment] = &[
     rate_distortion::EXPERIMENT,
     datasets::EXPERIMENT,
@@ -60,7 +59,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     gpu::EXPERIMENT,
 ];
 
-/// The experiments that a name stands for: one, or `all` that the settings allow.
+/// The experiments of a name: one, or `all` that the settings allow.
 pub fn named(name: &str, training: bool) -> Result<Vec<&'static Experiment>> {
     if name == "all" {
         return Ok(EXPERIMENTS.iter().filter(|e| e.weight > 0 && (training || !e.trains)).collect());

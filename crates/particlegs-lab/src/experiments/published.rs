@@ -1,8 +1,8 @@
-//! Figures of the paper that training, blocks and generalisation are compared with: the `\newcommand` lines at the top
-//! of its source, by their names there. All were measured on its HACC snapshot of 281 million particles, by the
-//! published method; PSNR is of whole pictures of 1920 x 1080 where it does not say masked.
+//! Numbers of the paper on training, blocks and generalisation, with the names of the `\newcommand` lines in its
+//! source. All were measured on its HACC snapshot of 281 million particles with the published method. PSNR is of whole
+//! pictures of 1920 x 1080 unless it says masked.
 
-/// Bytes of a Gaussian in the published form, a PLY of 17 float32.
+/// Bytes of a Gaussian as published, a PLY of 17 float32.
 pub(super) const BYTES_A_GAUSSIAN: u64 = 68;
 
 /// A row of the paper's tables of models.
@@ -24,7 +24,7 @@ pub(super) const SINGLE_RESOLUTION: PublishedRow = PublishedRow { psnr: 26.42, c
 /// `AblNoOrbit...`.
 pub(super) const FAR_ORBIT: PublishedRow = PublishedRow { psnr: 28.04, change: -0.77, megabytes: 12.4 };
 
-/// `Eb...`: eight blocks, fine-tuned: what the ablations of fine-tuning start from.
+/// `Eb...`: eight blocks, fine-tuned, which the ablations of fine-tuning start from.
 pub(super) const EIGHT: PublishedRow = PublishedRow { psnr: 30.03, change: 0.0, megabytes: 49.8 };
 /// `AblFtNoDensify...`.
 pub(super) const NO_DENSIFICATION: PublishedRow = PublishedRow { psnr: 28.61, change: -1.42, megabytes: 57.9 };
@@ -39,9 +39,9 @@ pub(super) struct PublishedBlocks {
     pub blocks: u32,
     /// PSNR after the merge, dB.
     pub merged: Option<f64>,
-    /// PSNR after fine-tuning, dB; of one block, as it was trained.
+    /// PSNR after fine-tuning, dB; for one block, after training.
     pub tuned: f64,
-    /// SSIM of the last.
+    /// SSIM, likewise.
     pub ssim: f64,
     pub thousands: f64,
 }
@@ -58,7 +58,7 @@ pub(super) fn blocks(k: u32) -> Option<PublishedBlocks> {
     BLOCKS.into_iter().find(|b| b.blocks == k)
 }
 
-/// `BlkDistFarGain`, `BlkDistNearGain`: masked PSNR that eight fine-tuned blocks gain over one, far and near, dB.
+/// `BlkDistFarGain`, `BlkDistNearGain`: gain in masked PSNR of eight fine-tuned blocks over one, far and near, dB.
 pub(super) const EIGHT_GAINS: [f64; 2] = [1.04, 1.49];
 
 /// An orbit of the table of generalisation (`GenOrbit...`).
@@ -66,7 +66,7 @@ pub(super) const EIGHT_GAINS: [f64; 2] = [1.04, 1.49];
 pub(super) struct OrbitRow {
     /// Distance in base distances.
     pub orbit: f64,
-    /// What it is to the trained model: trained on, between those, or beyond them.
+    /// Relation to training: trained, between or beyond.
     pub kind: &'static str,
     pub masked: f64,
     pub ssim: f64,
@@ -87,14 +87,14 @@ pub(super) const ORBITS: [OrbitRow; 7] = [
     orbit(0.35, "beyond", 25.10, 0.588),
 ];
 
-/// Masked PSNR at the mid orbit and the default radius and opacity, dB (of the paper's artifact).
+/// Masked PSNR at the mid orbit and the default radius and opacity, dB (from the paper's artifact).
 pub(super) const AT_DEFAULTS: f64 = 26.00;
 /// `GenRad...`: factor of the default radius, masked PSNR in dB.
 pub(super) const RADII: [(f64, f64); 2] = [(2.0, 21.85), (2.5, 20.67)];
 /// `GenOpa...`: factor of the default opacity, masked PSNR in dB.
 pub(super) const OPACITIES: [(f64, f64); 2] = [(2.0, 22.30), (2.4, 21.33)];
 
-/// Does a change have the sign of the paper's? Changes within `noise` count as none.
+/// Does a change agree in sign with the paper's? Changes within `noise` count as none.
 pub(super) fn same_sign(ours: f64, theirs: f64, noise: f64) -> &'static str {
     match (ours.abs() <= noise, ours * theirs > 0.0) {
         (true, _) => "within noise",

@@ -1,4 +1,5 @@
-//! The published recipe in blocks: trained on their own, merged, fine-tuned (paper, table and figure of blocks).
+//! The published recipe in blocks: each is trained on its own, then they are merged and fine-tuned (paper, table and
+//! figure of blocks).
 
 use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
@@ -26,7 +27,7 @@ fn numbers(lab: &Lab<'_>) -> &'static [u32] {
     if lab.settings.quick { &[1, 2, 8] } else { &[1, 2, 4, 8, 16] }
 }
 
-/// A number of blocks, merged and fine-tuned.
+/// A model of some blocks, merged and fine-tuned.
 struct BlockTuningRow {
     blocks: u32,
     merged: AblationRow,
@@ -56,8 +57,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     found.notes.extend(ablation::room_note("one block", &one, &noise_free, &sizes));
     found.tables.push(table(&all, &one, &sizes));
     for (stem, title, tuned) in [
-        ("published-blocks-distance", "Fine-tuned blocks by distance of the camera", true),
-        ("published-blocks-distance-merged", "Merged blocks, not fine-tuned, by distance of the camera", false),
+        ("published-blocks-distance", "Fine-tuned blocks by camera distance", true),
+        ("published-blocks-distance-merged", "Merged blocks, not fine-tuned, by camera distance", false),
     ] {
         let title = format!("{title}, {}", sizes[0]);
         let curves = curves(&all, &one, &noise_free, tuned);
@@ -85,14 +86,14 @@ fn table(all: &[BlockTuningRow], one: &AblationRow, sizes: &[String; 2]) -> Resu
         "fine-tuned".into(),
         "bytes, coded".into(),
         "bytes as PLY".into(),
-        "time, s: blocks".into(),
+        "time, s: training".into(),
         "fine-tuning".into(),
         "paper: merged, dB".into(),
         "paper: fine-tuned, dB".into(),
         "paper: change, dB".into(),
         "paper: SSIM".into(),
         "paper: Gaussians, thousands".into(),
-        "same sign of the change".into(),
+        "change has the same sign".into(),
     ];
     let title = "Blocks trained by the published recipe, merged and fine-tuned";
     let heads = heads.each_ref().map(String::as_str);
@@ -131,7 +132,7 @@ fn cells(m: &BlockTuningRow, one: &AblationRow) -> Vec<TableCell> {
     ]
 }
 
-/// A curve a number of blocks; beside them one block as it was trained, of every seed, and the noise-free picture.
+/// One curve per number of blocks, one for a single block as trained (all seeds), and one for the noise-free picture.
 fn curves<'a>(
     all: &'a [BlockTuningRow],
     one: &'a AblationRow,
@@ -154,7 +155,7 @@ fn curves<'a>(
         .collect()
 }
 
-/// Gaussians a block by particles a block (paper, figure of scale).
+/// Gaussians per block over particles per block (paper, figure of scale).
 fn growth(all: &[BlockTuningRow], particles: usize) -> Plot {
     let points: Vec<Point> = all
         .iter()
@@ -175,7 +176,7 @@ fn growth(all: &[BlockTuningRow], particles: usize) -> Plot {
         y: PlotAxis::logarithmic("Gaussians per block, before fine-tuning"),
         series: vec![
             Series { name: "published recipe".into(), style: 0, dashed: false, points },
-            Series { name: "in proportion".into(), style: 7, dashed: true, points: straight },
+            Series { name: "proportional".into(), style: 7, dashed: true, points: straight },
         ],
         levels: vec![],
     }
@@ -197,7 +198,7 @@ fn notes(lab: &Lab<'_>, recipe: &Config, tuning: &Config, one: &AblationRow, siz
     notes
 }
 
-/// What eight blocks gain near and far.
+/// Note on the gain of eight blocks near and far.
 fn near_and_far(all: &[BlockTuningRow], one: &AblationRow) -> Option<String> {
     let eight = all.iter().find(|m| m.blocks == 8)?;
     let [far, near] = distances::gains(&one.scores[0], &eight.tuned.scores[0])?;

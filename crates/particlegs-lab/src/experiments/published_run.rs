@@ -1,4 +1,4 @@
-//! One run of the published recipe at the largest scale that there is time for, in pieces: the same command goes on.
+//! One long run of the published recipe. It pauses after some minutes, and the same command continues it.
 
 use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
@@ -59,7 +59,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     Ok(found)
 }
 
-/// What our fit and the noise-free picture score in the held-out views of the run, dB.
+/// Scores of our fit and of the noise-free picture in the run's held-out views, dB.
 fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &TrainingResult) -> Result<Vec<(String, f64)>> {
     let m = &ours.made.model.metadata;
     let defaults = Defaults {
@@ -93,7 +93,7 @@ fn plot(curve: &[TrainingScore], levels: Vec<(String, f64)>, size: &str) -> Plot
 }
 
 pub(super) fn table(curve: &[TrainingScore]) -> ResultTable {
-    let heads = ["step", "masked PSNR on held-out views, dB", "Gaussians", "time of training, s"];
+    let heads = ["step", "masked PSNR on held-out views, dB", "Gaussians", "training time, s"];
     let row = |e: &TrainingScore| {
         let (score, seconds) = (TableCell::number(e.held_out_masked_psnr, 3), TableCell::number(e.seconds, 0));
         [TableCell::count(e.iteration), score, TableCell::count(e.gaussians), seconds]
@@ -102,7 +102,7 @@ pub(super) fn table(curve: &[TrainingScore]) -> ResultTable {
     ResultTable::new("published-run-curve", title, &heads).with(curve.iter().map(row))
 }
 
-/// How far the run is, and what about it is not as published.
+/// Notes on the state of the run, and on how it differs from the paper.
 fn notes(lab: &Lab<'_>, run: &TrainingResult, config: &Config, snapshot: &Snapshot) -> Vec<String> {
     let (of, done) = (config.iterations(), run.curve.last().map_or(0, |e| e.iteration));
     let seconds = run.curve.last().map_or(0.0, |e| e.seconds);

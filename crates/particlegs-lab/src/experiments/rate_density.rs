@@ -1,4 +1,4 @@
-//! The density's own measures by size of file: what pictures hide.
+//! Quality of the density by file size.
 
 use super::shared::rates::{BY_SIZE, COMPARED, RatePoint, series};
 use crate::density::DensityMeasures;
@@ -10,8 +10,8 @@ use particlegs_pipeline::Result;
 
 pub(super) type MethodDensity = (CompressionMethod, f64, DensityMeasures);
 
-/// At every ratio where they are few, else at every second: statistics of particles take their time. What does not come
-/// near a size is left out there.
+/// Uses every ratio if they are few, else every second, since statistics are slow. Files far from the requested size
+/// are left out.
 pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Result<Vec<MethodDensity>> {
     let ratios = &lab.settings.ratios;
     let (step, compared) = (ratios.len().div_ceil(4), ratios.iter().position(|r| *r == COMPARED).unwrap_or(0));
@@ -46,8 +46,8 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable
             "P(k), large scales, mean deviation",
             "P(k), largest deviation",
             "r(k) >= 0.99 to, of k max",
-            "groups of 100 and more, found / truth",
-            "mass in cores, found / truth",
+            "groups of 100 or more, found / truth",
+            "core mass, found / truth",
         ],
     )
     .with(all.iter().map(|(method, ratio, d)| {
@@ -65,7 +65,7 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable
     }))
 }
 
-/// The measures by ratio; `bits` are those of all particles.
+/// Plots by ratio; `bits` are those of all particles.
 pub(super) fn density_plots(lab: &Lab<'_>, all: &[MethodDensity], bits: f64) -> Vec<Plot> {
     let plot = |name: &str, title: &str, y: PlotAxis, of: fn(&DensityMeasures) -> Option<f64>| {
         let curve = |method: CompressionMethod| {

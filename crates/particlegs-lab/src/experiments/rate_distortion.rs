@@ -1,5 +1,5 @@
-//! Rate and distortion: bytes of a file against the quality of its pictures, and of its density, of models and of what
-//! else there is (paper, table "Rate-distortion comparison" and its figure).
+//! Rate and distortion: file size against the quality of pictures and density, for models and other methods (paper,
+//! table "Rate-distortion comparison" and its figure).
 
 use super::Experiment;
 use super::rate_density::{densities, density_plots, density_table};
@@ -16,7 +16,7 @@ use particlegs_pipeline::score::evaluation_views;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "rate-distortion",
-    title: "Rate and distortion: pictures and density of models and of other compressors' particles",
+    title: "Rate and distortion: pictures and density of models and other compressors",
     paper: "tab:rd, fig:rd",
     trains: false,
     weight: 100,
@@ -25,7 +25,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
-    // The largest file that is asked for: of few particles the smallest are too small for one Gaussian.
+    // The largest file, since for few particles the smallest cannot hold one Gaussian.
     let largest = lab.settings.ratios.first().copied().unwrap_or(COMPARED);
     let first = lab.model(snapshot, &ModelSettings::ratio(largest, lab.settings.seed))?;
     let truth = ReferenceViews::new(lab, snapshot, &first.model.metadata)?;
@@ -50,7 +50,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     Ok(ExperimentResults { tables, plots, pictures: Vec::new(), notes: notes(lab, snapshot, &rows, &truth) })
 }
 
-/// Every way at the ratio that is compared from the same cameras at the default radius and opacity, which most users take.
+/// Every method at the compared ratio, with the same cameras at the default radius and opacity, which most users keep.
 fn usual(lab: &Lab<'_>, of: &Snapshot, any: &ModelBuild) -> Result<(Vec<RatePoint>, ReferenceScores)> {
     let (m, s) = (&any.model.metadata, &lab.settings);
     let mut views = evaluation_views(m, s.size, s.seed, s.frames);
@@ -122,8 +122,7 @@ fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint], truth: &ReferenceView
     notes
 }
 
-/// What our models are above each other way at the ratio that is compared: in views whose radius and opacity are drawn,
-/// and in those of the defaults.
+/// Difference of our models to each other method at the compared ratio, with drawn and with default radius and opacity.
 fn margins(lab: &Lab<'_>, rows: [&[RatePoint]; 2], raw: f64, beside: [ReferenceScores; 2]) -> ResultTable {
     let mut table = ResultTable::new(
         "rate-distortion-margins",
@@ -195,7 +194,7 @@ fn pictures(lab: &Lab<'_>, rows: &[RatePoint], raw: f64) -> ResultTable {
     }))
 }
 
-/// The bounds of compressors that have one, once a size.
+/// Bounds of compressors that have one, once per size.
 fn bounds(lab: &Lab<'_>, rows: &[RatePoint], unit: &str) -> ResultTable {
     let (bound, error) = (format!("bound, {unit}"), format!("largest error, {unit}"));
     let mut table = ResultTable::new(

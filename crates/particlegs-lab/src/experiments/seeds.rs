@@ -1,11 +1,11 @@
-//! Models of several seeds, where seeds make a difference.
+//! Models for several seeds, if the seed makes a difference.
 
 use crate::lab::Lab;
 use particlegs_pipeline::Result;
 use particlegs_pipeline::model::Model;
 
-/// What `make` gives for each seed of the settings; one alone where the second seed gives the Gaussians of the first. A
-/// fit draws nothing unless cells have more particles than it looks at, and small snapshots have not.
+/// Makes one for each seed, but only one if the second gives the same Gaussians: fits of small snapshots are not
+/// random, since no cell has more particles than its sample.
 pub(super) fn each_seed<T>(
     lab: &Lab<'_>,
     model: fn(&T) -> &Model,
@@ -24,7 +24,7 @@ pub(super) fn each_seed<T>(
     Ok(all)
 }
 
-/// How many models there are of so many seeds, and what that says of seeds: of each of several kinds of models.
+/// Describes numbers of fits per kind of model, and whether the seed mattered.
 pub(super) fn describe_seeds(lab: &Lab<'_>, counts: &[usize]) -> String {
     let (least, most) = (counts.iter().min().unwrap_or(&0), counts.iter().max().unwrap_or(&0));
     match (lab.settings.seeds, least, most) {

@@ -1,32 +1,32 @@
-//! Scores of models while one thing about the views changes: the distance, the radius or the opacity.
+//! Scores of models over the distance, the radius or the opacity of views.
 
 use super::groups::{ViewGroup, masked, means_over, psnr, ssim};
 use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::views::Score;
 
-/// A value of what changes.
+/// One value of the varied parameter.
 #[derive(Clone)]
 pub(super) struct SweepStep {
     pub at: f64,
     pub group: ViewGroup,
-    /// What it is to the published training: trained, between or beyond.
+    /// Relation to the published training: trained, between or beyond.
     pub kind: &'static str,
     /// The paper's masked PSNR, dB, and SSIM.
     pub paper: [Option<f64>; 2],
 }
 
-/// One thing that changes.
+/// A varied parameter.
 pub(super) struct Sweep {
-    /// What its table and figure are called after.
+    /// Name for tables and figures.
     pub name: &'static str,
-    /// What changes, with its unit.
+    /// Parameter with its unit.
     pub what: &'static str,
-    /// The value that falls are told from, where they are.
+    /// Value to which changes refer, if any.
     pub base: Option<f64>,
     pub steps: Vec<SweepStep>,
 }
 
-/// Models of one kind, and the scores of each.
+/// Models of one kind with their scores.
 pub(super) struct SweepModel {
     pub label: String,
     pub style: usize,
@@ -34,12 +34,12 @@ pub(super) struct SweepModel {
 }
 
 impl Sweep {
-    /// Of tables and plots: what changes, without its unit.
+    /// Title: the parameter without its unit.
     fn title(&self, of: &str) -> String {
         format!("Quality by {}{of}", self.what.split(',').next().unwrap_or_default())
     }
 
-    /// A row a value; `of` says at the title's end what is different about this table.
+    /// One row per value; `of` is appended to the title.
     pub fn table(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) -> ResultTable {
         let mut heads = vec![self.what.to_string(), "published training".into()];
         for m in models {
@@ -72,7 +72,7 @@ impl Sweep {
         table
     }
 
-    /// Curves of the models, of the noise-free picture and of the paper.
+    /// Curves of the models, the noise-free picture and the paper.
     pub fn plot(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) -> Plot {
         let points = |value: &dyn Fn(&SweepStep) -> Option<Point>| {
             let mut all: Vec<Point> = self.steps.iter().filter_map(value).collect();
@@ -100,13 +100,13 @@ impl Sweep {
         }
     }
 
-    /// Masked PSNR at a value less that at the base, median against median, dB; `None` without a base or at it.
+    /// Masked PSNR at a value minus that at the base, median against median, dB; `None` without a base or at it.
     pub fn fall(&self, scores: &[Vec<Score>], at: f64) -> Option<f64> {
         let base = self.base.filter(|b| *b != at)?;
         Some(median(scores, &self.step(at)?.group)? - median(scores, &self.step(base)?.group)?)
     }
 
-    /// The same of the paper.
+    /// The paper's change.
     pub fn paper_fall(&self, at: f64) -> Option<f64> {
         let base = self.base.filter(|b| *b != at)?;
         Some(self.step(at)?.paper[0]? - self.step(base)?.paper[0]?)
@@ -123,7 +123,7 @@ fn cells(scores: &[Vec<Score>], group: &ViewGroup) -> [TableCell; 3] {
     [TableCell::decibels(&of(masked)), TableCell::decibels(&of(psnr)), TableCell::spread(&of(ssim), 4)]
 }
 
-/// The median over models of masked PSNR at a step.
+/// Masked PSNR at a step, median over models.
 fn median(scores: &[Vec<Score>], group: &ViewGroup) -> Option<f64> {
     Some(Spread::new(&means_over(scores, std::slice::from_ref(group), masked))?.median)
 }
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn falls_are_from_the_base_and_noise_is_told_apart() {
+    fn changes_are_from_the_base_and_separate_from_noise() {
         let (sweep, limit) = (sweep(), scores([33.0, 34.0, 32.0]));
         let model = SweepModel { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
         assert_eq!(sweep.fall(&model.scores, 2.5), Some(-6.0));

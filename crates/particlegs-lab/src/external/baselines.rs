@@ -1,25 +1,25 @@
-//! SZ3 and ZFP as baselines: each axis a column of its own, in the particles' own order or in Morton order.
+//! SZ3 and ZFP as baselines: each axis is a column, in the input order or in Morton order.
 
 use super::External;
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, morton};
 use particlegs_pipeline::{Error, Result};
 
-/// The order that columns are compressed in.
+/// Order of the columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ColumnOrder {
     File,
-    /// Of cubes, 2^21 along the longest edge of the box: neighbours in space are neighbours in the columns. A decoder has
-    /// them in this order.
+    /// Morton order of cubes, 2^21 along the longest edge of the box, so that neighbours in space are neighbours in the
+    /// columns. It is also the order after decoding.
     Morton,
 }
 
-/// A library of compressors.
+/// A compression library.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CompressionLibrary {
-    /// SZ3 (Liang et al., IEEE Trans. Big Data 2023) with an absolute bound, each axis by whichever of its two predictors
-    /// for such columns takes fewer bytes: interpolation and Lorenzo, its default, or Lorenzo and regression.
+    /// SZ3 (Liang et al., IEEE Trans. Big Data 2023) with an absolute bound; each axis uses the better of two
+    /// predictors: interpolation and Lorenzo (the default), or Lorenzo and regression.
     Sz3,
-    /// ZFP (Lindstrom, IEEE TVCG 2014) of fixed accuracy, the tolerance being the bound.
+    /// ZFP (Lindstrom, IEEE TVCG 2014) with fixed accuracy; the tolerance is the bound.
     Zfp,
 }
 
@@ -72,7 +72,7 @@ impl External {
         check_bound(bound)?;
         let n = particles[0].len();
         if u32::try_from(n).is_err() || particles.iter().any(|c| c.len() != n) {
-            return Err(Error::argument("three columns of one length below 2^32 are compressed"));
+            return Err(Error::argument("the three columns must have one length below 2^32"));
         }
         let order = (order == ColumnOrder::Morton).then(|| morton::order_of(&morton::codes_of_places(particles)));
         let mut data = Vec::with_capacity(12 * n);

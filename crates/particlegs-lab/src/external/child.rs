@@ -1,4 +1,4 @@
-//! A child process that answers requests: both as their length and their bytes.
+//! A child process that answers requests. Requests and answers are sent as their length and their bytes.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
@@ -7,26 +7,26 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// How long the last words of a child that ended are waited for: another process may hold its standard error.
+/// How long to wait for the last words of an ended child: another process may hold its standard error.
 const LAST_WORDS: Duration = Duration::from_millis(500);
-/// Characters of them at most.
+/// Most characters of the last words.
 const MOST_WORDS: usize = 300;
 
-/// What a child says to a request.
+/// A child's answer.
 pub enum ChildReply {
     Bytes(Vec<u8>),
-    /// Why there are none.
+    /// Why there are no bytes.
     Error(String),
-    /// The packages that it cannot do without.
+    /// The missing packages.
     Missing(String),
 }
 
-/// A running child. It is ended when it is dropped.
+/// A running child; dropping it kills it.
 pub struct Child {
     process: std::process::Child,
     requests: ChildStdin,
     answers: BufReader<ChildStdout>,
-    /// The last line of its standard error that has words, and who reads it.
+    /// The last line of its standard error with text, and the thread that reads it.
     words: Arc<Mutex<String>>,
     listener: JoinHandle<()>,
 }
@@ -38,7 +38,7 @@ impl Child {
         let mut process = command.spawn()?;
         let pipes = (process.stdin.take(), process.stdout.take(), process.stderr.take());
         let (Some(requests), Some(answers), Some(errors)) = pipes else {
-            return Err(io::Error::other("no pipes"));
+            return Err(io::Error::other("its pipes could not be opened"));
         };
         let words = Arc::new(Mutex::new(String::new()));
         let heard = Arc::clone(&words);
@@ -53,8 +53,8 @@ impl Child {
         Ok(Child { process, requests, answers: BufReader::new(answers), words, listener })
     }
 
-    /// A request in parts, and its answer; the error says how the child failed. Written by a thread of its own: a child
-    /// that answers before it has read all stops nobody.
+    /// Sends a request in parts and reads the answer; the error says how the child failed. A thread of its own writes,
+    /// so that a child which answers too early cannot cause a deadlock.
     pub fn ask(&mut self, parts: &[&[u8]]) -> Result<ChildReply, String> {
         let (requests, answers) = (&mut self.requests, &mut self.answers);
         thread::scope(|scope| {
@@ -66,7 +66,7 @@ impl Child {
             });
             let answer = read_answer(answers);
             if answer.is_err() {
-                // One that answers nonsense may not read on: the writer is not waited for in vain.
+                // After a wrong answer the child may not read on: kill it, so that the writer ends.
                 let _ = self.process.kill();
             }
             let written = writer.join().unwrap_or_else(|_| Err(io::Error::other("the writer failed")));
@@ -78,7 +78,7 @@ impl Child {
         })
     }
 
-    /// How a child that failed ended, and what it said last.
+    /// How a failed child ended, and its last words.
     pub fn last_words(mut self) -> String {
         let _ = self.process.kill();
         let status = self.process.wait();
@@ -113,7 +113,7 @@ fn read_answer(answers: &mut impl Read) -> Result<ChildReply, String> {
         b'M' => |text| ChildReply::Missing(line(&text)),
         _ => return Err("the answer does not come from lab/compressors.py".into()),
     };
-    // Memory grows with what comes, not with what is said to come.
+    // Allocate for the received bytes, not for the stated length.
     let mut bytes = Vec::new();
     let read = answers.take(length).read_to_end(&mut bytes);
     match read {
@@ -122,7 +122,6 @@ fn read_answer(answers: &mut impl Read) -> Result<ChildReply, String> {
     }
 }
 
-/// Text as one line.
 fn line(text: &[u8]) -> String {
     String::from_utf8_lossy(text).split_whitespace().collect::<Vec<_>>().join(" ").chars().take(MOST_WORDS).collect()
 }

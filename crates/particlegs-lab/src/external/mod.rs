@@ -1,5 +1,5 @@
-//! SZ3 and ZFP by their own libraries, in a Python that the user names: a child process that runs lab/compressors.py and
-//! answers requests over its pipes. It ends when its input does: with this process, whatever ends it.
+//! SZ3 and ZFP by their own libraries in the user's Python: a child process runs lab/compressors.py and answers
+//! requests over pipes. It ends when its input is closed, so never later than this process.
 
 mod baselines;
 mod child;
@@ -12,11 +12,11 @@ use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The child's program, and what it needs.
+/// The child's program and its requirements.
 const SCRIPT: &str = include_str!("../../lab/compressors.py");
 const REQUIREMENTS: &str = include_str!("../../lab/requirements.txt");
 
-/// Compressors of a Python. Clones share one child; a child that died is started again at the next request.
+/// The compressors of a Python. Clones share one child; if it dies, the next request starts it again.
 #[derive(Clone)]
 pub struct External {
     shared: Arc<SharedChild>,
@@ -26,7 +26,7 @@ struct SharedChild {
     program: PathBuf,
     arguments: Vec<String>,
     child: Mutex<Option<Child>>,
-    /// Compressors and where they are from.
+    /// Versions of the compressors.
     sources: Vec<(String, String)>,
 }
 
@@ -39,7 +39,7 @@ struct Request<'a> {
 }
 
 impl External {
-    /// Starts a Python, by its path or by a name that is looked for where commands are.
+    /// Starts a Python, given by its path or by a command name.
     pub fn start(python: &Path) -> Result<External> {
         External::from_command(python, ["-u", "-c", SCRIPT].map(String::from).to_vec())
     }
@@ -54,7 +54,7 @@ impl External {
         Ok(External { shared: Arc::new(shared) })
     }
 
-    /// Its baselines: SZ3 and ZFP, each in the particles' own order and in Morton order.
+    /// SZ3 and ZFP, each in the input order and in Morton order.
     pub fn baselines(&self) -> Vec<Box<dyn Baseline>> {
         let of = |library| {
             [ColumnOrder::File, ColumnOrder::Morton].map(|order| -> Box<dyn Baseline> {
@@ -64,12 +64,12 @@ impl External {
         [CompressionLibrary::Sz3, CompressionLibrary::Zfp].into_iter().flat_map(of).collect()
     }
 
-    /// Where a compressor is from.
+    /// Version of a compressor.
     fn source(&self, name: &str) -> String {
         self.shared.sources.iter().find(|s| s.0 == name).map_or(String::new(), |s| s.1.clone())
     }
 
-    /// What a compressor makes of three columns one after the other, behind a checksum.
+    /// Compresses three columns one after the other, behind a checksum.
     fn compress(&self, name: &str, bound: f64, particles: usize, columns: &[u8]) -> Result<Vec<u8>> {
         let request = Request { what: b'c', name, bound, particles: particles as u64, data: columns };
         Ok(packed::sealed(self.shared.ask(&request)?, 0))
@@ -120,7 +120,7 @@ impl SharedChild {
     fn lacks(&self, packages: &str) -> Error {
         let pinned = REQUIREMENTS.lines().filter(|l| l.contains("==")).collect::<Vec<_>>().join(" ");
         let install = format!("{} -m pip install {pinned}", self.program.display());
-        Error::input_with(&self.program, format!("lacks {}", packages.replace(' ', ", ")), install)
+        Error::input_with(&self.program, format!("is missing the packages {}", packages.replace(' ', ", ")), install)
     }
 }
 

@@ -4,13 +4,13 @@ use crate::{PositionColumns, largest_error, rate};
 use particlegs_pipeline::context::Context;
 use std::ffi::OsString;
 
-/// The Python with the packages, where the caller names one: `PARTICLEGS_LAB_PYTHON`.
+/// A Python with the packages, from `PARTICLEGS_LAB_PYTHON`.
 fn named() -> Option<PathBuf> {
     std::env::var_os("PARTICLEGS_LAB_PYTHON").map(|p: OsString| p.into())
 }
 
-/// A child of the standard library alone that answers by the given statements: of what = 'v', 'c' or 'd', of name, bound,
-/// n and data they make `out`, or end it.
+/// A child that needs only the standard library. The statements compute `out` from what = 'v', 'c' or 'd', name, bound,
+/// n and data, or end the child.
 fn fake(statements: &str) -> Result<External> {
     let program = format!(
         "import os, struct, sys
@@ -41,11 +41,11 @@ fn sz3(external: &External) -> LibraryBaseline {
 }
 
 #[test]
-fn requests_and_answers_pass_the_pipes_whole() {
-    // What is compressed comes back with the request's own words before it.
+fn requests_and_answers_pass_the_pipes_unchanged() {
+    // Compression returns the request itself before the data.
     let external =
         fake("out = struct.pack('<dQ', bound, n) + name.encode() + data if what == 'c' else data[19:]").unwrap();
-    // Far more than a pipe holds.
+    // More than a pipe can hold.
     let particles = clustered(300_000);
     for order in [ColumnOrder::File, ColumnOrder::Morton] {
         let baseline = LibraryBaseline { order, ..sz3(&external) };
@@ -63,20 +63,20 @@ fn requests_and_answers_pass_the_pipes_whole() {
 }
 
 #[test]
-fn a_python_that_is_not_there_or_lacks_packages_is_told_in_one_line() {
+fn a_missing_python_or_package_is_reported_in_one_line() {
     let error = External::start(Path::new("/nowhere/python")).err().unwrap();
     assert!(error.to_string().starts_with("/nowhere/python: the program cannot be started"), "{error}");
     assert!(error.hint().to_string().contains("requirements.txt"));
-    // No package is there without site-packages.
+    // Without site-packages no package is found.
     let lacking = ["-I", "-S", "-u", "-c", SCRIPT].map(String::from).to_vec();
     let error = External::from_command(Path::new("python3"), lacking).err().unwrap();
-    assert_eq!(error.to_string(), "python3: lacks numpy, pysz, zfpy");
+    assert_eq!(error.to_string(), "python3: is missing the packages numpy, pysz, zfpy");
     let hint = error.hint().to_string();
     assert!(hint.starts_with("python3 -m pip install numpy==") && hint.contains(" pysz=="), "{hint}");
 }
 
 #[test]
-fn what_is_no_such_child_is_told() {
+fn wrong_programs_are_reported() {
     let of = |program: &str, arguments: &[&str]| {
         let arguments = arguments.iter().map(|a| (*a).to_string()).collect();
         External::from_command(Path::new(program), arguments).err().unwrap().to_string()
@@ -89,7 +89,7 @@ fn what_is_no_such_child_is_told() {
 }
 
 #[test]
-fn a_child_that_dies_midway_is_told_and_started_again() {
+fn a_child_that_dies_is_reported_and_restarted() {
     let external = fake(
         "out = data
 if bound == 7:
@@ -100,7 +100,7 @@ if bound == 9:
     say(b'E', b'ValueError: two\\nlines'); continue",
     )
     .unwrap();
-    // More than a pipe holds, so that the writer is stopped with it.
+    // More than a pipe can hold, so that the writer blocks.
     let particles = clustered(100_000);
     let of = |bound| sz3(&external).compress(&particles, bound);
     assert_eq!(of(7.0).err().unwrap().to_string(), "python3: it ended before it answered during SZ3: Segmentation");
@@ -117,7 +117,7 @@ if bound == 9:
 }
 
 #[test]
-fn a_child_that_reads_half_and_dies_stops_nobody() {
+fn a_child_that_dies_while_reading_causes_no_deadlock() {
     let program = "import sys, struct
 stdin, stdout = sys.stdin.buffer, sys.stdout.buffer
 stdin.read(struct.unpack('<Q', stdin.read(8))[0])
@@ -152,7 +152,7 @@ fn the_libraries_keep_their_bounds() {
         for baseline in external.baselines() {
             let run = rate::verified(&*baseline, &particles, bound);
             let told = (baseline.name(), particles[0].len(), bound);
-            // ZFP has fewer digits than float32 where coordinates of a block differ much: its bound is broken, and told.
+            // ZFP has fewer digits than float32 if coordinates in a block differ much: the broken bound is reported.
             let digits = particles.iter().flatten().fold(0f32, |m, v| m.max(v.abs())) * f32::EPSILON;
             let broken = baseline.name().starts_with("ZFP") && bound < f64::from(digits);
             assert!(run.failure().is_none() || broken, "{told:?}: {:?}", run.failure());
@@ -172,7 +172,7 @@ fn the_libraries_meet_sizes_and_refuse_damage() {
     assert!(found.met(), "{found:?}");
     let other = LibraryBaseline { library: CompressionLibrary::Zfp, order: ColumnOrder::File, ..sz3(&external) };
     let bytes = other.compress(&particles, 0.1).unwrap().bytes;
-    // Another compressor's bytes, and damage under a checksum that fits.
+    // Bytes of another compressor, and damage with a matching checksum.
     assert!(sz3(&external).decompress(&bytes).is_err());
     let inner = packed::opened(&bytes).unwrap().0;
     assert!(other.decompress(&packed::sealed(inner[..inner.len() / 2].to_vec(), 0)).is_err());

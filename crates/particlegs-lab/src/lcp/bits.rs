@@ -1,4 +1,4 @@
-//! Bits, the lowest of each byte first.
+//! Writes and reads bits, the lowest of each byte first.
 
 #[derive(Default)]
 pub struct BitWriter {
@@ -26,7 +26,7 @@ impl BitWriter {
         self.put(value >> low & ((1 << (bits - low)) - 1), bits - low);
     }
 
-    /// The bytes; the last is filled with zeros.
+    /// The bytes; the last is padded with zeros.
     pub fn finish(mut self) -> Vec<u8> {
         if self.bits > 0 {
             self.bytes.push(self.held as u8);

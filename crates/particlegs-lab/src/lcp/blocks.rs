@@ -1,16 +1,16 @@
-//! Particles sorted by blocks, eight of which make a superblock, as four streams of differences.
+//! Particles sorted by block, as four streams of differences. Eight blocks make a superblock.
 
 use super::LARGEST_EDGE;
 use crate::bins::{BinGrid, ParticleBins};
 
 #[derive(Debug, PartialEq)]
 pub struct LcpStreams {
-    /// Numbers of the superblocks that hold particles: the first, then differences.
+    /// Numbers of the occupied superblocks: the first, then differences.
     pub starts: Vec<i64>,
     pub counts: Vec<i64>,
-    /// The octant of each particle less that of the one before it in its superblock.
+    /// Octant of each particle minus that of the previous one in its superblock.
     pub octants: Vec<i64>,
-    /// The place of each particle in its block less that of the one before it in its block.
+    /// Position of each particle in its block minus that of the previous one in its block.
     pub places: Vec<i64>,
 }
 
@@ -19,7 +19,7 @@ fn superblocks(grid: &BinGrid, edge: u32) -> [u64; 3] {
 }
 
 impl LcpStreams {
-    /// The streams of particles in blocks of `edge` bins, and which particle comes where.
+    /// The streams of particles in blocks of `edge` bins, and the order of the particles.
     pub fn new(bins: &ParticleBins, edge: u32) -> (LcpStreams, Vec<u32>) {
         let m = superblocks(&bins.grid, edge);
         let b = u64::from(edge);
@@ -34,7 +34,7 @@ impl LcpStreams {
             .collect();
         keys.sort_unstable();
         let mut blocks = LcpStreams { starts: vec![], counts: vec![], octants: vec![], places: vec![] };
-        // No superblock, octant or place before the first.
+        // Nothing precedes the first particle.
         let (mut id, mut octant, mut place) = (None, 0, 0);
         for (own, within, _) in &keys {
             let (o, r) = ((within >> 48) as i64, (within & 0xffff_ffff_ffff) as i64);
@@ -55,7 +55,7 @@ impl LcpStreams {
         (blocks, keys.into_iter().map(|(.., i)| i).collect())
     }
 
-    /// The bins again, in the order of the blocks; `None` where the streams contradict each other.
+    /// Decodes the bins, in the order of the blocks; `None` if the streams contradict each other.
     pub fn bins(&self, grid: &BinGrid, edge: u32) -> Option<Vec<[u32; 3]>> {
         let (m, b) = (superblocks(grid, edge), i64::from(edge));
         let all: i64 = self.counts.iter().try_fold(0i64, |n, c| n.checked_add(*c).filter(|_| *c > 0))?;

@@ -1,19 +1,18 @@
-//! A plain optimal code of integers: its tree in preorder, then their codes.
+//! Huffman code of integers: the tree in preorder, then the codes.
 
 use super::bits::{BitReader, BitWriter};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
-/// Depth that no tree of fewer than 2^32 values passes, and the longest code that is written at once.
+/// No tree of fewer than 2^32 values is deeper; also the longest code that one write can take.
 const DEEPEST: u32 = 56;
 
-/// A node: its two children, or a symbol.
 enum HuffmanNode {
     Inner(usize, usize),
     Leaf(u64),
 }
 
-/// Values less their smallest, coded; `None` where a code would be too long.
+/// Codes values minus the smallest; `None` if a code would be too long.
 pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
     let mut counts = BTreeMap::new();
     values.iter().for_each(|v| *counts.entry(*v).or_insert(0u64) += 1);
@@ -26,7 +25,7 @@ pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
     }
     let mut out = BitWriter::default();
     let mut codes = std::collections::HashMap::new();
-    // The tree, and the code of each leaf on the way.
+    // Write the tree and collect the code of each leaf.
     let mut open = vec![(nodes.len() - 1, 0u64, 0u32)];
     while let Some((node, code, length)) = open.pop() {
         match nodes[node] {
@@ -52,12 +51,12 @@ pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
     Some(out.finish())
 }
 
-/// `count` values again; `None` for bytes that [`write()`] did not make.
+/// Decodes `count` values; `None` for bytes that [`write()`] did not make.
 pub fn read(bytes: &[u8], count: usize, symbol_bits: u32) -> Option<Vec<u64>> {
     let mut bits = BitReader::new(bytes);
     // Children of inner nodes as indices; leaves as symbols.
     let mut nodes: Vec<HuffmanNode> = Vec::new();
-    // Inner nodes that lack children, with what is known of them.
+    // Inner nodes whose children are not complete yet.
     let mut open: Vec<(usize, Option<usize>)> = Vec::new();
     loop {
         let index = nodes.len();

@@ -1,7 +1,8 @@
 //! LCP-S, the single-frame coder of LCP (arXiv 2411.00761, SIGMOD 2025): bins, blocks, four streams of integers,
 //! entropy coding and zstd. The order of the particles is not kept.
 //!
-//! Blocks: every edge that the authors' program tries on a sample is tried here on all particles, and the best is kept.
+//! Block size: the authors' program tries several on a sample; here each is tried on all particles and the best is
+//! used.
 
 mod bits;
 mod blocks;
@@ -14,11 +15,11 @@ use blocks::LcpStreams;
 use particlegs_pipeline::{Error, Result, parallel};
 use zstd_rs::{CompressionConfig, Compressor, Decompressor};
 
-/// The largest range of an axis that is cut into bins, data units.
+/// Largest range of an axis that can be cut into bins, data units.
 const LARGEST_RANGE: f64 = 1e6;
-/// Bins of an axis that blocks are not searched for: fewer.
+/// Limit of bins along an axis for the search of a block size.
 const FEW_BINS: f64 = 16.0;
-/// Blocks along an axis at most, and the largest edge's logarithm.
+/// Largest number of blocks along an axis, and log2 of the largest block.
 const MOST_BLOCKS: f64 = 200_000.0;
 const LARGEST_EDGE: u32 = 16;
 
@@ -30,7 +31,7 @@ impl Baseline for Lcp {
     }
 
     fn source(&self) -> String {
-        "LCP-S, written from arXiv 2411.00761; zstd level 3".into()
+        "LCP-S, implemented from arXiv 2411.00761; zstd level 3".into()
     }
 
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
@@ -38,7 +39,7 @@ impl Baseline for Lcp {
         let small = |b: &ParticleBins| b.grid.count().iter().all(|c| c * bound <= LARGEST_RANGE);
         let Some(bins) = ParticleBins::new(particles, bound).filter(small) else { return Ok(raw(particles)) };
         let coded = parallel::map(edges(&bins), |edge| of_edge(&bins, edge));
-        let best = coded.into_iter().min_by_key(|c| c.bytes.len()).expect("one edge at least");
+        let best = coded.into_iter().min_by_key(|c| c.bytes.len()).expect("at least one edge");
         Ok(best)
     }
 
@@ -56,7 +57,7 @@ impl Baseline for Lcp {
 const RAW: u8 = 0;
 const BINNED: u8 = 1;
 
-/// Edges of blocks to try, in bins.
+/// Block edges to try, in bins.
 fn edges(bins: &ParticleBins) -> Vec<u32> {
     let count = bins.grid.count();
     let (smallest, largest) =
@@ -95,7 +96,7 @@ fn binned(bytes: &[u8]) -> Option<PositionColumns> {
     grid.coordinates(&bins, &[next()?, next()?, next()?])
 }
 
-/// What is not cut into bins.
+/// Particles that cannot be cut into bins.
 fn raw(particles: &PositionColumns) -> CompressedParticles {
     let values = particles.iter().flatten().flat_map(|v| v.to_le_bytes());
     let plain: Vec<u8> = std::iter::once(RAW).chain(values).collect();
@@ -109,14 +110,14 @@ fn columns(bytes: &[u8]) -> Option<PositionColumns> {
     (rest.is_empty() && values.len() == 3 * n).then(|| [0, 1, 2].map(column))
 }
 
-/// zstd with the raw length before it.
+/// The raw length, then zstd.
 fn packed(plain: &[u8]) -> Vec<u8> {
     let mut bytes = (plain.len() as u64).to_le_bytes().to_vec();
     bytes.extend(zstd(plain));
     bytes
 }
 
-/// A frame of zstd, level 3.
+/// A zstd frame, level 3.
 fn zstd(plain: &[u8]) -> Vec<u8> {
     let mut frame = Vec::new();
     let made = Compressor::new(CompressionConfig::DEFAULT).and_then(|mut c| c.compress(plain, None, &mut frame));

@@ -1,4 +1,4 @@
-//! A stream of integers: of fixed length or by Huffman's code, whichever zstd makes smaller.
+//! A stream of integers, of fixed length or Huffman-coded, whichever is smaller after zstd.
 
 use super::bits::{BitReader, BitWriter};
 use super::{huffman, zstd};
@@ -36,7 +36,7 @@ fn fixed(values: &[u64], bits: u32) -> Vec<u8> {
     out.finish()
 }
 
-/// A stream of at most `most` values, and what follows it; `None` for bytes that [`write()`] did not make.
+/// A stream of at most `most` values, and the rest of the bytes; `None` for bytes that [`write()`] did not make.
 pub fn read(bytes: &[u8], most: usize) -> Option<(Vec<i64>, &[u8])> {
     let (head, rest) = bytes.split_first_chunk::<26>()?;
     let long = |at: usize| <[u8; 8]>::try_from(&head[at..at + 8]).expect("eight bytes");

@@ -15,7 +15,7 @@ fn the_bound_is_kept_and_larger_bounds_give_smaller_files() {
 }
 
 #[test]
-fn odd_particles_come_back() {
+fn unusual_particles_survive_a_round_trip() {
     let one = |x: f32| [vec![x], vec![-x], vec![0.0]];
     held(&one(3.0), 0.1);
     held(&[vec![5.0; 100], vec![5.0; 100], vec![5.0; 100]], 0.1);
@@ -32,7 +32,7 @@ fn damaged_bytes_are_refused() {
         for flip in [1, 0x80, 0xff] {
             let mut bad = plain.clone();
             bad[i] ^= flip;
-            // Whatever comes, it is no panic.
+            // Nothing may panic.
             let _ = Lcp.decompress(&packed(&bad));
         }
         let _ = Lcp.decompress(&packed(&plain[..i]));

@@ -11,7 +11,7 @@ fn the_bound_is_kept_and_larger_bounds_give_smaller_files() {
 }
 
 #[test]
-fn odd_particles_come_back() {
+fn unusual_particles_survive_a_round_trip() {
     odd().iter().for_each(|(particles, bound)| {
         held(&QuantisedCoder, particles, *bound);
     });
@@ -31,10 +31,10 @@ fn layout(particles: &PositionColumns, bound: f64) -> u8 {
 #[test]
 fn layouts_are_chosen_by_their_sizes() {
     assert_eq!(layout(&clustered(20_000), 1.0), CodingLayout::Cells as u8);
-    // Columns that step evenly around a circle, each by its own step: no order but their own is as simple.
+    // Each column steps evenly around a circle by its own step: only the input order is simple.
     let even = [0, 1, 2].map(|k| (0..2000).map(|i| (i * (k * 3001 + 17) % 2003) as f32).collect());
     assert_eq!(layout(&even, 0.25), CodingLayout::File as u8);
-    // Too many bins for a code of 64 bits.
+    // Too many bins for 64-bit codes.
     let fine = clustered(3000);
     assert!([CodingLayout::Axes as u8, CodingLayout::File as u8].contains(&layout(&fine, 1e-7)));
 }
@@ -51,7 +51,7 @@ fn every_layout_decodes_to_the_same_particles() {
     }
 }
 
-/// Damaged bytes are refused by their checksum; with a checksum that fits, whatever comes is no panic.
+/// The checksum catches damaged bytes; with a matching checksum nothing may panic.
 #[test]
 fn damaged_bytes_are_refused() {
     let particles = clustered(300);

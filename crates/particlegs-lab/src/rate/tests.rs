@@ -5,7 +5,7 @@ use crate::testing::{clustered, odd};
 use crate::{CompressedParticles, check_bound};
 use particlegs_pipeline::context::Context;
 
-/// Coordinates rounded to steps of a power of two, as ZFP's are; told to err, and by how much.
+/// Coordinates rounded to powers of two, as ZFP does; `wrong` adds an error.
 struct RoundingBaseline {
     off: f32,
     drop: usize,
@@ -30,7 +30,7 @@ impl Baseline for RoundingBaseline {
     }
 
     fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
-        // What comes back does not hang on the bound: twelve bytes a particle at the end.
+        // The decoded particles do not depend on the bound: twelve bytes per particle at the end.
         let n = 40 - self.drop;
         let values = bytes[bytes.len() - 480..].as_chunks::<4>().0;
         Ok([0, 1, 2].map(|k| values[40 * k..40 * k + n].iter().map(|v| f32::from_le_bytes(*v)).collect()))
@@ -38,7 +38,7 @@ impl Baseline for RoundingBaseline {
 }
 
 #[test]
-fn sizes_are_met() {
+fn requested_sizes_are_reached() {
     let particles = clustered(20_000);
     for baseline in [&Lcp as &dyn Baseline, &QuantisedCoder] {
         for ratio in [4, 20, 100] {
@@ -53,13 +53,13 @@ fn sizes_are_met() {
 }
 
 #[test]
-fn what_cannot_be_met_is_as_close_as_there_is() {
+fn unreachable_sizes_are_approached() {
     let particles = clustered(1000);
     // Fewer bytes than its header.
     let found = at_size(&QuantisedCoder, &particles, 10, &Context::SILENT).unwrap();
     let least = QuantisedCoder.compress(&particles, 1e4).unwrap().bytes.len() as u64;
     assert!(!found.met() && found.bytes <= least && found.off > 0.0, "{found:?} {least}");
-    // More than there are digits.
+    // More than all digits take.
     let found = at_size(&QuantisedCoder, &particles, 1_000_000, &Context::SILENT).unwrap();
     assert!(!found.met() && found.off < 0.0 && found.bytes > 6000, "{found:?}");
     // Between two steps: 2560 and 2720 bytes.
@@ -71,7 +71,7 @@ fn what_cannot_be_met_is_as_close_as_there_is() {
 }
 
 #[test]
-fn odd_particles_have_bounds_of_sizes() {
+fn bounds_are_found_for_unusual_particles() {
     for (particles, _) in odd() {
         if !particles[0].is_empty() {
             let found = at_size(&QuantisedCoder, &particles, 300, &Context::SILENT).unwrap();
@@ -94,7 +94,7 @@ fn bounds_are_verified() {
 }
 
 #[test]
-fn failures_are_told_with_their_figures() {
+fn failures_are_reported_with_numbers() {
     let particles = clustered(40);
     let within = verified(&RoundingBaseline { off: 0.2, drop: 0 }, &particles, 0.25);
     assert!(within.failure().is_none() && (within.run().unwrap().largest_error - 0.2).abs() < 1e-5);

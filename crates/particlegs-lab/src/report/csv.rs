@@ -2,8 +2,7 @@
 
 use crate::results::{ResultTable, TableCell};
 
-/// The table: a line of heads, then rows; a number of several seeds has its smallest and largest in columns of their
-/// own.
+/// The table: a header line, then rows. Numbers of several seeds get two more columns for the smallest and largest.
 pub fn csv(table: &ResultTable) -> String {
     let spread: Vec<bool> = (0..table.columns.len())
         .map(|c| table.rows.iter().any(|row| matches!(row.get(c), Some(TableCell::Spread { .. }))))
@@ -25,7 +24,7 @@ pub fn csv(table: &ResultTable) -> String {
     text
 }
 
-/// A name that a spreadsheet would take for a formula begins with an apostrophe, as a text does there; a number is none.
+/// A name that a spreadsheet would take for a formula starts with an apostrophe.
 fn as_text(cell: String) -> String {
     let formula = cell.starts_with(['=', '+', '-', '@', '\t', '\r']) && cell.parse::<f64>().is_err();
     if formula { format!("'{cell}") } else { cell }
@@ -45,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_no_formulas() {
+    fn names_do_not_become_formulas() {
         let names = ["=1+1", "+a", "-a", "@a", "-1.5", "a=1"].map(|c| as_text(c.into()));
         assert_eq!(names, ["'=1+1", "'+a", "'-a", "'@a", "-1.5", "a=1"]);
     }

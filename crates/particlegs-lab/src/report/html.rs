@@ -1,4 +1,4 @@
-//! The whole report as one page: text, tables, figures and pictures in it, nothing fetched.
+//! The whole report as one self-contained page.
 
 use super::{Provenance, Section};
 use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
@@ -7,7 +7,7 @@ use particlegs_figure::{FileKind, plot_bytes};
 
 const STYLE: &str = include_str!("style.css");
 
-/// The page. `png` writes a picture's file.
+/// The page; `png` encodes a picture.
 pub fn html(sections: &[Section], provenance: &Provenance, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     let mut text = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
@@ -81,7 +81,7 @@ fn table(t: &ResultTable) -> String {
     text + "</tbody></table></div>\n"
 }
 
-/// A cell's words; a range stands below its value, where it takes no width.
+/// Text of a cell; a range is on a line of its own, to save width.
 fn words(cell: &TableCell) -> String {
     let text = code(&cell.describe());
     match (cell, text.split_once(" (")) {
@@ -94,7 +94,7 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Escaped, with what stands between backticks as code.
+/// Escapes text, and turns backticks into code.
 fn code(text: &str) -> String {
     let parts = escaped(text);
     let marked = |(i, part): (usize, &str)| if i % 2 == 1 { format!("<code>{part}</code>") } else { part.to_string() };

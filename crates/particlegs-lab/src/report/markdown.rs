@@ -1,10 +1,10 @@
-//! An experiment as a page of Markdown, beside the files of its figures.
+//! An experiment as a Markdown page.
 
 use super::{Provenance, Section};
 use crate::results::{ExperimentResults, ResultTable};
 use particlegs_figure::shows;
 
-/// The page; figures are looked for in the folder `figures`, relative to it.
+/// The page; it refers to figures in the folder `figures`.
 pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> String {
     let e = section.experiment;
     let mut text = format!("# {}\n\nMade by `particlegs bench {}` without manual edits", e.title, e.name);
@@ -49,7 +49,7 @@ fn table(t: &ResultTable) -> String {
     text
 }
 
-/// Text in which nothing is taken for HTML; what stands between backticks is shown as it is.
+/// Escapes HTML, except between backticks.
 fn escaped(text: &str) -> String {
     let outside = |(i, part): (usize, &str)| match i % 2 {
         0 => part.replace('&', "&amp;").replace('<', "&lt;"),

@@ -1,4 +1,4 @@
-//! What was found, as files: tables of values, pages of Markdown, one page of HTML that needs nothing else.
+//! Results as files: CSV tables, Markdown pages and one self-contained HTML page.
 
 mod csv;
 mod html;
@@ -16,9 +16,9 @@ pub use text::text;
 use crate::experiments::Experiment;
 use crate::results::ExperimentResults;
 
-/// An experiment that was done.
+/// An experiment that was run.
 pub struct Section {
     pub experiment: &'static Experiment,
-    /// What it found, or why it did not.
+    /// Results, or why there are none.
     pub found: Result<ExperimentResults, String>,
 }

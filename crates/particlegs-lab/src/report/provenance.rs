@@ -1,18 +1,18 @@
-//! Where results are from.
+//! Provenance of results.
 
 use serde::Serialize;
 
-/// The program, the machine and the command that made results.
+/// Program, machine and command.
 #[derive(Clone, Debug, Serialize)]
 pub struct Provenance {
     pub version: String,
-    /// The commit that it was built from, where it was built in a repository.
+    /// Commit of the program, if it was built in a repository.
     pub commit: Option<String>,
     pub command: String,
-    /// Processor, as the system names it.
+    /// CPU, as the system names it.
     pub processor: Option<String>,
     pub threads: usize,
-    /// Memory of the machine, bytes.
+    /// Memory in bytes.
     pub memory_bytes: Option<u64>,
     /// Operating system and architecture.
     pub system: String,
@@ -20,12 +20,12 @@ pub struct Provenance {
     pub snapshots: Vec<(String, u64, String)>,
     /// First seed, and how many.
     pub seeds: [u64; 2],
-    /// Versions of what else took part.
+    /// Versions of other programs that took part.
     pub others: Vec<String>,
 }
 
 impl Provenance {
-    /// Of this program on this machine, for `command`.
+    /// This program on this machine, running `command`.
     pub fn new(command: String, threads: usize) -> Provenance {
         Provenance {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -60,7 +60,7 @@ impl Provenance {
     }
 }
 
-/// What a file of `name : value` lines says.
+/// Looks up a name in a file of `name : value` lines.
 pub(crate) fn line_of(path: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(path).ok()?;
     let line = text.lines().find(|l| l.starts_with(name))?;

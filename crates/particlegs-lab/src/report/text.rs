@@ -1,8 +1,7 @@
-//! What was found as a terminal shows it.
+//! Results as text for a terminal.
 
 use crate::results::{ExperimentResults, ResultTable, TableCell};
 
-/// Notes, then tables with their titles.
 pub fn text(found: &ExperimentResults) -> String {
     found.notes.iter().cloned().chain(found.tables.iter().map(table)).collect::<Vec<_>>().join("\n\n")
 }

@@ -1,4 +1,4 @@
-//! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
+//! Trained models: cached by their inputs; interrupted runs continue where they stopped.
 
 mod recording;
 
@@ -16,84 +16,83 @@ use recording::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// Gaussians that a file may have, by those that the published recipe starts from: at scales that are not very small it
-/// makes fewer, so that their number is its own.
+/// Limit of Gaussians, relative to the start of the published recipe. Except at very small scales it makes fewer.
 const ROOM: u64 = 6;
-/// Gaussians that fine-tuning may make of one: DSSIM alone makes 6 (paper, table of fine-tuning).
+/// Limit of Gaussians per Gaussian in fine-tuning; DSSIM alone makes 6 (paper, table of fine-tuning).
 const TUNING_ROOM: u64 = 8;
-/// The same with quick settings, which are to be quick.
+/// The limit with quick settings.
 const QUICK_TUNING_ROOM: u64 = 2;
-/// A number of Gaussians from this share of the most on was held by it.
+/// From this share of the limit on, a number of Gaussians counts as limited.
 const HELD: f64 = 0.98;
-/// Held-out views that runs are scored on while they train, but for the long one.
+/// Held-out views for scores during training, except in the long run.
 const HELD_OUT: u64 = 4;
-/// The last stage of the preset `fast` is so many pixels wide, that of the published recipe so many.
+/// Width in pixels of the last stage of the preset `fast`, and of the published recipe.
 const WIDTHS: [f64; 2] = [1440.0, 5760.0];
 
-/// What is trained on all particles.
+/// A model to train on all particles.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct TrainingTask {
     pub target: Target,
-    /// How it is trained; `None` = not.
+    /// `None` = not trained.
     pub training: Option<Config>,
-    /// Blocks that are trained on their own.
+    /// Number of blocks, each trained on its own.
     pub blocks: u32,
-    /// Seed of start, pictures and steps.
+    /// Seed of the start, pictures and steps.
     pub seed: u64,
 }
 
 impl TrainingTask {
-    /// The published law by `training`, as many Gaussians as that makes.
+    /// The published law by `training`, with as many Gaussians as it makes.
     pub fn published(training: Config, blocks: u32, seed: u64) -> TrainingTask {
         let most = ROOM * u64::from(blocks) * training.start_gaussians.unwrap_or(1);
         TrainingTask { target: Target::Gaussians(most), training: Some(training), blocks, seed }
     }
 
-    /// The same started from a fit of as many Gaussians as the recipe draws.
+    /// The same, started from a fit of as many Gaussians as the recipe draws.
     pub fn published_from_fit(mut training: Config, seed: u64) -> TrainingTask {
         let first = training.start_gaussians.unwrap_or(1);
         training.alpha_blend.most_gaussians = Some(ROOM * first);
         TrainingTask { target: Target::Gaussians(first), training: Some(training), blocks: 1, seed }
     }
 
-    /// The same in a file of so many bytes, which may hold fewer Gaussians than the recipe begins with or makes.
+    /// The same in a file of `bytes`, which may limit the number of Gaussians.
     pub fn published_in(bytes: u64, scale: f64, seed: u64) -> Result<TrainingTask> {
         Ok(TrainingTask { target: Target::Size(bytes), training: Some(recipe().scaled(scale)?), blocks: 1, seed })
     }
 
-    /// Our law in a file of so many bytes.
+    /// Our law in a file of `bytes`.
     pub fn ours(bytes: u64, training: Option<Config>, seed: u64) -> TrainingTask {
         TrainingTask { target: Target::Size(bytes), training, blocks: 1, seed }
     }
 }
 
-/// Share of the published recipe that whole models are trained with, where many are compared.
+/// Share of the published recipe to train whole models with, if many are compared.
 pub(crate) fn scale(lab: &Lab<'_>) -> f64 {
     lab.settings.scale.unwrap_or(if lab.settings.quick { 0.02 } else { 0.08 })
 }
 
-/// The published recipe before it is scaled.
+/// The published recipe, not scaled.
 pub(crate) fn recipe() -> Config {
     Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Paper, LawKind::AlphaBlend) }
 }
 
-/// Gaussians that a start has at least.
+/// Smallest number of Gaussians at the start.
 const FEWEST: f64 = 64.0;
 
-/// A recipe scaled as a whole: pixels along either side, steps and pictures by `scale`, first Gaussians by its square, as
-/// many to a pixel as before.
+/// A scaled recipe: picture width and height, steps and pictures by `scale`, first Gaussians by its square, so that
+/// their number per pixel stays the same.
 pub(crate) fn scaled(config: Config, scale: f64) -> Result<Config> {
     let start_gaussians = config.start_gaussians.map(|n| (n as f64 * scale * scale).round().max(FEWEST) as u64);
     Ok(Config { start_gaussians, ..config.scaled(scale)? })
 }
 
-/// Our preset `fast` with a last stage of the size that the published recipe's has at `scale`.
+/// Our preset `fast`, with the last stage as large as that of the published recipe at `scale`.
 pub(crate) fn ours_at(scale: f64) -> Result<Config> {
     let fast = Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Fast, LawKind::OpticalDepth) };
     scaled(fast, (scale * WIDTHS[1] / WIDTHS[0]).min(1.0))
 }
 
-/// The published recipe in one stage, of the first one's size: its steps, its density control as long as that goes on.
+/// The published recipe in one stage of the first stage's size, with all its steps.
 pub(crate) fn single_resolution() -> Config {
     let all = recipe();
     let until = all.stages.iter().map(|s| s.densify.until).max().unwrap_or(0);
@@ -102,7 +101,7 @@ pub(crate) fn single_resolution() -> Config {
     Config { stages: vec![Stage { iterations: all.iterations(), densify, ..first }], ..all }
 }
 
-/// The first stage's size, at which the paper scores, and the last one's.
+/// Sizes of the first stage, which the paper scores, and of the last.
 pub(crate) fn sizes(config: &Config) -> [Size; 2] {
     let of = |s: Option<&Stage>| s.map_or([16, 9], |s| s.size);
     [of(config.stages.first()), of(config.stages.last())].map(|[width, height]| Size { width, height })
@@ -110,11 +109,11 @@ pub(crate) fn sizes(config: &Config) -> [Size; 2] {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingScore {
-    /// Block, where there are several; else empty.
+    /// Block; empty if there is only one.
     #[serde(default)]
     pub run: String,
     pub iteration: u64,
-    /// Seconds of training so far, with those of pieces before.
+    /// Seconds of training so far, including earlier runs.
     pub seconds: f64,
     /// Masked PSNR on held-out views, dB.
     pub held_out_masked_psnr: Option<f64>,
@@ -122,12 +121,11 @@ pub struct TrainingScore {
 }
 
 pub(crate) struct TrainingResult {
-    /// The file and what it decodes to.
     pub made: ModelBuild,
     pub curve: Vec<TrainingScore>,
-    /// Steps done of a run that goes on, of which this is the best so far.
+    /// Steps done, if the run is not finished; this is then its best model so far.
     pub unfinished: Option<u64>,
-    /// Was its number of Gaussians held by the most that there may be?
+    /// Did it reach the limit of Gaussians?
     pub held: bool,
 }
 
@@ -137,18 +135,17 @@ impl TrainingResult {
     }
 }
 
-/// The model of a task: kept, or trained now.
+/// The model of a task, cached.
 pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &TrainingTask) -> Result<TrainingResult> {
     trained_on(lab, &snapshot.particles, &snapshot.hash, task, None)
 }
 
-/// Limits that say nothing but what takes the steps.
+/// No limits, only the device.
 fn limits(lab: &Lab<'_>) -> Limits {
     Limits { device: lab.settings.device.clone(), ..Limits::default() }
 }
 
-/// [`trained`] on particles with a name for them, in pieces where there is a `piece`: training ends after it, if it is not
-/// done, and the next call goes on from there.
+/// [`trained`] on named particles. With `piece`, training pauses after that time, and the next call continues.
 pub(crate) fn trained_on(
     lab: &Lab<'_>,
     particles: &Particles,
@@ -175,7 +172,7 @@ pub(crate) fn trained_on(
     })
 }
 
-/// A merged model that is fine-tuned by `config`: kept, or tuned now. It has as many Gaussians as the recipe makes.
+/// A merged model, fine-tuned by `config`, cached. It has as many Gaussians as the recipe makes.
 pub(crate) fn tuned(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
@@ -201,7 +198,7 @@ pub(crate) fn tuned(
     Ok(kept(lab, &("finetune", model, &snapshot.hash, config, seed, most), None, work)?.held_by(most))
 }
 
-/// What `work` gives, kept by `inputs` with its curve; its checkpoint stays as long as it is not done.
+/// Caches the result of `work` by `inputs`, with its curve; the checkpoint is kept until it is finished.
 fn kept(
     lab: &Lab<'_>,
     inputs: &impl Serialize,
@@ -228,7 +225,7 @@ fn kept(
             lab.on_device.result("curve", inputs, || Ok(curve))?;
             return Ok((done, seconds));
         }
-        // What the user stops is to stop; what ran out of time gives its best so far.
+        // A stop by the user is an error; a run out of time returns its best so far.
         if recorder.late() && !lab.context.cancelled() {
             let made = ModelBuild { bytes: done.bytes, model: done.model, seconds };
             let steps = done.trained.iter().map(|run| run.iterations).sum();
@@ -259,7 +256,7 @@ mod tests {
 
     /// A run in short pieces ends with the bytes and the curve of one that was never broken.
     #[test]
-    fn pieces_end_with_the_same_bytes_and_the_same_curve() {
+    fn interrupted_runs_give_the_same_bytes_and_curve() {
         let (snapshot, folders) = (crate::testing::snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
         let [whole, parts] =
             folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Context::SILENT).unwrap());

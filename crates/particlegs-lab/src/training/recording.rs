@@ -1,4 +1,4 @@
-//! The curve and the seconds of a run that trains, kept beside its state.
+//! Keeps the curve and the seconds of a training run with its state.
 
 use super::TrainingScore;
 use particlegs_pipeline::Result;
@@ -10,36 +10,35 @@ use std::time::{Duration, Instant};
 
 const CURVE: &str = "curve";
 
-/// The curve that a checkpoint has; empty where it has none.
+/// The curve in a checkpoint; empty if it has none.
 pub(super) fn curve_of(checkpoint: &Checkpoint) -> Vec<TrainingScore> {
     checkpoint.get(CURVE).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
 }
 
-/// The key of the wall-clock seconds of all pieces so far.
+/// Key of the wall-clock seconds of all runs so far.
 const SECONDS: &str = "seconds";
 
-/// Seconds of earlier pieces: as kept, or of a checkpoint without them those of its last score.
+/// Seconds of earlier runs, or, if they are missing, of the last score.
 pub(super) fn seconds_of(checkpoint: &Checkpoint) -> f64 {
     let kept = checkpoint.get(SECONDS).and_then(|bytes| serde_json::from_slice(&bytes).ok());
     kept.unwrap_or_else(|| curve_of(checkpoint).last().map_or(0.0, |e| e.seconds))
 }
 
-/// A checkpoint that has the curve, and the seconds, as they were when the state of the training was kept.
+/// A checkpoint that also stores the curve and the seconds.
 pub(super) struct CurveCheckpoint<'a> {
     pub checkpoint: Checkpoint,
     pub recorder: &'a CurveRecorder<'a>,
-    /// Seconds of earlier pieces.
+    /// Seconds of earlier runs.
     pub before: f64,
     pub start: Instant,
 }
 
 impl CurveCheckpoint<'_> {
-    /// Seconds of all pieces, this one so far.
+    /// Seconds of all runs, including this one so far.
     pub fn seconds(&self) -> f64 {
         self.before + self.start.elapsed().as_secs_f64()
     }
 
-    /// Puts them into the checkpoint.
     pub fn keep_seconds(&mut self) -> Result<()> {
         let text = serde_json::to_vec(&self.seconds()).unwrap_or_default();
         self.checkpoint.keep(SECONDS, text)
@@ -63,22 +62,22 @@ impl CheckpointStore for CurveCheckpoint<'_> {
     }
 }
 
-/// Records the scores of a run, and ends its training, and nothing but that, when its time is over.
+/// Records the scores of a run, and ends only its training when the time is over.
 pub(super) struct CurveRecorder<'a> {
     inner: &'a dyn ProgressSink,
     curve: Mutex<Vec<TrainingScore>>,
     piece: Option<Duration>,
-    /// Phases that have begun and not ended.
+    /// Running phases.
     phases: Mutex<Vec<String>>,
-    /// When training first began.
+    /// Start of the training.
     began: Mutex<Option<Instant>>,
 }
 
-/// The phase that may be ended.
+/// The phase that may end early.
 const TRAINING: &str = "training";
 
 impl<'a> CurveRecorder<'a> {
-    /// With the curve of earlier pieces, for `piece` of time at most.
+    /// Starts with the curve of earlier runs and a limit of time.
     pub fn new(inner: &'a dyn ProgressSink, curve: Vec<TrainingScore>, piece: Option<Duration>) -> Self {
         CurveRecorder { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
     }
@@ -87,12 +86,12 @@ impl<'a> CurveRecorder<'a> {
         locked(&self.curve)
     }
 
-    /// Is the piece's time over while it trains?
+    /// Is it training, with no time left?
     pub fn ends_training(&self) -> bool {
         self.late() && locked(&self.phases).iter().any(|p| p == TRAINING)
     }
 
-    /// Is the piece's time over?
+    /// Is no time left?
     pub fn late(&self) -> bool {
         let began = *locked(&self.began);
         self.piece.zip(began).is_some_and(|(piece, began)| began.elapsed() >= piece)

@@ -4,7 +4,7 @@ use super::{exported, folder};
 use crate::common::{TestFolder, snapshot};
 use particlegs_pipeline::model::LawKind;
 
-/// Numbers behind the head of a NumPy array.
+/// Numbers after the header of a NumPy array.
 fn npy(bytes: &[u8]) -> Vec<f32> {
     let head = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
     bytes[head..].as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
@@ -39,15 +39,15 @@ fn density_keeps_the_mass_of_a_periodic_box_in_every_format() {
     let described = dir.json("d.json");
     assert_eq!(described["density"]["cells"], grid["cells"]);
     assert_eq!(described["quantity"], "density");
-    // Cells of a length: as many as fill the box.
+    // Cells of a given length are adjusted to fill the box.
     let of_side = exported(&dir, "m.pgs -o e.vti --cell 1.2");
     assert_eq!(of_side["grid"]["cells"], serde_json::json!([21, 21, 21]));
     assert!((of_side["grid"]["cell"][0].as_f64().unwrap() - 25.0 / 21.0).abs() < 1e-12);
 }
 
-/// Without a box, what lies beyond the bounds is told.
+/// Without a box, the mass outside the bounds is reported.
 #[test]
-fn an_open_density_says_what_it_leaves_out() {
+fn an_open_density_reports_what_it_leaves_out() {
     let dir = TestFolder::new();
     let columns: Vec<Vec<f32>> =
         (0..3u32).map(|k| (0..500).map(|i| (i * (37 + 14 * k) % 101) as f32 * 0.1).collect()).collect();
@@ -59,7 +59,7 @@ fn an_open_density_says_what_it_leaves_out() {
     assert_eq!(report["grid"]["unit"], "particles / length^3");
 }
 
-/// An array and its description are one: neither is replaced, or written, without the other.
+/// An array and its description are replaced or written only together.
 #[test]
 fn an_array_and_its_description_stay_together() {
     let dir = folder(LawKind::OpticalDepth);
@@ -81,7 +81,7 @@ fn an_array_and_its_description_stay_together() {
     assert!(!dir.at("d.npy").exists() && dir.bytes("d.json") == first[1]);
     dir.runs(&format!("{words} --force"));
     assert_eq!(both(), first);
-    // Standard output takes the array alone.
+    // Standard output gets only the array.
     let printed = dir.command("export m.pgs -o - --kind npy --grid 8 -q").assert().success();
     assert_eq!(printed.get_output().stdout, first[0]);
 }

@@ -1,5 +1,5 @@
-//! Models for other viewers: what is written, read again by this program's own readers where it has some, and
-//! held to the model. Others' readers are in tests/export.
+//! Models for other viewers: exported files are read back by this program's readers, if any, and compared with the
+//! model. Other readers are in tests/export.
 
 mod grids;
 mod splats;
@@ -32,7 +32,7 @@ fn exported(dir: &TestFolder, words: &str) -> Value {
 }
 
 #[test]
-fn every_kind_says_what_it_is_and_what_is_lost() {
+fn every_export_says_what_it_is_and_what_is_lost() {
     let dir = folder(LawKind::OpticalDepth);
     for kind in KINDS {
         let grid = if ["npy", "vti", "fits"].contains(&kind) { "--grid 16" } else { "" };
@@ -41,10 +41,10 @@ fn every_kind_says_what_it_is_and_what_is_lost() {
         let written = dir.bytes(&format!("out.{kind}"));
         assert_eq!(report["bytes"].as_u64(), Some(written.len() as u64), "{kind}");
         let lost = report["lost"][0].as_str().unwrap();
-        // An array has no room for words: they are beside it.
+        // An array cannot hold text, so there is a JSON file.
         let said = if kind == "npy" { dir.bytes("out.json") } else { written.clone() };
         let said = match kind {
-            // Codes of letters, and letters of four bytes.
+            // Escaped characters, and characters of four bytes.
             "vti" => {
                 let text = String::from_utf8_lossy(&said).into_owned();
                 let notes = text.split("Name=\"notes\"").nth(1).unwrap();
@@ -65,7 +65,7 @@ fn every_kind_says_what_it_is_and_what_is_lost() {
         // To standard output, the same bytes.
         let printed = dir.command(&format!("export m.pgs -o - --kind {kind} -q {grid}")).assert().success();
         assert!(printed.get_output().stdout == written, "{kind}");
-        // Whatever the threads and instructions.
+        // For any threads and instructions.
         let again = format!("export m.pgs -o again.{kind} --threads 1 -q {grid}");
         dir.command(&again).env("PARTICLEGS_SIMD", "off").assert().success();
         assert!(dir.bytes(&format!("again.{kind}")) == written, "{kind}");
@@ -77,7 +77,7 @@ fn every_kind_says_what_it_is_and_what_is_lost() {
 }
 
 #[test]
-fn what_cannot_be_done_is_refused_before_the_work() {
+fn impossible_requests_are_refused_before_the_work() {
     let dir = folder(LawKind::OpticalDepth);
     let refused = |words: &str, code: i32, text: &str| {
         dir.fails(&format!("export m.pgs -o {words}"), code, text);
@@ -98,20 +98,20 @@ fn what_cannot_be_done_is_refused_before_the_work() {
             refused(&format!("a.ply --{option}={value}"), 2, &format!("{option} "));
         }
     }
-    // Options that would do nothing.
+    // Options without effect.
     refused("a.npz --radius 1", 2, "--radius has no effect here; it applies to pages and splats");
     refused("a.vti --color layer", 2, "--color has no effect here");
     refused("a.ply --grid 8", 2, "--grid has no effect here; it applies to density");
     refused("a.csv --cell 1", 2, "--cell has no effect here");
     refused("a.ply --colormap viridis", 2, "--colormap has no effect here");
-    // Extremes that are not out of range.
+    // Extreme values within the range.
     for more in ["--radius 1e-300", "--radius 1e100", "--opacity 1e-300"] {
         let out = dir.command(&format!("export m.pgs -o x.ply -q --force {more}")).output().unwrap();
         assert!(matches!(out.status.code(), Some(0 | 2)), "{more:?}: {out:?}");
     }
 }
 
-/// The page holds the file as it is; it has no use for what changes splats and grids.
+/// The page contains the unchanged file; options of splats and grids are refused.
 #[test]
 fn a_page_holds_the_file() {
     let dir = folder(LawKind::OpticalDepth);
@@ -132,7 +132,7 @@ fn a_page_holds_the_file() {
         dir.fails(&format!("export m.pgs -o other.html {options}"), 2, text);
     }
     dir.fails("export m.pgs -o m.ply --azimuth 3", 2, "applies to pages");
-    // It opens as it was told.
+    // It opens with the given options.
     let options = "--style paraview --radius 0.5 --background white --layer particles --azimuth 30";
     dir.runs(&format!("export m.pgs -o told.html {options} --projection orthographic"));
     let html = dir.text("told.html");

@@ -27,14 +27,14 @@ fn covariance(s: &[f32], q: &[f32]) -> Sym3 {
     (0..3).fold(Sym3::default(), |sum, k| sum.add(&Sym3::outer(columns[k]).scale(f64::from(s[k]).powi(2))))
 }
 
-/// Places come back through the readers of snapshots, in the frame that the file states.
+/// The readers of snapshots find the same positions, in the frame that the file states.
 #[test]
-fn splats_come_back_where_they_were() {
+fn splats_keep_their_positions() {
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let dir = folder(law);
         let model = dir.model("m.pgs");
         let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::new(&model.metadata.bounds));
-        // A PLY has y down, as published ones have.
+        // In a PLY y points down, as published.
         for (kind, signs) in [("ply", [-1.0, -1.0, 1.0]), ("glb", [1.0; 3])] {
             dir.runs(&format!("export m.pgs -o m.{kind} -q --force"));
             dir.runs(&format!("convert m.{kind} -o points -q --force"));
@@ -51,7 +51,7 @@ fn splats_come_back_where_they_were() {
     }
 }
 
-/// The published numbers of an alpha-blend model, whichever command writes them.
+/// `export` and `convert` write the same published numbers of an alpha-blend model.
 #[test]
 fn an_alpha_blend_model_is_written_as_published() {
     let dir = folder(LawKind::AlphaBlend);
@@ -59,7 +59,7 @@ fn an_alpha_blend_model_is_written_as_published() {
     let a = dir.makes("export m.pgs -o a.ply -q");
     assert_eq!(body(&a), body(&dir.makes("convert m.pgs -o b.ply -q")));
     assert!(String::from_utf8_lossy(&a).contains("comment lost: the VizMapper"));
-    // At another radius and opacity: what the network makes of them.
+    // Another radius and opacity, through the network.
     let bent = dir.makes("export m.pgs -o bent.ply -q --radius 0.05 --opacity 0.1");
     assert_ne!(body(&a), body(&bent));
     dir.fails("export m.pgs -o bent.npz --radius 0.05", 2, "--radius has no effect here");
@@ -122,7 +122,7 @@ fn gltf_has_the_attributes_of_the_extension() {
             (0..3).all(|k| (f64::from(places[3 * i + k]) / frame.scale + frame.center[k] - g.mean[k][i]).abs() < 1e-4)
         );
         assert!((opacities[i] > 0.0) && opacities[i] < 1.0);
-        // Twice the extremes of the depth over directions hold the mean.
+        // The mean is within twice the extremes of the depth over directions.
         let wide = g.cov_of(i).add(&Sym3::scaled_identity(0.01)).eigen().values;
         let peak = |a: f64, b: f64| 0.9946 * 0.2 * g.count[i] * 0.01 / (a * b).sqrt();
         let (least, most) = (peak(wide[0], wide[1]), peak(wide[1], wide[2]));
@@ -155,7 +155,7 @@ fn layers_are_chosen_and_coloured() {
     };
     let (all, parts) = (total("all"), names.iter().map(|n| total(n)).sum::<f64>());
     assert!((all / model.mass().unwrap() - 1.0).abs() < 1e-5 && (all / parts - 1.0).abs() < 1e-5, "{all} {parts}");
-    // Colours by density follow the range that is asked for.
+    // Colours by density follow the given range.
     let report = exported(&dir, "layers.pgs -o m.ply --color density --range 1e-3,10 --colormap viridis");
     assert_eq!(report["splats"]["color_range"], serde_json::json!([1e-3, 10.0]));
     let head = String::from_utf8_lossy(&dir.bytes("m.ply")).into_owned();

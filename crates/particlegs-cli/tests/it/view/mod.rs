@@ -1,4 +1,4 @@
-//! `view` as a browser meets it, and as others do who should not.
+//! `view` as browsers and intruders see it.
 
 mod refused;
 mod serving;
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use serving::TestServer;
 
 #[test]
-fn the_page_and_all_that_it_needs_are_served() {
+fn the_page_and_its_files_are_served() {
     let dir = spiral();
     let bytes = dir.bytes("spiral.pgs");
     let serving = TestServer::new(&dir, |c| c.args(["spiral.pgs", "spiral.pgs", "--snapshot", "spiral"]));
@@ -30,7 +30,7 @@ fn the_page_and_all_that_it_needs_are_served() {
         let answer = serving.get(place);
         assert!(answer.status == 200 && answer.body == bytes, "{place}");
     }
-    // A head without its body, of the same length.
+    // A header without a body, with the same length.
     let head = serving.ask("HEAD", "model/0", "", b"");
     assert_eq!((head.status, head.body.len()), (200, 0));
     assert_eq!(head.header("content-length"), Some(&bytes.len().to_string()[..]));
@@ -54,7 +54,7 @@ fn the_page_and_all_that_it_needs_are_served() {
         }
         assert!(answer.header("content-security-policy").is_some());
     }
-    // Without its slash the address leads to the page, by a relative way.
+    // Without its slash the address redirects to the page, with a relative path.
     let (host, token) = serving.parts();
     let bare = serving.raw(
         format!("GET {} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n", token.trim_end_matches('/')).as_bytes(),
@@ -72,7 +72,7 @@ fn a_large_model_has_a_poster() {
     let drawn = |more: &str| {
         dir.runs(&format!("render large.pgs --style density --size 1280x720 --quiet {more}"));
     };
-    // The page's first range, of the values.
+    // The page's initial range.
     drawn("--raw -o values");
     let values = dir.bytes("values/view.f32");
     let values = values.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect();
@@ -89,7 +89,7 @@ fn a_large_model_has_a_poster() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_said_before_anything_is_served() {
+fn impossible_views_are_refused_before_the_page_is_served() {
     let dir = spiral();
     let mut bytes = dir.bytes("spiral.pgs");
     let middle = bytes.len() / 2;
@@ -116,7 +116,7 @@ fn what_cannot_be_shown_is_said_before_anything_is_served() {
 }
 
 #[test]
-fn it_says_where_the_page_is() {
+fn the_address_of_the_page_is_printed() {
     let dir = spiral();
     let chosen = "0123456789abcdefABCDEF0123456789";
     let serving = TestServer::new(&dir, |c| {
@@ -139,7 +139,7 @@ fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
     let dir = spiral();
     let serving =
         TestServer::new(&dir, |c| c.args(["spiral.pgs", "--host", "0.0.0.0", "--allow-host", "hub.example.org"]));
-    // The address to open is one of this machine.
+    // The address to open is on this machine.
     assert!(serving.url.starts_with("http://127.0.0.1:"), "{}", serving.url);
     for (host, origin, status) in [
         ("hub.example.org", "https://hub.example.org", 200),
@@ -156,10 +156,10 @@ fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
     assert!(said.starts_with("warning: --host 0.0.0.0: other machines can reach the page"), "{said}");
 }
 
-/// A browser is started where it can appear, with an address that leads to the page once.
+/// A browser is started if there is a display, with a one-time address.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_browser_is_started_by_a_way_for_once() {
+fn a_browser_is_started_with_a_one_time_address() {
     use std::os::unix::fs::PermissionsExt;
     let dir = spiral();
     let (browser, opened) = (dir.at("xdg-open"), dir.at("opened"));
@@ -177,7 +177,7 @@ fn a_browser_is_started_by_a_way_for_once() {
     let first = get();
     assert_eq!((first.status, first.header("location")), (303, Some(&token[1..])));
     assert_eq!(get().status, 404);
-    // None in an SSH session, nor where it is not wanted.
+    // No browser in an SSH session or with --no-open.
     for (name, value, argument) in
         [("SSH_CONNECTION", "203.0.113.9 1 127.0.0.1 22", "--quiet"), ("A", "b", "--no-open")]
     {

@@ -1,4 +1,4 @@
-//! Requests that get nothing: of other sites, of guessers, huge and broken ones; and names that would be markup.
+//! Refused requests: from other sites, with guessed tokens, huge and broken ones; and names with markup.
 
 use super::serving::{HttpAnswer, TestServer};
 use crate::common::spiral;
@@ -7,7 +7,7 @@ use std::io::Write;
 use std::net::Shutdown;
 
 #[test]
-fn others_find_nothing() {
+fn requests_without_the_token_find_nothing() {
     let dir = spiral();
     let serving = TestServer::new(&dir, |c| c.arg("spiral.pgs"));
     let (host, token) = serving.parts();
@@ -47,7 +47,7 @@ fn others_find_nothing() {
         assert!([400, 405].contains(&answer.status), "{method}: {}", answer.status);
     }
     assert_eq!(serving.ask("POST", "", "", b"").header("allow"), Some("get, head"));
-    // It is there as before, and has told who was refused.
+    // It still runs, and has reported the refused requests.
     assert_eq!(serving.get("").status, 200);
     let (code, _, said) = serving.end("-TERM");
     assert_eq!(code, Some(0), "{said}");
@@ -73,7 +73,7 @@ fn huge_and_broken_requests_are_refused() {
     }
     let json = "Content-Type: application/json\r\n";
     assert_eq!(serving.ask("POST", "truth", json, &vec![b' '; 1 << 20]).status, 413);
-    // A length that is only promised.
+    // A length without the bytes.
     let promised = format!("POST {token}truth HTTP/1.1\r\nHost: {host}\r\n{json}Content-Length: 99999999999\r\n\r\n");
     let mut stream = serving.connect();
     stream.write_all(&[promised.as_bytes(), &vec![b' '; 20_000]].concat()).unwrap();

@@ -1,4 +1,4 @@
-//! The command as it serves, and a client that sends what it likes.
+//! The running server, and a client that sends arbitrary bytes.
 
 use crate::common::{TestFolder, process, signal};
 use serde_json::Value;
@@ -7,10 +7,10 @@ use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// The command, serving.
+/// The running server.
 pub struct TestServer {
     pub child: Child,
-    /// What it printed first.
+    /// Its first output.
     pub url: String,
     rest: BufReader<std::process::ChildStdout>,
 }
@@ -19,7 +19,7 @@ impl TestServer {
     pub fn new(dir: &TestFolder, prepare: impl FnOnce(&mut Command) -> &mut Command) -> Self {
         let mut command = process(dir.path());
         command.args(["view", "--port", "0"]);
-        // Neither a screen to open a browser on, nor anything else of the session that the tests run in.
+        // No display, and nothing else from the session that runs the tests.
         for name in ["SSH_CONNECTION", "PARTICLEGS_TOKEN", "DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"] {
             command.env_remove(name);
         }
@@ -47,15 +47,15 @@ impl TestServer {
         stream
     }
 
-    /// What comes back for bytes sent as they are.
+    /// Sends raw bytes and returns the answer.
     pub fn raw(&self, request: &[u8]) -> HttpAnswer {
         let mut stream = self.connect();
-        // It may be refused before all of it is sent.
+        // The server may refuse it before all is sent.
         let _ = stream.write_all(request);
         HttpAnswer::read(stream)
     }
 
-    /// `METHOD` of a path behind the token, with further lines of the head.
+    /// Requests a path behind the token, with extra headers.
     pub fn ask(&self, method: &str, path: &str, head: &str, body: &[u8]) -> HttpAnswer {
         self.raw(&self.request(method, path, head, body))
     }
@@ -83,7 +83,7 @@ impl TestServer {
         self.request("POST", "truth", &origin, question.to_string().as_bytes())
     }
 
-    /// Ends it by a signal: its exit code, and what it printed beside the address.
+    /// Ends it with a signal; returns the exit code and the output without the address.
     pub fn end(mut self, name: &str) -> (Option<i32>, String, String) {
         signal(&self.child, name);
         let start = Instant::now();
@@ -104,7 +104,7 @@ impl Drop for TestServer {
     }
 }
 
-/// What a request got.
+/// An answer.
 pub struct HttpAnswer {
     pub status: u16,
     /// In lower case.
@@ -115,7 +115,7 @@ pub struct HttpAnswer {
 impl HttpAnswer {
     pub fn read(mut stream: TcpStream) -> Self {
         let mut bytes = Vec::new();
-        // A connection that is cut says no more.
+        // The connection may be closed early.
         let _ = stream.read_to_end(&mut bytes);
         let end = bytes.windows(4).position(|w| w == b"\r\n\r\n").map_or(bytes.len(), |at| at + 4);
         let head = String::from_utf8(bytes[..end].to_vec()).unwrap();

@@ -1,4 +1,4 @@
-//! Pictures of all particles: the ones that `reference` draws, and given up when nobody waits for them.
+//! Pictures of all particles: equal to those of `reference`, and cancelled when nobody waits for them.
 
 use super::serving::{HttpAnswer, TestServer};
 use crate::common::{TestFolder, spiral, waited, words};
@@ -8,7 +8,7 @@ use std::net::TcpStream;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-/// A question for the spiral, in every look but for what `change` says.
+/// A request for the spiral, with `change` applied.
 fn question(look: &str) -> Value {
     json!({
         "camera": {
@@ -42,7 +42,7 @@ fn pictures_of_all_particles_are_those_of_reference() {
     reference("--views views.json --style density --smooth 32 --raw -o sigma");
     let sigma = dir.bytes("sigma/view.f32");
     assert!(sigma.iter().any(|&b| b > 0) && serving.truth(&question("density")).body == sigma);
-    // An orthographic window, by the camera that `reference` reports.
+    // An orthographic window, with the camera that `reference` reports.
     let window = "--projection orthographic --size 160x90 --azimuth 20 --width 7";
     reference(&format!("--style density --smooth 32 --raw {window} --json report.json -o slab"));
     let report = dir.json("report.json");
@@ -52,12 +52,12 @@ fn pictures_of_all_particles_are_those_of_reference() {
     let answer = serving.truth(&q);
     assert_eq!(answer.status, 200, "{}", answer.text());
     assert!(slab.iter().any(|&b| b > 0) && answer.body == slab);
-    // The copies are in it, and only where they are wanted.
+    // Periodic copies appear only where they should.
     q["periodic"] = json!(false);
     assert!(serving.truth(&q).body != slab);
 }
 
-/// A share of the particles stands for all of them.
+/// A subset represents all particles.
 #[test]
 fn coarse_pictures_are_of_fewer_particles() {
     let dir = spiral();
@@ -86,7 +86,7 @@ fn coarse_pictures_are_of_fewer_particles() {
 }
 
 #[test]
-fn wrong_questions_are_told_in_a_line() {
+fn wrong_requests_are_reported_in_one_line() {
     let dir = spiral();
     let serving = TestServer::new(&dir, |c| c.args(["spiral.pgs", "--snapshot", "spiral"]));
     let set = |place: &[&str], value: Value| {
@@ -140,7 +140,7 @@ fn of_the_sample(dir: &TestFolder) -> TestServer {
 }
 
 #[test]
-fn a_newer_picture_gives_the_older_up() {
+fn a_newer_picture_cancels_the_older_one() {
     let dir = spiral();
     let serving = of_the_sample(&dir);
     let start = Instant::now();
@@ -163,7 +163,7 @@ fn a_newer_picture_gives_the_older_up() {
     assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
 }
 
-/// Processor time that a process has taken, in ticks of the kernel.
+/// CPU time of a process in kernel ticks.
 #[cfg(target_os = "linux")]
 fn ticks(child: &Child) -> u64 {
     let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
@@ -173,7 +173,7 @@ fn ticks(child: &Child) -> u64 {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_closed_connection_gives_its_picture_up() {
+fn a_closed_connection_cancels_its_picture() {
     let dir = spiral();
     let serving = of_the_sample(&dir);
     let before = ticks(&serving.child);

@@ -1,32 +1,32 @@
-//! Parts of pictures, as large and as bright as a reader needs them.
+//! Crops of pictures, enlarged and brightened for figures.
 
 use particlegs_pipeline::picture::{Gray8, Rgb8, Size};
 
 /// Share of width and height in the paper's close-ups.
 const SHARE: f64 = 0.3;
-/// Pixels across that a panel has about.
+/// Approximate width of a panel in pixels.
 const WIDTH: usize = 480;
 
 /// What captions say of [`brightened`].
 pub(super) const BRIGHTENED: &str = "Grey levels are brightened: the pictures show the square root of each level.";
 
-/// The level that is shown for one: the square root of shares of white.
+/// The square root of a level's share of white.
 fn brightened(level: u8) -> u8 {
     (255.0 * (f64::from(level) / 255.0).sqrt()).round() as u8
 }
 
-/// The centre 30 % of a picture, each pixel a square of whole pixels where it is small.
+/// The centre 30 % of a picture, enlarged by a whole factor if it is small.
 pub(super) fn close_up(picture: &Gray8) -> Rgb8 {
     enlarged(&centre(picture, SHARE))
 }
 
-/// The whole picture, each pixel the mean of a square of whole pixels where it is large.
+/// The whole picture, reduced by a whole factor if it is large.
 pub(super) fn whole(picture: &Gray8) -> Rgb8 {
     let by = (picture.size.width / WIDTH).max(1);
     enlarged(&reduced(picture, by))
 }
 
-/// The centre of a picture, a share of its width and height.
+/// The centre of a picture, by share of width and height.
 pub(super) fn centre(picture: &Gray8, share: f64) -> Gray8 {
     let Size { width, height } = picture.size;
     let part = |n: usize| ((n as f64 * share).round() as usize).clamp(1, n.max(1));
@@ -36,7 +36,7 @@ pub(super) fn centre(picture: &Gray8, share: f64) -> Gray8 {
     Gray8 { size, data: (0..size.height).flat_map(row).copied().collect() }
 }
 
-/// Means of squares of `by` pixels; what is over at the right and below is left out.
+/// Means of squares of `by` pixels; incomplete squares at the right and bottom are dropped.
 fn reduced(picture: &Gray8, by: usize) -> Gray8 {
     let size = Size { width: picture.size.width / by, height: picture.size.height / by };
     let mean = |(x, y): (usize, usize)| {
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_is_cut_out_and_squares_are_meant() {
+    fn crops_take_the_centre_and_average_squares() {
         let p = picture(10, 10);
         let c = centre(&p, 0.3);
         assert_eq!((c.size, &c.data[..]), (Size { width: 3, height: 3 }, &[33, 34, 35, 43, 44, 45, 53, 54, 55][..]));

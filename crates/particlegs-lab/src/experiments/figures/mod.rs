@@ -1,5 +1,5 @@
-//! Pictures for the eye, with what was measured of them: the artefact close-up, truth beside model beside the best
-//! other compressor, and the three-way comparison (paper, figures fig:artifact, fig:qualitative and fig:three_way).
+//! Picture comparisons: the close-up of artefacts, truth beside model beside the best other compressor, and the
+//! three-way comparison (paper, figures fig:artifact, fig:qualitative and fig:three_way).
 
 mod crops;
 mod others;
@@ -30,9 +30,9 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Views an orbit of the three-way comparison, more than other experiments need: its median is over frames.
+/// Views per orbit of the three-way comparison; its median over frames needs more than other experiments.
 const FRAMES: usize = 6;
-/// The compressor whose artefacts the paper shows close up.
+/// The compressor whose artefacts the paper shows.
 const STREAKS: &str = "SZ3";
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
@@ -59,7 +59,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     Ok(found)
 }
 
-/// The model's pictures of the views, kept.
+/// The model's pictures of the views, cached.
 fn of_model(lab: &Lab<'_>, made: &ModelBuild, truth: &ReferenceViews) -> Result<Vec<Gray8>> {
     let hash = blake3::hash(&made.bytes).to_hex().to_string();
     let mut draw = None;
@@ -92,7 +92,7 @@ impl FigureViews {
         }
     }
 
-    /// A row of panels a view: all particles, the model, another, as `cut` shows them.
+    /// One row of panels per view: all particles, the model and another method, each cropped by `cut`.
     fn panels(&self, other: &MethodPictures, cut: impl Fn(&Gray8) -> Rgb8) -> Vec<(String, Rgb8)> {
         let mut panels = Vec::new();
         for (i, view) in self.truth.views.iter().enumerate() {
@@ -106,7 +106,7 @@ impl FigureViews {
     }
 }
 
-/// The other of the best pictures; of those only whose names begin so, where there are any.
+/// The method with the best pictures, among those whose names begin so, if there are any.
 fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPictures> {
     let named = others.iter().any(|o| o.name.starts_with(begins));
     let chosen = others.iter().filter(|o| !named || o.name.starts_with(begins));
@@ -139,8 +139,7 @@ fn beside(
 }
 
 fn sizes(other: &MethodPictures) -> String {
-    let said =
-        |b: BoundReport| format!(" at a bound of {:.4}, and its largest error is {:.4}", b.asked, b.largest_error);
+    let said = |b: BoundReport| format!(" at a bound of {:.4} and a largest error of {:.4}", b.asked, b.largest_error);
     let bound = other.bound.map_or(String::new(), said);
     format!(
         "{BRIGHTENED} Decibels are the masked PSNR of the whole view at its original levels against all particles, \
@@ -149,7 +148,7 @@ fn sizes(other: &MethodPictures) -> String {
     )
 }
 
-/// Crops and whole pictures in one figure: all cut about their centres to the smallest width and height.
+/// Crops all panels around their centres to the smallest width and height.
 fn same_size(panels: &mut [(String, Rgb8)]) {
     let least = |of: fn(&Rgb8) -> usize| panels.iter().map(|p| of(&p.1)).min().unwrap_or(0);
     let (width, height) = (least(|p| p.size.width), least(|p| p.size.height));
@@ -166,7 +165,7 @@ fn table(shown: &FigureViews, made: &ModelBuild, others: &[MethodPictures], snap
     let unit = snapshot.unit();
     let (bound, error) = (format!("bound, {unit}"), format!("largest error, {unit}"));
     let columns = ["method", "ratio", "bytes", &bound, &error, "far: masked PSNR, dB", "near, dB", "mean, dB", "SSIM"];
-    let mut t = ResultTable::new("figures", "What the pictures show, measured in the same run", &columns);
+    let mut t = ResultTable::new("figures", "Measurements of these pictures, from the same run", &columns);
     let raw = snapshot.position_bytes() as f64;
     let scored = |scores: &[Score]| {
         let decibels = |value: Option<f64>| TableCell::decibels(value.as_slice());
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_of_a_name_is_shown() {
+    fn the_best_method_with_a_name_is_shown() {
         let list = [other("LCP", 20.0), other("SZ3, file order", 17.0), other("SZ3, Morton order", 18.0)];
         assert_eq!(best(&list, STREAKS).map(|o| o.name.as_str()), Some("SZ3, Morton order"));
         assert_eq!(best(&list, "").map(|o| o.name.as_str()), Some("LCP"));

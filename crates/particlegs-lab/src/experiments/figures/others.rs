@@ -1,4 +1,4 @@
-//! What other ways make of the particles at a model's size.
+//! Pictures of other methods at a model's size.
 
 use crate::lab::{Lab, Style, or_made};
 use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
@@ -8,25 +8,25 @@ use particlegs_pipeline::camera::View;
 use particlegs_pipeline::picture::Gray8;
 use particlegs_pipeline::{Error, Result};
 
-/// A way at a size, with its pictures of some views.
+/// A method at one size, with its pictures.
 pub(super) struct MethodPictures {
     pub name: String,
     pub bytes: u64,
-    /// How its bound held, where it has one.
+    /// Its bound and largest error, if it has a bound.
     pub bound: Option<BoundReport>,
-    /// Pictures of what came back, a view of the truth each.
+    /// Pictures of the decoded particles, one per view of the truth.
     pub pictures: Vec<Gray8>,
     pub scores: Vec<Score>,
 }
 
 impl MethodPictures {
-    /// Mean masked PSNR of its pictures, dB; infinite where none differs from the truth.
+    /// Mean masked PSNR of its pictures, dB; infinite if none differs from the truth.
     pub fn masked(&self) -> Option<f64> {
         mean(&self.scores, masked)
     }
 }
 
-/// Every other way at about `bytes`, drawn in the views of `truth` as all particles are; and what failed, in words.
+/// Every other method at about `bytes`, drawn in the views of `truth`, and notes on those that failed.
 pub(super) fn at_size(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
@@ -53,7 +53,7 @@ fn other(
 ) -> Result<MethodPictures> {
     let seed = lab.settings.seed;
     let inputs = (method.source(lab), &snapshot.hash, bytes, seed);
-    // Made where the first picture or figure is asked for that is not kept.
+    // Made on demand, for the first picture or number that is not cached.
     let mut kept: Option<MethodOutput> = None;
     let keep = || -> Result<MethodOutput> { method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed) };
     let (size, bound) = lab.store.result("other", &inputs, || {
@@ -74,7 +74,7 @@ fn other(
     Ok(MethodPictures { name: method.name(lab), bytes: size, bound, pictures, scores })
 }
 
-/// The scores of pictures of the views of `truth`, in its order.
+/// Scores pictures against `truth`, in its order.
 pub(super) fn scores(truth: &ReferenceViews, pictures: &[Gray8]) -> Result<Vec<Score>> {
     let mut pictures = pictures.iter().cloned();
     truth.score(|view| pictures.next().ok_or_else(|| Error::argument(format!("there is no picture of {}", view.name))))

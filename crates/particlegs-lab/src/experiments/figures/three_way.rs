@@ -1,5 +1,5 @@
-//! The model's own pictures and those of particles drawn from it, against those of all particles (paper, figure
-//! "Three-way comparison").
+//! Pictures of the model, and of particles drawn from it, against pictures of all particles (paper, figure "Three-way
+//! comparison").
 
 use super::crops::{BRIGHTENED, close_up, whole};
 use crate::lab::{Lab, ModelBuild, Style, or_made};
@@ -13,11 +13,11 @@ use particlegs_pipeline::recover::Method;
 
 /// The paper's means over its frames, dB (\ThreeWayGsAvg, \ThreeWayRecAvg).
 const PAPER: [(&str, f64); 2] = [("model", 27.56), ("count", 16.95)];
-/// Ways to draw that are shown: the paper's, and ours that mend spacing and counts.
+/// Recovery methods shown: the paper's, and ours with better spacing and counts.
 const METHODS: [Method; 3] = [Method::Count, Method::Stratified, Method::Spaced];
 const ORBITS: [&str; 3] = ["far", "mid", "near"];
 
-/// The scores of one way to draw a picture: a row of the table, a curve of the plot.
+/// Scores of the model or of one recovery method.
 struct RendererScores {
     name: String,
     scores: Vec<Score>,
@@ -37,7 +37,7 @@ pub(super) struct ThreeWayComparison {
     pub note: String,
 }
 
-/// Of a model of `snapshot` in the views of `truth`: `pictures` are its own there, with their `scores`.
+/// Compares a model's `pictures` and `scores` with those of particles drawn from it.
 pub(super) fn three_way(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
@@ -81,7 +81,7 @@ fn drawn(
     Ok(RendererScores { name: method.name().into(), pictures, scores })
 }
 
-/// Masked PSNR of the views of an orbit, or of all.
+/// Masked PSNR of the views of one orbit, or of all.
 fn masked(scores: &[Score], of: Option<&str>) -> Vec<f64> {
     scores.iter().filter(|s| of.is_none_or(|o| orbit(&s.view) == o)).filter_map(views::masked).collect()
 }
@@ -101,7 +101,7 @@ fn table(ways: &[RendererScores]) -> ResultTable {
     t
 }
 
-/// A place a view: orbits one after the other.
+/// Masked PSNR by view, orbit after orbit.
 fn plot(ways: &[RendererScores]) -> Plot {
     let series = ways.iter().enumerate().map(|(style, way)| Series {
         name: if way.name == "model" { "model".into() } else { format!("particles by {}", way.name) },
@@ -118,7 +118,7 @@ fn plot(ways: &[RendererScores]) -> Plot {
     let frames = ways.first().map_or(0, |w| masked(&w.scores, Some("far")).len());
     Plot {
         name: "three-way-decibels".into(),
-        title: "The model's pictures and those of particles drawn from it, against all particles".into(),
+        title: "Pictures of the model and of particles drawn from it, against all particles".into(),
         x: PlotAxis::linear(format!("view: 1 to {frames} far, to {} mid, to {} near", 2 * frames, 3 * frames)),
         y: PlotAxis::linear("masked PSNR, dB"),
         series: series.collect(),
@@ -126,7 +126,7 @@ fn plot(ways: &[RendererScores]) -> Plot {
     }
 }
 
-/// A far view whole and a near one close up: all particles, model, particles drawn by `count`.
+/// A whole far view and a close-up of a near one: all particles, model, particles drawn by `count`.
 fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
     let mut panels = Vec::new();
     for of in ["far", "near"] {
@@ -139,7 +139,7 @@ fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
             panels.push((format!("{of}: {name}, {score}"), cut(&way.pictures[i])));
         }
     }
-    // Panels of one size: close-ups are cut to that of the whole pictures.
+    // Panels need one size.
     super::same_size(&mut panels);
     Pictures {
         name: "three-way".into(),
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn medians_stand_beside_the_papers() {
+    fn tables_show_medians_and_the_papers_numbers() {
         let model = way("model", &[("far_00", 30.0), ("far_01", 32.0), ("near_00", 28.0)]);
         let t = table(&[model, way("spaced", &[("far_00", 20.0)])]);
         assert_eq!(t.rows[0][1], TableCell::Spread { value: 31.0, range: [30.0, 32.0], digits: 2 });

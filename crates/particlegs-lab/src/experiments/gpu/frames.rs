@@ -1,4 +1,4 @@
-//! Frames a second of models.
+//! Frame rates of models.
 
 use super::scenes::{OPACITY, TiledScene, views};
 use super::work::{BlendWork, DepthWork, WorkBound};
@@ -14,25 +14,24 @@ use particlegs_pipeline::render::Scene;
 use particlegs_pipeline::splat::ToneStyle;
 use std::time::Instant;
 
-/// Frames of a measurement, and those that are read back.
+/// Number of frames, without and with reading back.
 const FRAMES: [usize; 2] = [1000, 100];
 const QUICK_FRAMES: [usize; 2] = [4, 2];
-/// Frames that the device may be behind.
+/// Largest number of frames in flight.
 const BEHIND: usize = 32;
-/// Frames whose kernels are timed.
+/// Number of frames whose kernels are timed.
 const TIMED: usize = 4;
 /// What changes from frame to frame.
 const CAMERA: &str = "camera";
 const SETTING: &str = "radius and opacity";
-/// The view whose work is counted.
+/// View whose work is counted.
 const COUNTED: usize = 16;
 
-/// Rows of a scene of the optical-depth law.
+/// Rows for a scene of the optical-depth law.
 pub(super) const OF_DEPTH: u64 = 4;
-/// Rows of one of the alpha-blend law.
+/// Rows for a scene of the alpha-blend law.
 pub(super) const OF_ALPHA: u64 = 2;
 
-/// What is drawn, and by what.
 struct FrameKind {
     law: LawKind,
     look: ToneStyle,
@@ -41,11 +40,11 @@ struct FrameKind {
     way: &'static str,
     /// Footprints of a frame.
     footprints: u64,
-    /// What a frame takes at least, whichever way its pixels are summed.
+    /// Least work of a frame, however pixels are summed.
     least: WorkBound,
 }
 
-/// All rows of a scene of the optical-depth law at a size.
+/// All rows for a scene of the optical-depth law at one size.
 pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
     let renderer = DepthRenderer::new(bench.device)?;
     let there = Gaussians::upload(bench.device, &Scene::from_mixture(&made.gaussians, made.bounds))?;
@@ -73,7 +72,7 @@ pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
     Ok(())
 }
 
-/// All rows of a scene of the alpha-blend law, which has one look, at a size. The network runs where radius and opacity change.
+/// All rows for a scene of the alpha-blend law at one size. The network runs if radius and opacity change.
 pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
     let renderer = AlphaRenderer::new(bench.device)?;
     let scene = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY);
@@ -99,7 +98,7 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
 }
 
 impl GpuBench<'_> {
-    /// Measures frames that `draw` draws, and reads back where it is asked to.
+    /// Measures frames of `draw`, which also reads them back on request.
     fn frames(
         self,
         tables: &mut GpuTables,
@@ -109,7 +108,7 @@ impl GpuBench<'_> {
     ) -> Result<()> {
         let [most, most_read] = if self.quick { QUICK_FRAMES } else { FRAMES };
         let timed = self.either(1, TIMED);
-        // Everything is compiled and there.
+        // Warm up.
         self.per_second(views, self.either(1, 3), |view| draw(view, false))?;
         let per_second = self.per_second(views, most, |view| draw(view, false))?;
         let read_back = self.per_second(views, most_read, |view| draw(view, true))?;
@@ -133,7 +132,7 @@ impl GpuBench<'_> {
         Ok(())
     }
 
-    /// Draws frames until all are drawn or the time is over: how many a second of the clock, to the end of the last.
+    /// Draws all frames, or as many as the time allows; returns the rate until the last frame is complete.
     fn per_second(self, views: &[View], most: usize, mut draw: impl FnMut(&View) -> Result<()>) -> Result<f64> {
         let (started, mut number) = (Instant::now(), 0);
         while number < most && started.elapsed() < LIMIT {

@@ -1,4 +1,4 @@
-//! How fast a GPU draws and trains scenes that are made here, of nothing but this program.
+//! How fast a GPU draws and trains. The scenes are built in.
 
 mod frames;
 mod particles;
@@ -36,18 +36,17 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 const HD: Size = Size { width: 1920, height: 1080 };
 const UHD: Size = Size { width: 3840, height: 2160 };
 const SMALL: Size = Size { width: 320, height: 180 };
-/// After this time a measurement ends, whatever it has.
+/// Time limit of a measurement.
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// Of the published recipe, in full and quick: particles, share of the recipe, minutes of a piece.
+/// Training by the published recipe, full and quick: particles, scale, minutes per run.
 const PARTICLES: [usize; 2] = [1 << 21, 20_000];
 const SCALE: [f64; 2] = [1.0, 0.004];
 const MINUTES: [f64; 2] = [120.0, 2.0];
 
-/// Last columns of every table of measurements: what one frame, step or picture moves, adds and computes at least.
+/// Last columns of every table: the least work of one frame, step or picture.
 const WORK: [&str; 7] = ["MB of GPU memory", "GB", "G adds", "G ops", "copies, %", "adds, %", "ops, %"];
 
-/// What is measured, and how finely.
 #[derive(Clone, Copy)]
 struct GpuBench<'a> {
     device: &'a Arc<Device>,
@@ -61,11 +60,11 @@ struct GpuTables {
     steps: ResultTable,
     particles: ResultTable,
     kernels: ResultTable,
-    /// What the device refused or failed at, and why.
+    /// Measurements that failed, and why.
     failed: Vec<String>,
 }
 
-/// Tables are kept where the published recipe is trained too: its pieces do not measure again.
+/// With training, tables are cached, so that later runs only continue the training.
 fn run(lab: &Lab<'_>, _: &[Snapshot]) -> Result<ExperimentResults> {
     let device = lab.gpu.as_ref().ok_or_else(|| Error::argument("this experiment needs a GPU"))?;
     let quick = lab.settings.quick;
@@ -81,7 +80,7 @@ fn run(lab: &Lab<'_>, _: &[Snapshot]) -> Result<ExperimentResults> {
     Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
 
-/// The sample, and how often it lies along the axes: 171 000, 769 000 and 1.73 million Gaussians.
+/// Copies of the sample along the axes: 171 000, 769 000 and 1.73 million Gaussians.
 fn tilings(quick: bool) -> [(usize, [usize; 3]); 3] {
     match quick {
         true => [(1, [1, 2, 2]), (0, [1, 2, 2]), (0, [1, 2, 4])],
@@ -126,7 +125,7 @@ fn measure(device: &Arc<Device>, quick: bool, context: &Context<'_>) -> Result<(
     Ok((vec![own, tables.frames, tables.steps, tables.particles, tables.kernels], notes))
 }
 
-/// Trains by the published recipe for a piece, on particles that are drawn of a scene.
+/// Trains by the published recipe for some minutes, on particles drawn from a scene.
 fn recipe(lab: &Lab<'_>, made: &TiledScene) -> Result<[ResultTable; 2]> {
     let (own, settings) = (usize::from(lab.settings.quick), &lab.settings);
     let [x, y, z] = made.particles(PARTICLES[own]);
@@ -168,7 +167,7 @@ impl GpuTables {
         }
     }
 
-    /// What a device refuses or fails at does not keep the rest from being measured.
+    /// Records a failure, so that the other measurements go on.
     fn attempt(&mut self, made: &TiledScene, size: Size, work: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         match work(self) {
             Err(Error::Cancelled) => Err(Error::Cancelled),
@@ -184,8 +183,8 @@ impl GpuTables {
         }
     }
 
-    /// Times the kernels of `work`, which is so many frames, steps or pictures, where the device shows its clock; the
-    /// longest first.
+    /// Times the kernels of `work`, which is this many frames, steps or pictures, if the device has timestamps; longest
+    /// first.
     fn time_kernels(
         &mut self,
         bench: GpuBench<'_>,
@@ -205,12 +204,12 @@ impl GpuTables {
 }
 
 impl GpuBench<'_> {
-    /// Few where it is to be quick, or as many as are measured.
+    /// The number to measure; few with --quick.
     fn either(&self, few: usize, many: usize) -> usize {
         if self.quick { few } else { many }
     }
 
-    /// The last columns of something that takes this work, so often a second.
+    /// The last columns for this work at this rate.
     fn work(&self, per_second: f64, least: &WorkBound) -> [TableCell; WORK.len()] {
         let memory = self.device.allocated().map(|b| 1e-6 * b as f64);
         let all = [least.bytes, least.additions, least.operations];

@@ -1,4 +1,4 @@
-//! Pictures of all particles a second.
+//! Speed of pictures of all particles.
 
 use super::scenes::{TiledScene, views};
 use super::work::WorkBound;
@@ -13,13 +13,13 @@ use particlegs_pipeline::train::ParticleInput;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Pictures of a measurement.
+/// Number of pictures.
 const PICTURES: usize = 20;
-/// Pieces of [`MOST`] particles: 268 million.
+/// Chunks of [`MOST`] particles: 268 million.
 const PIECES: usize = 24;
 const LOOK: ToneStyle = ToneStyle::Expected;
 
-/// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
+/// The noise-free picture of particles drawn from the scene: one chunk, repeated and shifted.
 pub(super) fn row(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
     let (pieces, each) = if bench.quick { (2, 100_000) } else { (PIECES, MOST) };
     let (count, columns) = (pieces * each, made.particles(each));
@@ -53,8 +53,7 @@ pub(super) fn row(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene
     Ok(())
 }
 
-/// Particles of a range: the drawn ones again and again, each time moved around the box, so that they are as clumped as
-/// before, and elsewhere.
+/// Particles of a range: the drawn ones, repeated with a periodic shift, so that they stay as clumped.
 fn moved(columns: &[Vec<f32>; 3], made: &TiledScene, range: Range<usize>) -> [Vec<f32>; 3] {
     let (each, extent) = (columns[0].len(), made.bounds.extent().map(|e| e as f32));
     [0, 1, 2].map(|k| {

@@ -1,4 +1,4 @@
-//! Scenes that are made of nothing but this program.
+//! Built-in scenes.
 
 use particlegs_pipeline::camera::{Camera, View, base_distance, spiral};
 use particlegs_pipeline::math::{Random, Sym3, each_axis};
@@ -10,13 +10,13 @@ use particlegs_pipeline::{Result, codec, parallel};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Models of the bundled sample, of 751 and of 668 Gaussians.
+/// Models of the bundled sample, with 751 and 668 Gaussians.
 const SAMPLES: [&[u8]; 2] =
     [include_bytes!("../../../assets/gpu-751.pgs"), include_bytes!("../../../assets/gpu-668.pgs")];
 
 /// Default opacity.
 pub const OPACITY: f64 = 0.05;
-/// Opacities of Gaussians of the alpha-blend law lie between these, as where training starts from depths.
+/// Range of opacities of the alpha-blend law, as at the start of training from depths.
 const OPACITIES: [f64; 2] = [0.02, 0.95];
 
 /// A scene: a model of the sample, tiled.
@@ -27,7 +27,7 @@ pub struct TiledScene {
     pub radius: f64,
 }
 
-/// A sample's model, so many times along the axes, as if it were one snapshot.
+/// Copies of a sample's model along the axes, as one snapshot.
 pub fn tiled(sample: usize, tiles: [usize; 3]) -> Result<TiledScene> {
     let model = codec::decode(SAMPLES[sample], "the sample")?;
     let m = &model.metadata;
@@ -52,7 +52,7 @@ pub fn tiled(sample: usize, tiles: [usize; 3]) -> Result<TiledScene> {
     Ok(TiledScene { gaussians, bounds, particles, radius: bounds.default_radius(particles) })
 }
 
-/// Views from the far orbit: around it, or from one place with other radii and opacities.
+/// Views from the far orbit: around it, or from one position with changing radius and opacity.
 pub fn views(made: &TiledScene, size: Size, around: bool) -> Vec<View> {
     let cameras: Vec<Camera> = spiral(made.bounds.center(), base_distance(&made.bounds, size), 64, None);
     let view = |(i, camera): (usize, &Camera)| {
@@ -64,9 +64,9 @@ pub fn views(made: &TiledScene, size: Size, around: bool) -> Vec<View> {
 }
 
 impl TiledScene {
-    /// The same scene by the alpha-blend law, as training takes Gaussians over from depths: as much larger as particles
-    /// are, as opaque as their depth makes them; here with grey levels from 0.5 to 1, and an untrained network, which
-    /// costs what a trained one does.
+    /// The same scene by the alpha-blend law, as training starts from depths: widened by the particle radius, with the
+    /// opacity of their depth, here with grey levels from 0.5 to 1 and an untrained network, which is as slow as a
+    /// trained one.
     pub fn published(&self) -> TiledScene {
         let (m, r2) = (&self.gaussians, self.radius * self.radius);
         let (mut gaussians, mut law) = (Mixture::default(), AlphaBlend::default());
@@ -82,7 +82,7 @@ impl TiledScene {
         TiledScene { gaussians, ..*self }
     }
 
-    /// So many particles of its Gaussians as columns about its middle.
+    /// Draws particles from its Gaussians, as columns relative to its centre.
     pub fn particles(&self, number: usize) -> [Vec<f32>; 3] {
         let (m, center) = (&self.gaussians, self.bounds.center());
         let one = |i: usize| -> [f32; 3] {

@@ -1,4 +1,4 @@
-//! Steps of training a second.
+//! Training steps per second.
 
 use super::scenes::{OPACITY, TiledScene, views};
 use super::work::{BlendWork, DepthWork, WorkBound};
@@ -17,16 +17,16 @@ use particlegs_pipeline::train::depth::{Parameters, StepSize};
 use particlegs_pipeline::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
 use std::time::Instant;
 
-/// Steps of a measurement, behind two: so many that the last, as the first, is of the first picture.
+/// Number of steps after two: the last uses the first picture again.
 const STEPS: usize = 503;
 const QUICK_STEPS: usize = 7;
-/// Steps whose kernels are timed.
+/// Number of steps whose kernels are timed.
 const TIMED: usize = 4;
-/// Pictures that are learnt from in turn.
+/// Number of training pictures, used in turn.
 const TARGETS: usize = 8;
 
-/// Steps of the optical-depth law from Gaussians that are half as many particles each too many or too few, by pictures
-/// of those as they were.
+/// Steps of the optical-depth law: counts of Gaussians start too high or too low by half, targets are the pictures of
+/// the original.
 pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
     let lesson = TrainingPictures::new(bench, made, &Scene::from_mixture(&made.gaussians, made.bounds), size)?;
     let mut gaussians = made.gaussians.clone();
@@ -39,8 +39,7 @@ pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
     lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
 }
 
-/// Steps of the alpha-blend law, at the published rates, from Gaussians half as opaque, or half more, as those of the
-/// pictures.
+/// Steps of the alpha-blend law at the published rates: opacities start too high or too low by half.
 pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
     let scene = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY);
     let lesson = TrainingPictures::new(bench, made, &scene, size)?;
@@ -65,7 +64,7 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
     lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
 }
 
-/// Pictures that are learnt from.
+/// Training pictures.
 struct TrainingPictures<'a> {
     law: LawKind,
     made: &'a TiledScene,
@@ -76,7 +75,7 @@ struct TrainingPictures<'a> {
 }
 
 impl<'a> TrainingPictures<'a> {
-    /// Of the scene as it is.
+    /// Pictures of the original scene.
     fn new(bench: GpuBench<'_>, made: &'a TiledScene, scene: &Scene, size: Size) -> Result<Self> {
         let views: Vec<View> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
         let pictures = ScenePictures::new(bench.device, scene)?;
@@ -88,7 +87,7 @@ impl<'a> TrainingPictures<'a> {
         Ok(TrainingPictures { law: scene.law(), made, size, views, targets })
     }
 
-    /// Takes steps until all are taken or the time is over, and adds their row.
+    /// Takes all steps, or as many as the time allows, and adds a row.
     fn take(
         &self,
         bench: GpuBench<'_>,
@@ -101,7 +100,7 @@ impl<'a> TrainingPictures<'a> {
             let (view, target) = (&self.views[k % TARGETS], &self.targets[k % TARGETS]);
             Ok(step(&TrainingSample { view, target, crop: Crop::whole(self.size), context: bench.context })?.loss)
         };
-        // Everything is compiled and there.
+        // Warm up.
         let mut losses = [one(0)?, one(1)?];
         let (started, mut steps) = (Instant::now(), 0);
         let (most, timed) = (bench.either(QUICK_STEPS, STEPS), bench.either(1, TIMED));

@@ -1,8 +1,8 @@
-//! What pictures and steps are made of, counted on the processor, and what that is at least on any GPU.
+//! The least work of pictures and training steps on any GPU, counted on the CPU.
 //!
-//! Bytes are those that kernels read and write where nothing stays near the threads: columns of Gaussians (words of 4
-//! bytes), their footprints, lists, planes. Operations are those of float32 in the kernels' inner lines, counted in
-//! their sources, a power of two as one.
+//! Bytes are those that kernels read and write without any cache: columns of Gaussians (4-byte words), footprints,
+//! lists, planes. Operations are the float32 operations of the kernels' inner loops, counted in their sources; a power
+//! of two counts as one.
 
 use super::scenes::{OPACITY, TiledScene};
 use particlegs_pipeline::Result;
@@ -20,41 +20,41 @@ use particlegs_pipeline::render::project::slices::pieces;
 use particlegs_pipeline::render::raster::pyramid::{PAD, levels};
 use std::f64::consts::PI;
 
-/// What a picture or a step takes at least.
+/// Least work of a picture or step.
 #[derive(Clone, Copy)]
 pub struct WorkBound {
     pub bytes: f64,
-    /// Atomic additions to words of a plane.
+    /// Atomic additions to a plane.
     pub additions: f64,
-    /// Operations of float32.
+    /// Float32 operations.
     pub operations: f64,
 }
 
-/// What a picture of the optical-depth law is made of.
+/// Contents of a picture of the optical-depth law.
 pub struct DepthWork {
-    /// Footprints that touch it: Gaussians, or their pieces.
+    /// Footprints that touch it: Gaussians or parts of them.
     pub footprints: u64,
-    /// Pixels that they add to, on whatever plane.
+    /// Pixels that they add to, over all planes.
     pub additions: f64,
 }
 
-/// What a picture of the alpha-blend law is made of.
+/// Contents of a picture of the alpha-blend law.
 pub struct BlendWork {
     /// Footprints that touch it.
     pub footprints: u64,
-    /// Entries of the lists of tiles.
+    /// Entries of the tile lists.
     pub entries: u64,
-    /// Pixels that footprints are blended onto, until each is done.
+    /// Pixels that footprints are blended onto, until each pixel is opaque.
     pub blends: u64,
 }
 
-/// Operations of a Gaussian's projection, and of the way back.
+/// Operations of a Gaussian's projection, forward and backward.
 const PROJECT: f64 = 300.0;
-/// Operations of Adam for a number.
+/// Operations of Adam per parameter.
 const ADAM: f64 = 15.0;
 
 impl DepthWork {
-    /// Of a scene in a view.
+    /// Counts a scene in a view.
     pub fn new(made: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
         const RUN: usize = 4096;
         let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
@@ -76,8 +76,8 @@ impl DepthWork {
         Ok(DepthWork { footprints, additions: runs.iter().map(|run| run.additions).sum() })
     }
 
-    /// A frame: columns (13 words) read, strokes (9 words) written and read, planes cleared, summed, read and made
-    /// levels. An addition takes its power of two (8 operations).
+    /// A frame: columns (13 words) are read, footprints (9 words) written and read, planes cleared, summed, read and
+    /// turned into levels. Each addition includes a power of two (8 operations).
     pub fn frame(&self, gaussians: usize, size: Size) -> WorkBound {
         let (n, footprints) = (gaussians as f64, self.footprints as f64);
         WorkBound {
@@ -87,10 +87,10 @@ impl DepthWork {
         }
     }
 
-    /// A step: a frame without levels; the loss and its gradient (a pixel of depth, target and result each, 24 bytes);
-    /// that gradient on all planes; the columns once more and the gradient with them (10 numbers) written; Adam, which
-    /// reads that, its two means, and columns as they are, as they are drawn and in the mean (14 words each), and
-    /// writes all but the first. On the way back every pixel of a footprint takes 12 operations.
+    /// A step: a frame without levels; the loss and its gradient (24 bytes per pixel: depth, target and result); the
+    /// gradient on all planes; the columns read again and their gradient (10 numbers) written; Adam reads the gradient,
+    /// its two means, and the columns as stored, as drawn and as averaged (14 words each), and writes all but the
+    /// gradient. Backward, each pixel of a footprint takes 12 operations.
     pub fn step(&self, gaussians: usize, size: Size) -> WorkBound {
         let (n, pixels, frame) = (gaussians as f64, size.pixels() as f64, self.frame(gaussians, size));
         let adam = 40.0 + 2.0 * 2.0 * 40.0 + 2.0 * 3.0 * 56.0;
@@ -108,14 +108,14 @@ fn words_of_planes(size: Size) -> f64 {
 }
 
 impl BlendWork {
-    /// Operations of a blend, on the way there and back: alpha by raster_main.wgsl, and what is wanted of it.
+    /// Operations of a blend, forward (raster_main.wgsl) and backward.
     const BLEND: [f64; 2] = [16.0, 36.0];
-    /// Of the network for a Gaussian: three layers, a product and a sum a weight.
+    /// Operations of the network per Gaussian: three layers, a product and a sum per weight.
     const NETWORK: f64 = 2.0 * (4 * 64 + 64 * 64 + 64 * 2) as f64;
-    /// Bytes of a key and its value through a pass of the sort: counted, read, written.
+    /// Bytes per key and value in a pass of the sort: counted, read, written.
     const SORTED: f64 = 20.0;
 
-    /// Of a scene in a view.
+    /// Counts a scene in a view.
     pub fn new(made: &TiledScene, view: &View, size: Size, context: &Context<'_>) -> Result<BlendWork> {
         let Some(blend) = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY).blend() else {
             return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });
@@ -128,10 +128,10 @@ impl BlendWork {
         Ok(BlendWork { footprints: plan.splats.len() as u64, entries, blends })
     }
 
-    /// A frame. Of a Gaussian: columns (16 words) and what the network made of it read; tiles, depth and number
-    /// written, sorted by eight passes, and tiles and number read twice. A footprint (8 words) is written; an entry is
-    /// written, sorted by four bits of the tile's number a pass, looked at, and read with its footprint. A pixel's
-    /// brightness and transmittance are written, and levels made. Where the network runs, it reads and writes two
+    /// A frame. Per Gaussian: columns (16 words) and the network's output are read; tiles, depth and index are written
+    /// and sorted in eight passes; tiles and index are read twice. A footprint (8 words) is written. An entry is
+    /// written, sorted by four bits of the tile number per pass, checked, and read with its footprint. Per pixel:
+    /// brightness and transmittance are written and turned into levels. If the network runs, it reads and writes two
     /// words.
     pub fn frame(&self, gaussians: usize, size: Size, with_network: bool) -> WorkBound {
         let (n, footprints, pixels) = (gaussians as f64, self.footprints as f64, size.pixels() as f64);
@@ -149,12 +149,12 @@ impl BlendWork {
         }
     }
 
-    /// A step: a frame with its network and without levels. Of a Gaussian: its 12 numbers unfolded to columns; what is
-    /// wanted of its footprint (7 words) written and read; columns, numbers and tiles read, gradient and what the
-    /// network and density control want written; the network's share of four of its numbers; and Adam, which reads
-    /// gradient, numbers and two means, and writes all but the first. Entries are read with their footprints once more,
-    /// and what is wanted written and read. Of a pixel: the loss and its gradient (24 bytes), gradient and brightness
-    /// on the way back.
+    /// A step: a frame with the network and without levels. Per Gaussian: 12 parameters are unpacked to columns; the
+    /// gradient of the footprint (7 words) is written and read; columns, parameters and tiles are read, and the
+    /// gradients for Adam, the network and density control written; the network adds to four parameters; Adam reads
+    /// gradient, parameters and two means, and writes all but the gradient. Entries are read again with their
+    /// footprints, and their gradients written and read. Per pixel: the loss and its gradient (24 bytes), then gradient
+    /// and brightness in the backward pass.
     pub fn step(&self, gaussians: usize, size: Size) -> WorkBound {
         let (n, pixels, frame) = (gaussians as f64, size.pixels() as f64, self.frame(gaussians, size, true));
         let chain = 2.0 * 28.0 + 64.0 + 48.0 + 8.0 + 8.0 + 48.0 + 8.0 + 16.0;
@@ -172,7 +172,7 @@ impl BlendWork {
     }
 }
 
-/// Entries of a tile's list, and pixels that they are blended onto until each is done.
+/// Entries of a tile's list, and pixels that they are blended onto until each is opaque.
 fn in_tile(plan: &Plan, tile: usize, size: Size) -> [u64; 2] {
     let corner = [tile % plan.tiles.across * TILE, tile / plan.tiles.across * TILE];
     let extent = [TILE.min(size.width - corner[0]), TILE.min(size.height - corner[1])];
@@ -192,7 +192,7 @@ fn in_tile(plan: &Plan, tile: usize, size: Size) -> [u64; 2] {
     [entries, blends]
 }
 
-/// A footprint's alpha at a pixel; none where it is too small to be drawn.
+/// A footprint's alpha at a pixel; `None` if it is too faint to be drawn.
 fn alpha(s: &Splat, at: [f32; 2]) -> Option<f32> {
     let dy = at[1] - s.y;
     let d = at[0] - s.x - s.lean * dy;
@@ -201,9 +201,10 @@ fn alpha(s: &Splat, at: [f32; 2]) -> Option<f32> {
 }
 
 impl WorkBound {
-    /// A noise-free picture of particles of so many pixels' deviation: places are read twice, once to count the work;
-    /// sums of 8 bytes a pixel are cleared, read, made depth and levels. The square of three deviations to either side
-    /// touches (6 sigma + 1)^2 pixels in the mean, and each takes two means of the splat over it (some 40 operations).
+    /// A noise-free picture of particles with this standard deviation in pixels. Positions are read twice, once to
+    /// count the work; sums of 8 bytes per pixel are cleared, read, and turned into depth and levels. The square of
+    /// three deviations to either side touches (6 sigma + 1)^2 pixels on average, and each takes two means of the splat
+    /// (about 40 operations).
     pub fn of_particles(count: usize, sigma: f64, size: Size) -> WorkBound {
         let (n, pixels) = (count as f64, size.pixels() as f64);
         let additions = n * (6.0 * sigma + 1.0).powi(2);

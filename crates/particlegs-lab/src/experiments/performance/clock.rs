@@ -1,4 +1,4 @@
-//! Wall-clock times: taken several times where they are short, told with the load of the machine.
+//! Wall-clock times, with the load of the machine; short ones are measured several times.
 
 use crate::report::line_of;
 use crate::results::{Spread, TableCell};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Instant;
 
-/// What times depend on beside what is timed: program, processor, threads.
+/// What times depend on besides the work: program, CPU, threads.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Machine {
     commit: Option<&'static str>,
@@ -29,22 +29,22 @@ impl Machine {
     }
 }
 
-/// The mean number of processes that wanted to run during the last minute; `None` where the system does not say.
+/// Mean number of runnable processes during the last minute; `None` if the system does not tell.
 pub(super) fn load() -> Option<f64> {
     std::fs::read_to_string(Path::new("/proc/loadavg")).ok()?.split(' ').next()?.parse().ok()
 }
 
-/// Times of one and the same work.
+/// Times of the same work.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Times {
-    /// Seconds, one a time.
+    /// Seconds of each time.
     pub seconds: Vec<f64>,
     /// Load of the machine at the end.
     pub load: Option<f64>,
 }
 
 impl Times {
-    /// Of work done `times` times.
+    /// Times `work` this many times.
     pub fn new<T>(times: usize, mut work: impl FnMut() -> Result<T>) -> Result<Times> {
         let mut seconds = Vec::with_capacity(times);
         for _ in 0..times {
@@ -56,29 +56,29 @@ impl Times {
         Ok(Times { seconds, load: load() })
     }
 
-    /// Median in seconds, with the range.
+    /// Median and range in seconds.
     pub fn cell(&self) -> TableCell {
         seconds(&self.seconds)
     }
 }
 
-/// Times of pictures, several of each.
+/// Times of pictures, each drawn several times.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct FrameTimes {
-    /// Seconds: a row a view, in the views' order; views at the end may be missing.
+    /// Seconds: one row per view, in order; the last views may be missing.
     pub views: Vec<Vec<f64>>,
     /// Load of the machine at the end.
     pub load: Option<f64>,
 }
 
 impl FrameTimes {
-    /// Median over all frames in milliseconds, with the range.
+    /// Median and range over all frames, in milliseconds.
     pub fn cell(&self) -> TableCell {
         let all: Vec<f64> = self.views.iter().flatten().map(|s| 1000.0 * s).collect();
         TableCell::spread(&all, digits(Spread::new(&all).map_or(0.0, |s| s.median)))
     }
 
-    /// How many times faster these are than others: a number a view that both have.
+    /// How many times faster these are than others, for each view that both have.
     pub fn faster_than(&self, others: &FrameTimes) -> Vec<f64> {
         let median = |v: &Vec<f64>| Some(Spread::new(v)?.median);
         let of = |(own, other): (&Vec<f64>, &Vec<f64>)| Some(median(other)? / median(own)?);
@@ -86,12 +86,12 @@ impl FrameTimes {
     }
 }
 
-/// Seconds with three significant digits or so.
+/// Seconds with about three significant digits.
 pub(super) fn seconds(values: &[f64]) -> TableCell {
     TableCell::spread(values, digits(Spread::new(values).map_or(0.0, |s| s.median)))
 }
 
-/// Digits after the point that leave about three significant ones.
+/// Digits after the point for about three significant ones.
 pub(super) fn digits(value: f64) -> usize {
     (2 - value.abs().max(1e-4).log10().floor() as i32).clamp(0, 5) as usize
 }
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_taken_so_often_and_compared_by_view() {
+    fn times_are_repeated_and_compared_by_view() {
         let mut count = 0;
         let times = Times::new(5, || {
             count += 1;
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn three_digits_are_kept() {
+    fn seconds_have_three_digits() {
         assert_eq!([0.0, 0.0123, 0.123, 1.23, 12.3, 123.0, 1234.0].map(digits), [5, 4, 3, 2, 1, 0, 0]);
     }
 }

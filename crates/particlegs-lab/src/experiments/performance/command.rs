@@ -1,4 +1,4 @@
-//! Whole commands as children: seconds, processor time, and the most memory that they take.
+//! Whole commands as child processes: seconds, CPU time and peak memory.
 
 use super::clock::{digits, load};
 use crate::results::TableCell;
@@ -10,27 +10,27 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How often a running child is looked at.
+/// Interval between two looks at a running child.
 const EVERY: Duration = Duration::from_millis(1);
-/// Clock ticks a second in /proc, the same on every Linux.
+/// Clock ticks per second in /proc, the same on every Linux.
 const TICKS: f64 = 100.0;
-/// Characters of what a child that failed said.
+/// Most characters of a failed child's message.
 const MOST_WORDS: usize = 300;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Cost {
     /// Wall-clock seconds.
     pub seconds: f64,
-    /// Processor seconds over all threads; `None` where there is no /proc.
+    /// CPU seconds over all threads; `None` without /proc.
     pub processor: Option<f64>,
-    /// The most memory that no file backs (RssAnon and RssShmem), bytes; `None` where there is no /proc.
+    /// Peak of the memory that no file backs (RssAnon and RssShmem), bytes; `None` without /proc.
     pub peak: Option<u64>,
     /// Load of the machine at the end.
     pub load: Option<f64>,
 }
 
 impl Cost {
-    /// Seconds, processor seconds, MiB, load.
+    /// Seconds, CPU seconds, MiB, load.
     pub fn cells(&self) -> [TableCell; 4] {
         let missing =
             |cell: TableCell| if cell == TableCell::Empty { TableCell::text("not measured: no /proc") } else { cell };
@@ -43,23 +43,23 @@ impl Cost {
     }
 }
 
-/// What a command took, or why it failed.
+/// The cost of a command, or why it failed.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct CommandRun {
-    /// What it took; `None` where it failed.
+    /// `None` if it failed.
     pub cost: Option<Cost>,
-    /// What it wrote to its standard output; where it failed, why, in a line.
+    /// Its standard output, or the reason of its failure in one line.
     pub said: String,
 }
 
 impl CommandRun {
-    /// Did it fail? What did is tried again the next time.
+    /// Failed commands are not cached, but tried again the next time.
     pub fn failed(&self) -> bool {
         self.cost.is_none()
     }
 }
 
-/// Runs a command to its end. `folder` takes what it says.
+/// Runs a command to its end; `folder` holds its output.
 pub(super) fn run(command: &mut Command, input: &str, folder: &Path, context: &Context<'_>) -> Result<CommandRun> {
     let names = ["stdin", "stdout", "stderr"].map(|n| folder.join(n));
     let io = |path: &Path, e| Error::io(path, e);
@@ -78,7 +78,7 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, context: &C
     if status.success() {
         return Ok(CommandRun { cost: Some(Cost { seconds, processor, peak, load: load() }), said: text(1) });
     }
-    // A stop reaches the child as well, which may end first: that is no failure of its own.
+    // Ctrl-C also reaches the child, which may end first: report the stop, not a failure.
     context.check()?;
     let words = |l: &&str| !l.is_empty() && !l.starts_with("hint:");
     let last = text(2).lines().rev().map(str::trim).find(words).unwrap_or_default().to_string();
@@ -86,7 +86,7 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, context: &C
     Ok(CommandRun { cost: None, said: why.chars().take(MOST_WORDS).collect() })
 }
 
-/// Waits for a child; the most memory it had.
+/// Waits for a child; returns its peak memory.
 fn watch(child: &mut Child, context: &Context<'_>) -> Result<(std::process::ExitStatus, Option<u64>)> {
     let status = format!("/proc/{}/status", child.id());
     let mut peak = None;
@@ -105,7 +105,7 @@ fn watch(child: &mut Child, context: &Context<'_>) -> Result<(std::process::Exit
     }
 }
 
-/// Bytes that no file backs, of /proc/PID/status; `None` of a process that has ended.
+/// Bytes that no file backs, from /proc/PID/status; `None` if the process has ended.
 fn unbacked(status: &str) -> Option<u64> {
     let of = |name: &str| {
         let line = status.lines().find(|l| l.starts_with(name))?;
@@ -114,14 +114,14 @@ fn unbacked(status: &str) -> Option<u64> {
     Some(1024 * (of("RssAnon:")? + of("RssShmem:").unwrap_or(0)))
 }
 
-/// Processor seconds of this process's children that have ended; `None` where there is no /proc.
+/// CPU seconds of this process's ended children; `None` without /proc.
 fn processor_of_children() -> Option<f64> {
     of_children(&std::fs::read_to_string("/proc/self/stat").ok()?)
 }
 
-/// cutime and cstime, of /proc/PID/stat: fields 16 and 17 (proc(5)).
+/// cutime and cstime from /proc/PID/stat: fields 16 and 17 (proc(5)).
 fn of_children(stat: &str) -> Option<f64> {
-    // The second field, a name in brackets, may hold anything.
+    // The second field, a name in parentheses, may contain anything.
     let after: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let ticks = |field: usize| after.get(field - 3)?.parse::<f64>().ok();
     Some((ticks(16)? + ticks(17)?) / TICKS)
@@ -133,7 +133,7 @@ mod tests {
     use particlegs_pipeline::context::Context;
 
     #[test]
-    fn the_systems_words_are_read() {
+    fn system_files_are_parsed() {
         let status = "Name:\tx\nVmRSS:\t 900 kB\nRssAnon:\t     512 kB\nRssFile:\t 380 kB\nRssShmem:\t   8 kB\n";
         assert_eq!((unbacked(status), unbacked("State:\tZ\n")), (Some(520 * 1024), None));
         let stat = "7 (a) b) S 1 1 1 0 -1 0 1 2 3 4 50 60 150 25 20 0 1 0 9 9 9";
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_child_is_measured_and_its_failure_told() {
+    fn a_child_is_measured_and_its_failure_reported() {
         let (dir, shell) = (tempfile::tempdir().unwrap(), Path::new("/bin/sh"));
         if !shell.exists() || !Path::new("/proc/self/stat").exists() {
             return;

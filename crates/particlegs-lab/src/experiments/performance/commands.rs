@@ -1,4 +1,4 @@
-//! Whole commands of our program as children, with what they take of memory.
+//! Whole commands of our program as child processes, with their memory.
 
 use super::clock::{Machine, digits};
 use super::command::{CommandRun, Cost, run};
@@ -41,7 +41,7 @@ pub(super) fn measure(
         let run_all = || {
             let folder = raw.folder()?;
             let one = |i: usize| {
-                // An output of its own each: no command replaces a file.
+                // Commands replace no files, so each gets its own output.
                 let out = folder.join(format!("{}-{i}.png", key.replace(' ', "-")));
                 run(&mut make(&out)?, "", folder, lab.context)
             };
@@ -62,7 +62,7 @@ pub(super) fn measure(
         command.arg("info").arg(model()?);
         Ok(command)
     })?;
-    let mut all = vec![CommandTiming { what: "`info`: the model's file decoded".into(), runs: info }];
+    let mut all = vec![CommandTiming { what: "`info`: decode the model file".into(), runs: info }];
     for size in sizes {
         let told = format!("one picture of {}x{}", size.width, size.height);
         let runs = drawing("render", &model, size)?;
@@ -73,7 +73,7 @@ pub(super) fn measure(
     Ok(all)
 }
 
-/// As a table, with the compression and VTK beside them.
+/// The table, which also has the compression and VTK.
 pub(super) fn table(
     grown: &[GrowthPoint],
     timed: &[CommandTiming],
@@ -89,7 +89,7 @@ pub(super) fn table(
     }
     timed.iter().for_each(|t| row(&mut table, &t.what, &t.runs));
     for (size, found) in vtk {
-        let what = format!("VTK, Python included: loaded, and all frames of {}x{}", size.width, size.height);
+        let what = format!("VTK, including Python: load and draw all frames of {}x{}", size.width, size.height);
         let ran = match found {
             Ok(v) => CommandRun { cost: Some(v.cost.clone()), said: String::new() },
             // The notes say why.

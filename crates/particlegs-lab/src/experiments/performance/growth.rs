@@ -1,4 +1,4 @@
-//! Growth with the number of particles: seconds, memory and bytes of `compress` as a whole command.
+//! Scaling with the number of particles: seconds, memory and bytes of `compress` as a whole command.
 
 use super::clock::Machine;
 use super::command::{CommandRun, run};
@@ -16,14 +16,14 @@ use std::process::Command;
 #[derive(Serialize, Deserialize)]
 pub(super) struct GrowthPoint {
     pub particles: u64,
-    /// How they were made of the snapshot's.
+    /// How they were made from the snapshot.
     pub what: String,
-    /// Bytes of the file; `None` where the command failed.
+    /// Bytes of the file; `None` if the command failed.
     pub bytes: Option<u64>,
     pub ran: CommandRun,
 }
 
-/// Random subsets, all particles, and with full settings four copies side by side where the box is periodic.
+/// Random subsets, all particles, and, with full settings and a periodic box, four copies.
 pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &RawCopy<'_>, machine: &Machine) -> Result<Vec<GrowthPoint>> {
     let parts: &[u64] = if lab.settings.quick { &[8, 2, 1] } else { &[64, 16, 4, 1] };
     let mut all = Vec::new();
@@ -64,7 +64,7 @@ fn one(
     lab.store.result_if("timed-growth", &inputs, compressed, |g: &GrowthPoint| !g.ran.failed())
 }
 
-/// `compress` at the ratio that is compared.
+/// `compress` at the compared ratio.
 pub(super) fn compress(lab: &Lab<'_>, snapshot: &std::path::Path, out: &std::path::Path) -> Command {
     let mut command = Command::new(&lab.settings.program);
     let (ratio, seed) = (COMPARED.to_string(), lab.settings.seed.to_string());
@@ -78,8 +78,8 @@ pub(super) fn table(all: &[GrowthPoint]) -> ResultTable {
         format!("Growth with the number of particles: the whole command `compress --ratio {COMPARED}`"),
         &[
             "particles",
-            "of the snapshot",
-            "bytes of the file",
+            "part of the snapshot",
+            "file size, bytes",
             "seconds",
             "CPU seconds",
             "peak memory, MiB",
@@ -113,7 +113,6 @@ pub(super) fn table(all: &[GrowthPoint]) -> ResultTable {
     table
 }
 
-/// Why there is no figure.
 pub(super) fn not(why: &str) -> String {
     format!("not measured: {why}")
 }
@@ -137,11 +136,11 @@ pub(super) fn plots(all: &[GrowthPoint]) -> Vec<Plot> {
     ]
 }
 
-/// The line through the last point that grows as particles do; nothing of fewer than two points.
+/// The line through the last point that is proportional to the particles; empty for fewer than two points.
 pub(super) fn proportional(points: &[Point]) -> Option<Series> {
     let ([first, .., last], style) = (points, 7) else { return None };
     let at = |x: f64| Point::new(x, last.y * x / last.x);
-    Some(Series { name: "in proportion".into(), style, dashed: true, points: vec![at(first.x), at(last.x)] })
+    Some(Series { name: "proportional".into(), style, dashed: true, points: vec![at(first.x), at(last.x)] })
 }
 
 #[cfg(test)]
@@ -149,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn proportion_goes_through_the_last_point() {
+    fn the_proportional_line_ends_at_the_last_point() {
         let points = [Point::new(10.0, 5.0), Point::new(20.0, 6.0), Point::new(40.0, 8.0)];
         let line = proportional(&points).unwrap().points;
         assert_eq!((line[0].y, line[1].y, line[0].x), (2.0, 8.0, 10.0));
@@ -157,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_failed_is_said_in_its_row() {
+    fn failures_are_shown_in_their_row() {
         let ran = CommandRun { cost: None, said: "too small".into() };
         let table = table(&[GrowthPoint { particles: 7, what: "all".into(), bytes: None, ran }]);
         assert_eq!(table.rows[0].len(), table.columns.len());

@@ -1,5 +1,5 @@
-//! Performance: opening, compressing, decoding and drawing, beside VTK's own Point Gaussian in the same run; memory, and
-//! growth with the number of particles (paper, table tab:perf and figure fig:scale).
+//! Performance: opening, compressing, decoding and drawing, compared with VTK's own Point Gaussian in the same run;
+//! memory, and scaling with the number of particles (paper, table tab:perf and figure fig:scale).
 
 mod clock;
 mod command;

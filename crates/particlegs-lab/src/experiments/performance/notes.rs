@@ -1,4 +1,4 @@
-//! What a reader of the figures must know.
+//! Notes of the report.
 
 use super::clock::Machine;
 use super::command::Cost;
@@ -11,7 +11,7 @@ use crate::experiments::shared::rates::COMPARED;
 use crate::results::Spread;
 use crate::snapshot::Snapshot;
 
-/// All that notes are made of.
+/// All measurements.
 pub(super) struct PerformanceTimings<'a> {
     pub steps: &'a StartupTimes<'a>,
     pub frames: &'a [SizeTimings],
@@ -118,7 +118,7 @@ fn scaling(scale: &ScaleBlocks) -> String {
     )
 }
 
-/// The loads under which all that was timed.
+/// Note on the load of the machine.
 fn loads(all: &PerformanceTimings<'_>) -> String {
     let of_frames = all.frames.iter().flat_map(|a| {
         let ours = [&a.model, &a.paraview, &a.expected].map(|f| f.settings.load);

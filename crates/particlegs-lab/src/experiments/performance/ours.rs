@@ -18,16 +18,16 @@ use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::{Result, codec};
 use serde::{Deserialize, Serialize};
 
-/// How often short work is timed.
+/// Repetitions of short work.
 const TIMES: usize = 5;
-/// How often each picture of a model is drawn.
+/// Repetitions of each picture of a model.
 const DRAWN: usize = 3;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Phases {
-    /// Phase and its seconds, in order.
+    /// Phases with their seconds, in order.
     pub phases: Vec<(String, f64)>,
-    /// Seconds of all.
+    /// Total seconds.
     pub seconds: f64,
     pub bytes: u64,
     pub gaussians: u64,
@@ -39,8 +39,7 @@ pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> ModelSettings {
     ModelSettings { effort, ..ModelSettings::ratio(COMPARED, lab.settings.seed) }
 }
 
-/// Opening and reading the snapshot as it lies, values checked; `None` where it needs more than its name to be read as
-/// the particles that are measured.
+/// Opening, reading and checking the snapshot; `None` if it was read with options.
 pub(super) fn opening(lab: &Lab<'_>, of: &Snapshot, machine: &Machine) -> Result<Option<Times>> {
     lab.store.result("timed-opening", &(&of.hash, &of.path, machine), || {
         let choice = Choice::default();
@@ -50,7 +49,7 @@ pub(super) fn opening(lab: &Lab<'_>, of: &Snapshot, machine: &Machine) -> Result
     })
 }
 
-/// A compression, its model kept for the other experiments.
+/// A compression; its model is cached for the other experiments.
 pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine: &Machine) -> Result<Phases> {
     let recipe = recipe(lab, effort);
     lab.store.result("timed-compression", &(&of.hash, &recipe, machine), || {
@@ -73,23 +72,23 @@ pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &ModelBuild, machine:
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) enum RenderSource {
-    /// The model, as ParaView draws particles.
+    /// The model, in ParaView's style.
     Model,
-    /// All particles, as ParaView draws them.
+    /// All particles, in ParaView's style.
     Paraview,
-    /// All particles, without the noise of rounding.
+    /// All particles, noise-free.
     Expected,
 }
 
-/// Frames under new cameras, and under new radii and opacities.
+/// Frames with new cameras, and with new radii and opacities.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct FrameTimings {
     pub cameras: FrameTimes,
     pub settings: FrameTimes,
 }
 
-/// Frames of one kind of picture; the model's buffers are kept from frame to frame, as the commands that draw do. The
-/// renderer of all particles has none to keep.
+/// Frames of one kind of picture. The model's buffers are kept between frames, as the commands do; the renderer of all
+/// particles has none.
 pub(super) fn frames(
     lab: &Lab<'_>,
     of: &Snapshot,
@@ -114,7 +113,7 @@ pub(super) fn frames(
             }
             _ => reference.draw(view, shots.size, look, lab.context).map(drop),
         };
-        // The first takes its memory.
+        // The first frame allocates memory.
         draw(&shots.first)?;
         Ok(FrameTimings {
             cameras: each(&shots.cameras, times, &mut draw)?,
@@ -128,7 +127,7 @@ fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>)
     Ok(FrameTimes { views, load: load() })
 }
 
-/// All particles in the first view by our renderer: what VTK's picture is compared with.
+/// All particles in the first view by our renderer, to compare with VTK.
 pub(super) fn picture(lab: &Lab<'_>, of: &Snapshot, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
     let key = ("all particles", &of.hash, crate::views::cache_key(view, size), look.name());
     crate::views::kept_picture(lab, &key, || Reference::new(&of.particles).draw(view, size, look, lab.context))

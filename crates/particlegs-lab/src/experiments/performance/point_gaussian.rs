@@ -1,4 +1,4 @@
-//! VTK's own Point Gaussian, in a Python of the user's by lab/point_gaussian.py.
+//! VTK's own Point Gaussian, run by lab/point_gaussian.py in the user's Python.
 
 use super::clock::{FrameTimes, Machine, load};
 use super::command::{Cost, run};
@@ -16,30 +16,30 @@ use std::path::Path;
 use std::process::Command;
 
 const SCRIPT: &str = include_str!("../../../lab/point_gaussian.py");
-/// Seconds after which no further frame of a size is begun.
+/// Seconds after which no further frame of a size is started.
 fn limit(lab: &Lab<'_>) -> f64 {
     if lab.settings.quick { 12.0 } else { 100.0 }
 }
 
-/// What VTK took at one size of pictures.
+/// VTK's times at one picture size.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct PointGaussian {
-    /// VTK's version, and what its OpenGL calls itself.
+    /// Versions of VTK and of its OpenGL.
     pub version: String,
     pub opengl: String,
-    /// Seconds from files of float32 to points as its mapper takes them.
+    /// Seconds from float32 files to points for its mapper.
     pub load: f64,
     /// Seconds of the first frame.
     pub first: f64,
     pub cameras: FrameTimes,
     pub settings: FrameTimes,
-    /// The whole child, Python and all.
+    /// Cost of the whole child, including Python.
     pub cost: Cost,
-    /// How its first picture agrees with ours, without FXAA and with it.
+    /// Agreement of its first picture with ours, without and with FXAA.
     pub agrees: Option<[Agreement; 2]>,
 }
 
-/// dB between two pictures; `None` where they are the same.
+/// dB between two pictures; `None` if they are equal.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Agreement {
     pub psnr: Option<f64>,
@@ -67,15 +67,15 @@ struct ScriptOutput {
     settings: Vec<f64>,
 }
 
-/// The version of VTK that a Python has, as its packages say: another one is measured again.
+/// The version of VTK in a Python; a new version is measured again.
 fn installed(python: &Path) -> Option<String> {
     let code = "from importlib.metadata import version; print(version('vtk'))";
     let said = Command::new(python).args(["-c", code]).output().ok().filter(|o| o.status.success())?;
     Some(String::from_utf8_lossy(&said.stdout).trim().into())
 }
 
-/// VTK at a size of pictures, compared with ours where `compared`; the error within says why there is nothing. What
-/// failed is tried again the next time.
+/// VTK at one picture size, compared with our picture if `compared`, or why it failed. Failures are tried again the
+/// next time.
 pub(super) fn measure(
     lab: &Lab<'_>,
     of: &Snapshot,
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_measured_says_why() {
+    fn missing_measurements_say_why() {
         assert!(measured(None).unwrap_err().contains("a Python"));
         if Path::new("/bin/false").exists() {
             assert!(measured(Some("/bin/false".into())).unwrap_err().contains("exit status: 1"));
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn vtk_draws_what_we_draw() {
+    fn vtk_draws_the_same_picture() {
         let Some(python) = std::env::var_os("PARTICLEGS_LAB_PYTHON") else { return };
         let found = measured(Some(python.into())).unwrap();
         let [plain, _] = found.agrees.unwrap();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_agree_as_far_as_they_do() {
+    fn agreement_of_pictures_is_measured() {
         let size = Size { width: 4, height: 2 };
         let (a, mut b) = (Gray8 { size, data: vec![100; 8] }, Gray8 { size, data: vec![100; 8] });
         let same = Agreement::new(&a, &b);

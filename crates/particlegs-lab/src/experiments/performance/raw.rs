@@ -1,4 +1,4 @@
-//! Particles as files of raw float32 for children: the snapshot's positions, and parts and copies of them.
+//! Raw float32 files for child processes: the snapshot's positions, and parts and copies of them.
 
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
@@ -8,7 +8,7 @@ use particlegs_pipeline::particles::{RawForm, SelectedParticles, Selection, Tili
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
-/// A folder that goes away with this; nothing is written before it is asked for.
+/// Temporary folder; files are written on demand.
 pub(super) struct RawCopy<'a> {
     lab: &'a Lab<'a>,
     of: &'a Snapshot,
@@ -31,7 +31,7 @@ impl<'a> RawCopy<'a> {
         self.written("all", Tiling::single(), Selection::all())
     }
 
-    /// Particles of a selection of the tiled snapshot, as a folder of that name.
+    /// A selection of the tiled snapshot, written to a folder of this name.
     pub fn written(&self, name: &str, tiling: Tiling, selection: Selection) -> Result<PathBuf> {
         let path = self.folder()?.join(name);
         if !path.exists() {

@@ -1,4 +1,4 @@
-//! What blocks of a box take for one and the same quality, by their particles (paper, figure fig:scale).
+//! Size of models of parts of the box at one quality, by number of particles (paper, figure fig:scale).
 
 use super::growth::proportional;
 use super::paper;
@@ -19,34 +19,34 @@ use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Halvings of the box, of the smallest blocks first.
+/// Number of halvings, smallest blocks first.
 const HALVINGS: [u32; 5] = [4, 3, 2, 1, 0];
-/// Pictures that the quality is found in: as large, and as many an orbit, as those that `compress` searches by.
+/// Size, and number per orbit, of the pictures that measure quality, as in the search of `compress`.
 const SIZE: Size = Size { width: 1920, height: 1080 };
 const FRAMES: usize = 2;
-/// How far below that all are held to, dB: means over six views of one model differ by about as much.
+/// How far the target is below the whole box's score, dB: means over six views of one model differ by about as much.
 pub(super) const BELOW: f64 = 1.0;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ScaleBlock {
-    /// Share of the box, as 1/2^halvings.
+    /// The block is 1/2^halvings of the box.
     pub halvings: u32,
-    /// From the upper corner of the box instead of the lower.
+    /// At the upper corner of the box instead of the lower.
     pub upper: bool,
     pub particles: u64,
-    /// Bytes and Gaussians of its model; or why there is none.
+    /// Bytes and Gaussians of its model, or why there is none.
     pub model: std::result::Result<[u64; 2], String>,
 }
 
-/// The blocks, and the quality that all have.
+/// The blocks, and their common quality.
 pub(super) struct ScaleBlocks {
-    /// Masked PSNR in the look `expected`, dB.
+    /// Masked PSNR in the style `expected`, dB.
     pub quality: f64,
     pub blocks: Vec<ScaleBlock>,
 }
 
-/// Blocks from the lower and the upper corner of the box, the smallest first; with quick settings from the lower, and
-/// three sizes.
+/// Blocks at the lower and upper corner of the box, smallest first; with quick settings only the lower, and three
+/// sizes.
 pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<ScaleBlocks> {
     let quality = quality(lab, of)?;
     let (least, corners): (u32, &[bool]) = if lab.settings.quick { (2, &[false]) } else { (4, &[false, true]) };
@@ -60,7 +60,7 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<ScaleBlocks> {
     Ok(ScaleBlocks { quality, blocks })
 }
 
-/// [`BELOW`] what the whole box has at the ratio that is compared, in tenths of a decibel.
+/// [`BELOW`] the whole box's score at the compared ratio, in tenths of a decibel.
 fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
     let recipe = recipe(Target::Ratio(COMPARED), lab.settings.seed);
     let scored = lab.store.result("scale-quality", &(&of.hash, &recipe, SIZE, FRAMES), || {
@@ -83,13 +83,13 @@ fn recipe(target: Target, seed: u64) -> ModelSettings {
     ModelSettings { target, effort: Effort::Fast, blocks: 1, seed }
 }
 
-/// A box halved along x, y, z, x: its lower or its upper corner.
+/// The lower or upper part of a box, halved along x, y, z, x.
 fn corner(all: &Bounds, halvings: u32, upper: bool) -> Bounds {
     let mut b = *all;
     for k in 0..3 {
         let times = (halvings as usize + 2 - k) / 3;
         let width = (all.max[k] - all.min[k]) / f64::from(1 << times);
-        // Bounds are of particles, and the upper ends of a region are outside it.
+        // A region excludes its upper ends, but bounds include the last particle.
         let beyond = 1e-6 * width;
         match upper && times > 0 {
             true => (b.min[k], b.max[k]) = (all.max[k] - width, all.max[k] + beyond),
@@ -109,7 +109,7 @@ fn block(lab: &Lab<'_>, of: &Snapshot, halvings: u32, upper: bool, quality: f64)
         let particles = of.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.context)?;
         let model = match compress(&particles, &recipe.options(), &mut NoCheckpoints, lab.context) {
             Ok(done) => Ok([done.bytes.len() as u64, done.model.gaussians() as u64]),
-            // A block without particles, or whose quality cannot be reached, is one that says so.
+            // A block without particles, or below the quality, records the reason.
             Err(e @ (Error::Unreachable { .. } | Error::Input { .. } | Error::Argument { .. })) => Err(e.to_string()),
             Err(e) => return Err(e),
         };
@@ -118,7 +118,8 @@ fn block(lab: &Lab<'_>, of: &Snapshot, halvings: u32, upper: bool, quality: f64)
 }
 
 impl ScaleBlocks {
-    /// By what power of the particles bytes and Gaussians grow: least squares in logarithms; `None` of fewer than two.
+    /// Exponents of bytes and Gaussians over particles, by least squares in logarithms; `None` for fewer than two
+    /// blocks.
     pub fn powers(&self) -> Option<[f64; 2]> {
         let of = |k: usize| {
             power(self.blocks.iter().filter_map(|b| Some([b.particles as f64, b.model.as_ref().ok()?[k] as f64])))
@@ -165,7 +166,7 @@ impl ScaleBlocks {
     pub fn plot(&self) -> Plot {
         let point = |b: &ScaleBlock| Some(Point::new(b.particles as f64, b.model.as_ref().ok()?[0] as f64));
         let of = |name: &str, style, upper| {
-            // The whole box ends both.
+            // The whole box is the last point of both.
             let own = self.blocks.iter().filter(|b| b.upper == upper || b.halvings == 0);
             Series { name: name.into(), style, dashed: false, points: own.filter_map(point).collect() }
         };
@@ -176,16 +177,16 @@ impl ScaleBlocks {
         series.extend(proportional(&series[0].points));
         Plot {
             name: "performance-scale".into(),
-            title: format!("Size of a block's model at {} dB", self.quality),
-            x: PlotAxis::logarithmic("particles of the block"),
-            y: PlotAxis::logarithmic("bytes of its model"),
+            title: format!("Model size of parts of the box at {} dB", self.quality),
+            x: PlotAxis::logarithmic("particles in the part"),
+            y: PlotAxis::logarithmic("bytes of the model"),
             series,
             levels: vec![],
         }
     }
 }
 
-/// The slope of a line through logarithms, by least squares.
+/// Slope of a line through logarithms, by least squares.
 pub(super) fn power(points: impl Iterator<Item = [f64; 2]>) -> Option<f64> {
     let logs: Vec<[f64; 2]> = points.map(|p| p.map(f64::ln)).collect();
     let mean = |k: usize| logs.iter().map(|p| p[k]).sum::<f64>() / logs.len() as f64;
@@ -200,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn powers_are_slopes_of_logarithms() {
+    fn exponents_are_slopes_of_logarithms() {
         let points = [1.0f64, 2.0, 8.0, 30.0].map(|x| [x, 5.0 * x.powf(0.7)]);
         assert!((power(points.into_iter()).unwrap() - 0.7).abs() < 1e-12);
         assert!(power(points[..1].iter().copied()).is_none());
@@ -209,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_have_their_share_of_the_box() {
+    fn corners_are_parts_of_the_box() {
         let all = Bounds { min: [0.0, -1.0, 2.0], max: [8.0, 1.0, 6.0] };
         let volume = |b: &Bounds| (0..3).map(|k| b.max[k] - b.min[k]).product::<f64>();
         for halvings in 0..5 {

@@ -1,4 +1,4 @@
-//! Tables of what was timed in one process, with the paper's own figures beside them.
+//! Tables of times within one process, with the paper's numbers.
 
 use super::clock::{FrameTimes, Times, seconds};
 use super::growth::not;
@@ -8,7 +8,7 @@ use super::point_gaussian::PointGaussian;
 use crate::results::{ResultTable, TableCell};
 use particlegs_pipeline::picture::Size;
 
-/// All that was timed at one size of pictures.
+/// All times at one picture size.
 pub(super) struct SizeTimings {
     pub size: Size,
     pub model: FrameTimings,
@@ -17,15 +17,15 @@ pub(super) struct SizeTimings {
     pub vtk: Result<PointGaussian, String>,
 }
 
-/// A picture of which kind.
+/// Kind of picture.
 type FrameSelector = fn(&FrameTimings) -> &FrameTimes;
 
 pub(super) fn frames(all: &[SizeTimings]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-frames",
-        "A frame, in milliseconds: median, smallest and largest",
+        "Milliseconds per frame: median, smallest and largest",
         &[
-            "frame under a new",
+            "frame with a new",
             "pixels",
             "model",
             "all particles, `expected`",
@@ -66,7 +66,7 @@ pub(super) fn frames(all: &[SizeTimings]) -> ResultTable {
     table
 }
 
-/// Times before there is a frame.
+/// Times before the first frame.
 pub(super) struct StartupTimes<'a> {
     pub opening: &'a Option<Times>,
     pub decoding: &'a Times,
@@ -76,17 +76,17 @@ pub(super) struct StartupTimes<'a> {
 pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-steps",
-        "Steps, in seconds: median, smallest and largest",
+        "Seconds per step: median, smallest and largest",
         &["step", "ours", "VTK", "load", "paper: ParaView", "paper: its model"],
     );
     let number = |v: f64, digits| TableCell::number(v, digits);
     let vtk: Vec<&PointGaussian> = all.iter().filter_map(|a| a.vtk.as_ref().ok()).collect();
     let loads: Vec<f64> = vtk.iter().map(|v| v.load).collect();
     let of_vtk = if loads.is_empty() { TableCell::text("not measured") } else { seconds(&loads) };
-    let not_opened = || TableCell::text(not("read with options of the command"));
+    let not_opened = || TableCell::text(not("read with options"));
     let load = |l: Option<f64>| TableCell::number(l, 1);
     table.row([
-        TableCell::text("particles opened, read and checked"),
+        TableCell::text("open, read and check particles"),
         steps.opening.as_ref().map_or_else(not_opened, Times::cell),
         of_vtk,
         load(steps.opening.as_ref().and_then(|t| t.load)),
@@ -94,7 +94,7 @@ pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTabl
         TableCell::Empty,
     ]);
     table.row([
-        TableCell::text("model's file decoded"),
+        TableCell::text("decode the model file"),
         steps.decoding.cell(),
         TableCell::Empty,
         load(steps.decoding.load),
@@ -104,12 +104,12 @@ pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTabl
     for at in all {
         let first = at.vtk.as_ref().map_or(TableCell::Empty, |v| seconds(&[v.first]));
         let [width, height] = [at.size.width, at.size.height];
-        let name = TableCell::text(format!("first frame of {width}x{height}, buffers built"));
+        let name = TableCell::text(format!("first frame of {width}x{height}, with new buffers"));
         let loads = at.vtk.as_ref().ok().and_then(|v| v.cameras.load);
         table.row([name, TableCell::Empty, first, load(loads), TableCell::Empty, TableCell::Empty]);
     }
     for (name, c) in steps.compressions {
-        let name = TableCell::text(format!("compression, effort {name}, whole"));
+        let name = TableCell::text(format!("whole compression, effort {name}"));
         table.row([name, seconds(&[c.seconds]), TableCell::Empty, load(c.load), TableCell::Empty, TableCell::Empty]);
     }
     for (name, value) in [
@@ -127,7 +127,7 @@ pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTabl
 pub(super) fn phases(compressions: &[(&'static str, Phases)]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-phases",
-        "A compression by phase, in seconds, without certificate",
+        "Seconds of a compression by phase, without certificate",
         &["effort", "phase", "seconds", "share, %", "bytes", "Gaussians", "load"],
     );
     for (effort, c) in compressions {

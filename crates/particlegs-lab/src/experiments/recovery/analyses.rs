@@ -1,14 +1,14 @@
-//! Which analyses recovered particles support, judged from the figures of the other tables alone.
+//! Which analyses recovered particles support, judged only by the numbers of the other tables.
 
 use super::facts::Facts;
 use super::{RecoveryMeasurements, SizeRecovery};
 use crate::results::{ResultTable, TableCell};
 
-/// An analysis: what is judged, its limits for `yes` and `care`, and the figure that is held to them.
+/// An analysis with its limits for `yes` and `care`, and the number that is compared with them.
 struct Analysis {
     what: &'static str,
     limits: [f64; 2],
-    /// As the limits stand in the table.
+    /// The limits as text.
     said: &'static str,
     figure: fn(&SizeRecovery) -> Option<f64>,
 }
@@ -37,10 +37,10 @@ const ANALYSES: [Analysis; 11] = [
         phases_off(&o.count, 0.25)
     }),
     Analysis::new("phases to the last k: 1 - r", [0.01, 0.1], "0.01 / 0.1", |o| phases_off(&o.count, 1.0)),
-    Analysis::new("number of groups of 100 and more", [0.05, 0.1], "5 % / 10 %", |o| groups_off(&o.count, 100)),
+    Analysis::new("number of groups of 100 or more", [0.05, 0.1], "5 % / 10 %", |o| groups_off(&o.count, 100)),
     Analysis::new("number of groups of 50 to 99", [0.05, 0.1], "5 % / 10 %", |o| groups_off(&o.count, 50)),
     Analysis::new("number of groups of 20 to 49", [0.05, 0.1], "5 % / 10 %", |o| groups_off(&o.count, 20)),
-    Analysis::new("mass in the cores of groups of 100 to 299: 1 - median", [0.05, 0.2], "5 % / 20 %", |o| {
+    Analysis::new("core mass of groups of 100 to 299: 1 - median", [0.05, 0.2], "5 % / 20 %", |o| {
         Some((1.0 - o.count.core_mass?).abs())
     }),
     Analysis::new("nearest neighbours, drawn `spaced`: mean and median", [0.05, 0.15], "5 % / 15 %", |o| {
@@ -48,7 +48,7 @@ const ANALYSES: [Analysis; 11] = [
     }),
 ];
 
-/// A row an analysis, a column a ratio.
+/// One row per analysis, one column per ratio.
 pub(super) fn table(m: &RecoveryMeasurements) -> ResultTable {
     let mut columns = vec!["analysis".to_string(), "limits: yes / with care".into()];
     columns.extend(m.sizes.iter().map(|o| format!("ratio {}", o.name)));
@@ -74,7 +74,7 @@ fn grade(figure: Option<f64>, [good, fair]: [f64; 2]) -> &'static str {
     }
 }
 
-/// The worst deviation of P(k) in shells up to a share of the last k.
+/// The largest deviation of P(k) in shells up to a share of the last k.
 fn power_off(facts: &Facts, share: f64) -> Option<f64> {
     let last = share * facts.k_max()? * (1.0 + 1e-9);
     let off = facts.shells.iter().filter(|s| s.k <= last).map(|s| s.ratio.map(|r| (r - 1.0).abs()));

@@ -1,9 +1,9 @@
-//! What one comparison of statistics says, as it is kept.
+//! The numbers of a comparison that are cached.
 
 use particlegs_pipeline::stats::{PairCounts, Shell, SizeClass, Statistics, XiByTransform};
 use serde::{Deserialize, Serialize};
 
-/// The figures of a comparison that tables and plots show; what was not measured is empty. Pairs are truth, then other.
+/// Numbers of a comparison for tables and plots; unmeasured ones are empty. Pairs are truth, then other.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Facts {
     /// Pearson correlation of the densities.
@@ -11,14 +11,14 @@ pub(super) struct Facts {
     /// Mean absolute error of delta.
     pub mae: Option<f64>,
     pub shells: Vec<Power>,
-    /// P(k) is within 1, 5 and 10 % up to these k; `None` = not even at the first.
+    /// P(k) is within 1, 5 and 10 % up to these k; `None` = not even in the first shell.
     pub power_to: [Option<f64>; 3],
     /// r(k) is at least 0.99 and 0.9 up to these k.
     pub r_to: [Option<f64>; 2],
     pub xi: Vec<Xi>,
-    /// xi is within 10 % from this r on, where the truth's is above 0.1.
+    /// xi is within 10 % from this r on, in bins where the truth's is above 0.1.
     pub xi_from: Option<f64>,
-    /// Groups of 20 to 49, 50 to 99, 100 and more.
+    /// Groups of 20 to 49, 50 to 99, 100 or more.
     pub classes: Vec<GroupCounts>,
     /// Groups by size in steps of the square root of 2.
     pub sizes: Vec<GroupCounts>,
@@ -52,12 +52,12 @@ pub(super) struct Xi {
 }
 
 impl Xi {
-    /// The middle of the bin in equal factors.
+    /// The geometric middle of the bin.
     pub fn middle(&self) -> f64 {
         (self.edges[0] * self.edges[1]).sqrt()
     }
 
-    /// Other / truth, where the truth's is above 0.
+    /// Other / truth, if the truth's is above 0.
     pub fn ratio(&self) -> Option<f64> {
         (self.xi[0] > 0.0).then(|| self.xi[1] / self.xi[0])
     }
@@ -68,7 +68,7 @@ impl Xi {
 pub(super) struct GroupCounts {
     /// Smallest size, particles.
     pub from: u64,
-    /// Largest; `None` = no end.
+    /// Largest size; `None` = no limit.
     pub to: Option<u64>,
     pub number: [u64; 2],
 }
@@ -78,14 +78,13 @@ impl GroupCounts {
         GroupCounts { from: class.from, to: class.to, number: class.groups }
     }
 
-    /// Other / truth - 1; `None` where the truth has none.
+    /// Other / truth - 1; `None` if the truth has none.
     pub fn off(&self) -> Option<f64> {
         (self.number[0] > 0).then(|| self.number[1] as f64 / self.number[0] as f64 - 1.0)
     }
 
-    /// The sizes in words.
     pub fn describe(&self) -> String {
-        self.to.map_or(format!("{} and more", self.from), |to| format!("{} to {to}", self.from))
+        self.to.map_or(format!("{} or more", self.from), |to| format!("{} to {to}", self.from))
     }
 }
 
@@ -112,7 +111,7 @@ impl Facts {
         }
     }
 
-    /// The largest |P / P_truth - 1| and where it is; `None` without shells that can be compared.
+    /// The largest |P / P_truth - 1| and its k; `None` without comparable shells.
     pub fn power_worst(&self) -> Option<(f64, f64)> {
         let off = self.shells.iter().filter_map(|s| Some(((s.ratio? - 1.0).abs(), s.k)));
         off.max_by(|a, b| a.0.total_cmp(&b.0))
@@ -123,8 +122,8 @@ impl Facts {
         self.shells.last().map(|s| s.k)
     }
 
-    /// The mean |xi / xi_truth - 1| over bins from `from` on in which the truth's xi is above 0 (paper, table
-    /// "Recovery algorithm comparison"); `None` without one.
+    /// Mean |xi / xi_truth - 1| over bins from `from` on where the truth's xi is above 0 (paper, table "Recovery
+    /// algorithm comparison"); `None` without any.
     pub fn xi_deviation(&self, from: f64) -> Option<f64> {
         let chosen = self.xi.iter().filter(|b| b.edges[0] >= from);
         let off: Vec<f64> = chosen.filter_map(|b| Some((b.ratio()? - 1.0).abs())).collect();
@@ -141,8 +140,8 @@ fn power(s: &Shell) -> Power {
     Power { k: s.k, ratio: s.ratio.filter(|v| v.is_finite()), r: s.r.filter(|v| v.is_finite()) }
 }
 
-/// xi by pair counts as far as all particles are primaries, and by transform from there on: counts of a sample of
-/// primaries scatter by 5 to 10 %. The transform's first two bins hold too little to be used.
+/// xi by pair counts as long as all particles are primaries, then by transform: counts of a sample of primaries scatter
+/// by 5 to 10 %. The first two bins of the transform are too noisy.
 fn joined([truth, other]: &[PairCounts; 2], transform: Option<&XiByTransform>) -> Vec<Xi> {
     let sampled = |b: &usize| [truth, other].iter().any(|c| c.primaries[*b] < c.particles);
     let join = match ((0..truth.xi.len()).find(sampled), transform) {
@@ -174,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn xi_is_by_pairs_and_then_by_transform() {
+    fn xi_uses_pairs_and_then_the_transform() {
         let all = [counts([8.0, 4.0, 1.0], [50; 3]), counts([8.8, 4.0, -1.0], [50; 3])];
         let facts = Facts { xi: joined(&all, None), ..Facts::default() };
         // |8.8/8 - 1|, 0 and |-1/1 - 1|: 0.1, 0 and 2.
@@ -195,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_shell_and_groups_are_told() {
+    fn the_worst_shell_and_groups_are_found() {
         let shell = |k: f64, ratio| Power { k, ratio, r: None };
         let shells = vec![shell(1.0, Some(1.02)), shell(2.0, Some(0.9)), shell(3.0, None)];
         let facts = Facts { shells, ..Facts::default() };

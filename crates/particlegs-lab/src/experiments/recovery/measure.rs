@@ -1,4 +1,4 @@
-//! What is measured: models, particles drawn from them, and their statistics beside the truth's.
+//! Measures models, and particles drawn from them, against the truth.
 
 use super::facts::Facts;
 use super::paper;
@@ -10,11 +10,11 @@ use particlegs_pipeline::particles::Particles;
 use particlegs_pipeline::recover::Method;
 use particlegs_pipeline::stats::{Convention, Measure, StatsOptions, Subject, compare};
 
-/// Every way to draw: the library's own first, then the published ones beside them.
+/// Recovery methods: the library's own, then the published ones.
 pub(super) const METHODS: [Method; 6] =
     [Method::Count, Method::Stratified, Method::Spaced, Method::Volume, Method::Ellipsoid, Method::Grid];
 
-/// How much is measured of a set of particles.
+/// What to measure on a set of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum MeasurementScope {
     /// Density, spectra, xi, groups, neighbours.
@@ -25,13 +25,13 @@ pub(super) enum MeasurementScope {
 }
 
 impl MeasurementScope {
-    /// The options of the statistics for `particles` particles.
+    /// Options of the statistics for this number of particles.
     pub fn options(self, particles: usize, quick: bool) -> StatsOptions {
         let a_side = (particles as f64).cbrt();
         let (pair_budget, neighbour_sample) = if quick { (20_000_000, 50_000) } else { (100_000_000, 200_000) };
         let common = StatsOptions {
             cells: cells(particles),
-            // Twice as many cells as the particles' own lattice: their Nyquist frequency is half the grid's.
+            // Twice as many cells as particles along an edge: the particles' Nyquist frequency is half the grid's.
             spectrum_cells: ((2.0 * a_side).round() as usize).clamp(16, 512),
             pair_budget,
             neighbour_sample,
@@ -54,7 +54,7 @@ impl MeasurementScope {
             MeasurementScope::Paper => StatsOptions {
                 measures: vec![Measure::Density, Measure::Neighbours],
                 convention: Convention::Paper,
-                // As published: of a snapshot with fewer, all of them.
+                // As published; all particles if there are fewer.
                 neighbour_sample: 500_000,
                 ..common
             },
@@ -62,12 +62,11 @@ impl MeasurementScope {
     }
 }
 
-/// Cells along an edge, so that one holds as many particles as one of the paper's grid.
+/// Cells along an edge, for as many particles per cell as in the paper.
 pub(super) fn cells(particles: usize) -> usize {
     ((particles as f64 / paper::PARTICLES_A_CELL).cbrt().round() as usize).max(4)
 }
 
-/// A model whose particles are measured.
 pub(super) struct RecoverySource<'a> {
     pub lab: &'a Lab<'a>,
     pub snapshot: &'a Snapshot,
@@ -75,7 +74,7 @@ pub(super) struct RecoverySource<'a> {
 }
 
 impl RecoverySource<'_> {
-    /// Statistics of particles drawn from the model: kept, or measured now.
+    /// Statistics of particles drawn from the model, cached.
     pub fn facts(&self, method: Method, seed: u64, depth: MeasurementScope) -> Result<Facts> {
         let (lab, truth) = (self.lab, &self.snapshot.particles);
         let options = depth.options(truth.len(), lab.settings.quick);
@@ -92,7 +91,7 @@ impl RecoverySource<'_> {
         self.lab.settings.seeds().map(|seed| self.facts(method, seed, depth)).collect()
     }
 
-    /// Statistics of the model itself, its mixture integrated over cells: density and spectra.
+    /// Density and spectra of the model itself, its mixture integrated over cells.
     pub fn facts_of_model(&self) -> Result<Facts> {
         let (lab, truth) = (self.lab, &self.snapshot.particles);
         let options = StatsOptions {
@@ -106,18 +105,18 @@ impl RecoverySource<'_> {
         })
     }
 
-    /// The model as its file decodes, and the file's bytes.
+    /// The decoded model and its file.
     pub fn model(&self) -> Result<(Model, Vec<u8>)> {
         let made = self.lab.model(self.snapshot, &self.recipe)?;
         Ok((made.model, made.bytes))
     }
 
-    /// Particles drawn from it, as many as the snapshot has: those that `particlegs recover` writes.
+    /// As many particles as the snapshot has, as `particlegs recover` writes them.
     pub fn particles(&self, method: Method, seed: u64) -> Result<Particles> {
         self.lab.drawn(self.model()?.0, method, seed)
     }
 
-    /// Gaussians of the model, bytes of its file and the ratio reached.
+    /// Number of Gaussians, file size and ratio.
     pub fn size(&self) -> Result<(u64, u64, f64)> {
         let inputs = (&self.snapshot.hash, &self.recipe);
         let [gaussians, bytes] = self.lab.store.result("model-size", &inputs, || {
@@ -133,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn grids_hold_as_many_particles_a_cell_as_the_papers() {
+    fn cells_hold_as_many_particles_as_in_the_paper() {
         assert_eq!((cells(128 * 128 * 128), cells(64 * 64 * 64), cells(281_000_000), cells(10)), (50, 25, 256, 4));
         let o = MeasurementScope::All.options(64 * 64 * 64, true);
         assert_eq!((o.spectrum_cells, o.cells), (128, 25));

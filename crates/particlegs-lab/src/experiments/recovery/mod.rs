@@ -1,4 +1,4 @@
-//! Particles drawn back from models, and what they are good for (paper, section "Approximate Particle Recovery", tables
+//! Particles recovered from models, and what they are good for (paper, section "Approximate Particle Recovery", tables
 //! tab:recovery_methods and tab:recovery_blocks, figures fig:recovery:slices and fig:recovery:stats).
 
 mod analyses;
@@ -30,7 +30,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// A way to draw, measured once a seed.
+/// A recovery method, measured once per seed.
 struct MethodRecovery {
     method: Method,
     /// In the correct convention.
@@ -38,10 +38,10 @@ struct MethodRecovery {
     paper: Vec<Facts>,
 }
 
-/// A model of some ratio and effort, measured with the first seed.
+/// A model with some ratio and effort, measured with the first seed.
 struct SizeRecovery {
     name: String,
-    /// Gaussians, bytes, ratio reached.
+    /// Gaussians, bytes, ratio.
     size: (u64, u64, f64),
     /// Particles by `count`, `stratified` and `spaced`, the latter two without spectra and xi.
     count: Facts,
@@ -50,7 +50,7 @@ struct SizeRecovery {
     model: Facts,
 }
 
-/// A model of some blocks, measured once a seed.
+/// A model of some blocks, measured once per seed.
 struct BlocksRecovery {
     blocks: u32,
     size: (u64, u64, f64),
@@ -88,7 +88,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     })
 }
 
-/// The ratios and efforts of the table by size.
+/// Ratios and efforts of the table by size.
 fn sizes(lab: &Lab<'_>) -> Vec<ModelSettings> {
     let (slow, fast): (&[f64], &[f64]) = match lab.settings.quick {
         true => (&[65.0, RATIO], &[RATIO]),

@@ -1,4 +1,4 @@
-//! What a reader of the tables must know.
+//! Notes of the report.
 
 use super::measure::{MeasurementScope, cells};
 use super::{RATIO, RecoveryMeasurements, paper};
@@ -6,7 +6,7 @@ use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs_pipeline::recover::Method;
 
-/// How it was measured, what differs from the paper and why, in the order of reading.
+/// How it was measured, and what differs from the paper and why.
 pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) -> Vec<String> {
     let n = snapshot.particles.len();
     let o = MeasurementScope::All.options(n, lab.settings.quick);
@@ -66,7 +66,7 @@ pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) 
     ]
 }
 
-/// What the tables say at the ratio of the methods, from their figures.
+/// Summary of the tables at the ratio of the methods.
 fn found(m: &RecoveryMeasurements) -> String {
     let median = |method: Method, of: fn(&super::Facts) -> Option<f64>| {
         let facts = m.methods.iter().find(|o| o.method == method)?;

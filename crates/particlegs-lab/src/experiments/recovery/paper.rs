@@ -1,5 +1,5 @@
-//! The paper's own figures of recovery, as its \newcommand lines have them (particlegs-sc26.tex): 281 million particles
-//! of HACC in a box of 256 Mpc/h, an alpha-blend model of 8 blocks at ratio 65 trained on pictures.
+//! The paper's numbers on recovery, from its \newcommand lines (particlegs-sc26.tex): 281 million HACC particles in a
+//! box of 256 Mpc/h, an alpha-blend model of 8 blocks at ratio 65 trained on pictures.
 
 use particlegs_pipeline::recover::Method;
 
@@ -8,7 +8,7 @@ pub(super) struct PublishedRecovery {
     pub correlation: f64,
     /// Mean absolute error of delta.
     pub mae: f64,
-    /// Mean distance to the nearest neighbour among a random 500 000, Mpc/h.
+    /// Mean distance to the nearest neighbour among 500 000 random particles, Mpc/h.
     pub nearest: f64,
     /// Mean |xi / xi_truth - 1|, per cent.
     pub xi: f64,
@@ -27,7 +27,7 @@ const fn row(correlation: f64, mae: f64, nearest: f64, xi: f64) -> PublishedReco
     PublishedRecovery { correlation, mae, nearest, xi }
 }
 
-/// Table tab:recovery_methods (\RecVZero... to \RecVSix...); `None` of what the paper has not.
+/// Table tab:recovery_methods (\RecVZero... to \RecVSix...); `None` for methods that it does not have.
 pub(super) fn method(method: Method) -> Option<PublishedRecovery> {
     Some(match method {
         Method::Count => row(0.928, 0.718, 0.250, 8.6),

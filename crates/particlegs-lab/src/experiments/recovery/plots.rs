@@ -1,12 +1,12 @@
-//! The plots: P(k), r(k), xi(r), groups.
+//! Plots of P(k), r(k), xi(r) and groups.
 
 use super::facts::{Facts, Power, Xi};
 use super::{MethodRecovery, RATIO, RecoveryMeasurements, tables};
 use crate::results::{Plot, PlotAxis, Point, Series};
 
-/// How far the ratios of the paper's figure go from 1, and a little further.
+/// Range of ratios, slightly wider than in the paper's figure.
 const RATIOS: [f64; 2] = [0.6, 1.4];
-/// Shells of P(k) shown a decade, at most: the median of those that fall together.
+/// Most shells of P(k) per decade; more are joined.
 const SHELLS_A_DECADE: f64 = 16.0;
 
 pub(super) fn all(m: &RecoveryMeasurements) -> Vec<Plot> {
@@ -29,7 +29,7 @@ fn separations(m: &RecoveryMeasurements) -> PlotAxis {
     PlotAxis::logarithmic(format!("separation r, {}", m.unit))
 }
 
-/// The same thing of several sets: a point where every set has it, with the range of the sets.
+/// Joins curves of several seeds: one point wherever all have a value, with the range.
 fn points<T>(sets: &[Vec<T>], x: impl Fn(&T) -> f64, y: impl Fn(&T) -> Option<f64>) -> Vec<Point> {
     let Some(first) = sets.first() else { return vec![] };
     let at = |i: usize| {
@@ -39,7 +39,7 @@ fn points<T>(sets: &[Vec<T>], x: impl Fn(&T) -> f64, y: impl Fn(&T) -> Option<f6
     (0..first.len()).filter_map(at).collect()
 }
 
-/// Shells joined to so many a decade: the means of k and of the ratio and of r.
+/// Joins shells to the limit per decade by averaging k, ratio and r.
 fn shells(facts: &Facts) -> Vec<Power> {
     let mut joined: Vec<(i64, Vec<Power>)> = Vec::new();
     for s in &facts.shells {
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shells_that_fall_together_are_one_point() {
+    fn close_shells_are_joined_to_one_point() {
         let shell = |k, ratio| Power { k, ratio: Some(ratio), r: None };
         let facts = Facts { shells: vec![shell(0.1, 1.0), shell(1.01, 1.0), shell(1.03, 2.0)], ..Facts::default() };
         let points = power_points(&[facts.clone(), facts], |s| s.ratio);

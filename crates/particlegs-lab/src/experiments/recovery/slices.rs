@@ -1,4 +1,4 @@
-//! Slices of the density: truth, recovered, the model itself.
+//! Slices of the density: truth, recovered particles, and the model itself.
 
 use super::RATIO;
 use super::measure::RecoverySource;
@@ -8,15 +8,15 @@ use particlegs_pipeline::picture::{Colormap, Rgb8, Size};
 use particlegs_pipeline::recover::Method;
 use particlegs_pipeline::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
 
-/// Planes of the slab: as many particles in a column, in the mean, as in a cell of the paper's grid.
+/// Mean number of particles in a column of the slab.
 const PLANES: usize = 16;
-/// log10 of density over its mean at the ends of the colours.
+/// Range of colours, log10 of density / mean.
 const RANGE: [f64; 2] = [-1.25, 2.0];
 const MAP: Colormap = Colormap::Inferno;
-/// Pixels of a picture at least, across.
+/// Smallest width of a picture in pixels.
 const WIDTH: usize = 480;
 
-/// log10 of density over its mean in the central slab across z.
+/// log10 of density / mean in the central slab across z.
 pub(super) fn pictures(drawn: &RecoverySource<'_>) -> Result<Pictures> {
     let (truth, seed) = (&drawn.snapshot.particles, drawn.lab.settings.seed);
     let domain = Domain::from_particles(truth);
@@ -62,7 +62,7 @@ fn planes([_, _, nz]: [usize; 3]) -> std::ops::Range<usize> {
     (nz - n) / 2..(nz - n) / 2 + n
 }
 
-/// Density over its mean of every column of the slab, x slowest.
+/// Density / mean of every column of the slab, x slowest.
 fn slab(field: &Field) -> Vec<f64> {
     let [nx, ny, nz] = field.grid.cells;
     let mean = field.mass.iter().map(|m| f64::from(*m)).sum::<f64>() / field.mass.len() as f64;
@@ -72,7 +72,7 @@ fn slab(field: &Field) -> Vec<f64> {
     (0..nx * ny).map(column).collect()
 }
 
-/// In colours, y upwards, every cell a square of whole pixels.
+/// The colour picture, y upwards, each cell a square of pixels.
 fn painted(columns: &[f64], [nx, ny, _]: [usize; 3]) -> Rgb8 {
     let by = WIDTH.div_ceil(nx).max(1);
     let size = Size { width: by * nx, height: by * ny };

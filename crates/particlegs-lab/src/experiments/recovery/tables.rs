@@ -1,4 +1,4 @@
-//! The tables.
+//! Tables of the report.
 
 use super::facts::Facts;
 use super::{BlocksRecovery, MethodRecovery, RATIO, RecoveryMeasurements, SizeRecovery, paper};
@@ -12,7 +12,7 @@ pub(super) fn all(m: &RecoveryMeasurements) -> Vec<ResultTable> {
         .collect()
 }
 
-/// What a method is called here and in the paper.
+/// Name of a method, here and in the paper.
 pub(super) fn name(method: Method) -> String {
     let published = match method {
         Method::Count => ", V0",
@@ -24,12 +24,12 @@ pub(super) fn name(method: Method) -> String {
     format!("{}{published}", method.name())
 }
 
-/// One figure over seeds.
+/// One number over seeds.
 fn spread(facts: &[Facts], digits: usize, of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
     TableCell::spread(&facts.iter().filter_map(of).collect::<Vec<_>>(), digits)
 }
 
-/// The largest k of a limit over seeds: 0 where not even the first shell keeps it.
+/// Largest k of a limit over seeds; 0 if not even the first shell is within it.
 fn up_to(facts: &[Facts], of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
     match facts.iter().any(|f| of(f).is_some()) {
         true => spread(facts, 2, |f| Some(of(f).unwrap_or(0.0))),
@@ -45,8 +45,8 @@ fn published(row: Option<paper::PublishedRecovery>) -> Vec<TableCell> {
     vec![TableCell::number(r.correlation, 3), TableCell::number(r.mae, 3), nearest, TableCell::number(r.xi, 1)]
 }
 
-/// Correlation, MAE, nearest neighbour and its ratio in the paper's convention, and xi's deviation over all bins and
-/// from one spacing on.
+/// Correlation, MAE, nearest neighbour and its ratio in the paper's convention; deviation of xi over all bins and from
+/// one spacing on.
 fn as_published(m: &RecoveryMeasurements, all: &[Facts], of_paper: &[Facts]) -> Vec<TableCell> {
     vec![
         spread(of_paper, 4, |f| f.correlation),
@@ -72,7 +72,6 @@ fn published_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     first.iter().map(|s| (*s).to_string()).chain(own).chain(PAPER.map(String::from)).collect()
 }
 
-/// A table whose rows come in groups of cells.
 fn table<const N: usize>(
     name: &str,
     title: String,
@@ -163,7 +162,6 @@ fn of_size(o: &SizeRecovery) -> Vec<TableCell> {
     vec![TableCell::text(&o.name), TableCell::count(o.size.0), TableCell::count(o.size.1)]
 }
 
-/// Groups by class, cores, neighbours.
 fn group_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     let classes = m.methods.iter().flat_map(|o| o.all.first()).flat_map(|f| &f.classes).take(3);
     let classes =
@@ -219,7 +217,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn limits_that_no_shell_keeps_are_said() {
+    fn limits_that_no_shell_meets_are_shown_as_nowhere() {
         let facts = |k: Option<f64>| Facts { power_to: [k; 3], ..Facts::default() };
         let of = |f: &Facts| f.power_to[0];
         assert_eq!(up_to(&[facts(None), facts(None)], of), TableCell::text("nowhere"));
@@ -228,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_as_long_as_their_heads() {
+    fn rows_are_as_long_as_their_header() {
         let measured =
             RecoveryMeasurements { methods: vec![], sizes: vec![], blocks: vec![], spacing: 1.0, unit: "kpc".into() };
         let published_row = as_published(&measured, &[], &[]).len() + published(None).len();

@@ -1,4 +1,4 @@
-//! What several experiments measure alike.
+//! Measurements that several experiments share.
 
 pub(crate) mod published_models;
 pub(crate) mod rates;

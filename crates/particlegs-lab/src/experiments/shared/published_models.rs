@@ -1,4 +1,4 @@
-//! Models by the published recipe at the laboratory's scale: whole, in blocks, and fine-tuned.
+//! Models by the published recipe at the laboratory's scale: whole, in blocks or fine-tuned.
 
 use crate::experiments::seeds::each_seed;
 use crate::lab::Lab;
@@ -17,7 +17,7 @@ pub(crate) fn fine_tuning(lab: &Lab<'_>) -> Result<Config> {
     scaled(Config { evaluate_views: 4, ..Config::fine_tuning() }, scale(lab))
 }
 
-/// The model of `blocks` blocks, each trained in its own frame by the whole recipe, merged with the first one's network.
+/// A model of `blocks` blocks, each trained in its own frame by the whole recipe, merged with the network of the first.
 pub(crate) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<TrainingResult> {
     trained(lab, snapshot, &TrainingTask::published(whole(lab)?, blocks, seed))
 }

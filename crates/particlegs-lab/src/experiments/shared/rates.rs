@@ -1,4 +1,4 @@
-//! Ways to keep a snapshot at some sizes, and what stands beside them: the rows of several experiments.
+//! Methods at several file sizes, with reference scores: rows for several experiments.
 
 use crate::lab::{Lab, ModelBuild};
 use crate::method::{CompressionMethod, MethodMeasurement};
@@ -9,65 +9,65 @@ use particlegs_pipeline::Result;
 use particlegs_pipeline::score;
 use serde::{Deserialize, Serialize};
 
-/// The ratio at which ways are compared, that of the published single-block model (paper, table "Rate-distortion").
+/// Ratio at which methods are compared: that of the published single-block model (paper, table "Rate-distortion").
 pub(crate) const COMPARED: f64 = 263.0;
 
-/// The axis of sizes: small files stand on its right.
-pub(crate) const BY_SIZE: &str = "ratio: bytes of positions / bytes of the file";
-/// What stands in place of a margin where there is no file of that size.
+/// The axis of file sizes; small files are on the right.
+pub(crate) const BY_SIZE: &str = "ratio: bytes of positions / file size";
+/// Replaces a margin if there is no file of that size.
 pub(crate) const NOT_OF_THIS_SIZE: &str = "no file of this size";
-/// A file whose size is off by more than this factor is not one of the size asked for.
+/// Largest factor between the requested size and a file that counts as having it.
 const OFF: f64 = 1.1;
 
-/// A way at a ratio, once a seed.
+/// A method at one ratio, once per seed.
 pub(crate) struct RatePoint {
     pub method: CompressionMethod,
     pub ratio: f64,
-    /// What was measured, a seed after the other.
+    /// Measurements by seed.
     pub runs: Vec<MethodMeasurement>,
 }
 
 impl RatePoint {
-    /// A figure of every seed's scores; a seed without one is left out.
+    /// A number from every seed's scores; seeds without one are left out.
     pub fn values(&self, of: &dyn Fn(&[Score]) -> Option<f64>) -> Vec<f64> {
         self.runs.iter().filter(|r| r.failure.is_none()).filter_map(|r| of(&r.scores)).collect()
     }
 
-    /// The scores of every seed, with what they are of.
+    /// The scores of every seed, with their label.
     pub fn pictures<'a>(&'a self, lab: &Lab<'_>) -> impl Iterator<Item = (String, &'a [Score])> {
         let name = format!("{} at ratio {}", self.method.name(lab), self.ratio);
         self.runs.iter().map(move |run| (name.clone(), &run.scores[..]))
     }
 
-    /// Masked PSNR, mean over the views.
+    /// Masked PSNR, averaged over views.
     pub fn masked(&self) -> Vec<f64> {
         self.values(&|s| mean(s, masked))
     }
 
-    /// Is the file within a tenth of the size that was asked for, of `raw` bytes? Where not, the way has no such size, and
-    /// what it scores is no comparison at it.
+    /// Is the file within a tenth of the requested share of `raw` bytes? Otherwise the method cannot reach that size,
+    /// and its scores do not compare.
     pub fn met(&self, raw: f64) -> bool {
         self.bytes().is_some_and(|b| (1.0 / OFF..OFF).contains(&(b * self.ratio / raw)))
     }
 
-    /// Bytes of the file: the median's where seeds differ.
+    /// File size, the median over seeds.
     pub fn bytes(&self) -> Option<f64> {
         let all: Vec<f64> = self.runs.iter().filter(|r| r.failure.is_none()).map(|r| r.bytes as f64).collect();
         Spread::new(&all).map(|s| s.median)
     }
 }
 
-/// What stands beside every way: masked PSNR in dB, means over the same views.
+/// Reference scores: masked PSNR in dB, averaged over the same views.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct ReferenceScores {
-    /// The picture of all particles without the noise of single ones.
+    /// The picture of all particles without shot noise.
     pub noise_free: Option<f64>,
-    /// As many particles spread evenly over the box.
+    /// The same number of particles, uniform over the box.
     pub uniform_box: Option<f64>,
     pub all_black: Option<f64>,
 }
 
-/// The floors, and the line that no model is expected to pass: found beside any model's scores.
+/// The trivial scores, and the one that no model is expected to exceed, from any model's scores.
 pub(crate) fn beside(
     lab: &Lab<'_>,
     of: &Snapshot,
@@ -85,8 +85,8 @@ pub(crate) fn beside(
     })
 }
 
-/// Every way at every ratio, at every seed where it has a draw in it: models, which hardly depend on theirs and take
-/// longest, at the ratio that is compared alone.
+/// Every method at every ratio; random ones with every seed. Models, which are slow and hardly depend on the seed, have
+/// several seeds only at the compared ratio.
 pub(crate) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios: &[f64]) -> Result<Vec<RatePoint>> {
     let (raw, methods) = (of.position_bytes() as f64, CompressionMethod::all_and_trained(lab));
     lab.context.begin("methods and sizes", (ratios.len() * methods.len()) as u64);
@@ -101,13 +101,13 @@ pub(crate) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios:
         }
     }
     lab.context.end();
-    // A method's ratios stand together.
+    // Sort the ratios of a method together.
     rows.sort_by_key(|r: &RatePoint| methods.iter().position(|m| *m == r.method));
     Ok(rows)
 }
 
-/// A curve a way: colours are the compressor's, broken lines its other order, its particles moved, or models of
-/// the published law.
+/// One curve per method. Colours are by compressor; dashed lines are its other order, its moved particles, or the
+/// published law.
 pub(crate) fn series(lab: &Lab<'_>, method: CompressionMethod, points: Vec<Point>) -> Series {
     let (style, dashed) = match method {
         CompressionMethod::OpticalDepth => (0, false),
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_of_a_size_is_not_compared_at_it() {
+    fn methods_without_a_file_of_that_size_are_not_compared() {
         let of = |bytes| MethodMeasurement { bytes, bound: None, scores: Vec::new(), failure: None };
         let row = |bytes: &[u64]| RatePoint {
             method: CompressionMethod::Subset,
