@@ -9,20 +9,37 @@ export CARGO_INCREMENTAL=0
 # By name; the toolchain itself is the one prerequisite.
 if ! cargo fmt --version >/dev/null 2>&1; then rustup component add rustfmt; fi
 if ! cargo clippy --version >/dev/null 2>&1; then rustup component add clippy; fi
-if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
-    as_root=''
-    if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
-    $as_root apt-get update -qq
-    $as_root apt-get install -y -qq python3 python3-venv
-fi
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
+python3 -c 'import ensurepip, venv' 2>/dev/null || packages python3 python3-venv
 
-# stage NAME COMMAND...: runs it, and says its time at the end.
-times=''
+# stage NAME COMMAND...: runs it, and notes its time.
+times=$(mktemp)
 stage() {
     local name=$1 start=$SECONDS
     shift
     echo "== $name: $*"
     "$@"
-    times+=$(printf '%6d s  %s' $((SECONDS - start)) "$name")$'\n'
+    printf '%6d s  %s\n' $((SECONDS - start)) "$name" >>"$times"
 }
-trap 'printf "%s%6d s  together\n" "$times" "$SECONDS"' EXIT
+
+# together FUNCTION...: runs them at the same time, and shows what each printed when it has ended.
+together() {
+    local logs function failed=0 jobs=()
+    logs=$(mktemp -d)
+    for function; do
+        (
+            trap - EXIT
+            "$function"
+        ) >"$logs/$function" 2>&1 &
+        jobs+=($!)
+    done
+    for function; do
+        wait "${jobs[0]}" || failed=1
+        jobs=("${jobs[@]:1}")
+        cat "$logs/$function"
+    done
+    rm -r "$logs"
+    return "$failed"
+}
+trap 'cat "$times"; printf "%6d s  in all\n" "$SECONDS"; rm "$times"' EXIT

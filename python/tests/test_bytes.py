@@ -10,12 +10,12 @@ import particlegs as pg
 CASES = {
     "plain": ([], {}),
     "ratio and seed": (
-        ["--ratio", "100", "--seed", "7", "--certificate", "none"],
-        {"ratio": 100, "seed": 7, "certificate": "none"},
+        ["--ratio", "100", "--seed", "7", "--effort", "fast", "--certificate", "none"],
+        {"ratio": 100, "seed": 7, "effort": "fast", "certificate": "none"},
     ),
     "size and radius": (
-        ["--size", "40kB", "--radius", "0.02", "--opacity", "0.1", "--effort", "fast"],
-        {"size": "40kB", "radius": 0.02, "opacity": 0.1, "effort": "fast"},
+        ["--size", "40kB", "--radius", "0.02", "--opacity", "0.1", "--effort", "fast", "--certificate", "none"],
+        {"size": "40kB", "radius": 0.02, "opacity": 0.1, "effort": "fast", "certificate": "none"},
     ),
     "number": (
         ["--gaussians", "500", "--effort", "fast", "--certificate", "none"],

@@ -3,17 +3,14 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-as_root=''
-if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
 missing=()
 command -v chromium >/dev/null || missing+=(chromium)
 command -v firefox-esr >/dev/null || missing+=(firefox-esr)
 command -v node >/dev/null || missing+=(nodejs)
 command -v npm >/dev/null || missing+=(npm)
-if [ ${#missing[@]} != 0 ]; then
-    $as_root apt-get update -qq
-    $as_root apt-get install -y -qq --no-install-recommends "${missing[@]}"
-fi
+packages "${missing[@]}"
 
 web/build.sh --check
 # shellcheck source=tests/common.sh

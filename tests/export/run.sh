@@ -5,17 +5,14 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=tests/common.sh
 . tests/common.sh
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
 
 missing=()
 # Node may be there with an npm of its own, beside which Debian's cannot be.
 command -v npm >/dev/null || missing+=(nodejs npm)
 command -v chromium >/dev/null || missing+=(chromium)
-if [ ${#missing[@]} != 0 ]; then
-    as_root=''
-    if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
-    $as_root apt-get update -qq
-    $as_root apt-get install -y -qq --no-install-recommends "${missing[@]}"
-fi
+packages "${missing[@]}"
 # By name, beside what cargo builds. The newest splat-transform wants a newer Node than Debian has.
 readers=$target/export-readers
 wanted='@playcanvas/splat-transform@2.7.1 gltf-validator@2.0.0-dev.3.10 three@0.187.0'

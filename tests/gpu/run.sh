@@ -5,12 +5,9 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-if ! ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1; then
-    as_root=''
-    if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
-    $as_root apt-get update -qq
-    $as_root apt-get install -y -qq --no-install-recommends mesa-vulkan-drivers
-fi
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
+ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1 || packages mesa-vulkan-drivers
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$(mktemp -d)}
 those=(--skip slow_)
 if [ "${1:-}" = slow ]; then those=(slow_); fi

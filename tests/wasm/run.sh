@@ -7,12 +7,9 @@ cd "$(dirname "$0")/../.."
 if ! rustup target list --installed | grep -qx wasm32-unknown-unknown; then
     rustup target add wasm32-unknown-unknown
 fi
-if ! command -v node >/dev/null; then
-    as_root=''
-    if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
-    $as_root apt-get update -qq
-    $as_root apt-get install -y -qq --no-install-recommends nodejs
-fi
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
+command -v node >/dev/null || packages nodejs
 
 if cargo tree --manifest-path tests/wasm/Cargo.toml --locked --edges normal --prefix none | grep '^rayon'; then
     echo 'particlegs-core without its feature `threads` brings rayon' >&2
