@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The kernels against the CPU's results, and the command with `--device`, on Mesa's software Vulkan where there is no GPU.
 # Usage: tests/gpu/run.sh [slow]
-#   slow  the tests that train for minutes on a software GPU, instead of all others
+#   slow  the tests that take long on a software GPU, instead of all others
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 

@@ -42,6 +42,7 @@ fn a_correlation_is_reached_recorded_and_verified() {
 
 /// A share may be written both ways; without a certificate the target is still reached and reported.
 #[test]
+#[ignore = "half a minute of pictures and groups: .ci/later runs it"]
 fn power_groups_and_pictures_are_reached_without_a_certificate() {
     let dir = TestFolder::new();
     let none = |target: &str| reached(&dir, &format!("{target} --certificate=none"));

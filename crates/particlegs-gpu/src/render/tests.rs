@@ -194,7 +194,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
 /// Sums by tiles are those by atomic adds, to the last bit; in several buffers too.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
-fn tiles_have_the_bits_of_atomic_adds() {
+fn slow_tiles_have_the_bits_of_atomic_adds() {
     let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {

@@ -71,6 +71,7 @@ fn held_out_views_rank_models() {
 }
 
 #[test]
+#[ignore = "half a minute of pictures and groups: .ci/later runs it"]
 fn certificates_repeat_and_know_the_density() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));

@@ -162,7 +162,7 @@ fn strips_of_odd_pictures_leave_no_trace() {
 /// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
-fn a_picture_of_8k_is_drawn() {
+fn slow_a_picture_of_8k_is_drawn() {
     let device = device();
     let (columns, size) = (columns(300), Size { width: 7680, height: 4320 });
     let view = view(FAR, 0.02, 0.3);
