@@ -14,6 +14,7 @@ fn reached(dir: &TestFolder, options: &str) -> (String, Value) {
 
 /// The written file reaches its target, the certificate states it, `verify` confirms it, and a forged one is found.
 #[test]
+#[ignore = "many fits and measurements: .ci/later runs it"]
 fn a_correlation_is_reached_recorded_and_verified() {
     let dir = TestFolder::new();
     let target = "--min-correlation 0.995 --cell 1";

@@ -107,7 +107,7 @@ fn pictures_that_stop_early_agree() {
 /// Pieces, what is sorted at a time, and what stays on the device leave no trace; nor does the picture before.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
-fn no_division_of_the_work_shows() {
+fn slow_no_division_of_the_work_shows() {
     let device = device();
     let columns = columns(1500);
     let views = [view(FAR, 0.06, 0.3), view(FAR, 0.02, 1.0), view(FAR, 0.06, 0.3)];
@@ -137,7 +137,7 @@ fn no_division_of_the_work_shows() {
 /// Strips whose words of levels do not end with their rows; one peel more or less of one strip would show.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
-fn strips_of_odd_pictures_leave_no_trace() {
+fn slow_strips_of_odd_pictures_leave_no_trace() {
     let device = device();
     let size = Size { width: 61, height: 45 };
     for (n, radius, opacity) in [(9, 0.02, 0.5), (300, 0.1, 0.3), (2000, 0.1, 0.002), (4000, 0.05, 1.0)] {
