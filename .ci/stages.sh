@@ -23,13 +23,15 @@ stage() {
     printf '%6d s  %s\n' $((SECONDS - start)) "$name" >>"$times"
 }
 
-# together FUNCTION...: runs them at the same time, and shows what each printed when it has ended.
+# together FUNCTION...: runs them at the same time, and shows what each printed when it has ended. The first, which takes
+# longest, goes before the others.
 together() {
     local logs function failed=0 jobs=()
     logs=$(mktemp -d)
     for function; do
         (
             trap - EXIT
+            if [ "$function" != "$1" ]; then renice -n 10 -p "$BASHPID" >/dev/null; fi
             "$function"
         ) >"$logs/$function" 2>&1 &
         jobs+=($!)

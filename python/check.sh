@@ -12,9 +12,9 @@ python=${PYTHON:-python3}
 pages=$(mktemp -d)
 trap 'rm -rf "$pages"' EXIT
 PYTHON=$python notebooks/run.sh "$pages"
-# tests/browser/run.sh installs the browsers and their drivers.
+# tests/browser/install.sh installs the browsers and their drivers.
 if command -v node chromium firefox-esr >/dev/null && [ -d ../web/node_modules ]; then
     NOTEBOOKS=$pages node --test ../tests/browser/notebook.test.mjs
 else
-    echo "no browsers found, so the pages were not opened: run tests/browser/run.sh first"
+    echo "no browsers found, so the pages were not opened: run tests/browser/install.sh first"
 fi

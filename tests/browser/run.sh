@@ -3,15 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-# shellcheck source=tests/packages.sh
-. tests/packages.sh
-missing=()
-command -v chromium >/dev/null || missing+=(chromium)
-command -v firefox-esr >/dev/null || missing+=(firefox-esr)
-command -v node >/dev/null || missing+=(nodejs)
-command -v npm >/dev/null || missing+=(npm)
-packages "${missing[@]}"
-
+tests/browser/install.sh
 web/build.sh --check
 # shellcheck source=tests/common.sh
 . tests/common.sh
