@@ -19,7 +19,7 @@ pub struct TargetArgs {
     /// File size to reach, such as 11MB, 900kB or 1.5GiB.
     #[arg(long, help_heading = HEADING, value_name = "SIZE")]
     size: Option<String>,
-    /// Number of Gaussians, stored at the nominal precision.
+    /// Number of Gaussians; the file size follows from it.
     #[arg(long, help_heading = HEADING, value_name = "K")]
     gaussians: Option<u64>,
 }

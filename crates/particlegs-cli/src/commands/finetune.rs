@@ -30,7 +30,7 @@ use std::time::Instant;
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     mut_arg("ratio", |a| with_default(a, "that of the model")),
-    mut_arg("gaussians", |a| a.help("Largest number of Gaussians, stored at the nominal precision")),
+    mut_arg("gaussians", |a| a.help("Largest number of Gaussians; the file size follows from it")),
     after_help = "\
 Follows the published recipe: 60 000 steps at 1080p on pictures of the whole snapshot, with wider
 VizMapper ranges, and densification in the first half; --scale shortens it. The result has one
