@@ -85,7 +85,7 @@ fn kernels_agree_with_their_twins() {
 /// From within, where splats are turned and reach far outside the picture, and depths crowd together.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
-fn large_turned_splats_agree() {
+fn slow_large_turned_splats_agree() {
     let device = device();
     assert!(compare(&device, &columns(4000), &view(NEAR, 0.01, 0.05)) > 40_000);
     assert!(compare(&device, &columns(300), &view(NEAR, 0.05, 0.2)) > 50_000);
@@ -180,7 +180,7 @@ fn slow_a_picture_of_8k_is_drawn() {
 /// The order of particles matters, as in VTK: a card that blended in any would not see it.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
-fn the_order_of_particles_is_kept() {
+fn slow_the_order_of_particles_is_kept() {
     let device = device();
     let columns = columns(4000);
     let turned = columns.each_ref().map(|c| c.iter().rev().copied().collect::<Vec<_>>());
