@@ -10,5 +10,5 @@ packages() {
         flock 9
         $as_root apt-get update -qq
         $as_root apt-get install -y -qq --no-install-recommends "$@"
-    ) 9>/tmp/particlegs-packages.lock
+    ) 9<"${BASH_SOURCE[0]}"
 }
