@@ -72,7 +72,7 @@ def read(data):
     """A whole file: metadata, certificate, network, and layers as (name, blocks)."""
     found, is_open = sections(data)
     model = {"open": is_open, "layers": [], "cert": {}, "vizm": None}
-    blocks, entries, listed = [], [], None  # stages of every block; what an index says
+    blocks, entries, listed, fields = [], [], None, []  # stages of every block; what an index says; sections of fields
     before, left, last = b"", 0, (0, 0)
     for tag, content, place in found:
         number = belongs(tag, content)
@@ -85,6 +85,8 @@ def read(data):
             check(before, "order")
             if tag[:1].isupper():
                 raise Unsupported(f"section {tag}")
+            if tag == b"fiEL":
+                fields.append((number, content[4:]))
             continue
         check(before in AFTER[tag] and (left > 0) == (tag == b"BLOK"), "order")
         before = tag
@@ -117,6 +119,11 @@ def read(data):
         keys = [(*b.lo, *b.hi, b.bytes) for b in own]
         check(keys == sorted(keys), "order of blocks")
     check_sums(model, is_open)
+    all_blocks = [block for _, own in model["layers"] for block in own]
+    for number, content in fields:
+        # An open file may lack the blocks that its last sections belong to.
+        if number < len(all_blocks) and all_blocks[number].whole:
+            read_field(all_blocks[number], content, model["meta"]["fields"])
     return model
 
 
@@ -163,9 +170,14 @@ def metadata(content):
     masses = layer_masses(fields[128])
     kept = quantities(fields[11], units)
     check(kept[0] == ("positions", 2, 12, units[0]), "positions")
-    if any(weighted for weighted, _ in masses):
+    weighted = any(weighted for weighted, _ in masses)
+    if weighted:
         check(kept[1] == ("masses", 1, 4, units[1]), "masses")
+    own = kept[2 if weighted else 1 :]
+    by_mass = fields.get(32, bytes(len(own)))
+    check(len(by_mass) == len(own) and max(by_mass, default=0) <= 1, "weighting of fields")
     return {
+        "fields": [(name, 3 if kind == 2 else 1, flag) for (name, kind, _, _), flag in zip(own, by_mass)],
         "law": law,
         "particles": one(fields, 2, "<Q"),
         "mass": real(3),
@@ -408,6 +420,7 @@ class Block:
         self.columns = {k: [] for k in "mean cov C W share".split()}
         self.decode(stages, [*ends, 255])
         self.finish()
+        self.fields = {}
 
     def decode(self, stages, ends):
         root = Node((0, 0, 0), (0, 0, 0), self.gaussians)
@@ -960,6 +973,97 @@ def network(content):
     return {"ranges": (scale, opacity, floor), "layers": layers}
 
 
+# ---------------------------------------------------------------- 14. fiEL
+
+class Number:
+    """A kind of numbers: its step in standard errors, and its models."""
+
+    def __init__(self, steps):
+        self.steps = steps
+        self.models = [Residuals(bell(32, math.sqrt(2.0 ** (c - 4))), 0) for c in range(24)]
+
+    def read(self, stream, guess, variance, error):
+        step = self.steps * error
+        square = (variance + error * error) / (step * step)
+        k = self.models[sum(2.0 ** (c - 3) <= square for c in range(23))].read(stream)
+        check(abs(k) <= 1 << 20, "a number of a field")
+        return guess + step * float(k)
+
+
+def read_field(block, content, known):
+    check(len(content) >= 42 and content[0] < len(known), "number of a field")
+    name, components, by_mass = known[content[0]]
+    check(content[1] == components and name not in block.fields, "components of a field")
+    floats = struct.unpack_from("<10f", content, 2)
+    steps, (a, b, shape_square, slope_square) = floats[:4], floats[4:8]
+    check(all(0 < v < 1e30 for v in floats[:8]) and all(map(math.isfinite, floats)), "steps of a field")
+    check(len(content) >= 42 + 24 * components, "sums of a field")
+    reals = struct.unpack_from(f"<{3 * components}d", content, 42)
+    check(all(map(math.isfinite, reals)), "sums of a field")
+    stream = Stream(content[42 + 24 * components :])
+    log_spread, mean, shape, slope = map(Number, (steps[1], steps[0], steps[2], steps[3]))
+    total = len(block.counts)
+    means, slopes = [[0.0] * components for _ in range(total)], [[0.0] * (3 * components) for _ in range(total)]
+    spreads = [[0.0] * (1 if components == 1 else 6) for _ in range(total)]
+    places = np.array(block.columns["mean"], "<f8").reshape(-1, 3)
+    order, logs, sizes = [], {}, {}
+    for i, n in enumerate(map(float, block.counts)):
+        if n < 1:
+            continue
+        recent = order[-1024:]
+        d = places[recent] - places[i]
+        squares = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2]
+        near = sorted(range(len(recent)), key=lambda j: (squares[j], -j))[:8]
+        near = [(recent[j], math.sqrt(squares[j])) for j in near]
+
+        def guess(start, errors, change, values):
+            top = bottom = 0.0
+            for j, distance in near:
+                w = 1.0 / ((errors(j) + change * distance) + 1e-300)
+                top += w * values(j)
+                bottom += w
+            return (top / bottom, float(len(near)) / bottom) if near else (start, 1e30)
+
+        twice = 2.0 * components
+        error = 1.0 / math.sqrt(twice * n)
+        g = guess(floats[9], lambda j: 1.0 / (twice * float(block.counts[j])), b, logs.get)
+        logs[i] = min(max(log_spread.read(stream, *g, error), -600.0), 600.0)
+        s = sizes[i] = exp(logs[i])
+        error = s / math.sqrt(n)
+        for k in range(components):
+            g = guess(floats[8], lambda j: sizes[j] * sizes[j] / float(block.counts[j]), a, lambda j: means[j][k])
+            means[i][k] = mean.read(stream, *g, error)
+        error = 1.0 / math.sqrt(n)
+        five = [0.0] * 5
+        if components == 3:
+            five = [min(max(shape.read(stream, 0.0, shape_square, error), -16.0), 16.0) for _ in range(5)]
+        xx, xy, xz, yy, yz, zz = block.columns["cov"][i]
+        root = lambda v: math.sqrt(max(v, ((xx + yy) + zz) * 2.0**-40 + 1e-300))
+        width_x = root(xx)
+        lean_a, lean_b = xy / width_x, xz / width_x
+        width_y = root(yy - lean_a * lean_a)
+        lean_c = (yz - lean_b * lean_a) / width_y
+        width_z = root((zz - lean_b * lean_b) - lean_c * lean_c)
+        for k in range(components):
+            g = [slope.read(stream, 0.0, slope_square, error) * s for _ in range(3)]
+            z = g[2] / width_z
+            y = (g[1] - lean_c * z) / width_y
+            slopes[i][3 * k : 3 * k + 3] = [((g[0] - lean_a * y) - lean_b * z) / width_x, y, z]
+        spreads[i] = [s * s] if components == 1 else [v * (s * s) for v in exponential(five)]
+        order.append(i)
+    stream.finish()
+    check(stream.end() == len(content) - 42 - 24 * components, "length of a field's stream")
+    weights = [float(w) for w in (block.masses if by_mass and block.masses else block.counts)]
+    for k in range(components):
+        low, high = reals[components + 2 * k : components + 2 * k + 2]
+        for row in means:
+            row[k] = min(max(row[k], low), high)
+        off = (reals[k] - neumaier([w * row[k] for w, row in zip(weights, means)])) / neumaier(weights)
+        for row in means:
+            row[k] += off
+    block.fields[name] = [[*m, *sl, *sp] for m, sl, sp in zip(means, slopes, spreads)]
+
+
 # ---------------------------------------------------------------- what was read, to compare
 
 def hexadecimal(values):
@@ -997,6 +1101,10 @@ def dump(model, out):
             for i in range(len(block.counts)):
                 row = [*block.columns["mean"][i], *block.columns["cov"][i], block.counts[i], *[c[i] for c in extra]]
                 print(hexadecimal(row), file=out)
+            for name, rows in block.fields.items():
+                print("field", name, file=out)
+                for row in rows:
+                    print(hexadecimal(row), file=out)
 
 
 def cut(data, prefix):

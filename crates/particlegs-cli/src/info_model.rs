@@ -138,6 +138,11 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("unit of length", info_snapshot::length(&m.units));
     info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
     row("raw data", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
+    for (field, bytes) in m.fields.iter().zip(&info.field_bytes) {
+        let (kind, by) = (field.kind.name(), if field.by_mass { "mass" } else { "count" });
+        let each = *bytes as f64 / r.gaussians as f64;
+        row("field", format!("{}: {kind}, weighted by {by}, {bytes} bytes, {each:.2} per Gaussian", field.name));
+    }
     row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
     row("command", m.recipe.to_string());
     row("made by", format!("particlegs {}", m.tool_version));

@@ -5,7 +5,7 @@ use particlegs_pipeline::model::{self, Layer};
 use particlegs_pipeline::particles::{Particles, SnapshotReader};
 use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const POSITIONS: &str = "xx,yy,zz";
 const WEIGHTS: &str = "ww";
@@ -13,6 +13,8 @@ const WEIGHTS: &str = "ww";
 struct RawSnapshot {
     description: Description,
     particles: Particles,
+    /// The folder of the columns.
+    folder: PathBuf,
 }
 
 /// Raw data have no head: a folder with columns, or columns that no format claims.
@@ -26,17 +28,36 @@ pub fn is_raw(paths: &[PathBuf]) -> bool {
 
 pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     let particles = Particles::open_raw(paths)?;
+    let folder = match paths {
+        [folder] => folder.clone(),
+        files => files[0].parent().map_or_else(PathBuf::new, PathBuf::from),
+    };
+    let others = if paths.len() == 1 { other_columns(&folder, particles.len()) } else { Vec::new() };
     let description = Description {
         format: "raw float32 columns, little-endian".into(),
         files: paths.to_vec(),
         meta: particles.meta.clone(),
-        species: particles.layers().iter().map(|l| species(l, particles.weights().is_some())).collect(),
+        species: particles.layers().iter().map(|l| species(l, particles.weights().is_some(), &others)).collect(),
         ..Description::default()
     };
-    Ok(Box::new(RawSnapshot { description, particles }))
+    Ok(Box::new(RawSnapshot { description, particles, folder }))
 }
 
-fn species(layer: &Layer<Range<usize>>, weights: bool) -> Species {
+/// Names of the folder's other float32 columns with a value for each particle, sorted.
+fn other_columns(folder: &Path, count: usize) -> Vec<String> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let name = |entry: std::fs::DirEntry| {
+        let length = entry.metadata().ok()?.len();
+        let name = entry.file_name().into_string().ok()?.strip_suffix(".f32")?.to_string();
+        let other = !POSITIONS.split(',').chain([WEIGHTS]).any(|own| own == name);
+        (other && length == 4 * count as u64).then_some(name)
+    };
+    let mut names: Vec<String> = entries.filter_map(|entry| name(entry.ok()?)).collect();
+    names.sort();
+    names
+}
+
+fn species(layer: &Layer<Range<usize>>, weights: bool, others: &[String]) -> Species {
     let scalar = |name: &str| SpeciesField::new(name, "f32", 1);
     Species {
         name: layer.name.clone(),
@@ -48,7 +69,12 @@ fn species(layer: &Layer<Range<usize>>, weights: bool) -> Species {
             model::Mass::Unknown => SpeciesMass::Unknown,
         },
         positions: POSITIONS.into(),
-        fields: POSITIONS.split(',').chain(weights.then_some(WEIGHTS)).map(scalar).collect(),
+        fields: POSITIONS
+            .split(',')
+            .chain(weights.then_some(WEIGHTS))
+            .chain(others.iter().map(String::as_str))
+            .map(scalar)
+            .collect(),
     }
 }
 
@@ -63,8 +89,8 @@ fn counted(particles: Particles) -> Particles {
 impl RawSnapshot {
     /// The columns with the weights chosen, or none: there are no other fields to choose.
     fn with(&self, choice: &Choice) -> Result<Particles> {
-        if let Some(name) = choice.positions.as_deref().filter(|name| *name != POSITIONS) {
-            return Err(Error::argument(format!("raw data have no field `{name}`: positions are in xx, yy and zz")));
+        if let Some(names) = choice.positions.as_deref().filter(|names| *names != POSITIONS) {
+            return self.columns(names);
         }
         let particles = self.particles.clone();
         match &choice.weights {
@@ -75,6 +101,20 @@ impl RawSnapshot {
                 Err(Error::argument(format!("raw data have no field `{name}`: weights are in ww.f32")))
             }
         }
+    }
+
+    /// Three other columns in the places of positions.
+    fn columns(&self, names: &str) -> Result<Particles> {
+        let there = &self.description.species[0].fields;
+        let three: Vec<&str> = names.split(',').map(str::trim).collect();
+        if let Some(name) = three.iter().find(|name| !there.iter().any(|f| f.name == **name)) {
+            return Err(Error::argument(format!("raw data have no field `{name}`: positions are in xx, yy and zz")));
+        }
+        if three.len() != 3 {
+            return Err(Error::argument(format!("positions need three columns, not `{names}`")));
+        }
+        let paths: Vec<PathBuf> = three.iter().map(|name| self.folder.join(format!("{name}.f32"))).collect();
+        Particles::open_raw(&paths)
     }
 }
 

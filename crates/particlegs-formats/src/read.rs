@@ -92,7 +92,7 @@ impl Choice {
         with_fields: bool,
     ) -> Result<(Particles, Vec<LayerFields>)> {
         let (particles, mut fields) = match SpeciesData::open(paths, self, context, with_fields)? {
-            SpeciesData::InPlace(particles) => (particles, Vec::new()),
+            SpeciesData::InPlace(particles, fields) => (particles, fields),
             SpeciesData::Readers(layers, fields) => (layers.load(storage, context)?, fields),
         };
         let count = particles.len();
@@ -117,7 +117,7 @@ impl Choice {
             return Ok(None);
         }
         let mut source = match SpeciesData::open(paths, self, context, false)? {
-            SpeciesData::InPlace(particles) => LayeredParticles::from_particles(&particles),
+            SpeciesData::InPlace(particles, _) => LayeredParticles::from_particles(&particles),
             SpeciesData::Readers(layers, _) => layers,
         };
         say(&self.state(&mut source.meta)?, context);
@@ -194,7 +194,7 @@ impl InputFiles {
 /// The species chosen, before a particle is read.
 enum SpeciesData {
     /// As they lie in the files.
-    InPlace(Particles),
+    InPlace(Particles, Vec<LayerFields>),
     /// Each by its reader, with its fields where they are wanted.
     Readers(LayeredParticles, Vec<LayerFields>),
 }
@@ -206,21 +206,27 @@ impl SpeciesData {
         let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
         say(&description.notes, context);
         let weights = chosen.iter().find_map(|&i| description.species[i].other_weights(&choice.weights));
+        let wanted = if with_fields { &chosen[..] } else { &[] };
+        let fields = || wanted.iter().map(|&i| fields::fields_of(&*snapshot, i, choice)).collect::<Result<_>>();
+        let other_fields = || {
+            let mut names: Vec<String> = Vec::new();
+            for name in chosen.iter().flat_map(|&i| fields::others(&description.species[i], choice)) {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
+            names
+        };
         if let Some(mut particles) = snapshot.in_place(&chosen, choice)? {
             weigh(&mut particles.meta, weights);
-            return Ok(SpeciesData::InPlace(particles));
+            particles.meta.fields = other_fields();
+            return Ok(SpeciesData::InPlace(particles, fields()?));
         }
         let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, choice)?.into()));
         let mut layers = LayeredParticles::new(chosen.iter().copied().map(layer).collect::<Result<_>>()?)?;
         weigh(&mut layers.meta, weights);
-        for name in chosen.iter().flat_map(|&i| fields::others(&description.species[i], choice)) {
-            if !layers.meta.fields.contains(&name) {
-                layers.meta.fields.push(name);
-            }
-        }
-        let wanted = if with_fields { &chosen[..] } else { &[] };
-        let fields = wanted.iter().map(|&i| fields::fields_of(&*snapshot, i, choice)).collect::<Result<_>>()?;
-        Ok(SpeciesData::Readers(layers, fields))
+        layers.meta.fields = other_fields();
+        Ok(SpeciesData::Readers(layers, fields()?))
     }
 }
 

@@ -89,6 +89,12 @@ fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
         let own = g.mean_of(i).into_iter().chain(g.cov_of(i).0).chain([g.count[i]]);
         writeln!(out, "{}", bits(own.chain(extra.iter().flatten().map(|c| c[i]))))?;
     }
+    for (name, field) in g.fields.iter() {
+        writeln!(out, "field {name}")?;
+        for i in 0..g.len() {
+            writeln!(out, "{}", bits(field.columns().map(|c| c[i])))?;
+        }
+    }
     Ok(())
 }
 

@@ -12,7 +12,8 @@ use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs_files::output;
 use particlegs_pipeline::checkpoint::CheckpointStore;
-use particlegs_pipeline::compress::{CompressedModel, Compression, Options};
+use particlegs_pipeline::codec::FieldPrecision;
+use particlegs_pipeline::compress::{CompressedModel, Compression, Options, add_fields};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::{Particles, Storage};
@@ -52,6 +53,11 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
+    /// Fields to keep, as `info` lists them, such as velocity or Temperature; they make the file larger.
+    ///
+    /// The target is met without them; the report says what they add.
+    #[arg(long, display_order = LATER, value_name = "NAME,...", value_delimiter = ',')]
+    fields: Vec<String>,
     /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
@@ -97,6 +103,9 @@ pub fn run(a: Arguments) -> Result<()> {
         return crate::report::line(text.trim_end());
     }
     let mut options = a.fit.options(&a.particles, a.common.seed)?;
+    if !a.fields.is_empty() {
+        options.read.insert("fields".into(), a.fields.join(","));
+    }
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
     let context = a.common.clone().start()?;
@@ -107,7 +116,11 @@ pub fn run(a: Arguments) -> Result<()> {
     if options.memory.is_some() {
         options.storage = Storage::Disk(a.scratch_folder());
     }
-    let particles = a.particles.read(&a.input, a.common.seed, &options.storage, &context)?;
+    let mut choice = a.particles.choice(a.common.seed)?;
+    let (particles, fields) = match a.fields.is_empty() {
+        true => (choice.read(&a.input, &options.storage, &context)?, Vec::new()),
+        false => choice.read_fields(&a.input, &options.storage, &context)?,
+    };
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
@@ -121,7 +134,15 @@ pub fn run(a: Arguments) -> Result<()> {
         Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
-    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| planned.run(pieces, context);
+    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
+        let mut done = planned.run(pieces, context)?;
+        if !a.fields.is_empty() {
+            let (model, precision) = (&done.model, FieldPrecision::default());
+            done.bytes = add_fields(&done.bytes, model, &particles, &fields, &a.fields, &precision, context)?;
+            done.model = codec::decode_with(&done.bytes, "the file just coded", context)?;
+        }
+        Ok(done)
+    };
     let done = a.run.run(a.output(), &context, checkpoint, work)?;
     let seconds = start.elapsed().as_secs_f64();
     report(&a, &context, &done, seconds)?;

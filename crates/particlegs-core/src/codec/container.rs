@@ -39,6 +39,8 @@ pub(crate) const LAYER: Tag = *b"LAYR";
 pub(crate) const BLOCK: Tag = *b"BLOK";
 /// A further stage of a block.
 pub(crate) const STAGE: Tag = *b"FiNE";
+/// The moments of a field of a block.
+pub const FIELD: [u8; 4] = *b"fiEL";
 /// Where the sections lie.
 pub(crate) const INDEX: Tag = *b"iNDX";
 

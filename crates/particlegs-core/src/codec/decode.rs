@@ -1,10 +1,12 @@
 //! Model files to models, whole or piece by piece.
 
+use super::container::FIELD;
 use super::decoder::{self, BlockDecoder};
+use super::field::decode_field;
 use super::file::{BlockPart, FileParts, parts};
 use super::info::FileInfo;
 use crate::context::Context;
-use crate::model::{Block, LawKind, Mixture, Model};
+use crate::model::{Block, LawKind, Mixture, Model, Quantity, QuantityKind};
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -39,6 +41,8 @@ struct PartialBlock {
     offset: usize,
     bytes: Vec<u8>,
     state: BlockState,
+    /// Sections of fields; none of a block that lacks stages.
+    fields: Vec<Vec<u8>>,
 }
 
 enum BlockState {
@@ -71,7 +75,9 @@ impl<'a> Decoder<'a> {
                 } else {
                     BlockState::Coarse(decoder::part(&block.bytes, decoder::Ending::Stage).map_err(at)?)
                 };
-                blocks.push(PartialBlock { layer, offset: block.offset, bytes: block.bytes.to_vec(), state });
+                let fields = block.sections.iter().filter(|s| s.tag == FIELD && block.is_whole());
+                let fields = fields.map(|s| s.bytes.to_vec()).collect();
+                blocks.push(PartialBlock { layer, offset: block.offset, bytes: block.bytes.to_vec(), state, fields });
             }
         }
         let info = FileInfo::new(parts, &file);
@@ -139,7 +145,8 @@ impl<'a> Decoder<'a> {
         let left = segments.zip(pieces).filter(|(_, piece)| !piece.read).map(|(segment, _)| segment);
         parallel::try_for_each(left, |(offset, s)| s.read().map_err(|what| corrupt(place, offset, what)))?;
         let vizmapper = self.info.vizmapper.map(Arc::new);
-        let mut decoded = self.blocks.into_iter().map(|b| {
+        let (quantities, place) = (&self.info.metadata.fields, &self.place);
+        let decoded = parallel::try_map(self.blocks, |b| {
             let mut block = match b.state {
                 BlockState::Whole(decoder) => decoder.finish(),
                 BlockState::Coarse(block) => block,
@@ -147,8 +154,12 @@ impl<'a> Decoder<'a> {
             if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
                 columns.vizmapper = vizmapper.clone();
             }
-            block
-        });
+            for section in &b.fields {
+                fields_of(&mut block, section, quantities).map_err(|what| corrupt(place, b.offset, what))?;
+            }
+            Ok::<_, Error>(block)
+        })?;
+        let mut decoded = decoded.into_iter();
         let layers = self.info.layers.into_iter().map(|l| l.map(|c| decoded.by_ref().take(c.len()).collect()));
         Ok(Model { layers: layers.collect(), metadata: self.info.metadata, certificate: self.info.certificate })
     }
@@ -168,6 +179,19 @@ impl PartialBlock {
             BlockState::Coarse(_) => Vec::new(),
         }
     }
+}
+
+/// Adds the moments of a section to its block.
+fn fields_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::result::Result<(), String> {
+    let wanted = section.first().and_then(|&n| fields.get(usize::from(n)));
+    let Some(quantity) = wanted else { return Err("a section of a field names a field that is not listed".into()) };
+    let moments = decode_field(section, &block.gaussians, quantity.by_mass)?;
+    let components = if quantity.kind == QuantityKind::Vector { 3 } else { 1 };
+    if moments.components() != components || block.gaussians.fields.get(&quantity.name).is_some() {
+        return Err(format!("field `{}` is there twice or has {} components", quantity.name, moments.components()));
+    }
+    block.gaussians.fields.set(&quantity.name, moments);
+    Ok(())
 }
 
 /// An error of the block whose section begins at byte `offset`.

@@ -338,7 +338,7 @@ impl BlockColumns {
             rescale(&mut mass, header.mass);
             named.set(MASS, mass);
         }
-        let gaussians = Mixture { mean, cov, count, columns: named, law };
+        let gaussians = Mixture { mean, cov, count, columns: named, law, ..Mixture::default() };
         Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians }
     }
 }
@@ -410,7 +410,7 @@ impl BlockDecoder {
             columns.set(MASS, count.iter().zip(&weight[all.clone()]).map(|(c, w)| c * w * mean).collect());
         }
         let (mean, cov) = (mean.each_ref().map(part), cov.each_ref().map(part));
-        Mixture { mean, cov, count, columns, law: Law::OpticalDepth }
+        Mixture { mean, cov, count, columns, ..Mixture::default() }
     }
 
     /// What stands for a segment that was not read: its boxes, each as one Gaussian with its share of the block's

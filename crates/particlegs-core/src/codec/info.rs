@@ -1,6 +1,7 @@
 //! Information about a file without its Gaussians.
 
 use super::Precision;
+use super::container::FIELD;
 use super::file::{BlockPart, FileParts, parts};
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, VizMapper};
@@ -23,6 +24,8 @@ pub struct FileInfo {
     pub bytes: u64,
     /// Particles of blocks that an open file ends before.
     pub missing_particles: u64,
+    /// Bytes of each of the metadata's fields.
+    pub field_bytes: Vec<u64>,
     /// Sections that this program does not know, by tag and bytes; first those of blocks.
     pub other_sections: Vec<(String, u64)>,
 }
@@ -95,7 +98,13 @@ impl FileInfo {
             stages: [*stages, h.cuts.len() + 1],
             precision: Precision::from_header(h.steps, h.importance),
         };
-        let attached = parts.layers.iter().flat_map(|l| l.content.iter().flat_map(|b| &b.sections));
+        let attached = || parts.layers.iter().flat_map(|l| l.content.iter().flat_map(|b| &b.sections));
+        let mut field_bytes = vec![0; parts.metadata.fields.len()];
+        for section in attached().filter(|s| s.tag == FIELD) {
+            let field = section.bytes.first().and_then(|&n| field_bytes.get_mut(usize::from(n)));
+            field.into_iter().for_each(|sum| *sum += section.bytes.len() as u64);
+        }
+        let attached = attached().filter(|s| s.tag != FIELD);
         let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));
         let other_sections = other.collect();
         let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
@@ -107,6 +116,7 @@ impl FileInfo {
             vizmapper: parts.network.map(|n| n.1),
             bytes: file.len() as u64,
             missing_particles: parts.missing_particles,
+            field_bytes,
             other_sections,
         }
     }

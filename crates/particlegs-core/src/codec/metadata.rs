@@ -33,6 +33,8 @@ const SCALE_FACTOR: u8 = 25;
 const TIME: u8 = 26;
 const FRAME: u8 = 27;
 const STEP: u8 = 28;
+/// How fields are weighed.
+const WEIGHTING: u8 = 32;
 const RECIPE: u8 = 40;
 const TOOL: u8 = 41;
 const MASSES: u8 = 128;
@@ -92,6 +94,9 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     }
     m.epoch.frame.iter().for_each(|v| field(FRAME, &v.to_le_bytes()));
     m.epoch.step.iter().for_each(|v| field(STEP, &v.to_le_bytes()));
+    if m.fields.iter().any(|q| q.by_mass) {
+        field(WEIGHTING, &m.fields.iter().map(|q| u8::from(q.by_mass)).collect::<Vec<u8>>());
+    }
     field(RECIPE, &recipe_text(&m.recipe));
     field(TOOL, text(&m.tool_version, TEXT));
     let alike = layers.windows(2).all(|w| w[0] == w[1]);
@@ -153,6 +158,15 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
         ));
     }
     m.fields = all[own.len()..].to_vec();
+    if let Some(weighting) = get(WEIGHTING) {
+        if weighting.len() != m.fields.len() {
+            let what = format!("the weighting of {} fields is given, but there are {}", weighting.len(), m.fields.len());
+            return Err(SectionFault::Corrupt(what));
+        }
+        for (field, v) in m.fields.iter_mut().zip(weighting) {
+            field.by_mass = flag(WEIGHTING, &[*v])?;
+        }
+    }
     Ok((m, masses))
 }
 
@@ -255,7 +269,7 @@ fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
                 Some(unit.ok_or_else(|| format!("`{name}` refers to unit {k}, which does not exist"))?.clone())
             }
         };
-        out.push(Quantity { name, kind, unit, bytes });
+        out.push(Quantity { name, kind, unit, bytes, by_mass: false });
     }
     Ok(out)
 }
@@ -396,8 +410,8 @@ mod tests {
     }
 
     prop_compose! {
-        fn quantity()(name in "\\PC{0,20}", kind in 0usize..4, unit in unit(), bytes in any::<u16>()) -> Quantity {
-            Quantity { name, kind: QuantityKind::ALL[kind], unit, bytes }
+        fn quantity()(name in "\\PC{0,20}", kind in 0usize..4, unit in unit(), bytes in any::<u16>(), by_mass in any::<bool>()) -> Quantity {
+            Quantity { name, kind: QuantityKind::ALL[kind], unit, bytes, by_mass }
         }
     }
 

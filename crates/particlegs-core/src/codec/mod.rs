@@ -14,6 +14,7 @@ mod decode;
 mod decoder;
 mod encoder;
 mod exact;
+mod field;
 mod file;
 mod fine;
 mod header;
@@ -40,9 +41,10 @@ mod trellis;
 mod vizmapper;
 mod wire;
 
-pub use container::{HEAD_BYTES, is_model, other_length, promised_length};
+pub use container::{FIELD, HEAD_BYTES, is_model, other_length, promised_length};
 pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
 pub use encoder::Encoder;
+pub use field::{FieldPrecision, encode_field};
 pub use file::MOST_LAYERS;
 pub use file::{
     CodedLayer, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode,

@@ -89,6 +89,9 @@ pub struct Quantity {
     pub unit: Option<Unit>,
     /// Bytes of it a particle, as the float32 or whole numbers that were compressed.
     pub bytes: u16,
+    /// Are its means weighted by the particles' masses? Else all particles count alike.
+    #[serde(default)]
+    pub by_mass: bool,
 }
 
 crate::named_values! {
@@ -141,6 +144,7 @@ impl Metadata {
             kind,
             unit: unit.clone(),
             bytes,
+            by_mass: false,
         };
         let mut all = vec![quantity("positions", QuantityKind::Vector, &self.units.length, 12)];
         all.extend(weighted.then(|| quantity("masses", QuantityKind::Scalar, &self.units.mass, 4)));

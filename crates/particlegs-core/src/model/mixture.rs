@@ -1,6 +1,6 @@
 //! A mixture of Gaussians that carry counts and masses.
 
-use super::{Certificate, Columns, Law, Layer, MASS, Mass, Metadata, VizMapper, is_species};
+use super::{Certificate, Columns, FieldMoments, Law, Layer, MASS, Mass, Metadata, VizMapper, is_species};
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 use std::sync::Arc;
@@ -17,6 +17,8 @@ pub struct Mixture {
     /// Columns of one value a Gaussian. [`MASS`] is the mass that each stands for where particles have
     /// weights of their own; without it every particle has the mass 1.
     pub columns: Columns<Vec<f64>>,
+    /// Moments of the fields that their particles carry, by the names of [`Metadata::fields`].
+    pub fields: Columns<FieldMoments>,
     /// The law that they are drawn by. The counts of the alpha-blend law stand in proportion to opacity: a
     /// Gaussian's share of the particles that recovery draws.
     pub law: Law,
@@ -97,6 +99,9 @@ impl Mixture {
         self.count.extend_from_slice(&other.count);
         for (name, own) in self.columns.iter_mut() {
             own.extend(other.columns.get(name).into_iter().flatten());
+        }
+        for (name, own) in self.fields.iter_mut() {
+            other.fields.get(name).into_iter().for_each(|others| own.append(others));
         }
         if let (Some(own), Some(others)) = (self.law.alpha_blend_mut(), other.law.alpha_blend()) {
             own.opacity.extend_from_slice(&others.opacity);

@@ -3,6 +3,7 @@
 mod certificate;
 mod columns;
 mod conversion;
+mod field;
 mod goal;
 mod law;
 mod layer;
@@ -23,6 +24,7 @@ pub use crate::hash::hex;
 pub use certificate::Certificate;
 pub use columns::{Columns, MASS};
 pub use conversion::{Conversion, UnitSystem};
+pub use field::FieldMoments;
 pub use goal::{Goal, GoalKind, GoalResult};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};

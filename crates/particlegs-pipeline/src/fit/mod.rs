@@ -7,12 +7,14 @@
 //! needed to where they are; [`fit`] does both as an [`Effort`] allows. `simplify` makes a mixture
 //! smaller without the particles.
 
+mod assignment;
 mod best_cuts;
 mod cut;
 mod effort;
 mod eigen;
 mod em;
 mod em_kernel;
+mod field_moments;
 mod gain;
 mod gaussian_bytes;
 mod moments;
@@ -31,6 +33,7 @@ mod transmittance;
 
 pub use crate::model::Effort;
 pub use effort::{FitOptions, fit};
+pub use field_moments::{BlockField, gather};
 pub(crate) use effort::{Fitter, memory_needed};
 pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};

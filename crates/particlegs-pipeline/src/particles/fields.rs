@@ -1,7 +1,7 @@
 //! Fields of a snapshot beside positions and weights: read where they lie when particles are written.
 
 use super::{RUN, SnapshotReader};
-use crate::Result;
+use crate::{Error, Result};
 use particlegs_files::memory::require;
 use std::sync::Arc;
 
@@ -81,6 +81,16 @@ pub struct LayerFields {
     positions: Option<Triple>,
 }
 
+/// What velocities are called, as one field or three.
+const VELOCITIES: &[&[&str]] = &[
+    &["velocity"],
+    &["velocities"],
+    &["vel"],
+    &["vx", "vy", "vz"],
+    &["vel_x", "vel_y", "vel_z"],
+    &["velocity_x", "velocity_y", "velocity_z"],
+];
+
 /// Three columns.
 enum Triple {
     Reader(Arc<dyn SnapshotReader>),
@@ -105,7 +115,7 @@ impl LayerFields {
     }
 
     /// Every component of every field in run `run` of the layer.
-    pub(super) fn read(&self, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
+    pub(crate) fn read(&self, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
         let count: u32 = self.fields.iter().map(|f| f.components).sum();
         out.resize_with(count as usize, Vec::new);
         let mut three = <[Vec<f64>; 3]>::default();
@@ -114,6 +124,36 @@ impl LayerFields {
             part.iter_mut().zip(&mut three).for_each(|(to, from)| std::mem::swap(to, from));
         }
         Ok(())
+    }
+
+    /// The field that a user names: a scalar, a vector, or `velocity` for three columns of it; its unit, and which columns
+    /// of a run are its components.
+    pub(crate) fn find(&self, name: &str) -> Result<(Option<&str>, Vec<usize>)> {
+        let is = |f: &SourceField, name: &str| f.name.eq_ignore_ascii_case(name);
+        let names: &[&[&str]] = match &name.to_ascii_lowercase()[..] {
+            "velocity" | "velocities" => VELOCITIES,
+            _ => &[],
+        };
+        let place = |f: &SourceField| {
+            let before = self.fields.iter().take_while(|other| other.name != f.name);
+            before.map(|f| f.components as usize).sum::<usize>()
+        };
+        let wanted: Vec<&[&str]> = std::iter::once(&[name][..]).chain(names.iter().copied()).collect();
+        for names in wanted {
+            let found: Option<Vec<&SourceField>> =
+                names.iter().map(|name| self.fields.iter().find(|f| is(f, name))).collect();
+            let Some(found) = found else { continue };
+            let columns: Vec<usize> =
+                found.iter().flat_map(|f| place(f)..place(f) + f.components as usize).collect();
+            if columns.len() != 1 && columns.len() != 3 {
+                let what = format!("field `{name}` has {} numbers a particle; a model keeps 1 or 3", columns.len());
+                return Err(Error::argument(what));
+            }
+            return Ok((found[0].unit.as_deref(), columns));
+        }
+        let there: Vec<&str> = self.fields.iter().map(|f| &f.name[..]).collect();
+        let hint = if there.is_empty() { "it has no fields".into() } else { format!("the fields are: {}", there.join(", ")) };
+        Err(Error::argument_with(format!("the snapshot has no field `{name}`"), hint))
     }
 
     pub(super) fn read_positions(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {

@@ -1,0 +1,433 @@
+//! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
+//! already decoded, and coded in steps of each Gaussian's own standard error.
+
+use super::exact::{exp, exp_twice, to_five};
+use super::rans::{Coder, RansReader, RansWriter};
+use super::sums::compensated;
+use super::symbols::Residual;
+use super::wire::WireReader;
+use crate::math::{Sym3, each_axis};
+use crate::model::{FieldMoments, Mixture};
+
+/// Earlier Gaussians among which the nearest are looked for, and how many of these predict.
+const WINDOW: usize = 1024;
+const NEIGHBOURS: usize = 8;
+/// Classes of what is expected of a residual; the least, in steps squared, and the factor from one to the next.
+const CLASSES: usize = 24;
+const LEAST_CLASS: f64 = 1.0 / 16.0;
+/// Shape numbers and logarithms at most.
+const LARGEST_SHAPE: f64 = 16.0;
+const LARGEST_LOG: f64 = 600.0;
+/// Whole numbers of steps at most.
+const MOST_STEPS: i32 = 1 << 20;
+
+/// How finely a field is coded, and what is known of all of a block's Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldPrecision {
+    /// Steps of means, logarithms of spreads, shapes and slopes, in standard errors.
+    pub steps: [f32; 4],
+    /// Slopes and shapes of fewer standard errors are coded as none.
+    pub zone: f32,
+}
+
+impl Default for FieldPrecision {
+    fn default() -> Self {
+        FieldPrecision { steps: [4.0, 4.0, 4.0, 4.0], zone: 3.0 }
+    }
+}
+
+/// What a section says before its stream.
+#[derive(Clone, Debug, PartialEq)]
+struct FieldHeader {
+    field: u8,
+    steps: [f32; 4],
+    /// Variance of the mean's and of the log spread's change over a world unit.
+    change: [f32; 2],
+    /// Mean squares of shape numbers, and of slopes over a Gaussian in units of its spread.
+    square: [f32; 2],
+    /// Means and the logarithm of the spread where nothing is decoded yet.
+    start: [f32; 2],
+    /// Exact sums of weight times value, one a component; least and largest value.
+    sums: Vec<f64>,
+    range: Vec<[f64; 2]>,
+}
+
+impl FieldHeader {
+    fn write(&self) -> Vec<u8> {
+        let mut out = vec![self.field, self.sums.len() as u8];
+        let floats = self.steps.iter().chain(&self.change).chain(&self.square).chain(&self.start);
+        floats.for_each(|v| out.extend(v.to_le_bytes()));
+        self.sums.iter().chain(self.range.iter().flatten()).for_each(|v| out.extend(v.to_le_bytes()));
+        out
+    }
+
+    fn read(r: &mut WireReader<'_>) -> Result<Self, String> {
+        let (field, components) = (r.u8()?, r.u8()?);
+        if components != 1 && components != 3 {
+            return Err(format!("a field has {components} components"));
+        }
+        let mut floats = [0f32; 10];
+        for v in &mut floats {
+            *v = r.f32()?;
+        }
+        let [a, b, c, d, change @ .., e, f, g, h] = floats;
+        let positive = |v: &f32| *v > 0.0 && *v < 1e30;
+        if !floats[..8].iter().all(positive) || ![g, h].iter().all(|v| v.is_finite()) {
+            return Err("the steps of a field are out of range".into());
+        }
+        let mut reals = (0..3 * components).map(|_| r.f64()).collect::<Result<Vec<f64>, String>>()?;
+        if reals.iter().any(|v| !v.is_finite()) {
+            return Err("a sum or bound of a field is not finite".into());
+        }
+        let range = reals.split_off(usize::from(components));
+        let range = range.as_chunks().0.to_vec();
+        Ok(FieldHeader { field, steps: [a, b, c, d], change, square: [e, f], start: [g, h], sums: reals, range })
+    }
+}
+
+/// Encodes the moments of field `field` of a block's decoded Gaussians; `sums` are the particles' weighted sums of
+/// each component, `range` their least and largest values.
+pub fn encode_field(
+    field: u8,
+    moments: &FieldMoments,
+    gaussians: &Mixture,
+    sums: &[f64],
+    range: &[[f64; 2]],
+    precision: &FieldPrecision,
+) -> Vec<u8> {
+    let header = FieldHeader {
+        field,
+        steps: precision.steps,
+        sums: sums.to_vec(),
+        range: range.to_vec(),
+        ..statistics(moments, gaussians)
+    };
+    let mut out = header.write();
+    let mut writer = RansWriter::default();
+    let mut walk = FieldWalk::new(&header, gaussians);
+    let wanted = Wanted { moments, zone: f64::from(precision.zone) };
+    // Every number is within the range that the walk accepts.
+    if walk.run(&mut writer, Some(&wanted)).is_ok() {
+        out.extend(writer.finish());
+    }
+    out
+}
+
+/// Decodes a section.
+pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, by_mass: bool) -> Result<FieldMoments, String> {
+    let mut r = WireReader::new(bytes);
+    let header = FieldHeader::read(&mut r)?;
+    let stream = &bytes[r.position()..];
+    let mut reader = RansReader::new(stream).ok_or("a field's stream has no start")?;
+    let mut walk = FieldWalk::new(&header, gaussians);
+    walk.run(&mut reader, None)?;
+    if !reader.finished() || !reader.rest().is_empty() {
+        return Err("a field's stream does not end where it should".into());
+    }
+    Ok(walk.finish(by_mass))
+}
+
+/// What an encoder wants coded.
+struct Wanted<'a> {
+    moments: &'a FieldMoments,
+    zone: f64,
+}
+
+/// Means, slopes and spreads as they are decoded, Gaussian by Gaussian.
+struct FieldWalk<'a> {
+    header: &'a FieldHeader,
+    gaussians: &'a Mixture,
+    out: FieldMoments,
+    /// Logarithm of the spread, and shape numbers.
+    logs: Vec<f64>,
+    shapes: Vec<[f64; 5]>,
+    /// Those decoded, in order.
+    done: Vec<u32>,
+    models: [Vec<Residual<32>>; 4],
+}
+
+/// The nearest earlier Gaussians, nearest first: their numbers and distances.
+type Near = Vec<(f64, u32)>;
+
+impl<'a> FieldWalk<'a> {
+    fn new(header: &'a FieldHeader, gaussians: &'a Mixture) -> Self {
+        let (n, components) = (gaussians.len(), header.sums.len());
+        let mut out = FieldMoments::new(components);
+        out.mean.iter_mut().chain(&mut out.spread).for_each(|c| c.resize(n, 0.0));
+        out.slope.iter_mut().flatten().for_each(|c| c.resize(n, 0.0));
+        // Spreads in steps, by the class.
+        let model = |class: usize| Residual::bell((LEAST_CLASS * (1u64 << class) as f64).sqrt());
+        let models = || (0..CLASSES).map(model).collect();
+        FieldWalk {
+            header,
+            gaussians,
+            out,
+            logs: vec![0.0; n],
+            shapes: vec![[0.0; 5]; if components == 3 { n } else { 0 }],
+            done: Vec::with_capacity(n),
+            models: [models(), models(), models(), models()],
+        }
+    }
+
+    fn run(&mut self, c: &mut impl Coder, wanted: Option<&Wanted<'_>>) -> Result<(), String> {
+        let components = self.out.components();
+        let [mean_steps, log_steps, shape_steps, slope_steps] = self.header.steps.map(f64::from);
+        let [mean_change, log_change] = self.header.change.map(f64::from);
+        let [shape_square, slope_square] = self.header.square.map(f64::from);
+        for i in 0..self.gaussians.len() {
+            let n = self.gaussians.count[i];
+            if n < 1.0 {
+                continue;
+            }
+            if c.exhausted() {
+                return Err("a field's stream ends too soon".into());
+            }
+            let near = self.near(i);
+            let root = n.sqrt();
+            let wanted_logs = wanted.map(|w| spread_logs(w.moments, i));
+            // The spread's logarithm.
+            let error = 1.0 / (2.0 * components as f64 * n).sqrt();
+            let weights = self.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
+            let (guess, variance) = self.expected(&near, &weights, f64::from(self.header.start[1]), |j| self.logs[j]);
+            let step = log_steps * error;
+            let target = wanted_logs.map(|w| w.0);
+            let class = class((variance + error * error) / (step * step));
+            self.logs[i] = number(c, &mut self.models[0][class], guess, step, target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
+            let spread = exp(self.logs[i]);
+            // Means.
+            let error = spread / root;
+            let weights = self.weights(&near, mean_change, |j, count| {
+                let s = exp(self.logs[j]);
+                s * s / count
+            });
+            let step = mean_steps * error;
+            for k in 0..components {
+                let start = f64::from(self.header.start[0]);
+                let (guess, variance) = self.expected(&near, &weights, start, |j| self.out.mean[k][j]);
+                let class = self::class((variance + error * error) / (step * step));
+                let target = wanted.map(|w| w.moments.mean[k][i]);
+                self.out.mean[k][i] = number(c, &mut self.models[1][class], guess, step, target)?;
+            }
+            // The spread's shape.
+            let error = 1.0 / root;
+            if components == 3 {
+                let step = shape_steps * error;
+                let class = self::class((shape_square + error * error) / (step * step));
+                for k in 0..5 {
+                    let zone = wanted.map_or(0.0, |w| w.zone * error);
+                    let target = wanted_logs.map(|w| dead(w.1[k], zone));
+                    let value = number(c, &mut self.models[2][class], 0.0, step, target)?;
+                    self.shapes[i][k] = value.clamp(-LARGEST_SHAPE, LARGEST_SHAPE);
+                }
+            }
+            // Slopes, over the Gaussian's own widths and in units of the spread.
+            let factor = Factor::new(&self.gaussians.cov_of(i));
+            let step = slope_steps * error;
+            let class = self::class((slope_square + error * error) / (step * step));
+            for k in 0..components {
+                let target = wanted.map(|w| factor.over(each_axis(|d| w.moments.slope[k][d][i])).map(|v| v / spread));
+                let mut over = [0.0; 3];
+                for d in 0..3 {
+                    let zone = wanted.map_or(0.0, |w| w.zone * error);
+                    let target = target.map(|t| dead(t[d], zone));
+                    over[d] = number(c, &mut self.models[3][class], 0.0, step, target)?;
+                }
+                let slope = factor.slope(over.map(|v| v * spread));
+                (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
+            }
+            let size = spread * spread;
+            match components {
+                1 => self.out.spread[0][i] = size,
+                _ => {
+                    let unit = exp_twice(self.shapes[i]);
+                    (0..6).for_each(|k| self.out.spread[k][i] = unit.0[k] * size);
+                }
+            }
+            self.done.push(i as u32);
+        }
+        Ok(())
+    }
+
+    /// The nearest of the Gaussians decoded last.
+    fn near(&self, i: usize) -> Near {
+        let own = self.gaussians.mean_of(i);
+        let from = self.done.len().saturating_sub(WINDOW);
+        let mut near: Near = Vec::with_capacity(NEIGHBOURS + 1);
+        for &j in self.done[from..].iter().rev() {
+            let other = self.gaussians.mean_of(j as usize);
+            let [x, y, z] = each_axis(|k| other[k] - own[k]);
+            let d2 = x * x + y * y + z * z;
+            if near.len() < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
+                let at = near.partition_point(|n| n.0 <= d2);
+                near.insert(at, (d2, j));
+                near.truncate(NEIGHBOURS);
+            }
+        }
+        near
+    }
+
+    /// One over what the value of each neighbour is expected to miss this one's by, squared.
+    fn weights(&self, near: &Near, change: f64, error2: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+        let weight = |&(d2, j): &(f64, u32)| {
+            let j = j as usize;
+            1.0 / (error2(j, self.gaussians.count[j]) + change * d2.sqrt() + 1e-300)
+        };
+        near.iter().map(weight).collect()
+    }
+
+    /// The weighted mean of what neighbours have, and how far it is expected to be off, squared.
+    fn expected(&self, near: &Near, weights: &[f64], start: f64, value: impl Fn(usize) -> f64) -> (f64, f64) {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (&(_, j), &w) in near.iter().zip(weights) {
+            sum += w * value(j as usize);
+            total += w;
+        }
+        match near.len() {
+            0 => (start, 1e30),
+            n => (sum / total, n as f64 / total),
+        }
+    }
+
+    /// Moments whose sums are the particles', with means within their range.
+    fn finish(mut self, by_mass: bool) -> FieldMoments {
+        let g = self.gaussians;
+        let weight = |i: usize| if by_mass { g.mass_of(i) } else { g.count[i] };
+        let total = compensated(&(0..g.len()).map(weight).collect::<Vec<_>>());
+        for (k, [least, largest]) in self.header.range.iter().enumerate() {
+            let mean = &mut self.out.mean[k];
+            mean.iter_mut().for_each(|v| *v = v.clamp(*least, *largest));
+            let sum = compensated(&(0..g.len()).map(|i| weight(i) * mean[i]).collect::<Vec<_>>());
+            let off = (self.header.sums[k] - sum) / total;
+            mean.iter_mut().for_each(|v| *v += off);
+        }
+        self.out
+    }
+}
+
+/// A number near `guess` in whole steps.
+#[inline(always)]
+fn number(
+    c: &mut impl Coder,
+    model: &mut Residual<32>,
+    guess: f64,
+    step: f64,
+    target: Option<f64>,
+) -> Result<f64, String> {
+    let wanted = target.map_or(0.0, |t| ((t - guess) / step).round()).clamp(-f64::from(MOST_STEPS), f64::from(MOST_STEPS));
+    let steps = model.code(c, 0, wanted as i32);
+    if steps.abs() > MOST_STEPS {
+        return Err("a number of a field is out of range".into());
+    }
+    Ok(guess + step * f64::from(steps))
+}
+
+/// A number that is 0 within its zone.
+fn dead(v: f64, zone: f64) -> f64 {
+    if v.abs() < zone { 0.0 } else { v }
+}
+
+/// The class of an expected square, in steps squared.
+#[inline(always)]
+fn class(square: f64) -> usize {
+    let mut edge = 2.0 * LEAST_CLASS;
+    let mut class = 0;
+    while class + 1 < CLASSES && square >= edge {
+        edge *= 2.0;
+        class += 1;
+    }
+    class
+}
+
+/// The logarithm of a spread's size, and its shape numbers.
+fn spread_logs(m: &FieldMoments, i: usize) -> (f64, [f64; 5]) {
+    if m.components() == 1 {
+        return (0.5 * libm::log(m.spread[0][i].max(1e-200)), [0.0; 5]);
+    }
+    let mut eigen = Sym3(std::array::from_fn(|k| m.spread[k][i])).eigen();
+    let least = 1e-6 * eigen.values[0].max(1e-200);
+    eigen.values = eigen.values.map(|v| 0.5 * libm::log(v.max(least)));
+    let size = eigen.values.iter().sum::<f64>() / 3.0;
+    eigen.values = eigen.values.map(|v| v - size);
+    (size, to_five(&Sym3::from_eigen(&eigen)).map(|v| v.clamp(-LARGEST_SHAPE, LARGEST_SHAPE)))
+}
+
+/// The Cholesky factor of a covariance: widths along the axes with the earlier ones known.
+struct Factor {
+    width: [f64; 3],
+    lean: [f64; 3],
+}
+
+impl Factor {
+    fn new(cov: &Sym3) -> Self {
+        let [xx, xy, xz, yy, yz, zz] = cov.0;
+        let least = (xx + yy + zz) * (1.0 / (1u64 << 40) as f64) + 1e-300;
+        let root = |v: f64| v.max(least).sqrt();
+        let x = root(xx);
+        let (a, b) = (xy / x, xz / x);
+        let y = root(yy - a * a);
+        let c = (yz - b * a) / y;
+        Factor { width: [x, y, root((zz - b * b) - c * c)], lean: [a, b, c] }
+    }
+
+    /// The change of a field over the Gaussian's widths, by its slope.
+    fn over(&self, slope: [f64; 3]) -> [f64; 3] {
+        let ([x, y, z], [a, b, c]) = (self.width, self.lean);
+        [slope[0] * x + slope[1] * a + slope[2] * b, slope[1] * y + slope[2] * c, slope[2] * z]
+    }
+
+    /// The slope by the change over the widths.
+    fn slope(&self, over: [f64; 3]) -> [f64; 3] {
+        let ([x, y, z], [a, b, c]) = (self.width, self.lean);
+        let along_z = over[2] / z;
+        let along_y = (over[1] - c * along_z) / y;
+        [((over[0] - a * along_y) - b * along_z) / x, along_y, along_z]
+    }
+}
+
+/// What a header says of a block's moments: how they change with distance, and their squares.
+fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
+    let components = m.components();
+    let there: Vec<usize> = (0..g.len()).filter(|&i| g.count[i] >= 1.0).collect();
+    let logs: Vec<(f64, [f64; 5])> = there.iter().map(|&i| spread_logs(m, i)).collect();
+    let (mut mean, mut log, mut pairs) = (0.0, 0.0, 0.0f64);
+    for (at, pair) in there.windows(2).enumerate() {
+        let [i, j] = [pair[0], pair[1]];
+        let [x, y, z] = each_axis(|k| g.mean[k][i] - g.mean[k][j]);
+        let d = (x * x + y * y + z * z).sqrt();
+        let errors = 1.0 / g.count[i] + 1.0 / g.count[j];
+        if d > 0.0 && g.count[i] > 4.0 && g.count[j] > 4.0 {
+            let off = |k: usize| m.mean[k][i] - m.mean[k][j];
+            let square = (0..components).map(|k| off(k) * off(k)).sum::<f64>() / components as f64;
+            let noise = libm::exp(2.0 * logs[at].0) / g.count[i] + libm::exp(2.0 * logs[at + 1].0) / g.count[j];
+            mean += (square - noise) / d;
+            let off = logs[at].0 - logs[at + 1].0;
+            log += (off * off - errors / (2.0 * components as f64)) / d;
+            pairs += 1.0;
+        }
+    }
+    let (mut shape, mut slope, mut numbers) = (0.0, 0.0, 0.0f64);
+    for (&i, (log, five)) in there.iter().zip(&logs) {
+        let spread = libm::exp(*log);
+        let factor = Factor::new(&g.cov_of(i));
+        if g.count[i] >= 16.0 {
+            shape += five.iter().map(|v| v * v).sum::<f64>() / 5.0;
+            for k in 0..components {
+                let over = factor.over(each_axis(|d| m.slope[k][d][i])).map(|v| v / spread);
+                slope += over.iter().map(|v| v * v).sum::<f64>() / (3 * components) as f64;
+            }
+            numbers += 1.0;
+        }
+    }
+    let total = logs.len().max(1) as f64;
+    let least = |v: f64, n: f64| (v / n.max(1.0)).clamp(1e-12, 1e25) as f32;
+    let start = there.iter().map(|&i| m.mean[0][i]).sum::<f64>() / total;
+    FieldHeader {
+        field: 0,
+        steps: [0.0; 4],
+        change: [least(mean, pairs), least(log, pairs)],
+        square: [least(shape, numbers), least(slope, numbers)],
+        start: [start as f32, (logs.iter().map(|l| l.0).sum::<f64>() / total) as f32],
+        sums: Vec::new(),
+        range: Vec::new(),
+    }
+}
