@@ -431,3 +431,75 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
         range: Vec::new(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    /// Gaussians along a line, with a flow that follows it.
+    fn scene(n: u64, components: usize) -> (Mixture, FieldMoments) {
+        let (mut m, mut f) = (Mixture::new(false), FieldMoments::new(components));
+        for i in 0..n {
+            let mut r = Random::new(7, 0, i);
+            let mut v = || [r.normal(), r.normal(), r.normal()];
+            let (a, b, c) = (v(), v(), v());
+            let cov = Sym3::outer(a).add(&Sym3::outer(b)).add(&Sym3::scaled_identity(0.2)).scale(0.01);
+            let place = i as f64 / n as f64;
+            m.push([20.0 * place, c[0].abs() * 0.1, c[1] * 0.1], cov, (1.0 + c[2].abs() * 80.0).floor(), 0.0);
+            for k in 0..components {
+                f.mean[k].push(300.0 * (place * 9.0 + k as f64).sin() + 3.0 * a[k]);
+                (0..3).for_each(|d| f.slope[k][d].push(5.0 * b[d]));
+            }
+            let spread = Sym3::outer(v()).add(&Sym3::scaled_identity(1.0)).scale(400.0);
+            for (k, column) in f.spread.iter_mut().enumerate() {
+                column.push(spread.0[k]);
+            }
+        }
+        (m, f)
+    }
+
+    fn sums(m: &Mixture, f: &FieldMoments) -> Vec<f64> {
+        f.mean.iter().map(|mean| mean.iter().zip(&m.count).map(|(v, n)| v * n).sum()).collect()
+    }
+
+    #[test]
+    fn moments_come_back_within_their_errors_and_sums_exactly() {
+        for components in [1, 3] {
+            let (m, f) = scene(500, components);
+            let precision = FieldPrecision { zone: 0.0, ..FieldPrecision::default() };
+            let range = vec![[-1e3, 1e3]; components];
+            let bytes = encode_field(0, &f, &m, &sums(&m, &f), &range, &precision);
+            let back = decode_field(&bytes, &m, false).unwrap();
+            for (own, was) in sums(&m, &back).iter().zip(sums(&m, &f)) {
+                assert!((own - was).abs() < 1e-9 * was.abs().max(1.0), "{own} {was}");
+            }
+            for i in 0..m.len() {
+                let (log, _) = spread_logs(&f, i);
+                let (log_back, _) = spread_logs(&back, i);
+                let error = 1.0 / m.count[i].sqrt();
+                assert!((log - log_back).abs() < 0.51 * 4.0 * error + 1e-9, "{log} {log_back}");
+                for k in 0..components {
+                    let step = 4.0 * libm::exp(log_back) * error;
+                    assert!((f.mean[k][i] - back.mean[k][i]).abs() < 0.6 * step + 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_sections_are_refused_or_finite() {
+        let (m, f) = scene(60, 3);
+        let bytes = encode_field(0, &f, &m, &sums(&m, &f), &[[-1e3, 1e3]; 3], &FieldPrecision::default());
+        for cut in 0..bytes.len() {
+            assert!(decode_field(&bytes[..cut], &m, false).is_err(), "cut at {cut}");
+        }
+        for at in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x14;
+            if let Ok(back) = decode_field(&damaged, &m, false) {
+                assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
+            }
+        }
+    }
+}
