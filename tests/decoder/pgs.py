@@ -1000,6 +1000,7 @@ def read_field(block, content, known):
     check(len(content) >= 42 + 24 * components, "sums of a field")
     reals = struct.unpack_from(f"<{3 * components}d", content, 42)
     check(all(map(math.isfinite, reals)), "sums of a field")
+    check(all(reals[k] <= reals[k + 1] for k in range(components, 3 * components, 2)), "range of a field")
     stream = Stream(content[42 + 24 * components :])
     log_spread, mean, shape, slope = map(Number, (steps[1], steps[0], steps[2], steps[3]))
     total = len(block.counts)
@@ -1027,7 +1028,7 @@ def read_field(block, content, known):
         twice = 2.0 * components
         error = 1.0 / math.sqrt(twice * n)
         g = guess(floats[9], lambda j: 1.0 / (twice * float(block.counts[j])), b, logs.get)
-        logs[i] = min(max(log_spread.read(stream, *g, error), -600.0), 600.0)
+        logs[i] = min(max(log_spread.read(stream, *g, error), -300.0), 300.0)
         s = sizes[i] = exp(logs[i])
         error = s / math.sqrt(n)
         for k in range(components):
@@ -1061,6 +1062,8 @@ def read_field(block, content, known):
         off = (reals[k] - neumaier([w * row[k] for w, row in zip(weights, means)])) / neumaier(weights)
         for row in means:
             row[k] += off
+    rows = [*means, *slopes, *spreads]
+    check(all(math.isfinite(v) for row in rows for v in row), "numbers of a field")
     block.fields[name] = [[*m, *sl, *sp] for m, sl, sp in zip(means, slopes, spreads)]
 
 

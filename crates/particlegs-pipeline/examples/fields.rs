@@ -17,10 +17,11 @@ type Phase = Vec<([f64; 3], [f64; 3])>;
 fn drawn(m: &Mixture, f: &FieldMoments, seed: u64, spread: bool) -> Phase {
     let mut out = Phase::new();
     for i in 0..m.len() {
-        let (e, s) = (m.cov_of(i).eigen(), particlegs_core::math::Sym3(std::array::from_fn(|k| f.spread[k][i])).eigen());
+        let (e, s) =
+            (m.cov_of(i).eigen(), particlegs_pipeline::math::Sym3(std::array::from_fn(|k| f.spread[k][i])).eigen());
         for n in 0..m.count[i] as u64 {
-            let mut r = Random::new(seed, i as u64, n);
-            let mut turned = |e: &particlegs_core::math::Eigen| -> [f64; 3] {
+            let mut r = Random::new(seed, i as u32, n);
+            let mut turned = |e: &particlegs_pipeline::math::Eigen| -> [f64; 3] {
                 let z: [f64; 3] = std::array::from_fn(|a| e.values[a].max(0.0).sqrt() * r.normal());
                 std::array::from_fn(|k| (0..3).map(|a| e.vectors[a][k] * z[a]).sum())
             };
@@ -63,7 +64,13 @@ fn main() {
     let model = codec::decode(&bytes, "model").unwrap();
     println!("decoded in {:.3} s", start.elapsed().as_secs_f64());
     for (field, bytes) in info.metadata.fields.iter().zip(&info.field_bytes) {
-        println!("{}: {} bytes, {:.3} a Gaussian of {}", field.name, bytes, *bytes as f64 / info.gaussians() as f64, info.gaussians());
+        println!(
+            "{}: {} bytes, {:.3} a Gaussian of {}",
+            field.name,
+            bytes,
+            *bytes as f64 / info.gaussians() as f64,
+            info.gaussians()
+        );
     }
     let [x, y, z, u, v, w] = ["xx.f32", "yy.f32", "zz.f32", "vx.f32", "vy.f32", "vz.f32"].map(|n| column(folder, n));
     let truth: Phase =
@@ -74,16 +81,34 @@ fn main() {
     for b in model.blocks() {
         ours.extend(drawn(&b.gaussians, b.gaussians.fields.get("velocity").unwrap(), 3, false));
     }
-    let rms = |p: &Phase| (p.iter().map(|(_, v)| v.iter().map(|v| v * v).sum::<f64>()).sum::<f64>() / p.len() as f64 / 3.0).sqrt();
+    let rms = |p: &Phase| {
+        (p.iter().map(|(_, v)| v.iter().map(|v| v * v).sum::<f64>()).sum::<f64>() / p.len() as f64 / 3.0).sqrt()
+    };
     println!("rms velocity: particles {:.2}, means drawn {:.2}", rms(&truth), rms(&ours));
     for edge in [2.0, 1.0, 0.5] {
         let c: Vec<String> = (0..3)
-            .map(|c| format!("{:.4}", correlation(&momentum(&truth, corner, length, edge, c, false), &momentum(&ours, corner, length, edge, c, false))))
+            .map(|c| {
+                format!(
+                    "{:.4}",
+                    correlation(
+                        &momentum(&truth, corner, length, edge, c, false),
+                        &momentum(&ours, corner, length, edge, c, false)
+                    )
+                )
+            })
             .collect();
         println!("momentum in cells of {edge}: {}", c.join(" "));
     }
     let c: Vec<String> = (0..3)
-        .map(|c| format!("{:.4}", correlation(&momentum(&truth, corner, length, 0.25, c, true), &momentum(&ours, corner, length, 0.25, c, true))))
+        .map(|c| {
+            format!(
+                "{:.4}",
+                correlation(
+                    &momentum(&truth, corner, length, 0.25, c, true),
+                    &momentum(&ours, corner, length, 0.25, c, true)
+                )
+            )
+        })
         .collect();
     println!("line-of-sight momentum map at 0.25: {}", c.join(" "));
     let mut all = Phase::new();

@@ -13,7 +13,7 @@ use clap::{Args, ValueHint};
 use particlegs_files::output;
 use particlegs_pipeline::checkpoint::CheckpointStore;
 use particlegs_pipeline::codec::FieldPrecision;
-use particlegs_pipeline::compress::{CompressedModel, Compression, Options, add_fields};
+use particlegs_pipeline::compress::{CompressedModel, Compression, FieldSelection, Options};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::{Particles, Storage};
@@ -117,10 +117,14 @@ pub fn run(a: Arguments) -> Result<()> {
         options.storage = Storage::Disk(a.scratch_folder());
     }
     let mut choice = a.particles.choice(a.common.seed)?;
-    let (particles, fields) = match a.fields.is_empty() {
+    let (mut particles, sources) = match a.fields.is_empty() {
         true => (choice.read(&a.input, &options.storage, &context)?, Vec::new()),
         false => choice.read_fields(&a.input, &options.storage, &context)?,
     };
+    if !a.fields.is_empty() {
+        let omitted = FieldSelection::new(&a.fields, &particles, &sources, options.law())?.omitted().to_vec();
+        particles.meta.fields = omitted;
+    }
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
@@ -137,8 +141,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
         let mut done = planned.run(pieces, context)?;
         if !a.fields.is_empty() {
-            let (model, precision) = (&done.model, FieldPrecision::default());
-            done.bytes = add_fields(&done.bytes, model, &particles, &fields, &a.fields, &precision, context)?;
+            let fields = FieldSelection::new(&a.fields, &particles, &sources, done.model.metadata.law)?;
+            done.bytes = fields.add_to(&done.bytes, &done.model, &FieldPrecision::default(), context)?;
             done.model = codec::decode_with(&done.bytes, "the file just coded", context)?;
         }
         Ok(done)

@@ -1,33 +1,40 @@
 //! `particlegs recover M.pgs -o DIR`.
 
-use crate::common::{Common, named, one_of};
+use crate::common::{CommandContext, Common, named, one_of};
 use crate::inputs;
-use crate::outputs::ForceArgs;
+use crate::outputs::{ForceArgs, PARTICLES};
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
-use particlegs_pipeline::Result;
+use particlegs_formats::Writer;
 use particlegs_pipeline::codec;
+use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::RawForm;
-use particlegs_pipeline::recover::{Method, Options, recover};
+use particlegs_pipeline::particles::{SelectedParticles, Selection, Tiling};
+use particlegs_pipeline::recover::{Method, Options, field_files, recover};
+use particlegs_pipeline::{Error, Result};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(Args)]
 #[command(after_help = "\
-The particles are SYNTHETIC: drawn from the model, not simulated. meta.json beside them says so, and
-lists the analyses that the measurements in the model file support.
+The particles are SYNTHETIC: drawn from the model, not simulated. meta.json in the folder says so, and
+lists the analyses that the measurements in the model file support. Fields of the model, such as
+velocity, are drawn with the positions.
 
 Examples:
   particlegs recover M.pgs -o particles
+  particlegs recover M.pgs -o snap.hdf5              # also .vtp, .dump, .lammpstrj
   particlegs recover M.pgs -o few --particles 1000000 --form npy
   particlegs recover M.pgs -o spaced --method spaced")]
 pub struct Arguments {
     /// Model file.
     #[arg(value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// Folder for the particles and meta.json.
-    #[arg(long, short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
+    /// Folder for the particles and meta.json, or a file whose extension selects the format.
+    ///
+    /// Extensions: .hdf5, .h5, .vtp, .dump, .lammpstrj, .npy. A file is drawn in memory; a folder may be larger.
+    #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::AnyPath)]
     output: PathBuf,
     /// Number of particles [default: as many as the model was made from].
     #[arg(long, value_name = "N")]
@@ -41,7 +48,7 @@ pub struct Arguments {
     /// Layers to draw from: species such as gas or dm, or names that `info` lists [default: all].
     #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
-    /// Format of the particles.
+    /// Format of the particles in a folder.
     #[arg(long, value_name = "FORM", default_value = "raw", value_parser = one_of(FORMS))]
     form: RawForm,
     #[command(flatten)]
@@ -58,10 +65,16 @@ const FORMS: [(RawForm, &str, &str); 2] = [
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()], a.force.force)?;
-    let kept = context.outputs().writes_folder(&a.output, &RawForm::FOLDER_FILES)?;
+    let writer = Writer::for_output(&a.output, None)?;
+    if !writer.folder && a.form != RawForm::Columns {
+        return Err(Error::argument("--form is for folders: a file's extension selects its format"));
+    }
     let start = Instant::now();
     let bytes = inputs::model(&a.model, &context)?;
     let mut model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
+    let fields = field_files(&model);
+    let own: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(fields.iter().map(String::as_str)).collect();
+    let kept = writer.folder && context.outputs().writes_folder(&a.output, &own)?;
     if !a.layer.is_empty() {
         let certificate = model.certificate.take();
         model = model.only(&a.layer)?;
@@ -88,7 +101,10 @@ pub fn run(a: Arguments) -> Result<()> {
         return context.finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
     let particles = options.total(&model);
-    let bytes = recover(model, hash, &options, &a.output, &context)?;
+    let bytes = match writer.folder {
+        true => recover(model, hash, &options, &a.output, &context)?,
+        false => write_file(&a.output, writer, &options, model, &context)?,
+    };
     let seconds = start.elapsed().as_secs_f64();
     let text = format!(
         "{}: {particles} synthetic particles, {:.1} MB, in {seconds:.2} s",
@@ -100,4 +116,15 @@ pub fn run(a: Arguments) -> Result<()> {
         "bytes": bytes, "seconds": seconds, "particles_per_second": particles as f64 / seconds,
     });
     context.finish(&text, &report)
+}
+
+/// Draws into memory, and writes a file of another program's format.
+fn write_file(out: &Path, writer: &Writer, options: &Options, model: Model, context: &CommandContext) -> Result<u64> {
+    let there = context.writes(out, &PARTICLES)?;
+    let (particles, fields) = options.draw_with_fields(model, context)?;
+    let all = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), context)?.with_fields(fields);
+    if let Some(left_out) = writer.left_out(&all) {
+        context.message(&format!("note: {left_out}"));
+    }
+    context.write_snapshot(out, there, |out| writer.write(&all, out, context))
 }

@@ -9,6 +9,7 @@ mod compress;
 mod convert;
 mod eval;
 mod export;
+mod fields;
 mod figures;
 mod forged;
 mod formats;

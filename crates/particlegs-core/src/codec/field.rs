@@ -17,7 +17,7 @@ const CLASSES: usize = 24;
 const LEAST_CLASS: f64 = 1.0 / 16.0;
 /// Shape numbers and logarithms at most.
 const LARGEST_SHAPE: f64 = 16.0;
-const LARGEST_LOG: f64 = 600.0;
+const LARGEST_LOG: f64 = 300.0;
 /// Whole numbers of steps at most.
 const MOST_STEPS: i32 = 1 << 20;
 
@@ -26,13 +26,11 @@ const MOST_STEPS: i32 = 1 << 20;
 pub struct FieldPrecision {
     /// Steps of means, logarithms of spreads, shapes and slopes, in standard errors.
     pub steps: [f32; 4],
-    /// Slopes and shapes of fewer standard errors are coded as none.
-    pub zone: f32,
 }
 
 impl Default for FieldPrecision {
     fn default() -> Self {
-        FieldPrecision { steps: [4.0, 4.0, 4.0, 4.0], zone: 3.0 }
+        FieldPrecision { steps: [4.0; 4] }
     }
 }
 
@@ -80,34 +78,35 @@ impl FieldHeader {
             return Err("a sum or bound of a field is not finite".into());
         }
         let range = reals.split_off(usize::from(components));
-        let range = range.as_chunks().0.to_vec();
+        let range: Vec<[f64; 2]> = range.as_chunks().0.to_vec();
+        if range.iter().any(|[least, largest]| least > largest) {
+            return Err("the least value of a field is above the largest".into());
+        }
         Ok(FieldHeader { field, steps: [a, b, c, d], change, square: [e, f], start: [g, h], sums: reals, range })
     }
 }
 
 /// Encodes the moments of field `field` of a block's decoded Gaussians; `sums` are the particles' weighted sums of
-/// each component, `range` their least and largest values.
+/// each component.
 pub fn encode_field(
     field: u8,
     moments: &FieldMoments,
     gaussians: &Mixture,
     sums: &[f64],
-    range: &[[f64; 2]],
     precision: &FieldPrecision,
 ) -> Vec<u8> {
     let header = FieldHeader {
         field,
         steps: precision.steps,
         sums: sums.to_vec(),
-        range: range.to_vec(),
+        range: moments.range.clone(),
         ..statistics(moments, gaussians)
     };
     let mut out = header.write();
     let mut writer = RansWriter::default();
     let mut walk = FieldWalk::new(&header, gaussians);
-    let wanted = Wanted { moments, zone: f64::from(precision.zone) };
     // Every number is within the range that the walk accepts.
-    if walk.run(&mut writer, Some(&wanted)).is_ok() {
+    if walk.run(&mut writer, Some(moments)).is_ok() {
         out.extend(writer.finish());
     }
     out
@@ -124,13 +123,9 @@ pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, by_mass: bool) -> 
     if !reader.finished() || !reader.rest().is_empty() {
         return Err("a field's stream does not end where it should".into());
     }
-    Ok(walk.finish(by_mass))
-}
-
-/// What an encoder wants coded.
-struct Wanted<'a> {
-    moments: &'a FieldMoments,
-    zone: f64,
+    let moments = walk.finish(by_mass);
+    let finite = moments.columns().flatten().all(|v| v.is_finite());
+    if finite { Ok(moments) } else { Err("a number of a field is not finite".into()) }
 }
 
 /// Means, slopes and spreads as they are decoded, Gaussian by Gaussian.
@@ -169,8 +164,9 @@ impl<'a> FieldWalk<'a> {
         }
     }
 
-    fn run(&mut self, c: &mut impl Coder, wanted: Option<&Wanted<'_>>) -> Result<(), String> {
+    fn run(&mut self, c: &mut impl Coder, wanted: Option<&FieldMoments>) -> Result<(), String> {
         let components = self.out.components();
+        let width = self.header.range.iter().map(|[least, largest]| largest - least).fold(0.0, f64::max);
         let [mean_steps, log_steps, shape_steps, slope_steps] = self.header.steps.map(f64::from);
         let [mean_change, log_change] = self.header.change.map(f64::from);
         let [shape_square, slope_square] = self.header.square.map(f64::from);
@@ -184,13 +180,15 @@ impl<'a> FieldWalk<'a> {
             }
             let near = self.near(i);
             let root = n.sqrt();
-            let wanted_logs = wanted.map(|w| spread_logs(w.moments, i));
+            let wanted_logs = wanted.map(|w| spread_logs(w, i));
             // The spread's logarithm.
             let error = 1.0 / (2.0 * components as f64 * n).sqrt();
             let weights = self.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
             let (guess, variance) = self.expected(&near, &weights, f64::from(self.header.start[1]), |j| self.logs[j]);
             let step = log_steps * error;
-            let target = wanted_logs.map(|w| w.0);
+            // A mean lies within 2^18 steps of any guess.
+            let least = 0.5 * libm::log((width * width * n).max(1e-200)) - 20.0 * std::f64::consts::LN_2;
+            let target = wanted_logs.map(|w| w.0.max(least));
             let class = class((variance + error * error) / (step * step));
             self.logs[i] = number(c, &mut self.models[0][class], guess, step, target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
             let spread = exp(self.logs[i]);
@@ -205,7 +203,7 @@ impl<'a> FieldWalk<'a> {
                 let start = f64::from(self.header.start[0]);
                 let (guess, variance) = self.expected(&near, &weights, start, |j| self.out.mean[k][j]);
                 let class = self::class((variance + error * error) / (step * step));
-                let target = wanted.map(|w| w.moments.mean[k][i]);
+                let target = wanted.map(|w| w.mean[k][i]);
                 self.out.mean[k][i] = number(c, &mut self.models[1][class], guess, step, target)?;
             }
             // The spread's shape.
@@ -214,8 +212,7 @@ impl<'a> FieldWalk<'a> {
                 let step = shape_steps * error;
                 let class = self::class((shape_square + error * error) / (step * step));
                 for k in 0..5 {
-                    let zone = wanted.map_or(0.0, |w| w.zone * error);
-                    let target = wanted_logs.map(|w| dead(w.1[k], zone));
+                    let target = wanted_logs.map(|w| w.1[k]);
                     let value = number(c, &mut self.models[2][class], 0.0, step, target)?;
                     self.shapes[i][k] = value.clamp(-LARGEST_SHAPE, LARGEST_SHAPE);
                 }
@@ -225,12 +222,10 @@ impl<'a> FieldWalk<'a> {
             let step = slope_steps * error;
             let class = self::class((slope_square + error * error) / (step * step));
             for k in 0..components {
-                let target = wanted.map(|w| factor.over(each_axis(|d| w.moments.slope[k][d][i])).map(|v| v / spread));
+                let target = wanted.map(|w| factor.over(each_axis(|d| w.slope[k][d][i])).map(|v| v / spread));
                 let mut over = [0.0; 3];
                 for d in 0..3 {
-                    let zone = wanted.map_or(0.0, |w| w.zone * error);
-                    let target = target.map(|t| dead(t[d], zone));
-                    over[d] = number(c, &mut self.models[3][class], 0.0, step, target)?;
+                    over[d] = number(c, &mut self.models[3][class], 0.0, step, target.map(|t| t[d]))?;
                 }
                 let slope = factor.slope(over.map(|v| v * spread));
                 (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
@@ -300,6 +295,7 @@ impl<'a> FieldWalk<'a> {
             let off = (self.header.sums[k] - sum) / total;
             mean.iter_mut().for_each(|v| *v += off);
         }
+        self.out.range.clone_from(&self.header.range);
         self.out
     }
 }
@@ -313,17 +309,13 @@ fn number(
     step: f64,
     target: Option<f64>,
 ) -> Result<f64, String> {
-    let wanted = target.map_or(0.0, |t| ((t - guess) / step).round()).clamp(-f64::from(MOST_STEPS), f64::from(MOST_STEPS));
+    let wanted =
+        target.map_or(0.0, |t| ((t - guess) / step).round()).clamp(-f64::from(MOST_STEPS), f64::from(MOST_STEPS));
     let steps = model.code(c, 0, wanted as i32);
     if steps.abs() > MOST_STEPS {
         return Err("a number of a field is out of range".into());
     }
     Ok(guess + step * f64::from(steps))
-}
-
-/// A number that is 0 within its zone.
-fn dead(v: f64, zone: f64) -> f64 {
-    if v.abs() < zone { 0.0 } else { v }
 }
 
 /// The class of an expected square, in steps squared.
@@ -440,6 +432,7 @@ mod tests {
     /// Gaussians along a line, with a flow that follows it.
     fn scene(n: u64, components: usize) -> (Mixture, FieldMoments) {
         let (mut m, mut f) = (Mixture::new(false), FieldMoments::new(components));
+        f.range.fill([-1e3, 1e3]);
         for i in 0..n {
             let mut r = Random::new(7, 0, i);
             let mut v = || [r.normal(), r.normal(), r.normal()];
@@ -467,9 +460,8 @@ mod tests {
     fn moments_come_back_within_their_errors_and_sums_exactly() {
         for components in [1, 3] {
             let (m, f) = scene(500, components);
-            let precision = FieldPrecision { zone: 0.0, ..FieldPrecision::default() };
-            let range = vec![[-1e3, 1e3]; components];
-            let bytes = encode_field(0, &f, &m, &sums(&m, &f), &range, &precision);
+            let precision = FieldPrecision::default();
+            let bytes = encode_field(0, &f, &m, &sums(&m, &f), &precision);
             let back = decode_field(&bytes, &m, false).unwrap();
             for (own, was) in sums(&m, &back).iter().zip(sums(&m, &f)) {
                 assert!((own - was).abs() < 1e-9 * was.abs().max(1.0), "{own} {was}");
@@ -490,7 +482,7 @@ mod tests {
     #[test]
     fn damaged_sections_are_refused_or_finite() {
         let (m, f) = scene(60, 3);
-        let bytes = encode_field(0, &f, &m, &sums(&m, &f), &[[-1e3, 1e3]; 3], &FieldPrecision::default());
+        let bytes = encode_field(0, &f, &m, &sums(&m, &f), &FieldPrecision::default());
         for cut in 0..bytes.len() {
             assert!(decode_field(&bytes[..cut], &m, false).is_err(), "cut at {cut}");
         }

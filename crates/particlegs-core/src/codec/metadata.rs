@@ -160,7 +160,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
     m.fields = all[own.len()..].to_vec();
     if let Some(weighting) = get(WEIGHTING) {
         if weighting.len() != m.fields.len() {
-            let what = format!("the weighting of {} fields is given, but there are {}", weighting.len(), m.fields.len());
+            let what =
+                format!("the weighting of {} fields is given, but there are {}", weighting.len(), m.fields.len());
             return Err(SectionFault::Corrupt(what));
         }
         for (field, v) in m.fields.iter_mut().zip(weighting) {

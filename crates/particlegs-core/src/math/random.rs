@@ -18,6 +18,8 @@ pub enum Purpose {
     RefinementSample = u32::from_be_bytes(*b"ZMPL"),
     /// Particles drawn from a model.
     Recovery = u32::from_be_bytes(*b"reco"),
+    /// Fields of particles drawn from a model.
+    RecoveredField = u32::from_be_bytes(*b"refi"),
     /// Particles whose nearest neighbours are looked for.
     NeighbourSample = u32::from_be_bytes(*b"near"),
     /// Particles whose likelihood is looked at.

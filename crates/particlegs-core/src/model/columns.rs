@@ -49,6 +49,11 @@ impl<T> Columns<T> {
         self.0.iter_mut().map(|(name, column)| (&name[..], column))
     }
 
+    /// Leaves out the columns that `keep` does not want.
+    pub fn retain(&mut self, keep: impl Fn(&str) -> bool) {
+        self.0.retain(|(name, _)| keep(name));
+    }
+
     /// The same names, with what `f` makes of each column.
     pub fn map<U>(&self, f: impl Fn(&T) -> U) -> Columns<U> {
         Columns(self.0.iter().map(|(name, column)| (name.clone(), f(column))).collect())

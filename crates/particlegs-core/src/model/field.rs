@@ -10,6 +10,8 @@ pub struct FieldMoments {
     pub slope: Vec<[Vec<f64>; 3]>,
     /// Covariance about that: one column (the variance) of a scalar; xx, xy, xz, yy, yz, zz of a vector.
     pub spread: Vec<Vec<f64>>,
+    /// Least and largest value of each component over all particles.
+    pub range: Vec<[f64; 2]>,
 }
 
 impl FieldMoments {
@@ -19,6 +21,7 @@ impl FieldMoments {
             mean: vec![Vec::new(); components],
             slope: vec![Default::default(); components],
             spread: vec![Vec::new(); if components == 1 { 1 } else { 6 }],
+            range: vec![[f64::INFINITY, f64::NEG_INFINITY]; components],
         }
     }
 
@@ -41,6 +44,9 @@ impl FieldMoments {
     pub fn append(&mut self, other: &FieldMoments) {
         for (own, others) in self.columns_mut().zip(other.columns()) {
             own.extend_from_slice(others);
+        }
+        for (own, others) in self.range.iter_mut().zip(&other.range) {
+            *own = [own[0].min(others[0]), own[1].max(others[1])];
         }
     }
 

@@ -94,6 +94,16 @@ pub struct Quantity {
     pub by_mass: bool,
 }
 
+impl Quantity {
+    /// The names of its components: `velocity_x`, `velocity_y`, `velocity_z` of a vector, its own of what is one number.
+    pub fn component_names(&self) -> Vec<String> {
+        match self.kind {
+            QuantityKind::Vector => ["x", "y", "z"].map(|axis| format!("{}_{axis}", self.name)).into(),
+            _ => vec![self.name.clone()],
+        }
+    }
+}
+
 crate::named_values! {
     /// What the values of a [`Quantity`] are, in the order of their numbers in a file, which begin at 1.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

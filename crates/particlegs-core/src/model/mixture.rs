@@ -88,8 +88,12 @@ impl Mixture {
         }
     }
 
-    /// Adds all of another's, of the same law and with the same columns.
+    /// Adds all of another's, of the same law and with the same columns. Fields that either lacks are left out.
     pub fn append(&mut self, other: &Mixture) {
+        if self.is_empty() {
+            self.fields = other.fields.map(|f| FieldMoments::new(f.components()));
+        }
+        self.fields.retain(|name| other.is_empty() || other.fields.get(name).is_some());
         for k in 0..3 {
             self.mean[k].extend_from_slice(&other.mean[k]);
         }
@@ -142,6 +146,14 @@ impl Layer<Vec<Block>> {
 }
 
 impl Model {
+    /// Leaves out all fields, from the metadata too.
+    pub fn drop_fields(&mut self) {
+        self.metadata.fields.clear();
+        for block in self.layers.iter_mut().flat_map(|l| &mut l.content) {
+            block.gaussians.fields = Columns::default();
+        }
+    }
+
     /// Mass of all particles in the unit of mass, where it is known.
     pub fn mass(&self) -> Option<f64> {
         let mass = |l: &Layer<Vec<Block>>| l.mass.unit_or_one() * l.content.iter().map(|b| b.mass).sum::<f64>();

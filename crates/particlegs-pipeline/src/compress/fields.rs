@@ -5,79 +5,136 @@ use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::gather;
 use crate::model::{LawKind, Model, Quantity, QuantityKind, Unit};
-use crate::particles::{LayerFields, Particles};
+use crate::particles::{FieldColumns, LayerFields, Particles};
 use crate::{Error, Result};
 
-/// Adds fields, by name, to the file of a model that was made of `particles`; `fields` are those of each layer of the
-/// particles. A layer that lacks a field has none; a field that every layer lacks is an error. Gives the new file.
-pub fn add_fields(
-    bytes: &[u8],
-    model: &Model,
-    particles: &Particles,
-    fields: &[LayerFields],
-    names: &[String],
-    precision: &FieldPrecision,
-    context: &Context<'_>,
-) -> Result<Vec<u8>> {
-    if model.metadata.law != LawKind::OpticalDepth {
-        return Err(Error::argument("models of the law alpha-blend have no fields"));
-    }
-    if fields.len() != particles.layers().len() {
-        return Err(Error::argument_with(
-            "the fields of this snapshot cannot be read as it is selected",
-            "fields need all particles of their types, in the units of the file",
-        ));
-    }
-    let mut metadata = model.metadata.clone();
-    let mut layers = codec::coded_layers(bytes, "the model")?;
-    let by_mass = model.layers.iter().any(|l| l.mass.is_weighted());
-    let mut found = vec![false; names.len()];
-    metadata.fields = names.iter().map(|name| quantity(name, by_mass)).collect();
-    for (layer, own) in particles.layers().iter().zip(fields) {
-        let chosen: Vec<(usize, Result<(Option<&str>, Vec<usize>)>)> =
-            names.iter().enumerate().map(|(n, name)| (n, own.find(name))).collect();
-        let mut columns = Vec::new();
-        let mut kept = Vec::new();
-        for (n, there) in chosen {
-            let (unit, own_columns) = match there {
-                Ok(there) => there,
-                Err(_) if fields.len() > 1 => continue,
-                Err(error) => return Err(error),
-            };
-            let field = &mut metadata.fields[n];
-            let kind = if own_columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
-            if found[n] && field.kind != kind {
-                return Err(Error::argument(format!("field `{}` is a vector in one layer and a scalar in another", names[n])));
-            }
-            found[n] = true;
-            (field.kind, field.bytes) = (kind, 4 * own_columns.len() as u16);
-            field.unit = unit.map(|text| Unit { text: text.into(), si: None });
-            kept.push((n, own_columns.len()));
-            columns.extend(own_columns);
-        }
-        let at = model.layers.iter().position(|l| l.name == layer.name);
-        let (Some(at), false) = (at, kept.is_empty()) else { continue };
-        let components: Vec<usize> = kept.iter().map(|k| k.1).collect();
-        let read = |run: u64, out: &mut Vec<Vec<f64>>| {
-            let mut all = Vec::new();
-            own.read(run, &mut all)?;
-            out.extend(columns.iter().map(|&c| all[c].clone()));
-            Ok(())
-        };
-        let gathered = gather(&model.layers[at].content, &particles.of_layer(layer), &components, &read, context)?;
-        for ((block, stored), fields) in model.layers[at].content.iter().zip(&mut layers[at].content).zip(gathered) {
-            for ((n, _), f) in kept.iter().zip(fields) {
-                let bytes = codec::encode_field(*n as u8, &f.moments, &block.gaussians, &f.sums, &f.range, precision);
-                stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
-            }
-        }
-    }
-    if let Some(n) = found.iter().position(|f| !f) {
-        return Err(Error::argument(format!("no layer has a field `{}`", names[n])));
-    }
-    codec::assemble(&metadata, model.certificate.as_ref(), layers)
+/// The name that stands for all fields of real numbers.
+const ALL: &str = "all";
+
+/// Which fields of a snapshot a model gets.
+pub struct FieldSelection<'a> {
+    particles: &'a Particles,
+    sources: &'a [LayerFields],
+    /// What the model's metadata lists.
+    quantities: Vec<Quantity>,
+    /// For each layer of the particles: a quantity's place in the list, and the columns of its components.
+    layers: Vec<Vec<(usize, Vec<usize>)>>,
+    /// Names of the snapshot's fields that the model omits.
+    omitted: Vec<String>,
 }
 
-fn quantity(name: &str, by_mass: bool) -> Quantity {
-    Quantity { name: name.into(), kind: QuantityKind::Scalar, unit: None, bytes: 4, by_mass }
+impl<'a> FieldSelection<'a> {
+    /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of real
+    /// numbers, one or three a particle. A layer that lacks a field has none; a name that no layer has is an error, and so
+    /// are two layers that differ in a field's unit or kind.
+    pub fn new(names: &[String], particles: &'a Particles, sources: &'a [LayerFields], law: LawKind) -> Result<Self> {
+        if law != LawKind::OpticalDepth {
+            return Err(Error::argument_with(
+                "models of the alpha-blend law cannot store fields",
+                "compress without --law alpha-blend, or without --fields",
+            ));
+        }
+        if sources.len() != particles.layers().len() {
+            return Err(Error::argument_with(
+                "fields cannot be read from this selection of particles",
+                "compress all particles of the chosen types, or convert the selection to a file first",
+            ));
+        }
+        let mut wanted: Vec<String> = Vec::new();
+        for name in names {
+            let all = sources.iter().flat_map(|s| s.real_fields()).collect();
+            let found = if name == ALL { all } else { vec![name.trim().to_string()] };
+            found.into_iter().for_each(|name| {
+                if !wanted.contains(&name) {
+                    wanted.push(name)
+                }
+            });
+        }
+        let mut selection =
+            FieldSelection { particles, sources, quantities: Vec::new(), layers: Vec::new(), omitted: Vec::new() };
+        selection.layers.resize_with(sources.len(), Vec::new);
+        let by_mass = particles.weights().is_some();
+        let mut used: Vec<String> = Vec::new();
+        for name in &wanted {
+            let mut found: Vec<(usize, FieldColumns)> = Vec::new();
+            let mut missing = None;
+            for (layer, source) in sources.iter().enumerate() {
+                match source.find(name) {
+                    Ok(columns) => found.push((layer, columns)),
+                    Err(error) => missing = Some(error),
+                }
+            }
+            let Some((_, first)) = found.first() else {
+                return Err(missing.unwrap_or_else(|| Error::argument("the snapshot has no particles")));
+            };
+            if let Some((_, other)) =
+                found.iter().find(|(_, f)| f.unit != first.unit || f.columns.len() != first.columns.len())
+            {
+                let said = |f: &FieldColumns| {
+                    format!("{} numbers, unit {}", f.columns.len(), f.unit.as_deref().unwrap_or("not stated"))
+                };
+                let what = format!("field `{name}` differs between layers: {} and {}", said(first), said(other));
+                return Err(Error::argument_with(what, "compress one particle type at a time"));
+            }
+            let kind = if first.columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
+            let unit = first.unit.clone().map(|text| Unit { text, si: None });
+            let bytes = 4 * first.columns.len() as u16;
+            let place = selection.quantities.len();
+            selection.quantities.push(Quantity { name: name.clone(), kind, unit, bytes, by_mass });
+            for (layer, columns) in found {
+                used.extend(columns.sources);
+                selection.layers[layer].push((place, columns.columns));
+            }
+        }
+        if selection.quantities.len() > MOST {
+            return Err(Error::argument(format!(
+                "a model can store {MOST} fields, not {}",
+                selection.quantities.len()
+            )));
+        }
+        let is_omitted = |name: &&String| !used.contains(name);
+        selection.omitted = particles.meta.fields.iter().filter(is_omitted).cloned().collect();
+        Ok(selection)
+    }
+
+    /// Names of the snapshot's fields that the model omits.
+    pub fn omitted(&self) -> &[String] {
+        &self.omitted
+    }
+
+    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
+    pub fn add_to(
+        &self,
+        bytes: &[u8],
+        model: &Model,
+        precision: &FieldPrecision,
+        context: &Context<'_>,
+    ) -> Result<Vec<u8>> {
+        let metadata = crate::model::Metadata { fields: self.quantities.clone(), ..model.metadata.clone() };
+        let mut coded = codec::coded_layers(bytes, "the model")?;
+        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
+            let at = model.layers.iter().position(|l| l.name == layer.name);
+            let (Some(at), false) = (at, chosen.is_empty()) else { continue };
+            let fields: Vec<(&str, usize)> =
+                chosen.iter().map(|(n, columns)| (&self.quantities[*n].name[..], columns.len())).collect();
+            let read = |run: u64, out: &mut Vec<Vec<f64>>| {
+                let mut all = Vec::new();
+                source.read(run, &mut all)?;
+                out.extend(chosen.iter().flat_map(|(_, columns)| columns).map(|&c| all[c].clone()));
+                Ok(())
+            };
+            let blocks = &model.layers[at].content;
+            let gathered = gather(blocks, &self.particles.of_layer(layer), &fields, &read, context)?;
+            for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
+                for ((n, _), f) in chosen.iter().zip(fields) {
+                    let bytes = codec::encode_field(*n as u8, &f.moments, &block.gaussians, &f.sums, precision);
+                    stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
+                }
+            }
+        }
+        codec::assemble(&metadata, model.certificate.as_ref(), coded)
+    }
 }
+
+/// Fields of a model file at most (docs/format.md, section 2).
+const MOST: usize = 256;

@@ -155,6 +155,7 @@ impl NewFile {
         };
         let mut metadata = model.metadata.clone();
         let (target, seed, training) = (options.target, options.seed, options.training.recipe());
+        metadata.fields.clear();
         metadata.recipe.steps.push(RecipeStep::Finetune { target, seed, training });
         metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
         let layer = layer.with(());

@@ -32,7 +32,7 @@ pub(crate) use certify::DecodedFile;
 pub use certify::certify;
 pub use checkpoint::Checkpoint;
 pub(crate) use executor::{BlockStore, do_block};
-pub use fields::add_fields;
+pub use fields::FieldSelection;
 pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::MemoryLoad;
 pub use options::Options;

@@ -18,6 +18,10 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
         return Err(Error::argument_with(what, "train a model with fewer Gaussians on the snapshot"));
     }
+    if !metadata.fields.is_empty() {
+        metadata.fields.clear();
+        context.message("note: the smaller model omits the fields");
+    }
     metadata.recipe.steps.push(RecipeStep::Simplify(target));
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
     let raw_bytes = layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();

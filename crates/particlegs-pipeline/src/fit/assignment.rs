@@ -45,7 +45,9 @@ impl LogDensity {
     fn at(&self, x: [f64; 3]) -> f64 {
         let d: [f64; 3] = each_axis(|k| x[k] - self.mean[k]);
         let [xx, xy, xz, yy, yz, zz] = self.inverse;
-        let q = d[0] * (xx * d[0] + 2.0 * (xy * d[1] + xz * d[2])) + d[1] * (yy * d[1] + 2.0 * yz * d[2]) + zz * d[2] * d[2];
+        let q = d[0] * (xx * d[0] + 2.0 * (xy * d[1] + xz * d[2]))
+            + d[1] * (yy * d[1] + 2.0 * yz * d[2])
+            + zz * d[2] * d[2];
         self.log - 0.5 * q
     }
 }

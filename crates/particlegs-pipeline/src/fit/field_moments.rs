@@ -3,7 +3,7 @@
 use super::assignment::Assignment;
 use crate::context::Context;
 use crate::math::{Sym3, each_axis};
-use crate::model::{Block, FieldMoments};
+use crate::model::{Block, FieldMoments, Mixture};
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
@@ -16,6 +16,10 @@ const RANGE: usize = 256;
 /// Particles that a slope of 0, and the block's own spread, count as.
 const SLOPE_PRIOR: f64 = 5.0;
 const SPREAD_PRIOR: f64 = 2.0;
+/// Passes over the particles.
+const PASSES: usize = 4;
+/// A spread's variances are no smaller than this part of their sum, where values are weighed by it.
+const LEAST_SPREAD: f64 = 1e-6;
 
 /// The moments of a field in a block, with what its particles sum to.
 #[derive(Clone, Debug)]
@@ -24,64 +28,104 @@ pub struct BlockField {
     pub moments: FieldMoments,
     /// Sums of weight times value, one a component.
     pub sums: Vec<f64>,
-    /// Least and largest value of each component.
-    pub range: Vec<[f64; 2]>,
 }
 
 /// Reads the values of a run of particles: a column for each component of each field.
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
 
-/// Gathers fields of so many `components` each for the decoded `blocks` of one layer, whose particles these are. Gives
+/// Gathers `fields`, by name and number of components, for the decoded `blocks` of one layer, whose particles these are. Gives
 /// the fields of each block. Particles weigh by their masses, where they have weights.
+///
+/// The first pass shares each particle among the Gaussians by their densities at its place. Further passes also ask how
+/// well its value agrees with each Gaussian's moments: expectation maximisation of the field's distribution given the
+/// place, so that cold and hot Gaussians in one place keep their own spreads.
 pub fn gather(
     blocks: &[Block],
     particles: &Particles,
-    components: &[usize],
+    fields: &[(&str, usize)],
     read: &ReadValues<'_>,
     context: &Context<'_>,
 ) -> Result<Vec<Vec<BlockField>>> {
-    let columns: usize = components.iter().sum();
-    let mut sums: Vec<BlockSums> = blocks.iter().map(|b| BlockSums::new(b, components)).collect();
+    let columns: usize = fields.iter().map(|f| f.1).sum();
+    let mut sums: Vec<BlockSums> = blocks.iter().map(|b| BlockSums::new(b, fields)).collect();
     let bounds: Vec<Bounds> = blocks.iter().map(|b| b.bounds).collect();
     let runs = particles.len().div_ceil(RUN);
-    context.begin("fields", particles.len() as u64);
-    for first in (0..runs).step_by(RUNS) {
-        let batch: Vec<RunShares> = parallel::try_map(first..runs.min(first + RUNS), |run| {
-            context.check()?;
-            let range = run * RUN..particles.len().min((run + 1) * RUN);
-            let mut values = Vec::new();
-            read(run as u64, &mut values)?;
-            if values.len() != columns || values.iter().any(|v| v.len() != range.len()) {
-                return Err(Error::input("fields", "a field has another number of values than there are particles"));
+    context.begin("fields", (PASSES * particles.len()) as u64);
+    for pass in 0..PASSES {
+        for first in (0..runs).step_by(RUNS) {
+            let batch: Vec<RunShares> = parallel::try_map(first..runs.min(first + RUNS), |run| {
+                context.check()?;
+                let range = run * RUN..particles.len().min((run + 1) * RUN);
+                let mut values = Vec::new();
+                read(run as u64, &mut values)?;
+                if values.len() != columns || values.iter().any(|v| v.len() != range.len()) {
+                    return Err(Error::input(
+                        "fields",
+                        "a field has another number of values than there are particles",
+                    ));
+                }
+                check_finite(fields, &values, range.start)?;
+                Ok(RunShares::new(particles, range, values, &bounds, &sums))
+            })?;
+            for (number, block) in sums.iter_mut().enumerate() {
+                block.add(number as u32, &batch);
             }
-            RunShares::new(particles, range, values, &bounds, &sums)
-        })?;
-        for (number, block) in sums.iter_mut().enumerate() {
-            block.add(number as u32, &batch);
+            context.advance(batch.iter().map(|r| r.weight.len() as u64).sum());
         }
-        context.advance(batch.iter().map(|r| r.weight.len() as u64).sum());
+        if pass + 1 < PASSES {
+            sums.iter_mut().for_each(BlockSums::next_pass);
+        }
     }
     context.end();
     Ok(sums.into_iter().map(BlockSums::finish).collect())
+}
+
+/// Refuses values that are no numbers; `first` is the particle of the first.
+fn check_finite(fields: &[(&str, usize)], values: &[Vec<f64>], first: usize) -> Result<()> {
+    let names = fields.iter().flat_map(|&(name, c)| std::iter::repeat_n(name, c));
+    for (name, values) in names.zip(values) {
+        if let Some(i) = values.iter().position(|v| !v.is_finite()) {
+            let what = format!("particle {} has the value {} in field `{name}`", first + i, values[i]);
+            return Err(Error::argument_with(what, "leave the field out, or remove the particle from the file"));
+        }
+    }
+    Ok(())
 }
 
 /// What a block's particles sum to, Gaussian by Gaussian.
 struct BlockSums<'a> {
     block: &'a Block,
     assignment: Assignment,
-    components: Vec<usize>,
-    /// A row for each Gaussian: number and weight; weighted place from the mean and its products; for each field values,
-    /// products of values with places, products of values.
-    rows: Vec<f64>,
-    width: usize,
-    /// Weighted sums, least and largest, of each component.
-    all: Vec<[f64; 3]>,
+    fields: Vec<FieldSums>,
 }
 
-/// Shares of a run's particles, sorted by the range of Gaussians.
+/// Sums of one field.
+struct FieldSums {
+    components: usize,
+    /// The first of its columns.
+    column: usize,
+    /// A row for each Gaussian: number and weight; weighted place from the mean and its products; values, products of values
+    /// with places, products of values.
+    rows: Vec<f64>,
+    /// Weighted sum, least and largest value of each component.
+    all: Vec<[f64; 3]>,
+    /// What the pass before found, from the second pass on.
+    likelihoods: Vec<FieldLikelihood>,
+}
+
+/// The logarithm of a field's density given the place.
+#[derive(Clone, Copy)]
+struct FieldLikelihood {
+    mean: [f64; 3],
+    slope: [[f64; 3]; 3],
+    inverse: Sym3,
+    log: f64,
+}
+
+/// Shares of a run's particles.
 struct RunShares {
-    /// Block, Gaussian, particle of the run, share.
-    shares: Vec<(u32, u32, u32, f32)>,
+    /// For each field, sorted by Gaussian: block, Gaussian, particle of the run, share.
+    shares: Vec<Vec<(u32, u32, u32, f32)>>,
     position: [Vec<f64>; 3],
     weight: Vec<f64>,
     block: Vec<u32>,
@@ -95,7 +139,7 @@ impl RunShares {
         values: Vec<Vec<f64>>,
         bounds: &[Bounds],
         blocks: &[BlockSums<'_>],
-    ) -> Result<Self> {
+    ) -> Self {
         let mut buffer = ChunkBuffer::default();
         let chunk = particles.chunk(range.clone(), &mut buffer);
         let position = [0, 1, 2].map(|k| {
@@ -106,103 +150,169 @@ impl RunShares {
             Some(w) => w.iter().map(|&w| f64::from(w)).collect(),
             None => vec![1.0; range.len()],
         };
-        if let Some((c, i)) = values.iter().enumerate().find_map(|(c, v)| Some((c, v.iter().position(|v| !v.is_finite())?))) {
-            let what = format!("particle {} has the value {} (component {c} of the chosen fields)", range.start + i, values[c][i]);
-            return Err(Error::input("fields", what));
-        }
-        let (mut shares, mut own) = (Vec::with_capacity(3 * range.len()), Vec::new());
+        let fields = blocks.first().map_or(0, |b| b.fields.len());
+        let mut shares = vec![Vec::with_capacity(3 * range.len()); fields];
+        let (mut by_place, mut own) = (Vec::new(), Vec::new());
         let mut block = Vec::with_capacity(range.len());
         for i in 0..range.len() {
             let x = each_axis(|k| position[k][i]);
             let within = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
             let number = if bounds.len() == 1 { 0 } else { bounds.iter().position(within).unwrap_or(0) };
             block.push(number as u32);
-            blocks[number].assignment.shares(x, &mut own);
-            shares.extend(own.iter().map(|&(g, share)| (number as u32, g, i as u32, share as f32)));
+            let sums = &blocks[number];
+            sums.assignment.shares(x, &mut by_place);
+            for (field, shares) in sums.fields.iter().zip(&mut shares) {
+                own.clone_from(&by_place);
+                let value = |k: usize| values[field.column + k][i];
+                field.weigh(&sums.block.gaussians, x, &value, &mut own);
+                shares.extend(own.iter().map(|&(g, share)| (number as u32, g, i as u32, share as f32)));
+            }
         }
-        shares.sort_by_key(|s| (s.0, s.1));
-        Ok(RunShares { shares, position, weight, block, values })
+        shares.iter_mut().for_each(|s| s.sort_by_key(|s| (s.0, s.1)));
+        RunShares { shares, position, weight, block, values }
+    }
+}
+
+impl FieldSums {
+    fn width(&self) -> usize {
+        11 + 4 * self.components + self.components * (self.components + 1) / 2
+    }
+
+    /// Multiplies shares by how likely the value is, and scales them to a sum of 1.
+    fn weigh(&self, g: &Mixture, x: [f64; 3], value: &dyn Fn(usize) -> f64, shares: &mut Vec<(u32, f64)>) {
+        if self.likelihoods.is_empty() || shares.len() < 2 {
+            return;
+        }
+        let mut largest = f64::NEG_INFINITY;
+        for (i, share) in shares.iter_mut() {
+            let l = &self.likelihoods[*i as usize];
+            let d: [f64; 3] = each_axis(|k| x[k] - g.mean[k][*i as usize]);
+            let mut off = [0.0; 3];
+            for (k, off) in off.iter_mut().enumerate().take(self.components) {
+                *off = value(k) - l.mean[k] - (0..3).map(|a| l.slope[k][a] * d[a]).sum::<f64>();
+            }
+            let square: f64 = l.inverse.apply(off).iter().zip(off).map(|(a, b)| a * b).sum();
+            *share = share.ln() + l.log - 0.5 * square;
+            largest = largest.max(*share);
+        }
+        let mut sum = 0.0;
+        for s in shares.iter_mut() {
+            s.1 = (s.1 - largest).exp();
+            sum += s.1;
+        }
+        shares.iter_mut().for_each(|s| s.1 /= sum);
     }
 }
 
 impl<'a> BlockSums<'a> {
-    fn new(block: &'a Block, components: &[usize]) -> Self {
-        let width = 11 + components.iter().map(|c| 4 * c + c * (c + 1) / 2).sum::<usize>();
-        BlockSums {
-            block,
-            assignment: Assignment::new(&block.gaussians),
-            components: components.to_vec(),
-            rows: vec![0.0; width * block.gaussians.len()],
-            width,
-            all: vec![[0.0, f64::INFINITY, f64::NEG_INFINITY]; components.iter().sum()],
-        }
+    fn new(block: &'a Block, fields: &[(&str, usize)]) -> Self {
+        let mut column = 0;
+        let fields = fields.iter().map(|&(_, c)| {
+            let all = vec![[0.0, f64::INFINITY, f64::NEG_INFINITY]; c];
+            let mut field = FieldSums { components: c, column, rows: Vec::new(), all, likelihoods: Vec::new() };
+            field.rows.resize(field.width() * block.gaussians.len(), 0.0);
+            column += c;
+            field
+        });
+        BlockSums { block, assignment: Assignment::new(&block.gaussians), fields: fields.collect() }
     }
 
     fn add(&mut self, number: u32, batch: &[RunShares]) {
-        let (g, width, components) = (&self.block.gaussians, self.width, &self.components);
-        parallel::for_each_chunk(&mut self.rows, width * RANGE, |task, rows| {
-            let first = (task * RANGE) as u32;
-            for run in batch {
-                let place = |gaussian: u32| run.shares.partition_point(|s| (s.0, s.1) < (number, gaussian));
-                for &(_, i, particle, share) in &run.shares[place(first)..place(first + (rows.len() / width) as u32)] {
-                    let row = &mut rows[(i - first) as usize * width..][..width];
-                    let (i, p) = (i as usize, particle as usize);
-                    let w = f64::from(share) * run.weight[p];
-                    let d: [f64; 3] = each_axis(|k| run.position[k][p] - g.mean[k][i]);
-                    row[0] += f64::from(share);
-                    row[1] += w;
-                    (0..3).for_each(|k| row[2 + k] += w * d[k]);
-                    let outer = Sym3::outer(d);
-                    (0..6).for_each(|k| row[5 + k] += w * outer.0[k]);
-                    let (mut at, mut column) = (11, 0);
-                    for &c in components {
+        let g = &self.block.gaussians;
+        for (index, field) in self.fields.iter_mut().enumerate() {
+            let (width, c, column) = (field.width(), field.components, field.column);
+            parallel::for_each_chunk(&mut field.rows, width * RANGE, |task, rows| {
+                let first = (task * RANGE) as u32;
+                for run in batch {
+                    let shares = &run.shares[index];
+                    let place = |gaussian: u32| shares.partition_point(|s| (s.0, s.1) < (number, gaussian));
+                    for &(_, i, particle, share) in &shares[place(first)..place(first + (rows.len() / width) as u32)] {
+                        let row = &mut rows[(i - first) as usize * width..][..width];
+                        let (i, p) = (i as usize, particle as usize);
+                        let w = f64::from(share) * run.weight[p];
+                        let d: [f64; 3] = each_axis(|k| run.position[k][p] - g.mean[k][i]);
+                        row[0] += f64::from(share);
+                        row[1] += w;
+                        (0..3).for_each(|k| row[2 + k] += w * d[k]);
+                        let outer = Sym3::outer(d);
+                        (0..6).for_each(|k| row[5 + k] += w * outer.0[k]);
                         for a in 0..c {
                             let q = run.values[column + a][p];
-                            row[at + a] += w * q;
-                            (0..3).for_each(|k| row[at + c + 3 * a + k] += w * q * d[k]);
+                            row[11 + a] += w * q;
+                            (0..3).for_each(|k| row[11 + c + 3 * a + k] += w * q * d[k]);
                         }
-                        let mut product = at + 4 * c;
+                        let mut product = 11 + 4 * c;
                         for a in 0..c {
                             for b in a..c {
                                 row[product] += w * run.values[column + a][p] * run.values[column + b][p];
                                 product += 1;
                             }
                         }
-                        (at, column) = (product, column + c);
+                    }
+                }
+            });
+            // The first pass has seen them all.
+            for run in batch.iter().filter(|_| field.likelihoods.is_empty()) {
+                for (all, values) in field.all.iter_mut().zip(&run.values[column..]) {
+                    for ((v, w), _) in values.iter().zip(&run.weight).zip(&run.block).filter(|(_, b)| **b == number) {
+                        all[0] += w * v;
+                        (all[1], all[2]) = (all[1].min(*v), all[2].max(*v));
                     }
                 }
             }
-        });
-        for run in batch {
-            for (all, values) in self.all.iter_mut().zip(&run.values) {
-                for ((v, w), _) in values.iter().zip(&run.weight).zip(&run.block).filter(|(_, b)| **b == number) {
-                    all[0] += w * v;
-                    (all[1], all[2]) = (all[1].min(*v), all[2].max(*v));
-                }
-            }
+        }
+    }
+
+    /// Turns the sums into likelihoods, and begins new sums.
+    fn next_pass(&mut self) {
+        for field in &mut self.fields {
+            let moments = field.moments(self.block.gaussians.len());
+            field.likelihoods = (0..self.block.gaussians.len()).map(|i| FieldLikelihood::new(&moments, i)).collect();
+            field.rows.fill(0.0);
         }
     }
 
     fn finish(self) -> Vec<BlockField> {
-        let (mut at, mut column) = (11, 0);
-        let mut out = Vec::with_capacity(self.components.len());
-        for &c in &self.components {
-            let all = &self.all[column..column + c];
-            let moments = self.moments(at, c);
-            out.push(BlockField {
-                moments,
-                sums: all.iter().map(|a| a[0]).collect(),
-                range: all.iter().map(|a| [a[1].min(a[2]), a[2].max(a[1])].map(|v| if v.is_finite() { v } else { 0.0 })).collect(),
-            });
-            (at, column) = (at + 4 * c + c * (c + 1) / 2, column + c);
+        let n = self.block.gaussians.len();
+        let finish = |field: FieldSums| {
+            let mut moments = field.moments(n);
+            // A block without particles has no range.
+            let range = |a: &[f64; 3]| if a[1] <= a[2] { [a[1], a[2]] } else { [0.0; 2] };
+            moments.range = field.all.iter().map(range).collect();
+            BlockField { moments, sums: field.all.iter().map(|a| a[0]).collect() }
+        };
+        self.fields.into_iter().map(finish).collect()
+    }
+}
+
+impl FieldLikelihood {
+    fn new(m: &FieldMoments, i: usize) -> Self {
+        let components = m.components();
+        let (inverse, det) = match components {
+            1 => {
+                let variance = m.spread[0][i].max(1e-300);
+                (Sym3([1.0 / variance, 0.0, 0.0, 0.0, 0.0, 0.0]), variance)
+            }
+            _ => {
+                let spread = Sym3(std::array::from_fn(|k| m.spread[k][i]));
+                let sound = spread.add(&Sym3::scaled_identity(LEAST_SPREAD * spread.trace() + 1e-100));
+                (sound.inverse().unwrap_or(Sym3::scaled_identity(0.0)), sound.det())
+            }
+        };
+        let log = -0.5 * det.max(f64::MIN_POSITIVE).ln();
+        let mut out = FieldLikelihood { mean: [0.0; 3], slope: [[0.0; 3]; 3], inverse, log };
+        for k in 0..components {
+            out.mean[k] = m.mean[k][i];
+            out.slope[k] = each_axis(|a| m.slope[k][a][i]);
         }
         out
     }
+}
 
-    /// The moments of a field whose sums begin at `at` of each row.
-    fn moments(&self, at: usize, components: usize) -> FieldMoments {
-        let n = self.block.gaussians.len();
-        let rows = || self.rows.chunks_exact(self.width);
+impl FieldSums {
+    fn moments(&self, n: usize) -> FieldMoments {
+        let (components, at) = (self.components, 11);
+        let rows = || self.rows.chunks_exact(self.width());
         let products = components * (components + 1) / 2;
         // Means over all, for Gaussians without particles, and the mean spread.
         let total: f64 = rows().map(|r| r[1]).sum();

@@ -33,8 +33,8 @@ mod transmittance;
 
 pub use crate::model::Effort;
 pub use effort::{FitOptions, fit};
-pub use field_moments::{BlockField, gather};
 pub(crate) use effort::{Fitter, memory_needed};
+pub use field_moments::{BlockField, gather};
 pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};
 use refine::{RefineOptions, refine};

@@ -25,6 +25,7 @@ impl Partition {
             count: column(&|m| m.count as f64),
             columns,
             law: Law::OpticalDepth,
+            fields: Columns::default(),
         }
     }
 }

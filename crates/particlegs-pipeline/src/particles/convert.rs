@@ -12,7 +12,7 @@ impl SelectedParticles<'_> {
     /// Writes float32 (float64 triples where positions have more digits) at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
     pub fn write_raw(&self, out: &Path, form: RawForm, context: &Context<'_>) -> Result<u64> {
         let weighted = self.weighted();
-        let writer = SnapshotWriter::create(out, form, self.total(), weighted, self.origin(), self.is_wide())?;
+        let writer = SnapshotWriter::create(out, form, self.total(), weighted, self.origin(), self.is_wide(), &[])?;
         context.begin("writing", self.total());
         let triples = parallel::Scratch::default();
         self.for_each_run(context, &|id, run| {

@@ -81,9 +81,20 @@ pub struct LayerFields {
     positions: Option<Triple>,
 }
 
-/// What velocities are called, as one field or three.
+/// A field as a user names it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct FieldColumns {
+    /// Unit as text, where the source says.
+    pub unit: Option<String>,
+    /// Which columns of a run are its components.
+    pub columns: Vec<usize>,
+    /// The names that the source has for it.
+    pub sources: Vec<String>,
+}
+
+const VELOCITY: &str = "velocity";
+/// What formats call velocities, as one field or three.
 const VELOCITIES: &[&[&str]] = &[
-    &["velocity"],
     &["velocities"],
     &["vel"],
     &["vx", "vy", "vz"],
@@ -110,6 +121,17 @@ impl LayerFields {
         Ok(LayerFields { fields, columns, positions: positions.map(Triple::from_reader).transpose()? })
     }
 
+    /// Fields whose values are in memory, a column for each component; vectors first.
+    pub(crate) fn from_columns(fields: Vec<SourceField>, mut columns: Vec<Vec<f64>>) -> LayerFields {
+        columns.resize_with(columns.len().next_multiple_of(3), Vec::new);
+        let mut columns = columns.into_iter();
+        let mut triples = Vec::new();
+        while let (Some(a), Some(b), Some(c)) = (columns.next(), columns.next(), columns.next()) {
+            triples.push(Triple::Memory([a, b, c]));
+        }
+        LayerFields { fields, columns: triples, positions: None }
+    }
+
     pub(super) fn has_positions(&self) -> bool {
         self.positions.is_some()
     }
@@ -126,34 +148,55 @@ impl LayerFields {
         Ok(())
     }
 
-    /// The field that a user names: a scalar, a vector, or `velocity` for three columns of it; its unit, and which columns
-    /// of a run are its components.
-    pub(crate) fn find(&self, name: &str) -> Result<(Option<&str>, Vec<usize>)> {
-        let is = |f: &SourceField, name: &str| f.name.eq_ignore_ascii_case(name);
-        let names: &[&[&str]] = match &name.to_ascii_lowercase()[..] {
-            "velocity" | "velocities" => VELOCITIES,
-            _ => &[],
+    /// The field that a user names: a scalar, a vector, or `velocity` for what formats call it, which may be three columns.
+    pub(crate) fn find(&self, name: &str) -> Result<FieldColumns> {
+        let names: &[&[&str]] = if name.eq_ignore_ascii_case(VELOCITY) { VELOCITIES } else { &[] };
+        let own = [name];
+        let Some(found) = std::iter::once(&own[..]).chain(names.iter().copied()).find_map(|n| self.columns_of(n))
+        else {
+            let there: Vec<&str> = self.fields.iter().map(|f| &f.name[..]).collect();
+            let hint = match there.is_empty() {
+                true => "it has only positions and masses".to_string(),
+                false => format!("its fields: {}", there.join(", ")),
+            };
+            return Err(Error::argument_with(format!("the snapshot has no field `{name}`"), hint));
         };
-        let place = |f: &SourceField| {
-            let before = self.fields.iter().take_while(|other| other.name != f.name);
-            before.map(|f| f.components as usize).sum::<usize>()
-        };
-        let wanted: Vec<&[&str]> = std::iter::once(&[name][..]).chain(names.iter().copied()).collect();
-        for names in wanted {
-            let found: Option<Vec<&SourceField>> =
-                names.iter().map(|name| self.fields.iter().find(|f| is(f, name))).collect();
-            let Some(found) = found else { continue };
-            let columns: Vec<usize> =
-                found.iter().flat_map(|f| place(f)..place(f) + f.components as usize).collect();
-            if columns.len() != 1 && columns.len() != 3 {
-                let what = format!("field `{name}` has {} numbers a particle; a model keeps 1 or 3", columns.len());
-                return Err(Error::argument(what));
-            }
-            return Ok((found[0].unit.as_deref(), columns));
+        match found.columns.len() {
+            1 | 3 => Ok(found),
+            n => Err(Error::argument_with(
+                format!("field `{name}` has {n} numbers per particle, but a model stores 1 or 3"),
+                "choose another field",
+            )),
         }
-        let there: Vec<&str> = self.fields.iter().map(|f| &f.name[..]).collect();
-        let hint = if there.is_empty() { "it has no fields".into() } else { format!("the fields are: {}", there.join(", ")) };
-        Err(Error::argument_with(format!("the snapshot has no field `{name}`"), hint))
+    }
+
+    /// The fields of these names, one after the other.
+    fn columns_of(&self, names: &[&str]) -> Option<FieldColumns> {
+        let mut found = FieldColumns::default();
+        for name in names {
+            let mut first = 0;
+            let place = |f: &SourceField| {
+                let own = first..first + f.components as usize;
+                first = own.end;
+                (f.name.eq_ignore_ascii_case(name)).then_some((f.name.clone(), f.unit.clone(), own))
+            };
+            let (source, unit, columns) = self.fields.iter().find_map(place)?;
+            found.sources.push(source);
+            found.unit = unit;
+            found.columns.extend(columns);
+        }
+        Some(found)
+    }
+
+    /// Names for [`LayerFields::find`] of all fields of real numbers, one or three per particle.
+    pub(crate) fn real_fields(&self) -> Vec<String> {
+        let velocity = VELOCITIES.iter().filter(|names| names.len() == 3).find_map(|names| self.columns_of(names));
+        let joined = velocity.map_or(Vec::new(), |v| v.sources);
+        let is_real = |f: &&SourceField| {
+            matches!(f.number, Number::F32 | Number::F64) && matches!(f.components, 1 | 3) && !joined.contains(&f.name)
+        };
+        let velocity = (!joined.is_empty()).then(|| VELOCITY.to_string());
+        velocity.into_iter().chain(self.fields.iter().filter(is_real).map(|f| f.name.clone())).collect()
     }
 
     pub(super) fn read_positions(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {

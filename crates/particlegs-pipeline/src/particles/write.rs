@@ -61,18 +61,36 @@ pub struct SnapshotWriter {
     origin: [f64; 3],
     /// Are triples float64?
     wide: bool,
+    /// Columns of fields after those of positions and weights.
+    field_columns: usize,
 }
 
 enum WriteTarget {
     File(PlacedFile),
     /// A folder with these files: columns, or one of triples.
-    Folder(WholeFolder, Vec<(&'static str, File)>),
+    Folder(WholeFolder, Vec<File>),
 }
 
 impl SnapshotWriter {
     /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are about 0,
-    /// and float64 where they are to be `wide`. A folder that is there is replaced by the new one as a whole.
-    pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool, origin: [f64; 3], wide: bool) -> Result<Self> {
+    /// and float64 where they are to be `wide`. The columns of fields that a run has get the file names `fields`, in
+    /// the form of columns alone. A folder that is there is replaced by the new one as a whole.
+    pub fn create(
+        out: &Path,
+        form: RawForm,
+        count: u64,
+        weighted: bool,
+        origin: [f64; 3],
+        wide: bool,
+        fields: &[String],
+    ) -> Result<Self> {
+        if form != RawForm::Columns && !fields.is_empty() {
+            return Err(Error::input_with(
+                out,
+                "an .npy file of positions cannot store the fields",
+                "write to a folder instead",
+            ));
+        }
         let wide = wide && form != RawForm::Columns;
         if form != RawForm::Columns && weighted {
             return Err(Error::input_with(
@@ -86,23 +104,35 @@ impl SnapshotWriter {
         } else {
             npy_header(if wide { "<f8" } else { "<f4" }, &[count, 3])
         };
-        let bytes = count.saturating_mul(particle_bytes(wide, weighted)).saturating_add(header.len() as u64);
+        let bytes = particle_bytes(wide, weighted) + 4 * fields.len() as u64;
+        let bytes = count.saturating_mul(bytes).saturating_add(header.len() as u64);
         let target = match form {
             RawForm::Npy => {
                 let file = PlacedFile::create(out, bytes)?;
                 file.write_at(&header, 0)?;
                 WriteTarget::File(file)
             }
-            RawForm::Columns if weighted => folder(out, &COLUMNS, bytes, &header)?,
-            RawForm::Columns => folder(out, &COLUMNS[..3], bytes, &header)?,
+            RawForm::Columns => {
+                let names = COLUMNS[..if weighted { 4 } else { 3 }].iter().copied();
+                let names: Vec<&str> = names.chain(fields.iter().map(String::as_str)).collect();
+                folder(out, &names, bytes, &header)?
+            }
             RawForm::NpyFolder => folder(out, &[TRIPLES], bytes, &header)?,
         };
-        Ok(SnapshotWriter { out: out.to_path_buf(), form, target, header: header.len() as u64, origin, wide })
+        Ok(SnapshotWriter {
+            out: out.to_path_buf(),
+            form,
+            target,
+            header: header.len() as u64,
+            origin,
+            wide,
+            field_columns: fields.len(),
+        })
     }
 
     /// Bytes of a particle in the output.
     pub(crate) fn particle_bytes(&self, weighted: bool) -> u64 {
-        particle_bytes(self.wide, weighted)
+        particle_bytes(self.wide, weighted) + 4 * self.field_columns as u64
     }
 
     /// Writes a run at particle `first`; runs may come in any order and from several threads.
@@ -115,14 +145,23 @@ impl SnapshotWriter {
             let [x, y, z, _] = &run.columns;
             triples.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
         }
-        let place = self.header + self.particle_bytes(false) * first;
+        let place = self.header + particle_bytes(self.wide, false) * first;
         let done = match &self.target {
             WriteTarget::File(file) => return file.write_at(triples, place),
             WriteTarget::Folder(_, files) if self.form == RawForm::Columns => {
-                let mut columns = files.iter().zip(&run.columns);
-                columns.try_for_each(|((_, file), column)| write_at(file, bytemuck::cast_slice(column), 4 * first))
+                let (own, fields) = files.split_at(files.len() - self.field_columns);
+                let mut columns = own.iter().zip(&run.columns);
+                columns.try_for_each(|(file, column)| write_at(file, bytemuck::cast_slice(column), 4 * first)).and_then(
+                    |()| {
+                        fields.iter().zip(&run.fields).try_for_each(|(file, column)| {
+                            triples.clear();
+                            triples.extend(column.iter().flat_map(|&v| (v as f32).to_le_bytes()));
+                            write_at(file, triples, 4 * first)
+                        })
+                    },
+                )
             }
-            WriteTarget::Folder(_, files) => write_at(&files[0].1, triples, place),
+            WriteTarget::Folder(_, files) => write_at(&files[0], triples, place),
         };
         done.map_err(|e| Error::io(&self.out, e))
     }
@@ -133,7 +172,7 @@ impl SnapshotWriter {
         match self.target {
             WriteTarget::File(file) => file.finish(),
             WriteTarget::Folder(folder, files) => {
-                files.iter().try_for_each(|f| f.1.sync_all()).map_err(fail)?;
+                files.iter().try_for_each(File::sync_all).map_err(fail)?;
                 write_sidecar(&folder.path().join(SIDECAR), described).map_err(fail)?;
                 folder.finish()
             }
@@ -147,12 +186,13 @@ fn particle_bytes(wide: bool, weighted: bool) -> u64 {
 }
 
 /// A folder with files of these names, each with `header` in front.
-fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Result<WriteTarget> {
-    let folder = WholeFolder::create(out, &RawForm::FOLDER_FILES)?;
-    let create = |name: &&'static str| {
+fn folder(out: &Path, names: &[&str], bytes: u64, header: &[u8]) -> Result<WriteTarget> {
+    let own: Vec<&str> = RawForm::FOLDER_FILES.iter().chain(names).copied().collect();
+    let folder = WholeFolder::create(out, &own)?;
+    let create = |name: &&str| {
         let mut file = File::create(folder.path().join(name))?;
         file.write_all(header)?;
-        Ok((*name, file))
+        Ok(file)
     };
     let files = check_space(folder.path(), bytes).and_then(|()| names.iter().map(create).collect());
     let files: Vec<_> = files.map_err(|e: std::io::Error| Error::io(out, e))?;

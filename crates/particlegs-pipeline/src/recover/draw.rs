@@ -8,6 +8,7 @@ use super::stratified::stratify;
 use super::wrap::PeriodicWrap;
 use crate::context::Level;
 use crate::math::{Purpose, Random, Sym3};
+use crate::model::FieldMoments;
 use crate::model::Metadata;
 use crate::particles::Run;
 use crate::space::Bounds;
@@ -41,6 +42,7 @@ pub(super) struct DrawScratch {
     flat: Vec<f64>,
     radii: Vec<f64>,
     position: [Vec<f64>; 3],
+    left: Vec<f64>,
 }
 
 /// Particles of a layer, one after the other.
@@ -95,18 +97,19 @@ impl DrawRules {
         let mut random = Random::from_purpose(Purpose::Recovery, stretch.stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
-        let mut gaussian = layer.ends.partition_point(|&end| end <= range.start);
         run.columns[3].clear();
-        let mut at = 0;
-        while at < n {
-            let stop = ((layer.ends[gaussian] - range.start) as usize).min(n);
-            self.place(&stretch, gaussian, at..stop, scratch);
+        for (gaussian, part) in layer.parts(range.clone()) {
+            self.place(&stretch, gaussian, part.clone(), scratch);
             if self.weighted {
                 let weight = layer.weights.get(gaussian).copied().unwrap_or(1.0);
-                run.columns[3].resize(stop, weight);
+                run.columns[3].resize(part.end, weight);
             }
-            at = stop;
-            gaussian += 1;
+        }
+        run.fields.clear();
+        for (name, field) in layer.layer.content.fields.iter() {
+            // A field's draws do not depend on which other fields there are.
+            let mut random = Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
+            self.draw_field(field, layer, range.clone(), &mut random, scratch, &mut run.fields);
         }
         self.finish(layer, scratch, run)
     }
@@ -159,6 +162,41 @@ impl DrawRules {
             }
         }
         placed.apply(raw, out);
+    }
+
+    /// Appends a field's columns: its means at the particles' places, before these are wrapped, and a draw of its spread.
+    fn draw_field(
+        &self,
+        field: &FieldMoments,
+        layer: &LayerPlan,
+        range: Range<u64>,
+        random: &mut Random,
+        scratch: &mut DrawScratch,
+        columns: &mut Vec<Vec<f64>>,
+    ) {
+        let (n, components, first) = ((range.end - range.start) as usize, field.components(), columns.len());
+        let DrawScratch { draws, position, left, .. } = scratch;
+        left.resize(components * n, 0.0);
+        draws.normals(self.simd, random, left);
+        columns.resize_with(first + components, || vec![0.0; n]);
+        let g = &layer.layer.content;
+        for (gaussian, part) in layer.parts(range) {
+            let mean = g.mean_of(gaussian);
+            let spread = match components {
+                1 => Sym3([field.spread[0][gaussian], 0.0, 0.0, 0.0, 0.0, 0.0]),
+                _ => Sym3(std::array::from_fn(|k| field.spread[k][gaussian])),
+            };
+            let [a, b, c, d, e, f] = SampledGaussian::new([0.0; 3], &spread, 1.0).root;
+            for i in part {
+                let from_mean = [0, 1, 2].map(|k| position[k][i] - mean[k]);
+                let z = [0, 1, 2].map(|k| left.get(k * n + i).copied().unwrap_or(0.0));
+                let drawn = [a * z[0], b * z[0] + c * z[1], d * z[0] + e * z[1] + f * z[2]];
+                for (k, [least, largest]) in field.range.iter().enumerate() {
+                    let value = field.mean_at(k, gaussian, from_mean) + drawn[k];
+                    columns[first + k][i] = value.max(*least).min(*largest);
+                }
+            }
+        }
     }
 
     /// Wraps, rounds to f32 and checks.

@@ -1,11 +1,12 @@
 //! Particles drawn into memory, to be measured.
 
 use super::draw::{DrawRules, DrawScratch};
+use super::job::common_fields;
 use super::options::{Method, Options};
 use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::context::Context;
-use crate::model::{Mass, Model};
-use crate::particles::{Column, Particles, Run, SnapshotMeta};
+use crate::model::{Mass, Model, Quantity, QuantityKind};
+use crate::particles::{Column, LayerFields, Number, Particles, Run, SnapshotMeta, SourceField};
 use crate::{Result, parallel};
 use particlegs_files::memory::require;
 
@@ -15,21 +16,46 @@ const BATCH: u64 = 32;
 impl Options {
     /// The particles that [`super::recover`] writes by these options, in memory: in the model's layers, with the weights
     /// that these have.
-    pub fn draw(&self, model: Model, context: &Context<'_>) -> Result<Particles> {
+    pub fn draw(&self, mut model: Model, context: &Context<'_>) -> Result<Particles> {
+        model.drop_fields();
+        Ok(self.draw_with_fields(model, context)?.0)
+    }
+
+    /// The same, and the fields of each layer of the particles: those that every layer of the model has.
+    pub fn draw_with_fields(&self, model: Model, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
         self.check()?;
+        let mut common: Vec<Quantity> = common_fields(&model).into_iter().cloned().collect();
+        // Vectors first, as readers give them.
+        common.sort_by_key(|q| q.kind != QuantityKind::Vector);
+        let names: Vec<String> = common.iter().map(|q| q.name.clone()).collect();
+        let components: usize = common.iter().map(|q| q.component_names().len()).sum();
         let metadata = model.metadata.clone();
         let origin = origin_of(&metadata);
         let model = moved(model, origin);
         let local = model.metadata.clone();
-        let plan = RecoveryPlan::new(model, self.particles, self.method)?;
-        require("drawn particles", plan.total.saturating_mul(16))?;
+        let mut plan = RecoveryPlan::new(model, self.particles, self.method)?;
+        plan.keep_fields(&names);
+        require("drawn particles", plan.total.saturating_mul(16 + 8 * components as u64))?;
         let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, context.simd());
-        let columns = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;
+        let (columns, mut values) = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;
         let layers = plan.described();
-        let meta = meta_of(&metadata, &layers);
-        let layers = layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
-        Ok(Particles::from_column_list(columns, origin, meta, layers))
+        let mut meta = meta_of(&metadata, &layers);
+        meta.fields = names;
+        let layers: Vec<_> = layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
+        let mut fields = Vec::with_capacity(layers.len());
+        for layer in layers.iter().rev() {
+            let own = values.iter_mut().map(|column| column.split_off(layer.content.start)).collect();
+            fields.push(LayerFields::from_columns(common.iter().map(source_field).collect(), own));
+        }
+        fields.reverse();
+        Ok((Particles::from_column_list(columns, origin, meta, layers), fields))
     }
+}
+
+fn source_field(q: &Quantity) -> SourceField {
+    let components = q.component_names().len() as u32;
+    let unit = q.unit.as_ref().map(|u| u.text.clone());
+    SourceField { name: q.name.clone(), number: Number::F32, components, unit, attributes: Vec::new() }
 }
 
 /// As many particles as `model` stands for, by [`Method::Count`]: those that [`super::recover`]
@@ -43,26 +69,28 @@ pub(crate) fn draw(
     context: &Context<'_>,
 ) -> Result<Particles> {
     require("drawn particles", model.metadata.count.saturating_mul(16))?;
-    let moved = moved(model.clone(), origin);
+    let mut moved = moved(model.clone(), origin);
+    moved.drop_fields();
     let (metadata, plan) = (moved.metadata.clone(), RecoveryPlan::new(moved, None, Method::Count)?);
     let mut rules = DrawRules::new(Method::Count, 1.0, seed, &metadata, &plan, context.simd());
     rules.weighted = weighted;
-    let columns = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), context)?;
+    let (columns, _) = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), context)?;
     let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
     Ok(Particles::from_column_list(columns, origin, meta, Vec::new()))
 }
 
-/// Columns x, y, z and perhaps weights, each times what its layer's masses give.
+/// Columns x, y, z and perhaps weights, these times what their layer's masses give; and those of the fields.
 fn columns(
     plan: &RecoveryPlan,
     rules: &DrawRules,
     weighted: bool,
     unit: &(dyn Fn(Mass) -> f64 + Sync),
     context: &Context<'_>,
-) -> Result<Vec<Column>> {
+) -> Result<(Vec<Column>, Vec<Vec<f64>>)> {
     let width = if weighted { 4 } else { 3 };
     let mut columns: Vec<_> = (0..width).map(|_| Vec::with_capacity(plan.total as usize)).collect();
     context.begin("drawing particles", plan.total);
+    let mut values: Vec<Vec<f64>> = Vec::new();
     let spaces = parallel::Scratch::<DrawScratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
         let runs = parallel::try_map(first..plan.runs().min(first + BATCH), |id| {
@@ -73,14 +101,16 @@ fn columns(
             let unit = unit(layer.layer.mass) as f32;
             run.columns[3].iter_mut().for_each(|w| *w *= unit);
             context.advance(run.columns[0].len() as u64);
-            Ok(run.columns)
+            Ok((run.columns, run.fields))
         })?;
-        for run in &runs {
-            columns.iter_mut().zip(run).for_each(|(all, part)| all.extend_from_slice(part));
+        for (own, fields) in &runs {
+            columns.iter_mut().zip(own).for_each(|(all, part)| all.extend_from_slice(part));
+            values.resize_with(fields.len(), Vec::new);
+            values.iter_mut().zip(fields).for_each(|(all, part)| all.extend_from_slice(part));
         }
     }
     context.end();
-    Ok(columns.into_iter().map(Column::owned).collect())
+    Ok((columns.into_iter().map(Column::owned).collect(), values))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use super::notes::notes;
 use super::options::Options;
 use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::context::Context;
-use crate::model::Model;
+use crate::model::{Model, Quantity};
 use crate::particles::{RUN, RawForm, Run, SnapshotDescription, SnapshotWriter};
 use crate::{Error, Result, parallel};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -25,8 +25,12 @@ impl Options {
         let origin = origin_of(&model.metadata);
         let is_far = origin != [0.0; 3];
         let length = |name: &str| out.join(name).metadata().map_or(0, |m| m.len());
+        let fields = field_files(model);
         let whole = match self.form {
-            RawForm::Columns => ["xx.f32", "yy.f32", "zz.f32"].iter().all(|name| length(name) == 4 * total),
+            RawForm::Columns => {
+                let names = ["xx.f32", "yy.f32", "zz.f32"].into_iter().chain(fields.iter().map(String::as_str));
+                names.into_iter().all(|name| length(name) == 4 * total)
+            }
             RawForm::NpyFolder if is_far => length("positions.npy") == 24 * total + NPY_HEADER,
             RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
             RawForm::Npy => false,
@@ -45,6 +49,28 @@ impl Options {
     }
 }
 
+/// The files that the columns of a model's fields get in a folder: `velocity_x.f32`, `temperature.f32`. A field that a
+/// layer with particles lacks has none.
+pub fn field_files(model: &Model) -> Vec<String> {
+    common_fields(model)
+        .iter()
+        .flat_map(|q| q.component_names())
+        .map(|name| format!("{}.f32", file_name(&name)))
+        .collect()
+}
+
+/// The fields that every layer has.
+pub(super) fn common_fields(model: &Model) -> Vec<&Quantity> {
+    let has =
+        |q: &&Quantity| model.blocks().all(|b| b.gaussians.is_empty() || b.gaussians.fields.get(&q.name).is_some());
+    model.metadata.fields.iter().filter(has).collect()
+}
+
+/// A name with what some file systems refuse replaced.
+fn file_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
+}
+
 /// Draws particles from `model` (whose file has the BLAKE3 `model_hash`) and writes them to `out`
 /// with a meta.json that says what they are. Memory stays at the model and a few runs a thread,
 /// whatever the number of particles; the same model, options and seed give the same bytes for any
@@ -58,14 +84,17 @@ pub fn recover(
 ) -> Result<u64> {
     options.check()?;
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
+    let fields = if options.form == RawForm::Columns { field_files(&model) } else { Vec::new() };
+    let names = common_fields(&model).into_iter().map(|q| q.name.clone()).collect::<Vec<_>>();
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let origin = origin_of(&metadata);
     let model = moved(model, origin);
     let local = model.metadata.clone();
-    let plan = RecoveryPlan::new(model, options.particles, options.method)?;
+    let mut plan = RecoveryPlan::new(model, options.particles, options.method)?;
+    plan.keep_fields(if options.form == RawForm::Columns { &names } else { &[] });
     let weighted = plan.weighted();
     let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, context.simd());
-    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin, origin != [0.0; 3])?;
+    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin, origin != [0.0; 3], &fields)?;
     let bytes = writer.particle_bytes(weighted) * plan.total;
     context.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();

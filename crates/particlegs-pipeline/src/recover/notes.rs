@@ -6,9 +6,9 @@ use serde_json::{Map, Value, json};
 
 /// The first thing that a reader of meta.json should see.
 const SYNTHETIC: &str = "SYNTHETIC: drawn at random from a mixture of Gaussians that was fitted to a simulation. \
-No particle of it was simulated; there are no identifiers and no velocities.";
+No particle of it was simulated; there are no identifiers.";
 /// What no recovered particle can tell, whatever was measured.
-const NEVER: &str = "positions of individual particles; velocities, histories and merger trees; structure smaller \
+const NEVER: &str = "positions and velocities of individual particles; histories and merger trees; structure smaller \
 than the Gaussians that it was drawn from";
 
 /// Said where the file has no certificate.

@@ -79,6 +79,15 @@ impl RecoveryPlan {
         Ok(RecoveryPlan { layers, total })
     }
 
+    /// Keeps these fields of every layer, in their order.
+    pub fn keep_fields(&mut self, names: &[String]) {
+        for layer in &mut self.layers {
+            let all = std::mem::take(&mut layer.layer.content.fields);
+            let own = names.iter().filter_map(|name| Some((name, all.get(name)?.clone())));
+            own.for_each(|(name, field)| layer.layer.content.fields.set(name, field));
+        }
+    }
+
     /// Do any particles have weights of their own?
     pub fn weighted(&self) -> bool {
         self.layers.iter().any(|l| l.layer.mass.is_weighted())
@@ -115,6 +124,19 @@ impl LayerPlan {
             gaussians
         });
         LayerPlan { layer, ends: Vec::new(), weights: Vec::new(), first: 0 }
+    }
+
+    /// The Gaussians of the particles `range` of the layer, and which of these particles, counted from the first, are theirs.
+    pub fn parts(&self, range: Range<u64>) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let first = self.ends.partition_point(|&end| end <= range.start);
+        let n = (range.end - range.start) as usize;
+        let mut at = 0;
+        let part = move |(i, end): (usize, &u64)| {
+            let from = at;
+            at = ((end - range.start) as usize).min(n);
+            (first + i, from..at)
+        };
+        self.ends[first..].iter().enumerate().map(part).take_while(move |(_, part)| part.start < n)
     }
 
     /// Takes the Gaussians' counts. The layer keeps its mass: by its particles' weights where they
