@@ -23,8 +23,24 @@ compress crates/particlegs-formats/tests/fixtures/species.hdf5 -o "$work/layers.
 "$particlegs" compress samples/nbody64 -o "$work/parts.pgs" --effort fast --certificate blocks --quiet >/dev/null
 compress samples/nbody64 -o "$work/alpha.pgs" --train fast --law alpha-blend --config tests/rasteriser/tiny.toml \
     --effort fast --size 20kB
+# Fields: a vector, a scalar, and one that never changes; particles with weights; blocks.
+"$python" - samples/nbody64 "$work/flow" <<'END'
+import sys
+from pathlib import Path
+import numpy as np
+source, folder = map(Path, sys.argv[1:])
+folder.mkdir()
+place = [np.fromfile(source / f"{axis}{axis}.f32", "<f4")[::50] for axis in "xyz"]
+noise = np.random.default_rng(1).normal(size=(4, len(place[0])))
+columns = dict(zip(["xx", "yy", "zz"], place), ww=1 + np.arange(len(place[0])) % 3, still=np.full(len(place[0]), 2.5))
+columns |= {f"v{axis}": 100 * np.sin(place[k - 1] / 3) + 30 * noise[k] for k, axis in enumerate("xyz")}
+columns["temperature"] = np.exp(8 + np.cos(place[0] / 4) + 0.3 * noise[3])
+for name, column in columns.items():
+    column.astype("<f4").tofile(folder / f"{name}.f32")
+END
+compress "$work/flow" -o "$work/fields.pgs" --effort fast --gaussians 300 --blocks 2 --fields all
 # Open files that end early: stages, blocks and layers are missing.
-for name in alpha blocks layers segments; do
+for name in alpha blocks fields layers segments; do
     "$python" tests/decoder/pgs.py --cut "$work/$name" "$work/$name.pgs"
 done
 
