@@ -2,6 +2,7 @@
 
 use crate::common::{CommandContext, named};
 use crate::density_file::{self, Means};
+use crate::drawing::field_colors::FieldLegend;
 use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
 use clap::Args;
@@ -20,7 +21,14 @@ pub struct DensityArgs {
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = colormaps())]
     pub colormap: Option<Colormap>,
     /// Values of the first and the last colour [default: 5th to 99.5th percentile of occupied pixels].
-    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
+    #[arg(
+        long,
+        value_name = "LO,HI",
+        value_delimiter = ',',
+        num_args = 1,
+        hide_short_help = true,
+        allow_hyphen_values = true
+    )]
     pub range: Option<Vec<f64>>,
     /// Write the values instead of a picture: NAME.f32 (rows from the top) and NAME.json.
     #[arg(long, hide_short_help = true)]
@@ -102,6 +110,15 @@ impl DensityArgs {
         range_of(self.range.as_deref())
     }
 
+    /// The range of a field's colours, which may be negative.
+    pub fn field_range(&self) -> Result<Option<[f64; 2]>> {
+        match self.range.as_deref() {
+            None => Ok(None),
+            Some([lo, hi]) if lo < hi && lo.is_finite() && hi.is_finite() => Ok(Some([*lo, *hi])),
+            Some(_) => Err(Error::argument("--range takes LO,HI with LO < HI")),
+        }
+    }
+
     /// Declares the files of values for these views.
     pub fn plan_raw(&self, out: &PictureOut, views: &[View], context: &CommandContext) -> Result<()> {
         let path = |view: &View, ending| out.folder().join(format!("{}.{ending}", view.name));
@@ -111,12 +128,23 @@ impl DensityArgs {
         })
     }
 
-    pub fn write_raw(&self, out: &PictureOut, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
+    /// Writes the values of a density, or of a field that is shown instead.
+    pub fn write_raw(
+        &self,
+        out: &PictureOut,
+        view: &DensityView,
+        plane: &Plane,
+        q: &Quantities,
+        field: Option<&FieldLegend>,
+    ) -> Result<PathBuf> {
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);
         let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
-        let (unit, comoving, smooth) = (q.unit(), q.comoving, q.smooth);
-        let quantity = format!("surface density{}", q.of_what());
+        let (comoving, smooth) = (q.comoving, q.smooth);
+        let (quantity, unit) = match field {
+            Some(field) => (field.title.clone(), field.unit.clone()),
+            None => (format!("surface density{}", q.of_what()), q.unit()),
+        };
         density_file::write(out.folder(), view, plane, Means { quantity, unit, comoving, smooth, world_per_pixel })
     }
 }

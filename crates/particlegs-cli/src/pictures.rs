@@ -63,7 +63,8 @@ fn finish<'a>(
         units: Some(PictureUnits::new(m.unit_system())),
         ..PictureProvenance::default()
     };
-    Finisher { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
+    let (colormap, field, legend) = (Colormap::default(), None, Vec::new());
+    Finisher { args, colormap, field, quantities, subject, legend, about }
 }
 
 fn figure_args() -> FigureArgs {

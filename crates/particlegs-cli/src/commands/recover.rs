@@ -65,7 +65,11 @@ const FORMS: [(RawForm, &str, &str); 2] = [
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()], a.force.force)?;
-    let writer = Writer::for_output(&a.output, None)?;
+    let writer = match Writer::for_output(&a.output, None) {
+        Ok(writer) => writer,
+        // First check that the output is not the input.
+        Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
+    };
     if !writer.folder && a.form != RawForm::Columns {
         return Err(Error::argument("--form is for folders: a file's extension selects its format"));
     }

@@ -181,7 +181,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         ..PictureProvenance::default()
     };
     let (args, quantities) = (&a.figure, &quantities);
-    let finish = Finisher { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
+    let finish = Finisher { args, colormap, field: None, quantities, subject: &subject, legend: Vec::new(), about };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let device = a.device.open()?;
     if device.is_some() && density {

@@ -9,6 +9,7 @@ use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer, layers};
+use crate::field_args::{FieldArgs, FieldChoice};
 use crate::figure::FileKind;
 use crate::figure::args::{Background, FigureArgs};
 use crate::inputs;
@@ -21,7 +22,7 @@ use particlegs_files::input::name_of;
 use particlegs_pipeline::camera::{View, ViewSet};
 use particlegs_pipeline::model::{LawKind, Model, species_title};
 use particlegs_pipeline::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
-use particlegs_pipeline::render::{Scene, Scratch, draw_into, surface_density};
+use particlegs_pipeline::render::{Scene, Scratch, draw_into, field_map, surface_density};
 use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::train::Accelerator;
 use particlegs_pipeline::{Error, Result, codec, parallel};
@@ -44,6 +45,8 @@ Examples:
   particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near.png
   particlegs render model.pgs --azimuth 30 --save-views view.json -o pictures
   particlegs render model.pgs --style density --colormap magma -o sigma
+  particlegs render model.pgs --field velocity.los --bulk mean --projection orthographic -o velocity.png
+  particlegs render model.pgs --field temperature --shade -o temperature
   particlegs render model.pgs --layer stars -o stars
   particlegs render m.pgs --style density --projection orthographic --width 30 --depth 5 -o slab.pdf
   particlegs render a.pgs b.pgs --panels --style density --background white -o compared.pdf
@@ -107,6 +110,8 @@ pub struct Arguments {
     #[command(flatten)]
     density: DensityArgs,
     #[command(flatten)]
+    field: FieldArgs,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -152,6 +157,8 @@ struct RenderOptions {
     colormap: Colormap,
     range: Option<[f64; 2]>,
     figure: FigureArgs,
+    /// The field that is drawn.
+    field: Option<String>,
     /// The view and the units of that picture.
     like: Option<(ViewSet, PictureUnits)>,
 }
@@ -159,18 +166,26 @@ struct RenderOptions {
 impl RenderOptions {
     fn new(a: &Arguments, context: &CommandContext) -> Result<RenderOptions> {
         let mut asked = RenderOptions {
-            style: a.style.unwrap_or(Some(ToneStyle::Paraview)),
+            style: if a.field.field.is_some() { None } else { a.style.unwrap_or(Some(ToneStyle::Paraview)) },
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
             color_by_layer: a.color_by_layer,
             colormap: a.density.colormap.unwrap_or_default(),
-            range: a.density.asked_range()?,
+            range: match a.field.field {
+                Some(_) => a.density.field_range()?,
+                None => a.density.asked_range()?,
+            },
+            field: a.field.field.clone(),
             figure: a.figure.clone(),
             like: None,
         };
+        if a.field.field.is_some() && (a.style.is_some_and(|style| style.is_some()) || a.color_by_layer) {
+            return Err(Error::argument("--field has colours of its own: omit --style and --color-by-layer"));
+        }
         let Some(path) = &a.like else { return Ok(asked) };
         let (told, set) = PictureProvenance::read(path, context)?;
         let unknown = |what: &str, name: &str| Error::input(path, format!("its {what} `{name}` is unknown"));
-        if a.style.is_none() {
+        if a.style.is_none() && asked.field.is_none() {
+            asked.field.clone_from(&told.field);
             let hint = "choose one with --style";
             let no_style =
                 || Error::input_with(path, format!("its style `{}` is not one for models", told.style), hint);
@@ -185,7 +200,9 @@ impl RenderOptions {
             asked.colormap = name.parse().map_err(|_| unknown("colour map", name))?;
         }
         if asked.style.is_none() {
-            asked.range = asked.range.or(told.range.filter(|r| r[0] > 0.0 && r[1] > r[0]));
+            let same = asked.field == told.field;
+            let shows = |r: &[f64; 2]| r[1] > r[0] && (asked.field.is_some() || r[0] > 0.0);
+            asked.range = asked.range.or(told.range.filter(|r| same && shows(r)));
         }
         if let (None, Some(name)) = (asked.figure.background, &told.background) {
             asked.figure.background = Some(Background::from_str(name, false).map_err(|_| unknown("background", name))?);
@@ -201,7 +218,7 @@ impl RenderOptions {
         let (by, words) = units.system().conversion_of(&path.display().to_string(), &to)?;
         context.notes(&words);
         set.views.iter_mut().for_each(|v| *v = v.scaled(by.length));
-        if a.density.range.is_none() {
+        if a.density.range.is_none() && self.field.is_none() {
             self.range = self.range.map(|r| r.map(|v| v * by.mass / (by.length * by.length)));
         }
         Ok(())
@@ -229,8 +246,18 @@ pub fn run(a: &Arguments) -> Result<()> {
     let subject = ViewSubject::of_model(model, density);
     let quantities = Quantities::from_model(model);
     let device = a.device.open()?;
-    let draws = |r| renderer(r, &asked, &subject, device.as_deref(), &context);
-    let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
+    let map = a.density.colormap;
+    let fields = read.iter().map(|r| asked.field.as_ref().map(|name| a.field.choice(name, &r.model, map)).transpose());
+    let fields = fields.collect::<Result<Vec<_>>>()?;
+    alike(&fields, &read)?;
+    let field = fields.first().cloned().flatten();
+    if let (Some(field), Some(range)) = (&field, asked.range)
+        && !field.legend.scale.shows(range)
+    {
+        return Err(Error::argument("--range takes LO,HI with LO < HI, both positive on a logarithmic scale"));
+    }
+    let draws = |(r, field)| renderer(r, field, &asked, &subject, device.as_deref(), &context);
+    let painters = read.iter().zip(&fields).map(draws).collect::<Result<Vec<_>>>()?;
     let like = asked.like.as_ref().map(|(set, _)| set.clone());
     let set = run::views(like, &a.view, &a.sequence, &subject, &context)?;
     let panels = a.panels.then(|| Panels {
@@ -250,10 +277,14 @@ pub fn run(a: &Arguments) -> Result<()> {
     let finish = Finisher {
         args: &asked.figure,
         colormap: asked.colormap,
+        field: field.as_ref().map(|f| f.legend.clone()),
         quantities: &quantities,
         subject: &subject,
         legend: legend(&asked, model),
-        about: about(&asked, &read, &quantities),
+        about: PictureProvenance {
+            unit: field.as_ref().map_or_else(|| density.then(|| quantities.unit()), |f| Some(f.legend.unit.clone())),
+            ..about(&asked, &read, &quantities)
+        },
     };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let (drawn, text, range) = match (&panels, &a.out) {
@@ -289,6 +320,19 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
+/// Refuses panels of one field in several units.
+fn alike(fields: &[Option<FieldChoice>], read: &[SourceModel]) -> Result<()> {
+    let of = |f: &Option<FieldChoice>| f.as_ref().map(|f| (f.legend.title.clone(), f.legend.unit.clone()));
+    match fields.iter().position(|f| of(f) != of(&fields[0])) {
+        None => Ok(()),
+        Some(i) => {
+            let unit = |i: usize| of(&fields[i]).map_or(String::new(), |(title, unit)| format!("{title} in `{unit}`"));
+            let (a, b) = (&read[0].source.name, &read[i].source.name);
+            Err(Error::argument(format!("{b} has {}, but {a} has {}: they cannot share colours", unit(i), unit(0))))
+        }
+    }
+}
+
 fn read(path: &Path, asked: &RenderOptions, context: &CommandContext) -> Result<SourceModel> {
     let bytes = inputs::model(path, context)?;
     let name = name_of(path);
@@ -321,6 +365,7 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
         layers: if asked.layers == ["all"] { Vec::new() } else { asked.layers.clone() },
         color_by_layer: asked.color_by_layer,
         colormap: density.then(|| asked.colormap.name().into()),
+        field: asked.field.clone(),
         unit: density.then(|| quantities.unit()),
         units: read.first().map(|r| PictureUnits::new(r.model.metadata.unit_system())),
         background: ground,
@@ -331,6 +376,7 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
 /// Draws a model.
 fn renderer<'a>(
     read: &'a SourceModel,
+    field: &'a Option<FieldChoice>,
     asked: &RenderOptions,
     subject: &'a ViewSubject,
     device: Option<&dyn Accelerator>,
@@ -346,7 +392,7 @@ fn renderer<'a>(
     let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
     let scene = Scene::new(&read.model);
     if device.is_some() && (look.is_none() || !layers.is_empty()) {
-        let what = "surface densities and coloured layers are rendered on the CPU only";
+        let what = "surface densities, fields and coloured layers are rendered on the CPU only";
         return Err(Error::argument_with(what, "omit --device"));
     }
     let on_device = device.map(|d| d.scene(&scene)).transpose()?;
@@ -355,6 +401,11 @@ fn renderer<'a>(
     let draw = move |view: &View, size: Size| {
         let Some(look) = look else {
             let view = subject.density_view(view, size);
+            if let Some(FieldChoice { query, shade, .. }) = field {
+                let map = field_map(&scene, query, &view, size, context)?;
+                let values = map.wanted(query).clone();
+                return Ok(ViewContent::Field(values, shade.then_some(map.density)));
+            }
             return Ok(ViewContent::Density(surface_density(&scene, &view, size, context)?));
         };
         if !layers.is_empty() {

@@ -20,14 +20,14 @@ pub fn densities(map: Colormap, ground: PaperColour, range: [f64; 2]) -> Density
     DensityColors::new(map, ground == PaperColour::White, range)
 }
 
-/// Turns a rendered view into a picture.
+/// Turns a rendered view that is no field into a picture; of a field its shade.
 pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperColour) -> FigureImage {
     match seen {
         ViewContent::Levels(gray) => match ground {
             PaperColour::Black => FigureImage::Gray(gray),
             PaperColour::White => FigureImage::Gray(gray).inverted(),
         },
-        ViewContent::Density(plane) => {
+        ViewContent::Density(plane) | ViewContent::Field(plane, _) => {
             let colors = densities(map, ground, range);
             let pixels = parallel::map_range(plane.data.len(), |i| colors.of(plane.data[i]));
             FigureImage::Color(Rgb8 { size: plane.size, data: pixels })

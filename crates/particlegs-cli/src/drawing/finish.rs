@@ -2,6 +2,7 @@
 
 use super::ViewContent;
 use super::colours::{self, common_range};
+use super::field_colors::FieldLegend;
 use super::provenance::PictureProvenance;
 use crate::density_args::Quantities;
 use crate::figure::args::{Axes, FigureArgs};
@@ -25,6 +26,8 @@ pub struct Finisher<'a> {
     pub args: &'a FigureArgs,
     /// Colours of a density.
     pub colormap: Colormap,
+    /// The field that is shown instead, if one is.
+    pub field: Option<FieldLegend>,
     /// Units.
     pub quantities: &'a Quantities,
     /// Bounds and cell.
@@ -41,7 +44,28 @@ type MissingScaleReason = &'static str;
 impl Finisher<'_> {
     /// Default range of a density's colours.
     pub fn range_of(&self, seen: &ViewContent) -> Option<[f64; 2]> {
-        if let ViewContent::Density(plane) = seen { plane.log_range() } else { None }
+        match (seen, &self.field) {
+            (ViewContent::Field(plane, _), Some(field)) => field.scale.range(plane),
+            (ViewContent::Density(plane), _) => plane.log_range(),
+            _ => None,
+        }
+    }
+
+    /// One range for several pictures.
+    pub fn common_range(&self, ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64; 2] {
+        match &self.field {
+            Some(field) => field.scale.common_range(ranges),
+            None => common_range(ranges),
+        }
+    }
+
+    fn image(&self, seen: ViewContent, range: [f64; 2]) -> FigureImage {
+        match (&seen, &self.field) {
+            (ViewContent::Field(plane, shade), Some(field)) => {
+                field.image(plane, shade.as_ref(), range, self.args.ground())
+            }
+            _ => colours::image(seen, self.colormap, range, self.args.ground()),
+        }
     }
 
     /// World units per pixel, and notes on them.
@@ -97,7 +121,7 @@ impl Finisher<'_> {
 
     /// A picture with its annotations.
     pub fn panel(&self, seen: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
-        let mut panel = Panel::plain(colours::image(seen, self.colormap, range, self.args.ground()));
+        let mut panel = Panel::plain(self.image(seen, range));
         let size = panel.image.size();
         if self.args.has_scale(self.has_bars(), kind) {
             panel.scale = self.scale(view, size).ok();
@@ -122,7 +146,10 @@ impl Finisher<'_> {
         let ground = self.args.ground();
         let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal_unit(&self.quantities.unit()));
         let colors = colours::densities(self.colormap, ground, range);
-        let bar = shown.then(|| ColourBar::logarithmic(title(), range, |share| colors.at(share)));
+        let bar = shown.then(|| match &self.field {
+            Some(field) => field.bar(range),
+            None => ColourBar::logarithmic(title(), range, |share| colors.at(share)),
+        });
         let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };
         let (title, place, page) = (self.args.title.clone(), self.args.place(), self.args.page());
         Figure { title, panels, columns, bar, legend, place, page, ground }
@@ -154,7 +181,7 @@ impl Finisher<'_> {
     /// A frame of a film: the pixels of the figure.
     pub fn pixels(&self, seen: ViewContent, view: &View, range: [f64; 2]) -> Result<(FigureImage, Option<f64>)> {
         if !self.is_figure(FileKind::Png) {
-            let image = colours::image(seen, self.colormap, range, self.args.ground());
+            let image = self.image(seen, range);
             return Ok((image, self.args.dpi));
         }
         let panel = self.panel(seen, view, range, FileKind::Png)?;
@@ -170,10 +197,10 @@ impl Finisher<'_> {
         range: Option<[f64; 2]>,
         kind: FileKind,
     ) -> Result<()> {
-        let range = range.unwrap_or_else(|| common_range([self.range_of(&seen)]));
+        let range = range.unwrap_or_else(|| self.common_range([self.range_of(&seen)]));
         let size = match &seen {
             ViewContent::Levels(g) | ViewContent::Layers(g, _) => g.size,
-            ViewContent::Density(p) => p.size,
+            ViewContent::Density(p) | ViewContent::Field(p, _) => p.size,
         };
         let about = self.about(std::slice::from_ref(view), size, range)?;
         let bytes = match kind {

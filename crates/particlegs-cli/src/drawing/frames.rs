@@ -1,6 +1,5 @@
 //! Frames of a film, drawn and written in parallel, with one colour range for all.
 
-use super::colours::common_range;
 use super::finish::Finisher;
 use super::gif::{self, GifFrame};
 use super::job::DrawingJob;
@@ -50,7 +49,7 @@ fn one_range(
     };
     let ranges = each(painter, &set.views, of);
     context.end();
-    Ok(common_range(ranges?))
+    Ok(finish.common_range(ranges?))
 }
 
 /// Works on every view, in parallel if the painter allows it.

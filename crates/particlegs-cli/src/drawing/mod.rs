@@ -1,6 +1,7 @@
 //! From views to files: shared by `render` and `reference`.
 
 pub mod colours;
+pub mod field_colors;
 pub mod film;
 pub mod finish;
 pub mod frames;
@@ -24,6 +25,8 @@ pub enum ViewContent {
     Layers(Gray8, Vec<[u8; 3]>),
     /// Surface density.
     Density(Plane),
+    /// Values of a field, not numbers where there is no mass; and what shades them, if anything does.
+    Field(Plane, Option<Plane>),
 }
 
 /// A picture with a lower mean grey level is dark.
@@ -39,7 +42,12 @@ impl ViewContent {
 
     /// Warns if a density is empty.
     fn say_if_empty(&self, view: &View, context: &CommandContext) {
-        if matches!(self, ViewContent::Density(plane) if plane.data.iter().all(|v| *v == 0.0)) {
+        let empty = match self {
+            ViewContent::Density(plane) => plane.data.iter().all(|v| *v == 0.0),
+            ViewContent::Field(plane, _) => plane.data.iter().all(|v| v.is_nan()),
+            _ => false,
+        };
+        if empty {
             let name = &view.name;
             context.message(&format!("warning: view `{name}` is empty: no particle lies in its window; move --center or widen --width and --depth"));
         }

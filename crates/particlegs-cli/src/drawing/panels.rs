@@ -1,7 +1,6 @@
 //! Several pictures in one figure: one range, one colour bar.
 
 use super::ViewRenderer;
-use super::colours::common_range;
 use super::finish::Finisher;
 use crate::common::CommandContext;
 use crate::figure::output;
@@ -60,7 +59,7 @@ impl Panels<'_> {
             }
         }
         let range = match (range, density) {
-            (None, true) => Some(common_range(seen.iter().map(|s| finish.range_of(s)))),
+            (None, true) => Some(finish.common_range(seen.iter().map(|s| finish.range_of(s)))),
             (range, _) => range,
         };
         let shown = range.unwrap_or([1.0, 10.0]);

@@ -27,6 +27,9 @@ pub struct PictureProvenance {
     /// Colour map of a density.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colormap: Option<String>,
+    /// The field that was drawn instead of the density, as --field names it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
     /// Values of its first and last colour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,

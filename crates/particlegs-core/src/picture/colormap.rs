@@ -116,6 +116,17 @@ pub fn diverging(t: f32) -> [u8; 3] {
     if size < 0.7 { mix(BLACK, pure, size / 0.7) } else { mix(pure, [255.0; 3], (size - 0.7) / 0.3 * 0.8) }
 }
 
+/// The colour of a signed number in [-1, 1] on any background: blue below, light grey at zero, red above (Moreland 2009,
+/// "Diverging color maps for scientific visualization", at five of its points).
+pub fn cool_to_warm(t: f32) -> [u8; 3] {
+    const POINTS: [[f32; 3]; 5] =
+        [[59.0, 76.0, 192.0], [141.0, 176.0, 254.0], [221.0, 221.0, 221.0], [244.0, 152.0, 122.0], [180.0, 4.0, 38.0]];
+    let at = 2.0 * (t.clamp(-1.0, 1.0) + 1.0);
+    let first = (at as usize).min(3);
+    let share = at - first as f32;
+    [0, 1, 2].map(|k| (POINTS[first][k] + (POINTS[first + 1][k] - POINTS[first][k]) * share).round() as u8)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -14,13 +14,16 @@
 //! Gaussians that the camera stands in, that cross the clipping range or that reach far in depth are cut along
 //! depth first ([`project::slices`]). What is a difference of large numbers (positions from the eye, what long
 //! Gaussians leave of their width) is found in f64 within a stage, and handed over where rounding no longer
-//! hurts. The same machinery with masses instead of counts gives the surface density.
+//! hurts. The same machinery with masses instead of counts gives the surface density. Maps of a field (`field_map`) are
+//! summed in f64 at full resolution, as quotients of sums would show what planes of halved resolution ripple.
 //!
 //! Models of the alpha-blend law are drawn by [`alpha`], behind the same calls and in the same stages.
 
 pub mod alpha;
 pub mod bin;
 pub mod depth;
+mod field_map;
+mod field_query;
 pub mod lens;
 pub mod project;
 pub mod raster;
@@ -39,6 +42,8 @@ pub mod testing;
 mod tests;
 
 pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
+pub use field_map::{FieldMap, field_map};
+pub use field_query::{FieldComponent, FieldQuery};
 pub use renderer::Renderer;
 pub use scene::Scene;
 pub use scratch::Scratch;

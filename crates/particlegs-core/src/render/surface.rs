@@ -31,7 +31,7 @@ pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, context: &
 }
 
 /// Gaussians by their images in a cell; copied where one of them moves.
-fn moved<'a>(mixture: &'a Mixture, cell: &CenteredCell) -> Cow<'a, Mixture> {
+pub(super) fn moved<'a>(mixture: &'a Mixture, cell: &CenteredCell) -> Cow<'a, Mixture> {
     let mut moved = Cow::Borrowed(mixture);
     for i in 0..mixture.len() {
         let shift = cell.shift(mixture.mean_of(i));
@@ -81,7 +81,7 @@ pub fn extent(scene: &Scene, cell: Option<&Cell>) -> Extent {
 }
 
 /// How much longer each edge of a cell about `center` becomes, over the edge.
-fn all_tails(scene: &Scene, center: [f64; 3], cell: &Cell) -> [f64; 3] {
+pub(super) fn all_tails(scene: &Scene, center: [f64; 3], cell: &Cell) -> [f64; 3] {
     cell.inverse().map_or([0.0; 3], |inverse| each_axis(|a| tails(scene, center, each_axis(|k| inverse[k][a]))))
 }
 
@@ -116,7 +116,7 @@ fn tails(scene: &Scene, center: [f64; 3], row: [f64; 3]) -> f64 {
 }
 
 /// Five of the largest standard deviation: how far Gaussians reach beyond their means.
-fn reach(scene: &Scene) -> f64 {
+pub(super) fn reach(scene: &Scene) -> f64 {
     let largest = scene
         .parts
         .iter()

@@ -179,7 +179,7 @@ impl FieldSums {
     }
 
     /// Multiplies shares by how likely the value is, and scales them to a sum of 1.
-    fn weigh(&self, g: &Mixture, x: [f64; 3], value: &dyn Fn(usize) -> f64, shares: &mut Vec<(u32, f64)>) {
+    fn weigh(&self, g: &Mixture, x: [f64; 3], value: &dyn Fn(usize) -> f64, shares: &mut [(u32, f64)]) {
         if self.likelihoods.is_empty() || shares.len() < 2 {
             return;
         }

@@ -3,7 +3,7 @@
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
 use super::select::SelectedParticles;
-use super::write::{RawForm, SnapshotDescription, SnapshotWriter};
+use super::write::{RawForm, SnapshotDescription, SnapshotLayout, SnapshotWriter};
 use crate::context::Context;
 use crate::{Result, parallel};
 use std::path::Path;
@@ -12,7 +12,9 @@ impl SelectedParticles<'_> {
     /// Writes float32 (float64 triples where positions have more digits) at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
     pub fn write_raw(&self, out: &Path, form: RawForm, context: &Context<'_>) -> Result<u64> {
         let weighted = self.weighted();
-        let writer = SnapshotWriter::create(out, form, self.total(), weighted, self.origin(), self.is_wide(), &[])?;
+        let (count, origin, wide) = (self.total(), self.origin(), self.is_wide());
+        let layout = SnapshotLayout { form, count, weighted, origin, wide, fields: &[] };
+        let writer = SnapshotWriter::create(out, &layout)?;
         context.begin("writing", self.total());
         let triples = parallel::Scratch::default();
         self.for_each_run(context, &|id, run| {

@@ -52,4 +52,4 @@ pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;
 pub use write::RawForm;
-pub(crate) use write::{SnapshotDescription, SnapshotWriter};
+pub(crate) use write::{SnapshotDescription, SnapshotLayout, SnapshotWriter};

@@ -49,6 +49,23 @@ pub(crate) struct SnapshotDescription<'a> {
     pub notes: serde_json::Map<String, serde_json::Value>,
 }
 
+/// What files of particles hold.
+#[derive(Clone, Copy, Debug)]
+pub struct SnapshotLayout<'a> {
+    /// How positions lie.
+    pub form: RawForm,
+    /// Number of particles.
+    pub count: u64,
+    /// Is there a column of weights?
+    pub weighted: bool,
+    /// What runs are relative to: columns stay so, triples are about 0.
+    pub origin: [f64; 3],
+    /// Are triples float64?
+    pub wide: bool,
+    /// File names for the columns of fields that runs have; in the form of columns alone.
+    pub fields: &'a [String],
+}
+
 /// A snapshot being written: files of final length beside their place, which go away unless
 /// [`SnapshotWriter::finish`] moves them there together.
 pub struct SnapshotWriter {
@@ -72,18 +89,9 @@ enum WriteTarget {
 }
 
 impl SnapshotWriter {
-    /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are about 0,
-    /// and float64 where they are to be `wide`. The columns of fields that a run has get the file names `fields`, in
-    /// the form of columns alone. A folder that is there is replaced by the new one as a whole.
-    pub fn create(
-        out: &Path,
-        form: RawForm,
-        count: u64,
-        weighted: bool,
-        origin: [f64; 3],
-        wide: bool,
-        fields: &[String],
-    ) -> Result<Self> {
+    /// Opens files for particles of this layout. A folder that is there is replaced by the new one as a whole.
+    pub fn create(out: &Path, layout: &SnapshotLayout<'_>) -> Result<Self> {
+        let SnapshotLayout { form, count, weighted, origin, wide, fields } = *layout;
         if form != RawForm::Columns && !fields.is_empty() {
             return Err(Error::input_with(
                 out,

@@ -109,7 +109,7 @@ impl DrawRules {
         for (name, field) in layer.layer.content.fields.iter() {
             // A field's draws do not depend on which other fields there are.
             let mut random = Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
-            self.draw_field(field, layer, range.clone(), &mut random, scratch, &mut run.fields);
+            self.draw_field(field, &stretch, &mut random, scratch, &mut run.fields);
         }
         self.finish(layer, scratch, run)
     }
@@ -168,19 +168,19 @@ impl DrawRules {
     fn draw_field(
         &self,
         field: &FieldMoments,
-        layer: &LayerPlan,
-        range: Range<u64>,
+        stretch: &ParticleRun<'_>,
         random: &mut Random,
         scratch: &mut DrawScratch,
         columns: &mut Vec<Vec<f64>>,
     ) {
-        let (n, components, first) = ((range.end - range.start) as usize, field.components(), columns.len());
+        let layer = stretch.layer;
+        let (n, components, first) = (scratch.position[0].len(), field.components(), columns.len());
         let DrawScratch { draws, position, left, .. } = scratch;
         left.resize(components * n, 0.0);
         draws.normals(self.simd, random, left);
         columns.resize_with(first + components, || vec![0.0; n]);
         let g = &layer.layer.content;
-        for (gaussian, part) in layer.parts(range) {
+        for (gaussian, part) in layer.parts(stretch.first..stretch.first + n as u64) {
             let mean = g.mean_of(gaussian);
             let spread = match components {
                 1 => Sym3([field.spread[0][gaussian], 0.0, 0.0, 0.0, 0.0, 0.0]),

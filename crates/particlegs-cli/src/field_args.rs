@@ -1,0 +1,78 @@
+//! Options of maps of a field: which one, its scale, and what is subtracted.
+
+use crate::common::named;
+use crate::drawing::field_colors::FieldLegend;
+use clap::Args;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::picture::{Colormap, Plane, Size, ValueScale};
+use particlegs_pipeline::render::{FieldComponent, FieldQuery};
+use particlegs_pipeline::{Error, Result};
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Field options")]
+pub struct FieldArgs {
+    /// Show a field: its mean along each line of sight, such as temperature or velocity.los.
+    ///
+    /// A vector needs a component: velocity.x, velocity.y, velocity.z, or velocity.los, positive away from the
+    /// observer. dispersion.los is the dispersion of the velocity, dispersion.temperature that of the temperature. Means
+    /// are weighted by mass, or by numbers of particles where no masses are known. `info` lists the fields of a model.
+    #[arg(long, value_name = "NAME", hide_short_help = true)]
+    pub field: Option<String>,
+    /// Scale of the field's colours [default: signed for vectors, log for positive values over a wide range].
+    #[arg(long, value_name = "SCALE", hide_short_help = true, requires = "field", value_parser = named::<ValueScale>())]
+    pub scale: Option<ValueScale>,
+    /// Motion to subtract from a vector: `mean`, the mean of all particles, or X,Y,Z in its unit.
+    #[arg(long, value_name = "mean|X,Y,Z", hide_short_help = true, requires = "field", allow_hyphen_values = true)]
+    pub bulk: Option<String>,
+    /// Shade the field's colours by surface density: bright where there is much mass.
+    #[arg(long, hide_short_help = true, requires = "field")]
+    pub shade: bool,
+}
+
+/// A field to be drawn, and how.
+#[derive(Clone, Debug)]
+pub struct FieldChoice {
+    pub query: FieldQuery,
+    pub legend: FieldLegend,
+    pub shade: bool,
+}
+
+impl FieldArgs {
+    /// The field of this name, in a model.
+    pub fn choice(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
+        let mut query = FieldQuery::new(name, &model.metadata.fields)?;
+        if let Some(text) = &self.bulk {
+            if query.component == FieldComponent::Scalar {
+                let what = format!("--bulk needs a vector, but field `{}` is a scalar", query.name);
+                return Err(Error::argument(what));
+            }
+            query = match &text[..] {
+                "mean" => query.without_mean(model),
+                numbers => FieldQuery { bulk: vector(numbers)?, ..query },
+            };
+        }
+        let scale = self.scale.unwrap_or_else(|| suited(&query, model));
+        let quantity = model.metadata.fields.iter().find(|q| q.name == query.name);
+        let unit = quantity.and_then(|q| q.unit.as_ref()).map_or(String::new(), |u| u.text.clone());
+        let legend = FieldLegend { title: query.title(), unit, scale, map };
+        Ok(FieldChoice { query, legend, shade: self.shade })
+    }
+}
+
+fn vector(text: &str) -> Result<[f64; 3]> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
+    let three = numbers.and_then(|n| <[f64; 3]>::try_from(n).ok());
+    three.ok_or_else(|| Error::argument(format!("--bulk takes `mean` or three numbers X,Y,Z, not `{text}`")))
+}
+
+/// The scale for the values that Gaussians have.
+fn suited(query: &FieldQuery, model: &Model) -> ValueScale {
+    if query.dispersion {
+        return ValueScale::Linear;
+    }
+    let own = model.blocks().filter_map(|b| b.gaussians.fields.get(&query.name)).flat_map(|f| f.mean.first());
+    let data: Vec<f32> = own.flatten().map(|v| *v as f32).collect();
+    let size = Size { width: data.len(), height: 1 };
+    ValueScale::suited(&Plane { size, data }, query.is_signed())
+}

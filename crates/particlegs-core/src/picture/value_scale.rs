@@ -1,0 +1,126 @@
+//! Values of a field as colours: on a linear, a logarithmic or a signed scale.
+
+use super::colormap::{Colormap, cool_to_warm};
+use super::plane::Plane;
+
+crate::named_values! {
+    /// How values lie along the colours.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum ValueScale {
+        Linear = "linear": "In equal steps",
+        Logarithmic = "log": "In equal steps of the logarithm",
+        Signed = "signed": "In equal steps, symmetric about zero, blue below and red above",
+    }
+}
+
+/// A positive field over a wider range gets a logarithmic scale.
+const WIDE: f64 = 30.0;
+
+impl ValueScale {
+    /// The scale that suits values whose sign matters or not.
+    pub fn suited(plane: &Plane, signed: bool) -> ValueScale {
+        let there = || plane.data.iter().copied().filter(|v| v.is_finite());
+        let [lo, hi] = [1.0, 99.0].map(|p| percentile(there(), p));
+        match (signed, lo, hi) {
+            (true, ..) => ValueScale::Signed,
+            (false, Some(lo), Some(hi)) if lo > 0.0 && hi > WIDE * lo && there().all(|v| v > 0.0) => {
+                ValueScale::Logarithmic
+            }
+            _ => ValueScale::Linear,
+        }
+    }
+
+    /// From the 1st to the 99th percentile of the values, or as far as the 99th of their sizes on either side of zero.
+    pub fn range(self, plane: &Plane) -> Option<[f64; 2]> {
+        let there = || plane.data.iter().copied().filter(|v| v.is_finite());
+        let [lo, hi] = match self {
+            ValueScale::Signed => {
+                let far = percentile(there().map(f32::abs), 99.0)?;
+                [-far, far]
+            }
+            ValueScale::Linear => [percentile(there(), 1.0)?, percentile(there(), 99.0)?],
+            ValueScale::Logarithmic => {
+                let positive = || there().filter(|v| *v > 0.0);
+                [percentile(positive(), 1.0)?, percentile(positive(), 99.0)?]
+            }
+        };
+        Some(match self {
+            _ if hi > lo => [lo, hi],
+            ValueScale::Logarithmic => [lo / 1.5, hi * 1.5],
+            _ => [lo - 0.5 * lo.abs().max(1e-300), hi + 0.5 * hi.abs().max(1e-300)],
+        })
+    }
+
+    /// One range for several.
+    pub fn common_range(self, ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64; 2] {
+        let all = ranges.into_iter().flatten().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        all.unwrap_or(if self == ValueScale::Signed { [-1.0, 1.0] } else { [1.0, 10.0] })
+    }
+
+    /// Is a range one that it can show?
+    pub fn shows(self, [lo, hi]: [f64; 2]) -> bool {
+        lo.is_finite() && hi.is_finite() && lo < hi && (self != ValueScale::Logarithmic || lo > 0.0)
+    }
+}
+
+fn percentile(values: impl Iterator<Item = f32>, percent: f64) -> Option<f64> {
+    let mut all: Vec<f32> = values.collect();
+    let at = (all.len().checked_sub(1)? as f64 * percent / 100.0).round() as usize;
+    Some(f64::from(*all.select_nth_unstable_by(at, f32::total_cmp).1))
+}
+
+/// Colours over a range of values.
+#[derive(Clone, Copy, Debug)]
+pub struct ValueColors {
+    /// The scale.
+    pub scale: ValueScale,
+    /// Values of the first and the last colour.
+    pub range: [f64; 2],
+    /// The map; none for that of the scale: viridis, or blue over grey to red of a signed one.
+    pub map: Option<Colormap>,
+}
+
+impl ValueColors {
+    /// The colour of a share of the range.
+    pub fn at(&self, share: f32) -> [u8; 3] {
+        match (self.map, self.scale) {
+            (Some(map), _) => map.color(share),
+            (None, ValueScale::Signed) => cool_to_warm(2.0 * share - 1.0),
+            (None, _) => Colormap::Viridis.color(share),
+        }
+    }
+
+    /// The colour of a value that is a number; beyond the range, that of the nearer end.
+    pub fn of(&self, value: f64) -> [u8; 3] {
+        let [lo, hi] = self.range;
+        let share = match self.scale {
+            ValueScale::Logarithmic => libm::log(value.max(f64::MIN_POSITIVE) / lo) / libm::log(hi / lo),
+            _ => (value - lo) / (hi - lo),
+        };
+        self.at(share.clamp(0.0, 1.0) as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::Size;
+
+    fn plane(data: Vec<f32>) -> Plane {
+        Plane { size: Size { width: data.len(), height: 1 }, data }
+    }
+
+    #[test]
+    fn scales_suit_the_values() {
+        let velocities = plane((0..1000).map(|i| i as f32 - 300.0).collect());
+        let [lo, hi] = ValueScale::suited(&velocities, true).range(&velocities).unwrap();
+        assert!(lo == -hi && (680.0..700.0).contains(&hi), "{lo} {hi}");
+        let temperatures = plane((0..1000).map(|i| 10f32.powf(4.0 + i as f32 / 250.0)).chain([f32::NAN]).collect());
+        assert_eq!(ValueScale::suited(&temperatures, false), ValueScale::Logarithmic);
+        let even = plane((0..1000).map(|i| 100.0 + i as f32 / 10.0).collect());
+        assert_eq!(ValueScale::suited(&even, false), ValueScale::Linear);
+        let one = plane(vec![5.0; 10]);
+        assert!(ValueScale::Linear.range(&one).is_some_and(|[lo, hi]| lo < 5.0 && 5.0 < hi));
+        assert_eq!(ValueScale::Linear.range(&plane(vec![f32::NAN; 3])), None);
+    }
+}

@@ -1,0 +1,123 @@
+//! What a map of a field shows: `temperature`, `velocity.los`, `dispersion.los`.
+
+use crate::model::{Mixture, Model, Quantity, QuantityKind};
+use crate::{Error, Result};
+
+/// Which number of a field is mapped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FieldComponent {
+    /// The value of a scalar.
+    Scalar,
+    /// A vector's component along x (0), y (1) or z (2).
+    Axis(usize),
+    /// A vector's component along the line of sight, positive away from the observer.
+    LineOfSight,
+}
+
+/// A field to be mapped.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldQuery {
+    /// The field's name in the metadata.
+    pub name: String,
+    /// The number of it.
+    pub component: FieldComponent,
+    /// Root mean square about the mean instead of the mean?
+    pub dispersion: bool,
+    /// A vector that is subtracted from a vector field, in its unit.
+    pub bulk: [f64; 3],
+}
+
+/// The vector field that components without a name belong to.
+const VELOCITY: &str = "velocity";
+const DISPERSION: &str = "dispersion.";
+const COMPONENTS: [(&str, FieldComponent); 4] = [
+    ("x", FieldComponent::Axis(0)),
+    ("y", FieldComponent::Axis(1)),
+    ("z", FieldComponent::Axis(2)),
+    ("los", FieldComponent::LineOfSight),
+];
+
+impl FieldQuery {
+    /// Of a name as users write it: a scalar's own, a vector's with `.x`, `.y`, `.z` or `.los`; `dispersion.` before it asks
+    /// for the dispersion, where `dispersion.los` and the like mean the velocity's. An error names what there is.
+    pub fn new(text: &str, fields: &[Quantity]) -> Result<FieldQuery> {
+        let (wanted, dispersion) = match text.strip_prefix(DISPERSION) {
+            Some(rest) => (rest, true),
+            None => (text, false),
+        };
+        let component = |name: &str| COMPONENTS.iter().find(|c| c.0 == name).map(|c| c.1);
+        let field = |name: &str| fields.iter().find(|q| q.name.eq_ignore_ascii_case(name));
+        let query =
+            |q: &Quantity, component| FieldQuery { name: q.name.clone(), component, dispersion, bulk: [0.0; 3] };
+        if let Some(q) = field(wanted) {
+            let name = &q.name;
+            return match q.kind {
+                QuantityKind::Vector => Err(Error::argument_with(
+                    format!("field `{name}` is a vector"),
+                    format!("choose a component: {name}.x, {name}.y, {name}.z, or {name}.los along the line of sight"),
+                )),
+                _ => Ok(query(q, FieldComponent::Scalar)),
+            };
+        }
+        let named = wanted.rsplit_once('.').and_then(|(name, of)| Some((field(name)?, component(of)?)));
+        let velocity = || component(wanted).filter(|_| dispersion).and_then(|of| Some((field(VELOCITY)?, of)));
+        match named.or_else(velocity).filter(|(q, _)| q.kind == QuantityKind::Vector) {
+            Some((q, of)) => Ok(query(q, of)),
+            None if fields.is_empty() => {
+                Err(Error::argument_with("the model has no fields", "compress the snapshot again with --fields"))
+            }
+            None => {
+                let names: Vec<String> = fields.iter().flat_map(FieldQuery::names).collect();
+                let what = format!("the model has no field `{text}`");
+                Err(Error::argument_with(what, format!("its fields: {}", names.join(", "))))
+            }
+        }
+    }
+
+    /// The names that [`FieldQuery::new`] takes for a field's means.
+    pub fn names(q: &Quantity) -> Vec<String> {
+        match q.kind {
+            QuantityKind::Vector => COMPONENTS.iter().map(|(of, _)| format!("{}.{of}", q.name)).collect(),
+            _ => vec![q.name.clone()],
+        }
+    }
+
+    /// What it is, for a legend: `velocity along the line of sight`.
+    pub fn title(&self) -> String {
+        let of = match self.component {
+            FieldComponent::Scalar => self.name.clone(),
+            FieldComponent::Axis(k) => format!("{} along {}", self.name, ["x", "y", "z"][k]),
+            FieldComponent::LineOfSight => format!("{} along the line of sight", self.name),
+        };
+        if self.dispersion { format!("dispersion of {of}") } else { of }
+    }
+
+    /// Subtracts the mean of all of a model's particles from a vector field.
+    pub fn without_mean(mut self, model: &Model) -> FieldQuery {
+        self.bulk = mean_vector(model, &self.name);
+        self
+    }
+
+    /// Does it have a sign that a colour map should show?
+    pub fn is_signed(&self) -> bool {
+        !self.dispersion && self.component != FieldComponent::Scalar
+    }
+}
+
+/// The mean of a vector field over all of a model's particles that have it.
+fn mean_vector(model: &Model, name: &str) -> [f64; 3] {
+    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    for layer in &model.layers {
+        let unit = layer.mass.unit_or_one();
+        let mut add = |m: &Mixture| {
+            let Some(field) = m.fields.get(name).filter(|f| f.components() == 3) else { return };
+            for i in 0..m.len() {
+                let w = unit * m.mass_of(i);
+                total += w;
+                (0..3).for_each(|k| sum[k] += w * field.mean[k][i]);
+            }
+        };
+        layer.content.iter().for_each(|b| add(&b.gaussians));
+    }
+    if total > 0.0 { sum.map(|v| v / total) } else { sum }
+}
