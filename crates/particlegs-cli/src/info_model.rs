@@ -60,7 +60,7 @@ fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
         let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
         count.saturating_mul(l.mass.particle_bytes())
     };
-    let raw_bytes = info.layers.iter().map(layer_bytes).fold(0, u64::saturating_add);
+    let raw_bytes = info.layers.iter().map(layer_bytes).fold(info.raw_field_bytes(), u64::saturating_add);
     let kept = info.metadata.quantities(info.layers.iter().any(|l| l.mass.is_weighted()));
     let report = ModelInfoReport {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
@@ -138,10 +138,9 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("unit of length", info_snapshot::length(&m.units));
     info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
     row("raw data", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
-    for (field, bytes) in m.fields.iter().zip(&info.field_bytes) {
-        let (kind, by) = (field.kind.name(), if field.by_mass { "mass" } else { "count" });
-        let each = *bytes as f64 / r.gaussians as f64;
-        row("field", format!("{}: {kind}, weighted by {by}, {bytes} bytes, {each:.2} per Gaussian", field.name));
+    for (field, line) in m.fields.iter().zip(info.describe_fields()) {
+        let by = if field.by_mass { "mass" } else { "count" };
+        row("field", format!("{line}; {}, weighted by {by}", field.kind.name()));
     }
     row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
     row("command", m.recipe.to_string());

@@ -1,6 +1,6 @@
 //! Fields that are carried from a snapshot to a file: how they are read, and what they are called there.
 
-use crate::{Choice, Snapshot, Species, SpeciesField, Weights};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, Weights};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
 use std::sync::Arc;
@@ -69,7 +69,8 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
         if is_named && is_new && (1..=MOST_COMPONENTS).contains(&field.components) {
             let (name, components) = (field.name.clone(), field.components);
             let attributes = snapshot.attributes(index, &name);
-            fields.push(SourceField { name, number, components, unit: field.unit.clone(), attributes });
+            let peculiar = is_velocity(&name).then(|| peculiar(&attributes, snapshot.description())).flatten();
+            fields.push(SourceField { name, number, components, unit: field.unit.clone(), attributes, peculiar });
         }
     }
     // Vectors first: each is one read then.
@@ -86,6 +87,42 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     let positions = || snapshot.reader(index, &Choice { weights: Weights::None, ..choice.clone() });
     LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))
 }
+
+fn is_velocity(name: &str) -> bool {
+    ["velocities", "velocity", "vel"].contains(&name.trim().to_ascii_lowercase().as_str())
+}
+
+/// The factor that makes a field of velocities peculiar, in km/s, and why it is that. Attributes tell (SWIFT, EAGLE, AREPO,
+/// Gadget-4); without them cosmological runs of Gadget's kind store peculiar velocities over sqrt(a), isolated ones as
+/// they are. `None` where nothing tells, or where a is needed and not known.
+fn peculiar(attributes: &[(String, f64)], description: &Description) -> Option<(f64, String)> {
+    let number = |names: &[&str]| names.iter().find_map(|n| attributes.iter().find(|a| a.0 == *n).map(|a| a.1));
+    let meta = &description.meta;
+    let cgs = number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS, "UnitVelocity_in_cm_per_s"]).filter(|v| *v > 0.0);
+    let stated = number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"]);
+    let gadget =
+        description.format.starts_with("Gadget") || attributes.iter().any(|a| a.0 == "UnitVelocity_in_cm_per_s");
+    let power = match (meta.units.comoving, stated) {
+        (Some(false), _) => 0.0,
+        (_, Some(power)) => power,
+        (Some(true), None) if gadget => 0.5,
+        _ if cgs.is_some() && meta.epoch.scale_factor == Some(1.0) => 0.0,
+        _ => return None,
+    };
+    let hubble = match number(&["h_scaling", "h-scale-exponent", "h-scale exponent"]).unwrap_or(0.0) {
+        0.0 => 1.0,
+        power => meta.cosmology.hubble?.powf(power),
+    };
+    let a = if power == 0.0 { 1.0 } else { meta.epoch.scale_factor? };
+    let unit = cgs.or(gadget.then_some(1e5))? / 1e5;
+    let factor = a.powf(power) * hubble * unit;
+    let mut why = vec![format!("peculiar km/s, the file's values times {factor:.6}")];
+    why.extend((power != 0.0).then(|| format!("a^{power} with a = {a}")));
+    why.extend(cgs.is_none().then(|| "the file's unit is taken as km/s".to_string()));
+    Some((factor, why.join("; ")))
+}
+
+const SWIFT_CGS: &str = "Conversion factor to CGS (not including cosmological corrections)";
 
 fn readers(
     snapshot: &dyn Snapshot,
@@ -125,13 +162,18 @@ pub(crate) struct OutField {
     /// Numbers that the source says about it.
     pub attributes: Vec<(String, f64)>,
     pub sources: Vec<String>,
+    /// What real numbers are multiplied by.
+    pub factor: f64,
 }
 
 impl OutField {
     /// Appends its numbers of a run, row by row.
     pub fn append(&self, run: &Run, out: &mut Vec<u8>) {
         for i in 0..run.columns[0].len() {
-            self.columns.iter().for_each(|&c| self.number.append(run.fields[c][i], out));
+            self.columns.iter().for_each(|&c| match self.factor {
+                1.0 => self.number.append(run.fields[c][i], out),
+                factor => self.number.append(factor * run.fields[c][i], out),
+            });
         }
     }
 }
@@ -150,7 +192,7 @@ pub(crate) fn outputs(fields: &[SourceField], standard: &[StandardField], reserv
         let columns: Vec<usize> = (first..first + count).collect();
         first += count;
         let SourceField { name, number, unit, attributes, .. } = field.clone();
-        all.push(OutField { sources: vec![name.clone()], name, number, columns, unit, attributes });
+        all.push(OutField { sources: vec![name.clone()], name, number, columns, unit, attributes, factor: 1.0 });
     }
     for &(name, count, names) in standard {
         if all.iter().any(|f| f.name == name) {

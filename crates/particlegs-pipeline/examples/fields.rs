@@ -63,12 +63,12 @@ fn main() {
     let start = std::time::Instant::now();
     let model = codec::decode(&bytes, "model").unwrap();
     println!("decoded in {:.3} s", start.elapsed().as_secs_f64());
-    for (field, bytes) in info.metadata.fields.iter().zip(&info.field_bytes) {
+    for (field, bytes) in info.metadata.fields.iter().zip(info.fields.iter().map(|f| f.bytes)) {
         println!(
             "{}: {} bytes, {:.3} a Gaussian of {}",
             field.name,
             bytes,
-            *bytes as f64 / info.gaussians() as f64,
+            bytes as f64 / info.gaussians() as f64,
             info.gaussians()
         );
     }

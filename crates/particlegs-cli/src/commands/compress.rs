@@ -53,9 +53,11 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    /// Fields to keep, as `info` lists them, such as velocity or Temperature; they make the file larger.
+    /// Fields to store as well, such as velocity, or `all`.
     ///
-    /// The target is met without them; the report says what they add.
+    /// Names are those that `info` lists, case aside; `velocity` also finds Velocities, or vx, vy and vz. Velocities of
+    /// cosmological snapshots are stored as peculiar velocities in km/s where the file says how. The target is met
+    /// without the fields, and the report says what they add.
     #[arg(long, display_order = LATER, value_name = "NAME,...", value_delimiter = ',')]
     fields: Vec<String>,
     /// Folder for pictures of snapshot, model, error and surface density.
@@ -122,7 +124,9 @@ pub fn run(a: Arguments) -> Result<()> {
         false => choice.read_fields(&a.input, &options.storage, &context)?,
     };
     if !a.fields.is_empty() {
-        let omitted = FieldSelection::new(&a.fields, &particles, &sources, options.law())?.omitted().to_vec();
+        let chosen = FieldSelection::new(&a.fields, &particles, &sources, options.law())?;
+        context.notes(chosen.notes());
+        let omitted = chosen.omitted().to_vec();
         particles.meta.fields = omitted;
     }
     let blocks = options.blocks_of(&particles)?;
@@ -144,6 +148,7 @@ pub fn run(a: Arguments) -> Result<()> {
             let fields = FieldSelection::new(&a.fields, &particles, &sources, done.model.metadata.law)?;
             done.bytes = fields.add_to(&done.bytes, &done.model, &FieldPrecision::default(), context)?;
             done.model = codec::decode_with(&done.bytes, "the file just coded", context)?;
+            done.raw_bytes += codec::read_info(&done.bytes, "the file just coded")?.raw_field_bytes();
         }
         Ok(done)
     };
@@ -237,6 +242,10 @@ fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, secon
         done.model.metadata.count,
     );
     text += &run_args::trained(done);
+    if !a.fields.is_empty() {
+        let info = codec::read_info(&done.bytes, "the file just coded")?;
+        text += &info.describe_fields().iter().map(|line| format!("\n  {line}")).collect::<String>();
+    }
     if let Some(goal) = &done.reached {
         text += &format!("\n{}", info_model::describe_goal(goal, done.model.metadata.units.length_text()));
     }

@@ -10,7 +10,7 @@ use particlegs_pipeline::codec;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::RawForm;
 use particlegs_pipeline::particles::{SelectedParticles, Selection, Tiling};
-use particlegs_pipeline::recover::{Method, Options, field_files, recover};
+use particlegs_pipeline::recover::{Method, Options, drawn_fields, recover};
 use particlegs_pipeline::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -73,12 +73,12 @@ pub fn run(a: Arguments) -> Result<()> {
     if !writer.folder && a.form != RawForm::Columns {
         return Err(Error::argument("--form is for folders: a file's extension selects its format"));
     }
+    let fields = drawn_fields(&a.output);
+    let own: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(fields.iter().map(String::as_str)).collect();
+    let kept = writer.folder && context.outputs().writes_folder(&a.output, &own)?;
     let start = Instant::now();
     let bytes = inputs::model(&a.model, &context)?;
     let mut model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
-    let fields = field_files(&model);
-    let own: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(fields.iter().map(String::as_str)).collect();
-    let kept = writer.folder && context.outputs().writes_folder(&a.output, &own)?;
     if !a.layer.is_empty() {
         let certificate = model.certificate.take();
         model = model.only(&a.layer)?;

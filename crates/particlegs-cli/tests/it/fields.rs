@@ -62,10 +62,10 @@ fn fields_are_compressed_listed_and_recovered_with_positions() {
     assert!((20.0..35.0).contains(&along_y), "{along_y}");
     let info = dir.says("info all.pgs");
     let listed: Vec<&str> =
-        info["metadata"]["fields"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
-    assert_eq!(listed, ["velocity", "temperature"]);
+        info["metadata"]["kept"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
+    assert_eq!(listed, ["positions", "velocity", "temperature"]);
     let [text, _] = dir.runs("info all.pgs");
-    assert!(text.contains("velocity: vector, weighted by count"), "{text}");
+    assert!(text.contains("per Gaussian; vector, weighted by count"), "{text}");
 
     let names = ["velocity_x", "velocity_y", "velocity_z", "temperature"];
     dir.runs("recover all.pgs -o drawn");

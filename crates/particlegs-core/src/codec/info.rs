@@ -24,8 +24,8 @@ pub struct FileInfo {
     pub bytes: u64,
     /// Particles of blocks that an open file ends before.
     pub missing_particles: u64,
-    /// Bytes of each of the metadata's fields.
-    pub field_bytes: Vec<u64>,
+    /// What there is of each of the metadata's fields.
+    pub fields: Vec<FieldInfo>,
     /// Sections that this program does not know, by tag and bytes; first those of blocks.
     pub other_sections: Vec<(String, u64)>,
 }
@@ -54,7 +54,31 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
     Ok(FileInfo::new(parts(bytes, place)?, bytes))
 }
 
+/// A field in a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FieldInfo {
+    /// Bytes of its moments.
+    pub bytes: u64,
+    /// Particles of the blocks that have it.
+    pub particles: u64,
+}
+
 impl FileInfo {
+    /// Bytes of the fields' values in the snapshot.
+    pub fn raw_field_bytes(&self) -> u64 {
+        let raw =
+            self.metadata.fields.iter().zip(&self.fields).map(|(q, f)| f.particles.saturating_mul(q.bytes.into()));
+        raw.fold(0, u64::saturating_add)
+    }
+
+    /// A line for each field: `velocity: 9218 bytes, 3.66 per Gaussian`.
+    pub fn describe_fields(&self) -> Vec<String> {
+        let gaussians = self.gaussians().max(1) as f64;
+        let line =
+            |name: &str, bytes: u64| format!("{name}: {bytes} bytes, {:.2} per Gaussian", bytes as f64 / gaussians);
+        self.metadata.fields.iter().zip(&self.fields).map(|(q, f)| line(&q.name, f.bytes)).collect()
+    }
+
     /// What the file lacks, in words: blocks that it ends before, stages of blocks. `None`: nothing.
     pub fn missing(&self) -> Option<String> {
         let blocks = || self.layers.iter().flat_map(|l| &l.content);
@@ -99,10 +123,13 @@ impl FileInfo {
             precision: Precision::from_header(h.steps, h.importance),
         };
         let attached = || parts.layers.iter().flat_map(|l| l.content.iter().flat_map(|b| &b.sections));
-        let mut field_bytes = vec![0; parts.metadata.fields.len()];
-        for section in attached().filter(|s| s.tag == FIELD) {
-            let field = section.bytes.first().and_then(|&n| field_bytes.get_mut(usize::from(n)));
-            field.into_iter().for_each(|sum| *sum += section.bytes.len() as u64);
+        let mut fields = vec![FieldInfo::default(); parts.metadata.fields.len()];
+        for block in parts.layers.iter().flat_map(|l| &l.content) {
+            for section in block.sections.iter().filter(|s| s.tag == FIELD) {
+                let Some(field) = section.bytes.first().and_then(|&n| fields.get_mut(usize::from(n))) else { continue };
+                field.bytes += section.bytes.len() as u64;
+                field.particles = field.particles.saturating_add(block.header.count);
+            }
         }
         let attached = attached().filter(|s| s.tag != FIELD);
         let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));
@@ -116,7 +143,7 @@ impl FileInfo {
             vizmapper: parts.network.map(|n| n.1),
             bytes: file.len() as u64,
             missing_particles: parts.missing_particles,
-            field_bytes,
+            fields,
             other_sections,
         }
     }

@@ -50,7 +50,7 @@ pub use file::{
     CodedLayer, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode,
     file_hash, read_metadata, size_without_blocks, stored_bytes,
 };
-pub use info::{BlockInfo, FileInfo, read_info};
+pub use info::{BlockInfo, FieldInfo, FileInfo, read_info};
 pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;

@@ -3,7 +3,7 @@
 use super::bin::{SMALL, lattice_sum};
 use super::field_query::{FieldComponent, FieldQuery};
 use super::lens::Lens;
-use super::project::{CameraGaussian, Footprint, slices};
+use super::project::{CameraGaussian, DepthMoments, Footprint, slices};
 use super::scene::Scene;
 use super::surface::{all_tails, moved, reach};
 use crate::camera::DensityView;
@@ -11,11 +11,15 @@ use crate::context::Context;
 use crate::math::{Sym3, dot, each_axis, norm};
 use crate::model::{FieldMoments, Mixture};
 use crate::picture::{Plane, Size};
+use crate::splat::erf;
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Footprints end at these many deviations, squared: 2e-5 of the mass lies beyond.
-const CUT: f64 = 22.0;
+/// Footprints end at these many deviations, squared: 3e-7 of the mass lies beyond.
+const CUT: f64 = 30.0;
+/// A slab that leaves less of a Gaussian at a pixel leaves nothing.
+const LEAST_SHARE: f64 = 1e-9;
 /// Rows that one task draws.
 const BAND: usize = 16;
 
@@ -131,6 +135,42 @@ struct FieldFootprint {
     tilt: [f64; 2],
     /// Variance about that.
     variance: f64,
+    /// What a slab leaves of an orthographic view's Gaussian.
+    slab: Option<DepthCut>,
+}
+
+/// A normal distribution of depth at each pixel, cut off at two depths, and how values change with depth there.
+#[derive(Clone, Copy)]
+struct DepthCut {
+    /// The mean depth at the footprint's centre, and how it changes per pixel.
+    mean: f64,
+    tilt: [f64; 2],
+    deviation: f64,
+    /// The nearest and farthest depth that count.
+    range: [f64; 2],
+    /// Change of the value per depth, at one pixel.
+    slope: f64,
+}
+
+impl DepthCut {
+    /// The share of the mass that is left at a place, in pixels from the centre, the value's change on average, and that
+    /// of its variance: moments of a truncated normal distribution.
+    fn at(&self, from_center: [f64; 2]) -> [f64; 3] {
+        let mean = self.mean + self.tilt[0] * from_center[0] + self.tilt[1] * from_center[1];
+        let [low, high] = self.range.map(|d| (d - mean) / self.deviation);
+        let share = 0.5 * (erf(high * FRAC_1_SQRT_2) - erf(low * FRAC_1_SQRT_2));
+        if share < LEAST_SHARE {
+            return [0.0; 3];
+        }
+        let density = |z: f64| libm::exp(-0.5 * z * z) / (2.0 * PI).sqrt();
+        let [at_low, at_high] = [density(low), density(high)];
+        // An end at infinity adds nothing.
+        let end = |z: f64, density: f64| if density > 0.0 { z * density } else { 0.0 };
+        let shift = (at_low - at_high) / share;
+        let change = (end(low, at_low) - end(high, at_high)) / share - shift * shift;
+        let scale = self.slope * self.deviation;
+        [share, scale * shift, scale * scale * change]
+    }
 }
 
 /// Planes of weight, weight times value and weight times value squared.
@@ -223,7 +263,9 @@ impl FieldProjection<'_> {
         // Per unit of the camera's axes.
         let slope = lens.axes.map(|axis| dot(axis, number.slope) / dot(axis, axis));
         let ([x, y, depth], along, rest) = (g.mean.map(f64::from), g.slope.map(f64::from), g.rest());
-        slices::pieces(lens, &g, |piece| {
+        let [_, depths] = g.depths();
+        let is_cut = slices::clip_class(lens, depth, depths) == slices::ClipClass::Cut;
+        let mut add = |piece: DepthMoments| {
             let footprint = g.footprint(lens, &piece);
             // The piece as a Gaussian in the camera's axes.
             let (at, depths) = match lens.perspective {
@@ -253,12 +295,34 @@ impl FieldProjection<'_> {
             let explained = tilt[0] * seen[0] + tilt[1] * seen[1];
             let value = number.mean - self.reference + dot(slope, [along[0] * offset, along[1] * offset, offset]);
             let variance = (number.variance + dot(slope, with) - explained).max(0.0);
-            out.push(FieldFootprint { footprint, value, tilt, variance });
-        });
+            // In an orthographic view a slab truncates depth at each pixel; in perspective pieces stand for it.
+            let slab = (is_cut && !lens.perspective && depths > 0.0).then(|| {
+                let with_depth = [cov.0[2], cov.0[4]].map(|c| c * lens.focal);
+                let tilt_of_depth =
+                    [(yy * with_depth[0] - xy * with_depth[1]) / det, (xx * with_depth[1] - xy * with_depth[0]) / det];
+                let explained = |other: [f64; 2]| tilt_of_depth[0] * other[0] + tilt_of_depth[1] * other[1];
+                let left = (depths - explained(with_depth)).max(1e-12 * depths);
+                DepthCut {
+                    mean: depth,
+                    tilt: tilt_of_depth,
+                    deviation: left.sqrt(),
+                    range: lens.range,
+                    slope: (with[2] - explained(seen)) / left,
+                }
+            });
+            out.push(FieldFootprint { footprint, value, tilt, variance, slab });
+        };
+        match is_cut && !lens.perspective && depths > 0.0 {
+            true => add(slices::whole(lens, depth, depths)),
+            false => slices::pieces(lens, &g, add),
+        }
     }
 
     fn number(&self, i: usize) -> FieldNumber {
         let FieldProjection { lens, field, query, .. } = self;
+        let mean = |bulk: [f64; 3]| -> [f64; 3] { each_axis(|k| field.mean[k][i] - bulk[k]) };
+        // How the direction turns with the place, in perspective: what lies across it, over the distance.
+        let mut turn = [0.0; 3];
         let direction = match query.component {
             FieldComponent::Scalar => {
                 let slope = each_axis(|a| field.slope[0][a][i]);
@@ -266,20 +330,25 @@ impl FieldProjection<'_> {
             }
             FieldComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
             FieldComponent::LineOfSight => {
-                let mean = self.mixture.mean_of(i);
+                let place = self.mixture.mean_of(i);
                 let away = match lens.perspective {
-                    true => each_axis(|k| mean[k] - lens.position[k]),
+                    true => each_axis(|k| place[k] - lens.position[k]),
                     false => lens.axes[2],
                 };
                 let length = norm(away).max(f64::MIN_POSITIVE);
-                away.map(|v| v / length)
+                let away = away.map(|v| v / length);
+                if lens.perspective {
+                    let (own, along) = (mean(query.bulk), dot(away, mean(query.bulk)));
+                    turn = each_axis(|k| (own[k] - along * away[k]) / length);
+                }
+                away
             }
         };
         let spread = Sym3(std::array::from_fn(|k| field.spread[k][i]));
         FieldNumber {
-            mean: dot(direction, each_axis(|k| field.mean[k][i] - query.bulk[k])),
+            mean: dot(direction, mean(query.bulk)),
             variance: dot(direction, spread.apply(direction)),
-            slope: each_axis(|a| dot(direction, each_axis(|k| field.slope[k][a][i]))),
+            slope: each_axis(|a| turn[a] + dot(direction, each_axis(|k| field.slope[k][a][i]))),
         }
     }
 }
@@ -291,7 +360,7 @@ fn draw(f: &FieldFootprint, first: usize, width: usize, sums: &mut [[f64; 3]]) {
     let [down, lean, across, sum] =
         [f.footprint.down, f.footprint.lean, f.footprint.across, f.footprint.sum].map(f64::from);
     let [xx, _, yy] = f.footprint.cov();
-    let mut peak = sum / (2.0 * std::f64::consts::PI * (down * across).sqrt());
+    let mut peak = sum / (2.0 * PI * (down * across).sqrt());
     if across * down / (xx + yy) < SMALL {
         peak /= lattice_sum([at_x, at_y], f.footprint.cov());
     }
@@ -313,13 +382,190 @@ fn draw(f: &FieldFootprint, first: usize, width: usize, sums: &mut [[f64; 3]]) {
         let mut quotient = libm::exp(-(aside + 0.5) / across);
         let change = libm::exp(-1.0 / across);
         let mut value = f.value + f.tilt[0] * (from - at_x) + f.tilt[1] * dy;
-        for pixel in &mut pixels[from as usize..=to as usize] {
-            pixel[0] += weight;
-            pixel[1] += weight * value;
-            pixel[2] += weight * (value * value + f.variance);
+        for (i, pixel) in pixels[from as usize..=to as usize].iter_mut().enumerate() {
+            let (mut weight_here, mut value_here, mut variance) = (weight, value, f.variance);
+            if let Some(slab) = &f.slab {
+                let [share, shift, change] = slab.at([from + i as f64 - at_x, dy]);
+                (weight_here, value_here, variance) = (weight * share, value + shift, (variance + change).max(0.0));
+            }
+            pixel[0] += weight_here;
+            pixel[1] += weight_here * value_here;
+            pixel[2] += weight_here * (value_here * value_here + variance);
             weight *= quotient;
             quotient *= change;
             value += f.tilt[0];
         }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::disallowed_methods)]
+mod tests {
+    use super::*;
+    use crate::camera::{Images, Projection, spherical_camera};
+    use crate::math::Random;
+    use crate::space::Bounds;
+
+    const SIZE: Size = Size { width: 72, height: 60 };
+
+    fn vector(r: &mut Random) -> [f64; 3] {
+        each_axis(|_| r.normal())
+    }
+
+    /// Gaussians of several pixels, with a scalar and a vector that change across them.
+    fn model() -> Mixture {
+        let mut m = Mixture::new(false);
+        let (mut scalar, mut flow) = (FieldMoments::new(1), FieldMoments::new(3));
+        for i in 0..40 {
+            let mut r = Random::new(2, 0, i);
+            let axes = [vector(&mut r), vector(&mut r), vector(&mut r)];
+            let cov = axes.iter().fold(Sym3::scaled_identity(0.3), |sum, a| sum.add(&Sym3::outer(*a))).scale(0.06);
+            m.push(vector(&mut r).map(|v| 0.8 * v), cov, 1.0 + 50.0 * r.uniform(), 0.0);
+            for (field, components) in [(&mut scalar, 1), (&mut flow, 3)] {
+                for k in 0..components {
+                    field.mean[k].push(3.0 + 2.0 * r.normal());
+                    (0..3).for_each(|a| field.slope[k][a].push(2.0 * r.normal()));
+                }
+                let own = Sym3::outer(vector(&mut r)).add(&Sym3::scaled_identity(0.2));
+                field.spread.iter_mut().enumerate().for_each(|(k, column)| column.push(own.0[k]));
+                field.range.fill([-1e3, 1e3]);
+            }
+        }
+        m.fields.set("scalar", scalar);
+        m.fields.set("velocity", flow);
+        m
+    }
+
+    fn view(projection: Projection, range: [f64; 2]) -> DensityView {
+        let mut camera = spherical_camera([0.1, -0.2, 0.0], 35.0, 20.0, 9.0);
+        camera.projection = projection;
+        DensityView { name: "a".into(), camera, range, images: Images::Own }
+    }
+
+    fn query(name: &str, component: FieldComponent) -> FieldQuery {
+        FieldQuery { name: name.into(), component, dispersion: false, bulk: [0.5, 0.0, -0.3] }
+    }
+
+    /// Density, mean and dispersion of a pixel, by sums along lines of sight.
+    fn integrated(m: &Mixture, q: &FieldQuery, v: &DensityView, pixel: [usize; 2]) -> [f64; 3] {
+        // Three points of Gauss and Legendre across a pixel, each way.
+        let nodes = [(-0.5 * 0.6f64.sqrt(), 5.0 / 18.0), (0.0, 4.0 / 9.0), (0.5 * 0.6f64.sqrt(), 5.0 / 18.0)];
+        let frame = v.camera.frame().unwrap();
+        let [right, up, back] = frame.axes;
+        let focal = v.camera.focal_pixels(SIZE);
+        let perspective = matches!(v.camera.projection, Projection::Perspective { .. });
+        let mut sums = [0.0; 3];
+        let inverses: Vec<Sym3> = (0..m.len()).map(|i| m.cov_of(i).inverse().unwrap()).collect();
+        let field = m.fields.get(&q.name).unwrap();
+        let [near, far] = v.range.map(|r| r.clamp(0.0, 20.0));
+        const STEPS: usize = 600;
+        for ((dx, wx), (dy, wy)) in nodes.into_iter().flat_map(|a| nodes.map(|b| (a, b))) {
+            let x = (pixel[0] as f64 + dx + 0.5 - 0.5 * SIZE.width as f64) / focal;
+            let y = (pixel[1] as f64 + dy + 0.5 - 0.5 * SIZE.height as f64) / focal;
+            for step in 0..STEPS {
+                let depth = near + (far - near) * (step as f64 + 0.5) / STEPS as f64;
+                let scale = if perspective { depth } else { 1.0 };
+                let from_eye = each_axis(|k| x * scale * right[k] - y * scale * up[k] - depth * back[k]);
+                let at: [f64; 3] = each_axis(|k| frame.position[k] + from_eye[k]);
+                let direction = match q.component {
+                    FieldComponent::Scalar => [1.0, 0.0, 0.0],
+                    FieldComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
+                    FieldComponent::LineOfSight if perspective => from_eye.map(|v| v / norm(from_eye)),
+                    FieldComponent::LineOfSight => back.map(|v| -v),
+                };
+                for i in 0..m.len() {
+                    let d: [f64; 3] = each_axis(|k| at[k] - m.mean[k][i]);
+                    let density = m.count[i] * (-0.5 * dot(d, inverses[i].apply(d))).exp()
+                        / ((2.0 * std::f64::consts::PI).powf(1.5) * m.cov_of(i).det().sqrt());
+                    let w = wx * wy * density;
+                    let components = field.components();
+                    let value = |k: usize| {
+                        let bulk = if components == 3 { q.bulk[k] } else { 0.0 };
+                        field.mean_at(k, i, d) - bulk
+                    };
+                    let mean: f64 = (0..components).map(|k| direction[k] * value(k)).sum();
+                    let spread = match components {
+                        1 => field.spread[0][i],
+                        _ => {
+                            let s = Sym3(std::array::from_fn(|k| field.spread[k][i]));
+                            dot(direction, s.apply(direction))
+                        }
+                    };
+                    sums[0] += w;
+                    sums[1] += w * mean;
+                    sums[2] += w * (mean * mean + spread);
+                }
+            }
+        }
+        let mean = sums[1] / sums[0];
+        [sums[0], mean, (sums[2] / sums[0] - mean * mean).sqrt()]
+    }
+
+    /// The largest differences of mean and dispersion where there is mass, over the values' root mean square.
+    fn worst(q: &FieldQuery, v: &DensityView) -> f64 {
+        let m = model();
+        let bounds = Bounds { min: [-5.0; 3], max: [5.0; 3] };
+        let map = field_map(&Scene::from_mixture(&m, bounds), q, v, SIZE, &Context::SILENT).unwrap();
+        let peak = map.density.data.iter().copied().fold(0.0, f32::max);
+        let mut worst = 0.0f64;
+        let mut seen = 0;
+        for i in (0..SIZE.pixels()).step_by(61).filter(|&i| map.density.data[i] > 0.01 * peak) {
+            let [_, mean, dispersion] = integrated(&m, q, v, [i % SIZE.width, i / SIZE.width]);
+            let off = [f64::from(map.mean.data[i]) - mean, f64::from(map.dispersion.data[i]) - dispersion];
+            worst = off.iter().fold(worst, |w, v| w.max(v.abs() / mean.hypot(dispersion)));
+            seen += 1;
+        }
+        assert!(seen > 20, "{seen}");
+        worst
+    }
+
+    #[test]
+    fn maps_are_integrals_along_the_line_of_sight() {
+        let flat = Projection::Orthographic { height_world: 4.0 };
+        for (name, component) in [
+            ("scalar", FieldComponent::Scalar),
+            ("velocity", FieldComponent::Axis(1)),
+            ("velocity", FieldComponent::LineOfSight),
+        ] {
+            let off = worst(&query(name, component), &view(flat, [0.0, 18.0]));
+            assert!(off < 1e-4, "{name} {component:?}: {off}");
+            let off = worst(&query(name, component), &view(flat, [8.7, 9.4]));
+            assert!(off < 1e-4, "{name} {component:?}, a slab: {off}");
+            let off = worst(&query(name, component), &view(Projection::Perspective { fov_deg: 26.0 }, [1.0, 18.0]));
+            // Of second order in the angle that a Gaussian fills.
+            assert!(off < 0.12, "{name} {component:?}, perspective: {off}");
+        }
+    }
+
+    #[test]
+    fn there_is_no_mean_where_there_is_no_mass_and_no_map_without_the_field() {
+        let m = model();
+        let bounds = Bounds { min: [-5.0; 3], max: [5.0; 3] };
+        let (scene, v) =
+            (Scene::from_mixture(&m, bounds), view(Projection::Orthographic { height_world: 60.0 }, [0.0, 18.0]));
+        let map = field_map(&scene, &query("scalar", FieldComponent::Scalar), &v, SIZE, &Context::SILENT).unwrap();
+        assert!(map.mean.data[0].is_nan() && map.dispersion.data[0].is_nan() && map.density.data[0] == 0.0);
+        assert!(map.mean.data.iter().any(|v| v.is_finite()));
+        for (name, component) in [("none", FieldComponent::Scalar), ("scalar", FieldComponent::Axis(0))] {
+            assert!(field_map(&scene, &query(name, component), &v, SIZE, &Context::SILENT).is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn names_of_fields_are_read_and_others_refused() {
+        use crate::model::{Quantity, QuantityKind};
+        let quantity = |name: &str, kind| Quantity { name: name.into(), kind, unit: None, bytes: 4, by_mass: false };
+        let fields = [quantity("velocity", QuantityKind::Vector), quantity("T", QuantityKind::Scalar)];
+        let of = |text: &str| FieldQuery::new(text, &fields).map(|q| (q.name, q.component, q.dispersion));
+        assert_eq!(of("t").unwrap(), ("T".into(), FieldComponent::Scalar, false));
+        assert_eq!(of("velocity.los").unwrap(), ("velocity".into(), FieldComponent::LineOfSight, false));
+        assert_eq!(of("dispersion.x").unwrap(), ("velocity".into(), FieldComponent::Axis(0), true));
+        assert_eq!(of("dispersion.velocity.z").unwrap(), ("velocity".into(), FieldComponent::Axis(2), true));
+        assert_eq!(of("dispersion.T").unwrap(), ("T".into(), FieldComponent::Scalar, true));
+        for text in ["velocity", "T.x", "los", "dispersion", "dispersion.T.x", "velocity.w", ""] {
+            assert!(of(text).is_err(), "{text}");
+        }
+        let bare = of("velocity").unwrap_err();
+        assert!(bare.hint().to_string().contains("velocity.los"), "{}", bare.hint());
     }
 }

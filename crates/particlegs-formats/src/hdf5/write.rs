@@ -108,9 +108,19 @@ pub fn fields(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let named = |field: &OutField| {
         !field.name.is_empty() && field.name.len() <= 200 && !field.name.contains('/') && field.name != "."
     };
+    let meta = kept.meta();
     let of = |fields: &&[SourceField]| {
         let mut all = outputs(fields, &STANDARD, &["Coordinates"]);
         all.retain(named);
+        // Peculiar velocities of a model: Gadget's files have them over sqrt(a) in cosmological runs.
+        let is_peculiar = |f: &&mut OutField| f.sources == ["velocity"] && f.unit.as_deref() == Some("km/s");
+        if let (Some(velocity), Some(true), Some(a)) =
+            (all.iter_mut().find(is_peculiar), meta.units.comoving, meta.epoch.scale_factor)
+        {
+            (velocity.factor, velocity.unit) = (1.0 / a.sqrt(), None);
+            let said = [("a_scaling", 0.5), ("h_scaling", 0.0), ("to_cgs", 1e5)];
+            velocity.attributes = said.map(|(name, v)| (name.to_string(), v)).into();
+        }
         all
     };
     kept.fields().iter().map(of).collect()

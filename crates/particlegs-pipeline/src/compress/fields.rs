@@ -17,10 +17,11 @@ pub struct FieldSelection<'a> {
     sources: &'a [LayerFields],
     /// What the model's metadata lists.
     quantities: Vec<Quantity>,
-    /// For each layer of the particles: a quantity's place in the list, and the columns of its components.
-    layers: Vec<Vec<(usize, Vec<usize>)>>,
+    /// For each layer of the particles: a quantity's place in the list, and where its values come from.
+    layers: Vec<Vec<(usize, FieldColumns)>>,
     /// Names of the snapshot's fields that the model omits.
     omitted: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl<'a> FieldSelection<'a> {
@@ -50,8 +51,14 @@ impl<'a> FieldSelection<'a> {
                 }
             });
         }
-        let mut selection =
-            FieldSelection { particles, sources, quantities: Vec::new(), layers: Vec::new(), omitted: Vec::new() };
+        let mut selection = FieldSelection {
+            particles,
+            sources,
+            quantities: Vec::new(),
+            layers: Vec::new(),
+            omitted: Vec::new(),
+            notes: Vec::new(),
+        };
         selection.layers.resize_with(sources.len(), Vec::new);
         let by_mass = particles.weights().is_some();
         let mut used: Vec<String> = Vec::new();
@@ -82,8 +89,9 @@ impl<'a> FieldSelection<'a> {
             let place = selection.quantities.len();
             selection.quantities.push(Quantity { name: name.clone(), kind, unit, bytes, by_mass });
             for (layer, columns) in found {
-                used.extend(columns.sources);
-                selection.layers[layer].push((place, columns.columns));
+                used.extend(columns.sources.clone());
+                selection.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
+                selection.layers[layer].push((place, columns));
             }
         }
         if selection.quantities.len() > MOST {
@@ -92,6 +100,7 @@ impl<'a> FieldSelection<'a> {
                 selection.quantities.len()
             )));
         }
+        selection.notes.dedup();
         let is_omitted = |name: &&String| !used.contains(name);
         selection.omitted = particles.meta.fields.iter().filter(is_omitted).cloned().collect();
         Ok(selection)
@@ -100,6 +109,11 @@ impl<'a> FieldSelection<'a> {
     /// Names of the snapshot's fields that the model omits.
     pub fn omitted(&self) -> &[String] {
         &self.omitted
+    }
+
+    /// How values were converted, for people.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
@@ -116,11 +130,14 @@ impl<'a> FieldSelection<'a> {
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
             let fields: Vec<(&str, usize)> =
-                chosen.iter().map(|(n, columns)| (&self.quantities[*n].name[..], columns.len())).collect();
+                chosen.iter().map(|(n, columns)| (&self.quantities[*n].name[..], columns.columns.len())).collect();
             let read = |run: u64, out: &mut Vec<Vec<f64>>| {
                 let mut all = Vec::new();
                 source.read(run, &mut all)?;
-                out.extend(chosen.iter().flat_map(|(_, columns)| columns).map(|&c| all[c].clone()));
+                for (_, columns) in chosen {
+                    let values = columns.columns.iter().map(|&c| all[c].iter().map(|v| columns.factor * v).collect());
+                    out.extend(values);
+                }
                 Ok(())
             };
             let blocks = &model.layers[at].content;

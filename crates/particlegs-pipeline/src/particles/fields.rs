@@ -70,6 +70,8 @@ pub struct SourceField {
     pub unit: Option<String>,
     /// Numbers that the source says about it, by name: powers of a and h, a factor.
     pub attributes: Vec<(String, f64)>,
+    /// The factor that makes velocities peculiar, in km/s, and why it is that; where the source tells.
+    pub peculiar: Option<(f64, String)>,
 }
 
 /// The fields of a layer.
@@ -90,9 +92,14 @@ pub(crate) struct FieldColumns {
     pub columns: Vec<usize>,
     /// The names that the source has for it.
     pub sources: Vec<String>,
+    /// What values are multiplied by to be in `unit`.
+    pub factor: f64,
+    /// Where that comes from, for people.
+    pub note: Option<String>,
 }
 
 const VELOCITY: &str = "velocity";
+const KM_S: &str = "km/s";
 /// What formats call velocities, as one field or three.
 const VELOCITIES: &[&[&str]] = &[
     &["velocities"],
@@ -178,11 +185,15 @@ impl LayerFields {
             let place = |f: &SourceField| {
                 let own = first..first + f.components as usize;
                 first = own.end;
-                (f.name.eq_ignore_ascii_case(name)).then_some((f.name.clone(), f.unit.clone(), own))
+                let is_it = f.name.eq_ignore_ascii_case(name);
+                is_it.then(|| (f.name.clone(), f.unit.clone(), own, f.peculiar.clone()))
             };
-            let (source, unit, columns) = self.fields.iter().find_map(place)?;
+            let (source, unit, columns, peculiar) = self.fields.iter().find_map(place)?;
             found.sources.push(source);
-            found.unit = unit;
+            (found.unit, found.factor) = (unit, 1.0);
+            if let Some((factor, why)) = peculiar {
+                (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(why));
+            }
             found.columns.extend(columns);
         }
         Some(found)

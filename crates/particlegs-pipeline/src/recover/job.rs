@@ -51,12 +51,21 @@ impl Options {
 
 /// The files that the columns of a model's fields get in a folder: `velocity_x.f32`, `temperature.f32`. A field that a
 /// layer with particles lacks has none.
-pub fn field_files(model: &Model) -> Vec<String> {
+fn field_files(model: &Model) -> Vec<String> {
     common_fields(model)
         .iter()
         .flat_map(|q| q.component_names())
         .map(|name| format!("{}.f32", file_name(&name)))
         .collect()
+}
+
+/// The columns of fields in a folder that [`recover`] wrote, which another run may replace; none in any other folder.
+pub fn drawn_fields(folder: &Path) -> Vec<String> {
+    let notes = read_own(&folder.join("meta.json"), META).ok().flatten();
+    let notes: serde_json::Value = notes.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    let entries = std::fs::read_dir(folder).ok().filter(|_| notes.get("synthetic").is_some());
+    let names = entries.into_iter().flatten().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    names.filter(|name| name.ends_with(".f32")).collect()
 }
 
 /// The fields that every layer has.

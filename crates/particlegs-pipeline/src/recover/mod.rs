@@ -20,5 +20,5 @@ mod stratified;
 mod wrap;
 
 pub(crate) use in_memory::draw;
-pub use job::{field_files, recover};
+pub use job::{drawn_fields, recover};
 pub use options::{Method, Options};
