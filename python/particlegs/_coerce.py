@@ -110,6 +110,13 @@ def points(given: Any, unit: Optional[str] = None) -> Float64:
     return np.require(array, np.float64, ["C", "A"])
 
 
+def field(given: Any, name: str) -> tuple[Optional[str], Float64]:
+    """A field's unit and its numbers."""
+    unit = _units.unit_of(given)
+    array = plain(given, f"field {name!r}", unit)
+    return unit, np.require(array, np.float64, ["C", "A"])
+
+
 def size_of(given: Any) -> tuple[int, int]:
     """Width and height in pixels."""
     try:

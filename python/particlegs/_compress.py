@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Mapping
 from typing import Any, Optional, Union
 
 from numpy.typing import ArrayLike
@@ -37,6 +38,7 @@ def compress(
     memory: Union[int, str, None] = None,
     blocks: Optional[int] = None,
     scratch: Optional[Path] = None,
+    fields: Optional[Mapping[str, Any]] = None,
     box: Any = None,
     seed: int = 42,
     threads: Optional[int] = None,
@@ -79,6 +81,9 @@ def compress(
         Number of blocks.
     scratch : path, optional
         Folder for the scratch files of `memory`.
+    fields : dict of array_like, optional
+        Fields to store as well, by name: shape (n,) for a scalar, (n, 3) for a vector such as ``"velocity"``. Arrays
+        with units keep them. The target is met without the fields.
     box : optional
         As for `Snapshot`; only if `snapshot` is an array of positions.
     seed : int
@@ -140,5 +145,6 @@ def compress(
         raise InputError("a Snapshot has its own box: give box= to Snapshot or open instead")
     particles = as_snapshot(snapshot, box=box)
     folder = os.fspath(scratch) if scratch is not None else (tempfile.gettempdir() if memory is not None else None)
-    native = _particlegs.compress(particles._native, options, folder, threads, _coerce.progress(progress))
+    own = [(name, *_coerce.field(values, name)) for name, values in (fields or {}).items()]
+    native = _particlegs.compress(particles._native, options, folder, own, threads, _coerce.progress(progress))
     return Model._of(native)

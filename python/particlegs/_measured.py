@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 from ._types import Float64, Numbers
 
@@ -122,6 +122,17 @@ class Likelihood:
     volume: float
     gaussians: int
     needles: float
+
+
+class Field(NamedTuple):
+    """A field that a model has."""
+
+    kind: str
+    """``"scalar"`` or ``"vector"``."""
+    unit: Optional[str]
+    """Its unit, where it is known."""
+    weighting: str
+    """What weighs its means: ``"mass"`` or ``"count"``."""
 
 
 class Panel(NamedTuple):

@@ -14,6 +14,7 @@ from ._arrays import Grid, Map
 from ._camera import Camera
 from ._camera import native as native_camera
 from ._gaussians import Gaussians
+from ._measured import Field
 from ._particlegs import InputError
 from ._snapshot import Snapshot, as_snapshot
 from ._types import (
@@ -324,6 +325,56 @@ class Model:
 
     # Numbers.
 
+    @property
+    def fields(self) -> dict[str, Field]:
+        """What particles carried beside positions and masses, by name."""
+        return {name: Field(kind, unit, weighting) for name, kind, unit, weighting in self._native.fields}
+
+    def map(
+        self,
+        field: str,
+        center: Optional[ArrayLike] = None,
+        width: Optional[float] = None,
+        depth: Optional[float] = None,
+        *,
+        axis: Axis = "z",
+        shape: tuple[int, int] = (1024, 1024),
+        bulk: Union[ArrayLike, Literal["mean"], None] = None,
+        layers: Optional[Names] = None,
+        threads: Optional[int] = None,
+    ) -> Map:
+        """Mean of a field along an axis, weighted by mass (or number of particles).
+
+        Parameters
+        ----------
+        field : str
+            A scalar such as ``"temperature"``; a component of a vector such as ``"velocity.x"``, or ``"velocity.los"``,
+            positive away from the observer; or a dispersion: ``"dispersion.los"``, ``"dispersion.temperature"``.
+        center, width, depth, axis, shape
+            The window, as for `density_map`.
+        bulk : array_like, shape (3,), or "mean", optional
+            Subtracted from a vector: numbers in its unit, or the mean of all particles.
+        layers : sequence of str, optional
+            Layers to include; all by default. Layers without the field add nothing.
+        threads : int, optional
+            Number of threads; the map does not depend on it.
+
+        Returns
+        -------
+        Map
+            float64, with `extent` and `unit`; NaN where there is no mass.
+        """
+        window = Window.of(self, center, width, depth, axis, shape)
+        mean = isinstance(bulk, str)
+        if mean and bulk != "mean":
+            raise InputError(f'bulk is "mean" or three numbers, not {bulk!r}')
+        vector = None if bulk is None or mean else [float(v) for v in np.asarray(bulk, dtype=float).reshape(3)]
+        values, unit = self._native.field_map(
+            field, window.pixels, window.camera, vector, mean, _coerce.names(layers), threads
+        )
+        known = {"length_unit": self.length_unit, "hubble": self.metadata["hubble"]}
+        return Map._of(values, extent=window.extent, unit=unit or "", axes=window.axes, **known)
+
     def density_grid(self, cells: int = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None) -> Grid:
         """Density averaged over the cells of a grid: the integral of the mixture over each cell, without shot noise.
 
@@ -355,13 +406,23 @@ class Model:
             outside=outside,
         )
 
-    def at(self, points: ArrayLike, *, layers: Optional[Names] = None, threads: Optional[int] = None) -> Float64:
-        """Density at points: the sum of the Gaussians, including periodic images.
+    def at(
+        self,
+        points: ArrayLike,
+        field: Optional[str] = None,
+        *,
+        layers: Optional[Names] = None,
+        threads: Optional[int] = None,
+    ) -> Float64:
+        """Density at points, or a field there: sums over the Gaussians, including periodic images.
 
         Parameters
         ----------
         points : array_like, shape (n, 3)
             In world units or with a unit of their own.
+        field : str, optional
+            A field's mean, such as ``"velocity"``, or its dispersion, such as ``"dispersion.velocity"``, instead of the
+            density.
         layers : sequence of str, optional
             Layers to include; all by default.
         threads : int, optional
@@ -370,9 +431,17 @@ class Model:
         Returns
         -------
         numpy.ndarray, float64, shape (n,)
-            Mass (or number of particles) per volume, in the unit of `density_grid`.
+            Mass (or number of particles) per volume, in the unit of `density_grid`. A field has its own unit, is NaN
+            beyond all Gaussians, and has the shape (n, 3) if it is a vector.
         """
         names = _coerce.names(layers)
+        if field is not None:
+            name = field.removeprefix("dispersion.")
+            if name not in self.fields:
+                there = ", ".join(self.fields) or "none"
+                raise InputError(f"the model has no field {name!r}; its fields: {there}")
+            dispersion = name != field
+            return self._native.field_at(name, _coerce.points(points, self.length_unit), dispersion, names, threads)
         return self._native.at(_coerce.points(points, self.length_unit), names, threads)
 
     def recover(

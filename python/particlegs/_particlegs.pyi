@@ -117,6 +117,26 @@ class Model:
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
     ) -> NDArray[np.float64]: ...
+    @property
+    def fields(self) -> list[tuple[str, str, Optional[str], str]]: ...
+    def field_map(
+        self,
+        field: str,
+        size: tuple[int, int],
+        camera: _Camera,
+        bulk: Optional[list[float]] = None,
+        subtract_mean: bool = False,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+    ) -> tuple[NDArray[np.float64], Optional[str]]: ...
+    def field_at(
+        self,
+        field: str,
+        points: NDArray[np.float64],
+        dispersion: bool = False,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+    ) -> NDArray[np.float64]: ...
     def density_unit(self, power: int, layers: Optional[Sequence[str]] = None) -> str: ...
     def density_grid(
         self, cells: int, layers: Optional[Sequence[str]] = None, threads: Optional[int] = None
@@ -159,6 +179,7 @@ def compress(
     snapshot: Snapshot,
     asked: _Asked,
     scratch: Optional[_Path] = None,
+    fields: Sequence[tuple[str, Optional[str], NDArray[np.float64]]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> Model: ...

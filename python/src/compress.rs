@@ -4,10 +4,12 @@ use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::compress::{Options, Target, compress as run};
-use particlegs_pipeline::model::{CertificateLevel, Goal, GoalKind, LawKind};
-use particlegs_pipeline::particles::Storage;
+use particlegs_pipeline::codec::{self, FieldPrecision};
+use particlegs_pipeline::compress::{FieldSelection, Options, Target, compress as run};
+use particlegs_pipeline::model::{CertificateLevel, Goal, GoalKind, LawKind, Layer};
+use particlegs_pipeline::particles::{LayerFields, Number, Particles, SourceField, Storage};
 use particlegs_pipeline::train::{Config, Preset};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -108,25 +110,75 @@ fn positive(name: &str, value: Option<f64>) -> PyResult<Option<f64>> {
     }
 }
 
-/// Compresses a snapshot.
+/// A field as an array: name, unit, values of shape (n,) or (n, 3).
+type FieldArray<'py> = (String, Option<String>, PyReadonlyArrayDyn<'py, f64>);
+
+/// Fields of each layer of the particles.
+fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResult<Vec<LayerFields>> {
+    let mut fields: Vec<(SourceField, Vec<Vec<f64>>)> = Vec::with_capacity(arrays.len());
+    for (name, unit, array) in arrays {
+        let shape = array.shape();
+        let components = match shape {
+            [n] if *n == particles.len() => 1,
+            [n, 3] if *n == particles.len() => 3,
+            _ => {
+                let n = particles.len();
+                let what = format!("field \"{name}\" must have the shape ({n},) or ({n}, 3), not {shape:?}");
+                return Err(InputError::new_err(what));
+            }
+        };
+        let values = array.as_array();
+        let rows: Vec<f64> = values.iter().copied().collect();
+        let columns = (0..components).map(|k| rows.iter().skip(k).step_by(components).copied().collect()).collect();
+        let (name, unit, components) = (name.clone(), unit.clone(), components as u32);
+        let field = SourceField { name, number: Number::F64, components, unit, attributes: Vec::new(), peculiar: None };
+        fields.push((field, columns));
+    }
+    // Vectors first, as readers give them.
+    fields.sort_by_key(|(field, _)| field.components != 3);
+    let of = |layer: &Layer<std::ops::Range<usize>>| {
+        let columns = fields.iter().flat_map(|(_, columns)| columns).map(|c| c[layer.content.clone()].to_vec());
+        LayerFields::from_columns(fields.iter().map(|(field, _)| field.clone()).collect(), columns.collect())
+    };
+    Ok(particles.layers().iter().map(of).collect())
+}
+
+/// Compresses a snapshot, and adds fields.
 #[pyfunction]
-#[pyo3(signature = (snapshot, asked, scratch=None, threads=None, progress=None))]
+#[pyo3(signature = (snapshot, asked, scratch=None, fields=Vec::new(), threads=None, progress=None))]
 pub fn compress(
     py: Python<'_>,
     snapshot: &Snapshot,
     asked: CompressOptions,
     scratch: Option<PathBuf>,
+    fields: Vec<FieldArray<'_>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
-    let mut options = asked.options(&snapshot.read)?;
+    let mut read = snapshot.read.clone();
+    let names: Vec<String> = fields.iter().map(|f| f.0.clone()).collect();
+    if !names.is_empty() {
+        read.insert("fields".into(), names.join(","));
+    }
+    let mut options = asked.options(&read)?;
     if let (Some(folder), Some(_)) = (scratch, options.memory) {
         options.storage = Storage::Disk(folder);
     }
     let particles = &*snapshot.particles;
     let name = particles.meta.name.clone();
-    let made =
-        WorkOptions { threads, progress }.run(py, |progress| run(particles, &options, &mut NoCheckpoints, progress))?;
+    let sources = layer_fields(particles, &fields)?;
+    let made = WorkOptions { threads, progress }.run(py, |progress| {
+        let selection = match names.is_empty() {
+            true => None,
+            false => Some(FieldSelection::new(&names, particles, &sources, options.law())?),
+        };
+        let mut made = run(particles, &options, &mut NoCheckpoints, progress)?;
+        if let Some(selection) = selection {
+            made.bytes = selection.add_to(&made.bytes, &made.model, &FieldPrecision::default(), progress)?;
+            made.model = codec::decode_with(&made.bytes, "the file just coded", progress)?;
+        }
+        Ok(made)
+    })?;
     // The warning points to the line that calls the package.
     const CALLER: i32 = 2;
     let (certificate, unit) = (made.model.certificate.as_ref(), made.model.metadata.units.length_text());

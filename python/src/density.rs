@@ -42,6 +42,24 @@ pub fn grid<'py>(
     Ok((array, density.grid.min, density.grid.side, density.outside))
 }
 
+/// Means (or dispersions) of a field at points: (n,) of a scalar, (n, 3) of a vector.
+pub fn field_at<'py>(
+    py: Python<'py>,
+    model: &Model,
+    (field, dispersion): (&str, bool),
+    points: &PyReadonlyArrayDyn<'py, f64>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let points = arrays::points(points)?;
+    let found = WorkOptions::quietly(threads)
+        .run(py, |progress| Domain::from_model(model).field_at(model, field, &points, progress))?;
+    let columns = if dispersion { found.dispersion } else { found.mean };
+    let rows: Vec<f64> = (0..points.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
+    let shape = if columns.len() == 1 { vec![points.len()] } else { vec![points.len(), columns.len()] };
+    let array = ArrayD::from_shape_vec(IxDyn(&shape), rows);
+    Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
+}
+
 /// Density at points, (n,).
 pub fn at<'py>(
     py: Python<'py>,

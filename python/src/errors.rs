@@ -38,6 +38,7 @@ fn hint_text(hint: &Hint) -> String {
         ("gadget-blocks", _) => format!("blocks=\"{value}\".split(\",\")"),
         ("positions", "A,B,C") => "positions=\"A,B,C\"".into(),
         ("box", _) => "box=".into(),
+        ("fields", _) => "fields=".into(),
         ("size", _) => format!("size={}", value.trim_end_matches('B')),
         _ => format!("{}={value}", name.replace('-', "_")),
     };

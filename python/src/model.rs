@@ -10,11 +10,13 @@ use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs_export::density_unit;
 use particlegs_files::output;
 use particlegs_pipeline::camera::{Camera, Projection, View};
-use particlegs_pipeline::model::{LawKind, Layer, Mass, Metadata};
+use particlegs_pipeline::model::{LawKind, Layer, Mass, Metadata, Quantity};
 use particlegs_pipeline::particles::RawForm;
 use particlegs_pipeline::picture::{Gray8, Pixels, Plane, Size};
 use particlegs_pipeline::recover::Options;
-use particlegs_pipeline::render::{Scene, Scratch, draw_into, extent, optical_depth_into, surface_density};
+use particlegs_pipeline::render::{
+    FieldQuery, Scene, Scratch, draw_into, extent, field_map, optical_depth_into, surface_density,
+};
 use particlegs_pipeline::score::Assessment;
 use particlegs_pipeline::{codec, parallel};
 use particlegs_view::page::{ModelFile, PageOpening, offline};
@@ -80,6 +82,11 @@ impl Model {
             None => std::borrow::Cow::Borrowed(&self.model),
             Some(names) => std::borrow::Cow::Owned(self.model.clone().only(names).or_raise()?),
         })
+    }
+
+    fn field_unit(&self, name: &str) -> Option<String> {
+        let field = self.model.metadata.fields.iter().find(|q| q.name == name);
+        field.and_then(|q| q.unit.as_ref()).map(|u| u.text.clone())
     }
 
     fn surface_density(
@@ -246,6 +253,57 @@ impl Model {
         let view = self.looking().view(&camera, size, None, None).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
         pictures::plane(py, &self.surface_density(py, (&shown, &view, size), threads)?)
+    }
+
+    /// Mean of a field along the lines of sight, its unit and what it is, for legends.
+    #[pyo3(signature = (field, size, camera, bulk=None, subtract_mean=false, layers=None, threads=None))]
+    fn field_map<'py>(
+        &self,
+        py: Python<'py>,
+        field: &str,
+        size: (usize, usize),
+        camera: CameraArgs,
+        bulk: Option<[f64; 3]>,
+        subtract_mean: bool,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<String>)> {
+        let size = Size { width: size.0, height: size.1 };
+        let view = self.looking().view(&camera, size, None, None).or_raise()?;
+        let view = self.looking().density_view(&view, size);
+        let shown = self.shown(layers.as_deref())?;
+        let mut query = FieldQuery::new(field, &self.model.metadata.fields).or_raise()?;
+        if subtract_mean {
+            query = query.without_mean(&self.model);
+        }
+        query.bulk = bulk.unwrap_or(query.bulk);
+        let scene = Scene::from_layers(&self.model, |l| shown[l]);
+        let map = WorkOptions::quietly(threads).run(py, |progress| field_map(&scene, &query, &view, size, progress))?;
+        Ok((pictures::plane(py, map.wanted(&query))?, self.field_unit(&query.name)))
+    }
+
+    /// Fields: name, kind, unit, what weighs their means.
+    #[getter]
+    fn fields(&self) -> Vec<(String, &'static str, Option<String>, &'static str)> {
+        let of = |q: &Quantity| {
+            let unit = q.unit.as_ref().map(|u| u.text.clone());
+            (q.name.clone(), q.kind.name(), unit, if q.by_mass { "mass" } else { "count" })
+        };
+        self.model.metadata.fields.iter().map(of).collect()
+    }
+
+    /// A field at points, (n,) or (n, 3): means, or dispersions.
+    #[pyo3(signature = (field, points, dispersion=false, layers=None, threads=None))]
+    fn field_at<'py>(
+        &self,
+        py: Python<'py>,
+        field: &str,
+        points: PyReadonlyArrayDyn<'py, f64>,
+        dispersion: bool,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        density::field_at(py, &*self.only(layers.as_deref())?, (field, dispersion), &points, threads)
     }
 
     /// Unit of the densities of some layers, per area (2) or volume (3).

@@ -5,7 +5,7 @@ use crate::drawing::field_colors::FieldLegend;
 use clap::Args;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::picture::{Colormap, Plane, Size, ValueScale};
-use particlegs_pipeline::render::{FieldComponent, FieldQuery};
+use particlegs_pipeline::render::{FieldQuery, MapComponent};
 use particlegs_pipeline::{Error, Result};
 
 #[derive(Args, Clone, Debug)]
@@ -42,7 +42,7 @@ impl FieldArgs {
     pub fn choice(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
         let mut query = FieldQuery::new(name, &model.metadata.fields)?;
         if let Some(text) = &self.bulk {
-            if query.component == FieldComponent::Scalar {
+            if query.component == MapComponent::Scalar {
                 let what = format!("--bulk needs a vector, but field `{}` is a scalar", query.name);
                 return Err(Error::argument(what));
             }

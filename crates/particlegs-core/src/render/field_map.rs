@@ -1,7 +1,7 @@
 //! Maps of a field: its weighted mean along each line of sight, and its dispersion about that (docs/law/fields.md).
 
 use super::bin::{SMALL, lattice_sum};
-use super::field_query::{FieldComponent, FieldQuery};
+use super::field_query::{FieldQuery, MapComponent};
 use super::lens::Lens;
 use super::project::{CameraGaussian, DepthMoments, Footprint, slices};
 use super::scene::Scene;
@@ -89,7 +89,7 @@ fn range(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<[f64; 2]> {
     let FieldQuery { name, component, bulk, .. } = query;
     let fields: Vec<&FieldMoments> = parts.iter().filter_map(|(m, _)| m.fields.get(name)).collect();
     let Some(first) = fields.first() else { return Err(Error::argument(format!("the model has no field `{name}`"))) };
-    let wanted = if *component == FieldComponent::Scalar { 1 } else { 3 };
+    let wanted = if *component == MapComponent::Scalar { 1 } else { 3 };
     if first.components() != wanted {
         let kind = if first.components() == 1 { "a scalar" } else { "a vector" };
         return Err(Error::argument(format!("field `{name}` is {kind}: it has no such component")));
@@ -99,9 +99,9 @@ fn range(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<[f64; 2]> {
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a - shift), hi.max(b - shift)])
     };
     Ok(match component {
-        FieldComponent::Scalar => of(0, 0.0),
-        FieldComponent::Axis(k) => of(*k, bulk[*k]),
-        FieldComponent::LineOfSight => {
+        MapComponent::Scalar => of(0, 0.0),
+        MapComponent::Axis(k) => of(*k, bulk[*k]),
+        MapComponent::LineOfSight => {
             let farthest: [f64; 3] = each_axis(|k| of(k, bulk[k]).map(f64::abs).into_iter().fold(0.0, f64::max));
             [-norm(farthest), norm(farthest)]
         }
@@ -111,9 +111,9 @@ fn range(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<[f64; 2]> {
 /// What is subtracted before squares are added up: the mean of all, so that dispersions keep their digits.
 fn overall_mean(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
     let column = match query.component {
-        FieldComponent::Scalar => 0,
-        FieldComponent::Axis(k) => k,
-        FieldComponent::LineOfSight => return 0.0,
+        MapComponent::Scalar => 0,
+        MapComponent::Axis(k) => k,
+        MapComponent::LineOfSight => return 0.0,
     };
     let (mut sum, mut total) = (0.0, 0.0);
     for (m, unit) in parts {
@@ -123,7 +123,7 @@ fn overall_mean(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
             (sum, total) = (sum + w * field.mean[column][i], total + w);
         }
     }
-    let bulk = if query.component == FieldComponent::Scalar { 0.0 } else { query.bulk[column] };
+    let bulk = if query.component == MapComponent::Scalar { 0.0 } else { query.bulk[column] };
     if total > 0.0 { sum / total - bulk } else { 0.0 }
 }
 
@@ -324,12 +324,12 @@ impl FieldProjection<'_> {
         // How the direction turns with the place, in perspective: what lies across it, over the distance.
         let mut turn = [0.0; 3];
         let direction = match query.component {
-            FieldComponent::Scalar => {
+            MapComponent::Scalar => {
                 let slope = each_axis(|a| field.slope[0][a][i]);
                 return FieldNumber { mean: field.mean[0][i], variance: field.spread[0][i], slope };
             }
-            FieldComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
-            FieldComponent::LineOfSight => {
+            MapComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
+            MapComponent::LineOfSight => {
                 let place = self.mixture.mean_of(i);
                 let away = match lens.perspective {
                     true => each_axis(|k| place[k] - lens.position[k]),
@@ -442,7 +442,7 @@ mod tests {
         DensityView { name: "a".into(), camera, range, images: Images::Own }
     }
 
-    fn query(name: &str, component: FieldComponent) -> FieldQuery {
+    fn query(name: &str, component: MapComponent) -> FieldQuery {
         FieldQuery { name: name.into(), component, dispersion: false, bulk: [0.5, 0.0, -0.3] }
     }
 
@@ -468,10 +468,10 @@ mod tests {
                 let from_eye = each_axis(|k| x * scale * right[k] - y * scale * up[k] - depth * back[k]);
                 let at: [f64; 3] = each_axis(|k| frame.position[k] + from_eye[k]);
                 let direction = match q.component {
-                    FieldComponent::Scalar => [1.0, 0.0, 0.0],
-                    FieldComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
-                    FieldComponent::LineOfSight if perspective => from_eye.map(|v| v / norm(from_eye)),
-                    FieldComponent::LineOfSight => back.map(|v| -v),
+                    MapComponent::Scalar => [1.0, 0.0, 0.0],
+                    MapComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
+                    MapComponent::LineOfSight if perspective => from_eye.map(|v| v / norm(from_eye)),
+                    MapComponent::LineOfSight => back.map(|v| -v),
                 };
                 for i in 0..m.len() {
                     let d: [f64; 3] = each_axis(|k| at[k] - m.mean[k][i]);
@@ -523,9 +523,9 @@ mod tests {
     fn maps_are_integrals_along_the_line_of_sight() {
         let flat = Projection::Orthographic { height_world: 4.0 };
         for (name, component) in [
-            ("scalar", FieldComponent::Scalar),
-            ("velocity", FieldComponent::Axis(1)),
-            ("velocity", FieldComponent::LineOfSight),
+            ("scalar", MapComponent::Scalar),
+            ("velocity", MapComponent::Axis(1)),
+            ("velocity", MapComponent::LineOfSight),
         ] {
             let off = worst(&query(name, component), &view(flat, [0.0, 18.0]));
             assert!(off < 1e-4, "{name} {component:?}: {off}");
@@ -543,10 +543,10 @@ mod tests {
         let bounds = Bounds { min: [-5.0; 3], max: [5.0; 3] };
         let (scene, v) =
             (Scene::from_mixture(&m, bounds), view(Projection::Orthographic { height_world: 60.0 }, [0.0, 18.0]));
-        let map = field_map(&scene, &query("scalar", FieldComponent::Scalar), &v, SIZE, &Context::SILENT).unwrap();
+        let map = field_map(&scene, &query("scalar", MapComponent::Scalar), &v, SIZE, &Context::SILENT).unwrap();
         assert!(map.mean.data[0].is_nan() && map.dispersion.data[0].is_nan() && map.density.data[0] == 0.0);
         assert!(map.mean.data.iter().any(|v| v.is_finite()));
-        for (name, component) in [("none", FieldComponent::Scalar), ("scalar", FieldComponent::Axis(0))] {
+        for (name, component) in [("none", MapComponent::Scalar), ("scalar", MapComponent::Axis(0))] {
             assert!(field_map(&scene, &query(name, component), &v, SIZE, &Context::SILENT).is_err(), "{name}");
         }
     }
@@ -557,11 +557,11 @@ mod tests {
         let quantity = |name: &str, kind| Quantity { name: name.into(), kind, unit: None, bytes: 4, by_mass: false };
         let fields = [quantity("velocity", QuantityKind::Vector), quantity("T", QuantityKind::Scalar)];
         let of = |text: &str| FieldQuery::new(text, &fields).map(|q| (q.name, q.component, q.dispersion));
-        assert_eq!(of("t").unwrap(), ("T".into(), FieldComponent::Scalar, false));
-        assert_eq!(of("velocity.los").unwrap(), ("velocity".into(), FieldComponent::LineOfSight, false));
-        assert_eq!(of("dispersion.x").unwrap(), ("velocity".into(), FieldComponent::Axis(0), true));
-        assert_eq!(of("dispersion.velocity.z").unwrap(), ("velocity".into(), FieldComponent::Axis(2), true));
-        assert_eq!(of("dispersion.T").unwrap(), ("T".into(), FieldComponent::Scalar, true));
+        assert_eq!(of("t").unwrap(), ("T".into(), MapComponent::Scalar, false));
+        assert_eq!(of("velocity.los").unwrap(), ("velocity".into(), MapComponent::LineOfSight, false));
+        assert_eq!(of("dispersion.x").unwrap(), ("velocity".into(), MapComponent::Axis(0), true));
+        assert_eq!(of("dispersion.velocity.z").unwrap(), ("velocity".into(), MapComponent::Axis(2), true));
+        assert_eq!(of("dispersion.T").unwrap(), ("T".into(), MapComponent::Scalar, true));
         for text in ["velocity", "T.x", "los", "dispersion", "dispersion.T.x", "velocity.w", ""] {
             assert!(of(text).is_err(), "{text}");
         }

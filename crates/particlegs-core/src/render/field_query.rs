@@ -1,11 +1,11 @@
 //! What a map of a field shows: `temperature`, `velocity.los`, `dispersion.los`.
 
 use crate::model::{Mixture, Model, Quantity, QuantityKind};
-use crate::{Error, Result};
+use crate::{Error, Hint, Result};
 
 /// Which number of a field is mapped.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum FieldComponent {
+pub enum MapComponent {
     /// The value of a scalar.
     Scalar,
     /// A vector's component along x (0), y (1) or z (2).
@@ -20,7 +20,7 @@ pub struct FieldQuery {
     /// The field's name in the metadata.
     pub name: String,
     /// The number of it.
-    pub component: FieldComponent,
+    pub component: MapComponent,
     /// Root mean square about the mean instead of the mean?
     pub dispersion: bool,
     /// A vector that is subtracted from a vector field, in its unit.
@@ -30,11 +30,11 @@ pub struct FieldQuery {
 /// The vector field that components without a name belong to.
 const VELOCITY: &str = "velocity";
 const DISPERSION: &str = "dispersion.";
-const COMPONENTS: [(&str, FieldComponent); 4] = [
-    ("x", FieldComponent::Axis(0)),
-    ("y", FieldComponent::Axis(1)),
-    ("z", FieldComponent::Axis(2)),
-    ("los", FieldComponent::LineOfSight),
+const COMPONENTS: [(&str, MapComponent); 4] = [
+    ("x", MapComponent::Axis(0)),
+    ("y", MapComponent::Axis(1)),
+    ("z", MapComponent::Axis(2)),
+    ("los", MapComponent::LineOfSight),
 ];
 
 impl FieldQuery {
@@ -56,7 +56,7 @@ impl FieldQuery {
                     format!("field `{name}` is a vector"),
                     format!("choose a component: {name}.x, {name}.y, {name}.z, or {name}.los along the line of sight"),
                 )),
-                _ => Ok(query(q, FieldComponent::Scalar)),
+                _ => Ok(query(q, MapComponent::Scalar)),
             };
         }
         let named = wanted.rsplit_once('.').and_then(|(name, of)| Some((field(name)?, component(of)?)));
@@ -64,7 +64,8 @@ impl FieldQuery {
         match named.or_else(velocity).filter(|(q, _)| q.kind == QuantityKind::Vector) {
             Some((q, of)) => Ok(query(q, of)),
             None if fields.is_empty() => {
-                Err(Error::argument_with("the model has no fields", "compress the snapshot again with --fields"))
+                let hint = Hint::from("compress the snapshot again with ").option("fields", "NAME");
+                Err(Error::argument_with("the model has no fields", hint))
             }
             None => {
                 let names: Vec<String> = fields.iter().flat_map(FieldQuery::names).collect();
@@ -85,9 +86,9 @@ impl FieldQuery {
     /// What it is, for a legend: `velocity along the line of sight`.
     pub fn title(&self) -> String {
         let of = match self.component {
-            FieldComponent::Scalar => self.name.clone(),
-            FieldComponent::Axis(k) => format!("{} along {}", self.name, ["x", "y", "z"][k]),
-            FieldComponent::LineOfSight => format!("{} along the line of sight", self.name),
+            MapComponent::Scalar => self.name.clone(),
+            MapComponent::Axis(k) => format!("{} along {}", self.name, ["x", "y", "z"][k]),
+            MapComponent::LineOfSight => format!("{} along the line of sight", self.name),
         };
         if self.dispersion { format!("dispersion of {of}") } else { of }
     }
@@ -100,7 +101,7 @@ impl FieldQuery {
 
     /// Does it have a sign that a colour map should show?
     pub fn is_signed(&self) -> bool {
-        !self.dispersion && self.component != FieldComponent::Scalar
+        !self.dispersion && self.component != MapComponent::Scalar
     }
 }
 

@@ -6,7 +6,7 @@ use crate::context::Context;
 use crate::fit::gather;
 use crate::model::{LawKind, Model, Quantity, QuantityKind, Unit};
 use crate::particles::{FieldColumns, LayerFields, Particles};
-use crate::{Error, Result};
+use crate::{Error, Hint, Result};
 
 /// The name that stands for all fields of real numbers.
 const ALL: &str = "all";
@@ -32,7 +32,10 @@ impl<'a> FieldSelection<'a> {
         if law != LawKind::OpticalDepth {
             return Err(Error::argument_with(
                 "models of the alpha-blend law cannot store fields",
-                "compress without --law alpha-blend, or without --fields",
+                Hint::from("compress without ")
+                    .option("law", "alpha-blend")
+                    .words(", or without ")
+                    .option("fields", ""),
             ));
         }
         if sources.len() != particles.layers().len() {

@@ -1,6 +1,6 @@
 //! Moments of what particles carry, gathered for the Gaussians of a decoded model in one pass over the particles.
 
-use super::assignment::Assignment;
+use super::assignment::SoftAssignment;
 use crate::context::Context;
 use crate::math::{Sym3, each_axis};
 use crate::model::{Block, FieldMoments, Mixture};
@@ -47,7 +47,7 @@ pub fn gather(
     context: &Context<'_>,
 ) -> Result<Vec<Vec<BlockField>>> {
     let columns: usize = fields.iter().map(|f| f.1).sum();
-    let mut sums: Vec<BlockSums> = blocks.iter().map(|b| BlockSums::new(b, fields)).collect();
+    let mut sums: Vec<BlockFieldSums> = blocks.iter().map(|b| BlockFieldSums::new(b, fields)).collect();
     let bounds: Vec<Bounds> = blocks.iter().map(|b| b.bounds).collect();
     let runs = particles.len().div_ceil(RUN);
     context.begin("fields", (PASSES * particles.len()) as u64);
@@ -73,11 +73,11 @@ pub fn gather(
             context.advance(batch.iter().map(|r| r.weight.len() as u64).sum());
         }
         if pass + 1 < PASSES {
-            sums.iter_mut().for_each(BlockSums::next_pass);
+            sums.iter_mut().for_each(BlockFieldSums::next_pass);
         }
     }
     context.end();
-    Ok(sums.into_iter().map(BlockSums::finish).collect())
+    Ok(sums.into_iter().map(BlockFieldSums::finish).collect())
 }
 
 /// Refuses values that are no numbers; `first` is the particle of the first.
@@ -93,9 +93,9 @@ fn check_finite(fields: &[(&str, usize)], values: &[Vec<f64>], first: usize) -> 
 }
 
 /// What a block's particles sum to, Gaussian by Gaussian.
-struct BlockSums<'a> {
+struct BlockFieldSums<'a> {
     block: &'a Block,
-    assignment: Assignment,
+    assignment: SoftAssignment,
     fields: Vec<FieldSums>,
 }
 
@@ -138,7 +138,7 @@ impl RunShares {
         range: Range<usize>,
         values: Vec<Vec<f64>>,
         bounds: &[Bounds],
-        blocks: &[BlockSums<'_>],
+        blocks: &[BlockFieldSums<'_>],
     ) -> Self {
         let mut buffer = ChunkBuffer::default();
         let chunk = particles.chunk(range.clone(), &mut buffer);
@@ -204,7 +204,7 @@ impl FieldSums {
     }
 }
 
-impl<'a> BlockSums<'a> {
+impl<'a> BlockFieldSums<'a> {
     fn new(block: &'a Block, fields: &[(&str, usize)]) -> Self {
         let mut column = 0;
         let fields = fields.iter().map(|&(_, c)| {
@@ -214,7 +214,7 @@ impl<'a> BlockSums<'a> {
             column += c;
             field
         });
-        BlockSums { block, assignment: Assignment::new(&block.gaussians), fields: fields.collect() }
+        BlockFieldSums { block, assignment: SoftAssignment::new(&block.gaussians), fields: fields.collect() }
     }
 
     fn add(&mut self, number: u32, batch: &[RunShares]) {

@@ -129,7 +129,7 @@ impl LayerFields {
     }
 
     /// Fields whose values are in memory, a column for each component; vectors first.
-    pub(crate) fn from_columns(fields: Vec<SourceField>, mut columns: Vec<Vec<f64>>) -> LayerFields {
+    pub fn from_columns(fields: Vec<SourceField>, mut columns: Vec<Vec<f64>>) -> LayerFields {
         columns.resize_with(columns.len().next_multiple_of(3), Vec::new);
         let mut columns = columns.into_iter();
         let mut triples = Vec::new();

@@ -7,7 +7,7 @@ use super::points::PointGrid;
 use super::subject::mixtures;
 use crate::context::Context;
 use crate::math::{Purpose, Sym3};
-use crate::model::{Mixture, Model};
+use crate::model::{FieldMoments, Mixture, Model};
 use crate::particles::{Neighbours, Particles, places_of};
 use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
@@ -25,6 +25,8 @@ const NEEDLE: f64 = 5.0;
 const KERNEL_NEIGHBOURS: usize = 16;
 /// Points whose density is summed at once: 8 bytes each for every run of Gaussians.
 const AT_ONCE: usize = 1 << 17;
+/// Points whose field is summed at once.
+const FIELDS_AT_ONCE: usize = 1 << 14;
 /// Runs of Gaussians that are summed apart, so that sums do not depend on threads.
 const RUNS: usize = 64;
 
@@ -138,6 +140,78 @@ impl Domain {
     }
 }
 
+/// A field at points: NaN where no Gaussian that has it reaches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldAtPoints {
+    /// Means weighted by the Gaussians' densities, a column for each component, in the field's unit.
+    pub mean: Vec<Vec<f64>>,
+    /// Root mean squares of what single particles differ from them.
+    pub dispersion: Vec<Vec<f64>>,
+}
+
+impl Domain {
+    /// Mean and dispersion of a field of a model at `places` of the world, in this domain, where it repeats with its images
+    /// (docs/law/fields.md, "At a place").
+    pub fn field_at(
+        &self,
+        model: &Model,
+        name: &str,
+        places: &[[f64; 3]],
+        context: &Context<'_>,
+    ) -> Result<FieldAtPoints> {
+        if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
+            return Err(Error::argument(format!("point {i} is not finite")));
+        }
+        let parts: Vec<(f64, &Mixture, &FieldMoments)> =
+            mixtures(model).filter_map(|(unit, m)| Some((unit, m, m.fields.get(name)?))).collect();
+        let Some(components) = parts.first().map(|p| p.2.components()) else {
+            return Err(Error::argument(format!("the model has no field `{name}`")));
+        };
+        let width = 1 + 2 * components;
+        let gaussians: Vec<(GaussianDensity, &FieldMoments, usize)> = parts
+            .iter()
+            .flat_map(|&(unit, m, f)| {
+                (0..m.len()).map(move |i| (GaussianDensity::new(m, i, unit * m.mass_of(i), self), f, i))
+            })
+            .collect();
+        let empty = vec![vec![f64::NAN; places.len()]; components];
+        let mut out = FieldAtPoints { mean: empty.clone(), dispersion: empty };
+        let local: Vec<[f64; 3]> = places.iter().map(|p| self.local(*p)).collect();
+        for (first, local) in (0..).step_by(FIELDS_AT_ONCE).zip(local.chunks(FIELDS_AT_ONCE)) {
+            let points = PointGrid::new(local, self, 0.0)?;
+            let runs = parallel::try_map(gaussians.chunks(gaussians.len().div_ceil(RUNS).max(1)), |run| {
+                context.check()?;
+                let mut sums = vec![0.0; width * local.len()];
+                for (bell, field, i) in run {
+                    bell.visit(&points, |point, d, density| {
+                        let sums = &mut sums[width * point..][..width];
+                        sums[0] += density;
+                        for k in 0..components {
+                            let value = field.mean_at(k, *i, d);
+                            // Of the diagonal xx, yy, zz.
+                            let variance = field.spread[if components == 1 { 0 } else { [0, 3, 5][k] }][*i];
+                            sums[1 + 2 * k] += density * value;
+                            sums[2 + 2 * k] += density * (value * value + variance);
+                        }
+                    });
+                }
+                Ok::<_, Error>(sums)
+            })?;
+            for (at, index) in points.index.iter().enumerate() {
+                let sum = |k: usize| runs.iter().map(|r| r[width * at + k]).sum::<f64>();
+                let density = sum(0);
+                for k in (0..components).filter(|_| density > 0.0) {
+                    let mean = sum(1 + 2 * k) / density;
+                    let place = first + *index as usize;
+                    out.mean[k][place] = mean;
+                    out.dispersion[k][place] = (sum(2 + 2 * k) / density - mean * mean).max(0.0).sqrt();
+                }
+            }
+        }
+        Ok(out)
+    }
+}
+
 /// The sum of Gaussians at points, in the order of [`PointGrid::position`].
 fn densities(bells: &[GaussianDensity], points: &PointGrid, context: &Context<'_>) -> Result<Vec<f64>> {
     let n = points.position.len();
@@ -182,11 +256,16 @@ impl GaussianDensity {
 
     /// Adds its density at the points, that of its images in a box that repeats among it.
     fn add(&self, points: &PointGrid, density: &mut [f64]) {
+        self.visit(points, |i, _, own| density[i] += own);
+    }
+
+    /// Calls `each` with the points that it reaches, their places from its mean, and its density there.
+    fn visit(&self, points: &PointGrid, mut each: impl FnMut(usize, [f64; 3], f64)) {
         points.near(points.cell_of(self.mean), self.reach, |run, shift| {
             for i in run {
                 let d = each_axis(|k| points.position[i][k] + shift[k] - self.mean[k]);
                 if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= self.reach * self.reach {
-                    density[i] += self.peak * (-0.5 * self.inverse.quadratic(d)).exp();
+                    each(i, d, self.peak * (-0.5 * self.inverse.quadratic(d)).exp());
                 }
             }
         });
@@ -241,5 +320,26 @@ mod tests {
         }
         assert!(BOX.density_at(&model, &[[0.0, f64::NAN, 0.0]], &Context::SILENT).is_err());
         assert!(BOX.density_at(&model, &[], &Context::SILENT).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_field_at_points_is_the_mean_of_the_gaussians_weighted_by_their_densities() {
+        let round = Sym3::scaled_identity(0.05f64.powi(2));
+        let mut model = model_of(&[([0.02, 0.5, 0.5], round, 1000.0), ([0.1, 0.5, 0.5], round, 500.0)], BOX.length);
+        let field = FieldMoments {
+            mean: vec![vec![10.0, 40.0]],
+            slope: vec![[vec![100.0, 0.0], vec![0.0; 2], vec![0.0; 2]]],
+            spread: vec![vec![4.0, 9.0]],
+            range: vec![[-1e3, 1e3]],
+        };
+        model.layers[0].content[0].gaussians.fields.set("heat", field);
+        let x = [0.06, 0.5, 0.5];
+        let found = BOX.field_at(&model, "heat", &[x, [0.5, 0.0, 0.0]], &Context::SILENT).unwrap();
+        // Both means are equally far: two thirds of the particles belong to the first, which has 10 + 100 0.04 there.
+        let (mean, square) = ((2.0 * 14.0 + 40.0) / 3.0, (2.0 * (14.0 * 14.0 + 4.0) + 1600.0 + 9.0) / 3.0);
+        assert!((found.mean[0][0] - mean).abs() < 1e-9, "{}", found.mean[0][0]);
+        assert!((found.dispersion[0][0] - f64::sqrt(square - mean * mean)).abs() < 1e-9);
+        assert!(found.mean[0][1].is_nan() && found.dispersion[0][1].is_nan());
+        assert!(BOX.field_at(&model, "none", &[x], &Context::SILENT).is_err());
     }
 }

@@ -1,0 +1,74 @@
+"""Fields of particles in models."""
+
+import numpy as np
+import pytest
+
+import particlegs as pg
+
+
+def flow(n=4000):
+    """Two clouds that fall towards each other along x, and their temperatures."""
+    draw = np.random.default_rng(3)
+    side = np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
+    place = draw.normal(size=(n, 3)) * [0.5, 1.0, 0.7] + side[:, None] * [2.0, 0.0, 0.0]
+    velocity = draw.normal(size=(n, 3)) * 10.0 + side[:, None] * [-150.0, 0.0, 0.0]
+    return place.astype(np.float32), velocity, 1e4 * np.exp(0.1 * draw.normal(size=n)) * (2.0 + side)
+
+
+@pytest.fixture(scope="module")
+def model():
+    place, velocity, temperature = flow()
+    fields = {"velocity": velocity, "temperature": temperature}
+    return pg.compress(pg.Snapshot(place), gaussians=40, certificate="none", fields=fields)
+
+
+def test_fields_are_listed(model):
+    assert list(model.fields) == ["velocity", "temperature"]
+    assert model.fields["velocity"] == ("vector", None, "count")
+    assert model.fields["temperature"].kind == "scalar"
+
+
+def test_fields_at_points_follow_the_particles(model):
+    velocity = model.at([[2.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [100.0, 0.0, 0.0]], "velocity")
+    assert velocity.shape == (3, 3)
+    np.testing.assert_allclose(velocity[:2, 0], [-150.0, 150.0], atol=6.0)
+    assert np.isnan(velocity[2]).all()
+    assert model.at([[2.0, 0.0, 0.0]], "temperature") == pytest.approx([3e4], rel=0.05)
+    dispersion = model.at([[2.0, 0.0, 0.0]], "dispersion.velocity")
+    np.testing.assert_allclose(dispersion, 10.0, rtol=0.3)
+
+
+def test_maps_have_the_mean_along_the_line_of_sight(model):
+    seen = model.map("velocity.x", center=[0.0, 0.0, 0.0], width=12.0, shape=(40, 60))
+    assert seen.shape == (40, 60)
+    assert seen[20, 40] == pytest.approx(-150.0, abs=8.0)
+    assert seen[20, 20] == pytest.approx(150.0, abs=8.0)
+    moving = model.map("velocity.x", center=[0.0, 0.0, 0.0], width=12.0, shape=(40, 60), bulk=[-150.0, 0.0, 0.0])
+    np.testing.assert_allclose(moving, seen + 150.0, rtol=1e-5, atol=1e-3)
+    along = model.map("velocity.los", center=[0.0, 0.0, 0.0], width=12.0, shape=(40, 40), axis="x", bulk="mean")
+    assert np.nanmax(np.abs(along)) < 200.0
+
+
+def test_units_of_arrays_are_kept():
+    units = pytest.importorskip("astropy.units")
+    place, velocity, _ = flow(500)
+    made = pg.compress(place, gaussians=5, certificate="none", fields={"velocity": velocity * units.Unit("km/s")})
+    assert made.fields["velocity"].unit == "km / s"
+    assert made.map("velocity.los", width=10.0, shape=(8, 8)).unit == "km / s"
+
+
+def test_wrong_fields_are_refused(model):
+    place, velocity, temperature = flow(500)
+    for fields, what in [
+        ({"velocity": velocity[:10]}, "must have the shape"),
+        ({"velocity": velocity[:, :2]}, "must have the shape"),
+        ({"temperature": np.where(np.arange(500) == 7, np.nan, temperature)}, "particle 7 has the value NaN"),
+    ]:
+        with pytest.raises(pg.InputError, match=what):
+            pg.compress(place, gaussians=5, certificate="none", fields=fields)
+    with pytest.raises(pg.InputError, match="choose a component"):
+        model.map("velocity")
+    with pytest.raises(pg.InputError, match="no field"):
+        model.at([[0.0, 0.0, 0.0]], "entropy")
+    with pytest.raises(pg.InputError, match="bulk"):
+        model.map("velocity.x", bulk="median")
