@@ -53,8 +53,8 @@ def test_units_of_arrays_are_kept():
     units = pytest.importorskip("astropy.units")
     place, velocity, _ = flow(500)
     made = pg.compress(place, gaussians=5, certificate="none", fields={"velocity": velocity * units.Unit("km/s")})
-    assert made.fields["velocity"].unit == "km / s"
-    assert made.map("velocity.los", width=10.0, shape=(8, 8)).unit == "km / s"
+    assert made.fields["velocity"].unit == "km/s"
+    assert made.map("velocity.los", width=10.0, shape=(8, 8)).unit == "km/s"
 
 
 def test_wrong_fields_are_refused(model):
