@@ -30,7 +30,7 @@ pub struct FieldPrecision {
 
 impl Default for FieldPrecision {
     fn default() -> Self {
-        FieldPrecision { steps: [4.0; 4] }
+        FieldPrecision { steps: [4.0, 2.0, 4.0, 4.0] }
     }
 }
 
