@@ -182,6 +182,9 @@ impl Model {
                 block.bounds = block.bounds.scaled(f);
                 block.gaussians.mean.iter_mut().flatten().for_each(|v| *v *= f);
                 block.gaussians.cov.iter_mut().flatten().for_each(|v| *v *= f * f);
+                for (_, field) in block.gaussians.fields.iter_mut() {
+                    field.slope.iter_mut().flatten().flatten().for_each(|v| *v /= f);
+                }
             }
         }
         self.layers = self.layers.into_iter().map(|l| by.layer(l)).collect();
