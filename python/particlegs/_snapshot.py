@@ -216,6 +216,11 @@ class Snapshot:
         return local if not origin.any() else local.astype(np.float64) + origin
 
     @property
+    def fields(self) -> dict[str, Float32]:
+        """Fields that were drawn with the particles of a model, (n,) or (n, 3) each. `save` writes them."""
+        return {name: values for name, _, values in self._native.fields}
+
+    @property
     def weights(self) -> Optional[Float32]:
         """Weights, float32, (n,), read-only; None if all are equal."""
         return self._native.weights

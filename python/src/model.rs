@@ -15,7 +15,7 @@ use particlegs_pipeline::particles::RawForm;
 use particlegs_pipeline::picture::{Gray8, Pixels, Plane, Size};
 use particlegs_pipeline::recover::Options;
 use particlegs_pipeline::render::{
-    FieldQuery, Scene, Scratch, draw_into, extent, field_map, optical_depth_into, surface_density,
+    FieldQuery, Scene, Scratch, draw_into, extent, field_map, mean_vector, optical_depth_into, surface_density,
 };
 use particlegs_pipeline::score::Assessment;
 use particlegs_pipeline::{codec, parallel};
@@ -274,7 +274,7 @@ impl Model {
         let shown = self.shown(layers.as_deref())?;
         let mut query = FieldQuery::new(field, &self.model.metadata.fields).or_raise()?;
         if subtract_mean {
-            query = query.without_mean(&self.model);
+            query.bulk = mean_vector(&self.model, &query.name);
         }
         query.bulk = bulk.unwrap_or(query.bulk);
         let scene = Scene::from_layers(&self.model, |l| shown[l]);
@@ -356,8 +356,9 @@ impl Model {
             Options { particles: n, method, scale, seed, form: RawForm::Columns, model_name: self.name.clone() };
         let model = self.only(layers.as_deref())?.into_owned();
         let notes = options.notes(&model, codec::file_hash(&self.bytes)).to_string();
-        let drawn = WorkOptions { threads, progress }.run(py, |progress| options.draw(model, progress))?;
-        Ok(Snapshot { drawn: Some(notes), ..Snapshot::of(drawn, BTreeMap::new()) })
+        let drawn = WorkOptions { threads, progress }.run(py, |progress| options.draw_with_fields(model, progress))?;
+        let (drawn, fields) = drawn;
+        Ok(Snapshot { drawn: Some(notes), fields, ..Snapshot::of(drawn, BTreeMap::new()) })
     }
 
     /// A web page that shows the model offline; `opening` is JSON.

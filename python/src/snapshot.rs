@@ -4,12 +4,12 @@ use crate::arrays;
 use crate::errors::{InputError, IntoPyResult};
 use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::work::WorkOptions;
-use numpy::ndarray::ArrayView;
-use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
+use numpy::ndarray::{ArrayD, ArrayView, IxDyn};
+use numpy::{IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs_formats::Writer;
 use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs_pipeline::particles::{
-    LayeredParticles, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
+    LayerFields, LayeredParticles, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
 };
 use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::reference::Reference;
@@ -29,12 +29,14 @@ pub struct Snapshot {
     pub read: BTreeMap<String, String>,
     /// Notes on drawn particles, as JSON; `None` for others.
     pub drawn: Option<String>,
+    /// Fields of each layer that were drawn with the particles; none of others.
+    pub fields: Vec<LayerFields>,
 }
 
 impl Snapshot {
     /// Particles from files.
     pub fn of(particles: Particles, read: BTreeMap<String, String>) -> Self {
-        Snapshot { particles: Arc::new(particles), read, drawn: None }
+        Snapshot { particles: Arc::new(particles), read, drawn: None, fields: Vec::new() }
     }
 }
 
@@ -273,9 +275,33 @@ impl Snapshot {
         crate::model::refuse(&path, overwrite)?;
         let particles = &self.particles;
         WorkOptions { threads, progress }.run(py, |progress| {
-            let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), progress)?;
+            let mut kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), progress)?;
+            if !self.fields.is_empty() {
+                kept = kept.with_fields(self.fields.clone());
+            }
             Writer::for_output(&path, None)?.write(&kept, &path, progress)
         })
+    }
+
+    /// Fields that were drawn with the particles: name, unit, values of shape (n,) or (n, 3).
+    #[getter]
+    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, Option<String>, Bound<'py, PyArrayDyn<f32>>)>> {
+        let Some(first) = self.fields.first() else { return Ok(Vec::new()) };
+        let mut all = Vec::with_capacity(first.fields.len());
+        for (number, field) in first.fields.iter().enumerate() {
+            let components = field.components as usize;
+            let mut rows: Vec<f32> = Vec::with_capacity(components * self.particles.len());
+            for (layer, own) in self.particles.layers().iter().zip(&self.fields) {
+                let columns = own.values(number, layer.content.len()).or_raise()?;
+                rows.extend((0..layer.content.len()).flat_map(|i| columns.iter().map(move |c| c[i] as f32)));
+            }
+            let mut shape = vec![self.particles.len()];
+            shape.extend((components > 1).then_some(components));
+            let array = ArrayD::from_shape_vec(IxDyn(&shape), rows);
+            let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
+            all.push((field.name.clone(), field.unit.clone(), array));
+        }
+        Ok(all)
     }
 
     /// A picture of all particles by ParaView's own rules, or without noise.

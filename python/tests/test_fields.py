@@ -49,6 +49,18 @@ def test_maps_have_the_mean_along_the_line_of_sight(model):
     assert np.nanmax(np.abs(along)) < 200.0
 
 
+def test_recovered_particles_have_fields(model, tmp_path):
+    drawn = model.recover(seed=1)
+    assert drawn.fields["velocity"].shape == (len(drawn), 3) and drawn.fields["temperature"].shape == (len(drawn),)
+    right = drawn.positions[:, 0] > 1.0
+    assert drawn.fields["velocity"][right, 0].mean() == pytest.approx(-150.0, abs=3.0)
+    drawn.save(tmp_path / "drawn.hdf5")
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "drawn.hdf5") as file:
+        group = file["PartType1"] if "PartType1" in file else file["PartType0"]
+        np.testing.assert_allclose(group["Velocities"][:], drawn.fields["velocity"])
+
+
 def test_units_of_arrays_are_kept():
     units = pytest.importorskip("astropy.units")
     place, velocity, _ = flow(500)

@@ -1,11 +1,12 @@
 //! Options of maps of a field: which one, its scale, and what is subtracted.
 
 use crate::common::named;
+use crate::drawing::ViewContent;
 use crate::drawing::field_colors::FieldLegend;
 use clap::Args;
-use particlegs_pipeline::model::Model;
+use particlegs_pipeline::model::{Model, Quantity};
 use particlegs_pipeline::picture::{Colormap, Plane, Size, ValueScale};
-use particlegs_pipeline::render::{FieldQuery, MapComponent};
+use particlegs_pipeline::render::{FieldMap, FieldQuery, MapComponent, mean_vector};
 use particlegs_pipeline::{Error, Result};
 
 #[derive(Args, Clone, Debug)]
@@ -15,7 +16,7 @@ pub struct FieldArgs {
     ///
     /// A vector needs a component: velocity.x, velocity.y, velocity.z, or velocity.los, positive away from the
     /// observer. dispersion.los is the dispersion of the velocity, dispersion.temperature that of the temperature. Means
-    /// are weighted by mass, or by numbers of particles where no masses are known. `info` lists the fields of a model.
+    /// are weighted by mass, or by numbers of particles where no masses are known. `info` lists the fields.
     #[arg(long, value_name = "NAME", hide_short_help = true)]
     pub field: Option<String>,
     /// Scale of the field's colours [default: signed for vectors, log for positive values over a wide range].
@@ -37,25 +38,65 @@ pub struct FieldChoice {
     pub shade: bool,
 }
 
+/// What fields are chosen from: a model, or a snapshot's particles.
+pub struct FieldSource<'a> {
+    pub quantities: &'a [Quantity],
+    /// The mean of the vector field of a name.
+    pub mean: &'a dyn Fn(&str) -> [f64; 3],
+    /// Values that a scale is chosen by, of the first component.
+    pub samples: &'a dyn Fn(&str) -> Vec<f32>,
+}
+
 impl FieldArgs {
     /// The field of this name, in a model.
-    pub fn choice(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
-        let mut query = FieldQuery::new(name, &model.metadata.fields)?;
+    pub fn of_model(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
+        let samples = |name: &str| {
+            let own = model.blocks().filter_map(|b| b.gaussians.fields.get(name)).filter_map(|f| f.mean.first());
+            own.flatten().map(|v| *v as f32).collect()
+        };
+        let quantities = &model.metadata.fields;
+        self.choice(name, &FieldSource { quantities, mean: &|name| mean_vector(model, name), samples: &samples }, map)
+    }
+
+    pub fn choice(&self, name: &str, source: &FieldSource<'_>, map: Option<Colormap>) -> Result<FieldChoice> {
+        let mut query = FieldQuery::new(name, source.quantities)?;
         if let Some(text) = &self.bulk {
             if query.component == MapComponent::Scalar {
                 let what = format!("--bulk needs a vector, but field `{}` is a scalar", query.name);
                 return Err(Error::argument(what));
             }
-            query = match &text[..] {
-                "mean" => query.without_mean(model),
-                numbers => FieldQuery { bulk: vector(numbers)?, ..query },
+            query.bulk = match &text[..] {
+                "mean" => (source.mean)(&query.name),
+                numbers => vector(numbers)?,
             };
         }
-        let scale = self.scale.unwrap_or_else(|| suited(&query, model));
-        let quantity = model.metadata.fields.iter().find(|q| q.name == query.name);
+        let scale = self.scale.unwrap_or_else(|| {
+            let data = if query.dispersion { Vec::new() } else { (source.samples)(&query.name) };
+            let size = Size { width: data.len(), height: 1 };
+            ValueScale::suited(&Plane { size, data }, query.is_signed())
+        });
+        let quantity = source.quantities.iter().find(|q| q.name == query.name);
         let unit = quantity.and_then(|q| q.unit.as_ref()).map_or(String::new(), |u| u.text.clone());
         let legend = FieldLegend { title: query.title(), unit, scale, map };
         Ok(FieldChoice { query, legend, shade: self.shade })
+    }
+}
+
+impl FieldChoice {
+    /// The range that is asked for, where the scale can show it.
+    pub fn checked(&self, range: Option<[f64; 2]>) -> Result<()> {
+        match range {
+            Some(range) if !self.legend.scale.shows(range) => {
+                Err(Error::argument("--range takes LO,HI with LO < HI, both positive on a logarithmic scale"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What a map shows.
+    pub fn content(&self, map: FieldMap) -> ViewContent {
+        let values = map.wanted(&self.query).clone();
+        ViewContent::Field(values, self.shade.then_some(map.density))
     }
 }
 
@@ -64,15 +105,4 @@ fn vector(text: &str) -> Result<[f64; 3]> {
         text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
     let three = numbers.and_then(|n| <[f64; 3]>::try_from(n).ok());
     three.ok_or_else(|| Error::argument(format!("--bulk takes `mean` or three numbers X,Y,Z, not `{text}`")))
-}
-
-/// The scale for the values that Gaussians have.
-fn suited(query: &FieldQuery, model: &Model) -> ValueScale {
-    if query.dispersion {
-        return ValueScale::Linear;
-    }
-    let own = model.blocks().filter_map(|b| b.gaussians.fields.get(&query.name)).flat_map(|f| f.mean.first());
-    let data: Vec<f32> = own.flatten().map(|v| *v as f32).collect();
-    let size = Size { width: data.len(), height: 1 };
-    ValueScale::suited(&Plane { size, data }, query.is_signed())
 }

@@ -41,8 +41,9 @@ const RULES: &[OptionRule] = rules! {
     "reference": "smooth", |g| !g.density() => DENSITY[0], DENSITY[1];
     "render reference": "no_annotations colorbar", |g| !g.has_bars() =>
         "--style density, PDF, SVG and --scale-bar: other pictures have no bars";
-    "render reference": "radius opacity", |g| g.is("style", "density") =>
-        "the other styles: a surface density has no particle radius or opacity";
+    "render reference": "radius opacity", |g| g.is("style", "density") || g.has("field") =>
+        "the other styles: densities and fields have no particle radius or opacity";
+    "render reference": "style", |g| g.has("field") => "pictures without --field, which is a style of its own";
     "render": "color_by_layer", |g| g.is("style", "density") =>
         "the other styles: a density has its own colours", "draw one layer with --layer NAME";
     "render reference": "distance", |g| g.is("projection", "orthographic") =>
@@ -160,9 +161,9 @@ impl CommandMatches<'_> {
         self.words(id).iter().any(|v| v == value)
     }
 
-    /// Is a surface density drawn? With --like it may be.
+    /// Is a surface density or a field drawn? With --like one may be.
     fn density(&self) -> bool {
-        self.is("style", "density") || self.has("like") && !self.has("style")
+        self.is("style", "density") || self.has("field") || self.has("like") && !self.has("style")
     }
 
     fn has_bars(&self) -> bool {

@@ -5,7 +5,7 @@ use super::notes::one_line;
 use super::{Notes, RUN, written};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Model;
+use particlegs_pipeline::model::{Model, Quantity};
 use std::path::Path;
 
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
@@ -23,6 +23,7 @@ pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) ->
         let mut run = String::new();
         for (number, one) in all(model).enumerate() {
             row(&mut run, &one, masses, opacities);
+            model.metadata.fields.iter().for_each(|q| field(&mut run, &one, q));
             run += &names[one.layer];
             run.push('\n');
             if (number + 1).is_multiple_of(RUN) {
@@ -52,6 +53,12 @@ fn head(model: &Model) -> String {
     if has_opacities(model) {
         names.extend(["opacity".into(), "grey".into()]);
     }
+    for q in &m.fields {
+        let unit = unit(q.unit.as_ref().map(|u| &u.text[..]), "");
+        for name in q.component_names() {
+            names.extend([format!("{name}{unit}"), format!("dispersion_{name}{unit}")]);
+        }
+    }
     names.push("layer".into());
     let names: Vec<String> = names.iter().map(|n| quoted(n)).collect();
     names.join(",") + "\n"
@@ -67,6 +74,22 @@ fn row(out: &mut String, one: &LayerGaussian<'_>, masses: bool, opacities: bool)
         let text = buffer.format(number);
         *out += text.strip_suffix(".0").unwrap_or(text);
         out.push(',');
+    }
+}
+
+/// Means of a field and dispersions about them, component by component; empty where the layer lacks it.
+fn field(out: &mut String, one: &LayerGaussian<'_>, q: &Quantity) {
+    let numbers = one.field(q);
+    let components = numbers.mean.len();
+    let mut buffer = zmij::Buffer::new();
+    for k in 0..components {
+        for number in [numbers.mean[k], numbers.spread[k * (components + 1)].sqrt()] {
+            if number.is_finite() {
+                let text = buffer.format(number);
+                *out += text.strip_suffix(".0").unwrap_or(text);
+            }
+            out.push(',');
+        }
     }
 }
 

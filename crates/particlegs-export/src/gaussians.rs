@@ -1,6 +1,7 @@
 //! What the tables of Gaussians share.
 
-use particlegs_pipeline::model::{LawKind, Mixture, Model};
+use particlegs_pipeline::math::Sym3;
+use particlegs_pipeline::model::{LawKind, Mixture, Model, Quantity};
 
 pub struct LayerGaussian<'a> {
     pub of: &'a Mixture,
@@ -15,9 +16,38 @@ impl LayerGaussian<'_> {
         self.unit * self.of.mass_of(self.i)
     }
 
+    /// The numbers of a field: means, slopes (x, y, z of each component), and the variance or the rows of the covariance;
+    /// NaN where the layer lacks it.
+    pub fn field(&self, q: &Quantity) -> FieldNumbers {
+        let components = q.component_names().len();
+        let Some(f) = self.of.fields.get(&q.name) else {
+            return FieldNumbers {
+                mean: vec![f64::NAN; components],
+                slope: vec![f64::NAN; 3 * components],
+                spread: vec![f64::NAN; components * components],
+            };
+        };
+        let spread = match components {
+            1 => vec![f.spread[0][self.i]],
+            _ => Sym3(std::array::from_fn(|k| f.spread[k][self.i])).rows().as_flattened().to_vec(),
+        };
+        FieldNumbers {
+            mean: f.mean.iter().map(|c| c[self.i]).collect(),
+            slope: f.slope.iter().flatten().map(|c| c[self.i]).collect(),
+            spread,
+        }
+    }
+
     pub fn splat(&self) -> [f64; 2] {
         self.of.law.alpha_blend().map_or([0.0; 2], |own| [own.opacity[self.i], own.grey[self.i]])
     }
+}
+
+/// What a Gaussian has of a field.
+pub struct FieldNumbers {
+    pub mean: Vec<f64>,
+    pub slope: Vec<f64>,
+    pub spread: Vec<f64>,
 }
 
 /// All of them, layer by layer and block by block.

@@ -17,7 +17,14 @@ pub struct Notes {
 impl Notes {
     pub fn new(kind: Kind, model: &Model, name: &str) -> Notes {
         let m = &model.metadata;
-        let lost = lost(kind, m.law).iter().map(|s| s.to_string()).collect();
+        let lost = lost(kind, m.law).iter().map(|s| s.to_string());
+        let names: Vec<&str> = m.fields.iter().map(|q| &q.name[..]).collect();
+        let without_fields = match (names.is_empty(), kind) {
+            (true, _) | (_, Kind::Npz | Kind::Html) => None,
+            (_, Kind::Csv) => Some("slopes of fields, and covariances of vectors".to_string()),
+            _ => Some(format!("the fields: {}", names.join(", "))),
+        };
+        let lost = lost.chain(without_fields).collect();
         let mut notes = Notes { facts: facts(model, name), words: words(model, name), lost };
         if kind.group() == Group::Splats {
             let frame = Normalisation::new(&m.bounds);

@@ -11,43 +11,67 @@ use std::io::{Error, Write};
 use std::path::Path;
 
 /// A column: name, element type of NumPy, sides behind the number of Gaussians, and a Gaussian's bytes.
-struct NpzColumn {
-    name: &'static str,
+struct NpzColumn<'a> {
+    name: String,
     element: &'static str,
     sides: &'static [u64],
-    put: fn(&LayerGaussian<'_>, &mut Vec<u8>),
+    put: Box<dyn Fn(&LayerGaussian<'_>, &mut Vec<u8>) + 'a>,
+}
+
+impl<'a> NpzColumn<'a> {
+    fn reals(name: impl Into<String>, sides: &'static [u64], of: impl Fn(&LayerGaussian<'_>) -> Vec<f64> + 'a) -> Self {
+        NpzColumn { name: name.into(), element: "<f8", sides, put: Box::new(move |g, out| reals(out, &of(g))) }
+    }
 }
 
 fn reals(out: &mut Vec<u8>, values: &[f64]) {
     out.extend(values.iter().flat_map(|v| v.to_le_bytes()));
 }
 
-const COLUMNS: [NpzColumn; 4] = [
-    NpzColumn { name: "mean", element: "<f8", sides: &[3], put: |g, out| reals(out, &g.of.mean_of(g.i)) },
-    NpzColumn {
-        name: "covariance",
-        element: "<f8",
-        sides: &[3, 3],
-        put: |g, out| reals(out, g.of.cov_of(g.i).rows().as_flattened()),
-    },
-    NpzColumn { name: "count", element: "<f8", sides: &[], put: |g, out| reals(out, &[g.of.count[g.i]]) },
-    NpzColumn { name: "layer", element: "<i4", sides: &[], put: |g, out| out.extend((g.layer as i32).to_le_bytes()) },
-];
-const MASS: NpzColumn = NpzColumn { name: "mass", element: "<f8", sides: &[], put: |g, out| reals(out, &[g.mass()]) };
-const OPACITIES: [NpzColumn; 2] = [
-    NpzColumn { name: "opacity", element: "<f8", sides: &[], put: |g, out| reals(out, &g.splat()[..1]) },
-    NpzColumn { name: "grey", element: "<f8", sides: &[], put: |g, out| reals(out, &g.splat()[1..]) },
-];
+/// The columns of a model: places and shapes, masses, opacities, fields.
+fn columns(model: &Model) -> Vec<NpzColumn<'_>> {
+    let layer = NpzColumn {
+        name: "layer".into(),
+        element: "<i4",
+        sides: &[],
+        put: Box::new(|g, out| out.extend((g.layer as i32).to_le_bytes())),
+    };
+    let mut all = vec![
+        NpzColumn::reals("mean", &[3], |g| g.of.mean_of(g.i).into()),
+        NpzColumn::reals("covariance", &[3, 3], |g| g.of.cov_of(g.i).rows().as_flattened().into()),
+        NpzColumn::reals("count", &[], |g| vec![g.of.count[g.i]]),
+        layer,
+    ];
+    if model.has_masses() {
+        all.push(NpzColumn::reals("mass", &[], |g| vec![g.mass()]));
+    }
+    if has_opacities(model) {
+        all.push(NpzColumn::reals("opacity", &[], |g| g.splat()[..1].into()));
+        all.push(NpzColumn::reals("grey", &[], |g| g.splat()[1..].into()));
+    }
+    for q in &model.metadata.fields {
+        let name = &q.name;
+        let (sides, spread): ([&[u64]; 3], _) = match q.component_names().len() {
+            1 => ([&[], &[3], &[]], "variance"),
+            _ => ([&[3], &[3, 3], &[3, 3]], "covariance"),
+        };
+        all.push(NpzColumn::reals(format!("field_{name}"), sides[0], move |g| g.field(q).mean));
+        all.push(NpzColumn::reals(format!("field_{name}_slope"), sides[1], move |g| g.field(q).slope));
+        all.push(NpzColumn::reals(format!("field_{name}_{spread}"), sides[2], move |g| g.field(q).spread));
+    }
+    all
+}
 
 pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
-    let masses = model.has_masses().then_some(MASS);
-    let opacities = has_opacities(model).then_some(OPACITIES);
-    let columns = COLUMNS.into_iter().chain(masses).chain(opacities.into_iter().flatten());
-    let bytes = model.gaussians() as u64 * (9 + 3 + 2) * 8;
+    let columns = columns(model);
+    let numbers: u64 = columns.iter().map(|c| c.sides.iter().product::<u64>()).sum();
+    let bytes = model.gaussians() as u64 * numbers * 8;
     written(out, bytes, context, |sink| {
         let mut archive = ZipArchiveWriter::new(sink);
-        for column in columns {
-            member(&mut archive, column.name, |to| of_column(to, model, &column, context))?;
+        for column in &columns {
+            // A slash would make a folder in the archive.
+            let name = column.name.replace(['/', '\\'], "_");
+            member(&mut archive, &name, |to| of_column(to, model, column, context))?;
         }
         let names: Vec<&str> = model.layers.iter().map(|l| &l.name[..]).collect();
         member(&mut archive, "layer_names", |to| of_texts(to, &names, &[names.len() as u64]))?;
@@ -70,7 +94,7 @@ fn member(
     entry.finish(descriptor).map_err(Error::other).map(drop)
 }
 
-fn of_column(to: &mut dyn Write, model: &Model, column: &NpzColumn, context: &Context<'_>) -> std::io::Result<()> {
+fn of_column(to: &mut dyn Write, model: &Model, column: &NpzColumn<'_>, context: &Context<'_>) -> std::io::Result<()> {
     let shape: Vec<u64> = std::iter::once(model.gaussians() as u64).chain(column.sides.iter().copied()).collect();
     to.write_all(&npy_header(column.element, &shape))?;
     let mut run = Vec::new();

@@ -8,6 +8,7 @@ use crate::drawing::job::DrawingJob;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer};
+use crate::field_args::{FieldArgs, FieldChoice, FieldSource};
 use crate::figure::FileKind;
 use crate::figure::args::FigureArgs;
 use crate::figure::number;
@@ -18,10 +19,11 @@ use crate::view_args::{ViewArgs, ViewSubject};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs_pipeline::camera::{Extent, View, ViewSet};
-use particlegs_pipeline::model::hex;
-use particlegs_pipeline::particles::Storage;
-use particlegs_pipeline::reference::Reference;
-use particlegs_pipeline::render::Renderer;
+use particlegs_pipeline::compress::FieldSelection;
+use particlegs_pipeline::model::{LawKind, hex};
+use particlegs_pipeline::particles::{LayerFields, Particles, Storage};
+use particlegs_pipeline::reference::{FieldValues, Reference};
+use particlegs_pipeline::render::{FieldQuery, Renderer};
 use particlegs_pipeline::splat::{DEFAULT_OPACITY, ToneStyle};
 use particlegs_pipeline::{Error, Result};
 use serde::Serialize;
@@ -71,6 +73,8 @@ pub struct Arguments {
     figure: FigureArgs,
     #[command(flatten)]
     density: DensityArgs,
+    #[command(flatten)]
+    field: FieldArgs,
     /// Smooth each particle over a sphere that reaches its K-th nearest neighbour [default: points].
     ///
     /// Uses the cubic spline kernel, across periodic boundaries, with neighbours among all particles that are drawn. 16
@@ -138,13 +142,21 @@ pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path].into_iter().flatten();
     context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
-    let range = a.density.asked_range()?;
+    let range = if a.field.field.is_some() { a.density.field_range() } else { a.density.asked_range() }?;
     let particles = ParticleArgs::without_window(&a.snapshot, &a.selection);
-    let particles = particles.read(&a.input, a.common.seed, &Storage::Memory, &context)?;
+    let mut choice = particles.choice(a.common.seed)?;
+    let (particles, sources) = match &a.field.field {
+        None => (choice.read(&a.input, &Storage::Memory, &context)?, Vec::new()),
+        Some(_) => choice.read_fields(&a.input, &Storage::Memory, &context)?,
+    };
+    let field =
+        a.field.field.as_deref().map(|name| particle_field(a, name, &particles, &sources, &context)).transpose()?;
+    field.iter().try_for_each(|(f, _)| f.checked(range))?;
+    let style = if field.is_some() { None } else { a.style };
     let mut reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
-    let (density, cell) = (a.style.is_none(), particles.meta.cell);
+    let (density, cell) = (style.is_none(), particles.meta.cell);
     let radius = bounds.default_radius(count);
     let extent = Extent::new(&bounds, cell.as_ref());
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
@@ -158,7 +170,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.message(&note);
     }
     a.figure.note_missing(&[], &context);
-    let style = STYLES.iter().find(|s| s.0 == a.style).map(|s| s.1.to_string()).unwrap_or_default();
+    let style_name = STYLES.iter().find(|s| s.0 == style).map(|s| s.1.to_string()).unwrap_or_default();
     let (mut smooth_seconds, mut text) = (None, String::new());
     if let Some(neighbours) = a.smooth {
         let started = Instant::now();
@@ -173,15 +185,20 @@ pub fn run(a: &Arguments) -> Result<()> {
     let about = PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
-        style: style.clone(),
+        style: style_name.clone(),
         colormap: density.then(|| colormap.name().into()),
-        unit: density.then(|| quantities.unit()),
+        field: a.field.field.clone(),
+        unit: match &field {
+            Some((f, _)) => Some(f.legend.unit.clone()),
+            None => density.then(|| quantities.unit()),
+        },
         units: Some(PictureUnits::new(particles.meta.unit_system())),
         background: ground,
         ..PictureProvenance::default()
     };
     let (args, quantities) = (&a.figure, &quantities);
-    let finish = Finisher { args, colormap, field: None, quantities, subject: &subject, legend: Vec::new(), about };
+    let legend = field.as_ref().map(|(f, _)| f.legend.clone());
+    let finish = Finisher { args, colormap, field: legend, quantities, subject: &subject, legend: Vec::new(), about };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let device = a.device.open()?;
     if device.is_some() && density {
@@ -189,7 +206,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         return Err(Error::argument_with(what, "omit --device"));
     }
     let on_device = device.map(|d| d.particles(reference.input(), &context)).transpose()?;
-    let painter = renderer(&reference, on_device, a.style, &subject, &context);
+    let painter = renderer(&reference, on_device, (style, field.as_ref()), &subject, &context);
     let job = DrawingJob { painter: &painter, finish: &finish, set: &set, range, hints: false, context: &context };
     let drawn = job.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
@@ -197,7 +214,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let rate = |d: &RenderedView| count as f64 / d.seconds.max(1e-9);
     let of = |(drawn, radius_px)| ParticleView { particles_per_second: rate(&drawn), drawn, radius_px };
     let report = ReferenceReport {
-        style,
+        style: style_name,
         particles: count,
         smooth: a.smooth,
         smooth_seconds,
@@ -208,6 +225,33 @@ pub fn run(a: &Arguments) -> Result<()> {
         views: drawn.views.into_iter().zip(radii).map(of).collect(),
     };
     context.finish(&text, &report)
+}
+
+/// The field that --field names, and the particles' values.
+fn particle_field(
+    a: &Arguments,
+    name: &str,
+    particles: &Particles,
+    sources: &[LayerFields],
+    context: &CommandContext,
+) -> Result<(FieldChoice, FieldValues)> {
+    let select =
+        |name: &String| FieldSelection::new(std::slice::from_ref(name), particles, sources, LawKind::OpticalDepth);
+    let mut found = FieldQuery::candidates(name).iter().map(select).collect::<Vec<_>>();
+    let at = found.iter().position(Result::is_ok).unwrap_or(0);
+    let selection = found.swap_remove(at)?;
+    context.notes(selection.notes());
+    let values = selection.values(0)?;
+    let mean = |_: &str| {
+        let of = |column: &Vec<f32>| {
+            let there: Vec<f64> = column.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect();
+            there.iter().sum::<f64>() / there.len().max(1) as f64
+        };
+        [0, 1, 2].map(|k| values.columns.get(k).map_or(0.0, of))
+    };
+    let samples = |_: &str| values.columns[0].clone();
+    let source = FieldSource { quantities: selection.quantities(), mean: &mean, samples: &samples };
+    Ok((a.field.choice(name, &source, a.density.colormap)?, values))
 }
 
 fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
@@ -224,7 +268,7 @@ fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
 fn renderer<'a>(
     reference: &'a Reference<'a>,
     on_device: Option<Box<dyn Renderer + 'a>>,
-    style: ParticleStyle,
+    (style, field): (ParticleStyle, Option<&'a (FieldChoice, FieldValues)>),
     subject: &'a ViewSubject,
     context: &'a CommandContext,
 ) -> ViewRenderer<'a> {
@@ -235,6 +279,10 @@ fn renderer<'a>(
             Some((look, false)) => renderer.response(view, size, look, context),
             None => {
                 let view = subject.density_view(view, size);
+                if let Some((field, values)) = field {
+                    let map = reference.field_map(values, &field.query, &view, size, context)?;
+                    return Ok(field.content(map));
+                }
                 return Ok(ViewContent::Density(reference.surface_density(&view, size, context)?));
             }
         };

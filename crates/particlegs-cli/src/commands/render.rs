@@ -178,8 +178,8 @@ impl RenderOptions {
             figure: a.figure.clone(),
             like: None,
         };
-        if a.field.field.is_some() && (a.style.is_some_and(|style| style.is_some()) || a.color_by_layer) {
-            return Err(Error::argument("--field has colours of its own: omit --style and --color-by-layer"));
+        if a.field.field.is_some() && a.color_by_layer {
+            return Err(Error::argument("--color-by-layer has no effect with --field, which has colours of its own"));
         }
         let Some(path) = &a.like else { return Ok(asked) };
         let (told, set) = PictureProvenance::read(path, context)?;
@@ -247,15 +247,12 @@ pub fn run(a: &Arguments) -> Result<()> {
     let quantities = Quantities::from_model(model);
     let device = a.device.open()?;
     let map = a.density.colormap;
-    let fields = read.iter().map(|r| asked.field.as_ref().map(|name| a.field.choice(name, &r.model, map)).transpose());
+    let fields =
+        read.iter().map(|r| asked.field.as_ref().map(|name| a.field.of_model(name, &r.model, map)).transpose());
     let fields = fields.collect::<Result<Vec<_>>>()?;
     alike(&fields, &read)?;
     let field = fields.first().cloned().flatten();
-    if let (Some(field), Some(range)) = (&field, asked.range)
-        && !field.legend.scale.shows(range)
-    {
-        return Err(Error::argument("--range takes LO,HI with LO < HI, both positive on a logarithmic scale"));
-    }
+    field.iter().try_for_each(|f| f.checked(asked.range))?;
     let draws = |(r, field)| renderer(r, field, &asked, &subject, device.as_deref(), &context);
     let painters = read.iter().zip(&fields).map(draws).collect::<Result<Vec<_>>>()?;
     let like = asked.like.as_ref().map(|(set, _)| set.clone());
@@ -401,10 +398,8 @@ fn renderer<'a>(
     let draw = move |view: &View, size: Size| {
         let Some(look) = look else {
             let view = subject.density_view(view, size);
-            if let Some(FieldChoice { query, shade, .. }) = field {
-                let map = field_map(&scene, query, &view, size, context)?;
-                let values = map.wanted(query).clone();
-                return Ok(ViewContent::Field(values, shade.then_some(map.density)));
+            if let Some(field) = field {
+                return Ok(field.content(field_map(&scene, &field.query, &view, size, context)?));
             }
             return Ok(ViewContent::Density(surface_density(&scene, &view, size, context)?));
         };

@@ -59,6 +59,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
     context.write_model(&a.output, &bytes, kept)?;
     let gaussians: u64 = info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum();
+    let raw_bytes = raw_bytes + info.raw_field_bytes();
     let (ratio, seconds) = (raw_bytes as f64 / bytes.len() as f64, start.elapsed().as_secs_f64());
     let text = format!(
         "{}: {gaussians_in} -> {gaussians} Gaussians, {} bytes, ratio {ratio:.1}, in {seconds:.2} s",

@@ -110,9 +110,25 @@ fn blocks_and_threads_do_not_change_what_fields_are() {
         .sum();
     let was = sums(&dir.at("snap"), &["temperature"])[0];
     assert!((sum / was - 1.0).abs() < 1e-9, "{sum} {was}");
-    let [_, said] = dir.runs("simplify one.pgs -o small.pgs --gaussians 20");
-    assert!(said.contains("the smaller model omits the fields"), "{said}");
-    assert!(dir.model("small.pgs").metadata.fields.is_empty());
+    // A smaller model joins the fields: sums stay, and so does the dispersion of all.
+    dir.runs("simplify one.pgs -o small.pgs --gaussians 20");
+    let total = |name: &str| {
+        let model = dir.model(name);
+        let g = &model.layers[0].content[0].gaussians;
+        let f = g.fields.get("velocity").unwrap();
+        let (mut sum, mut square) = (0.0, 0.0);
+        for i in 0..g.len() {
+            let slope = [0, 1, 2].map(|k| f.slope[0][k][i]);
+            let own = g.cov_of(i).quadratic(slope) + f.spread[0][i];
+            sum += g.count[i] * f.mean[0][i];
+            square += g.count[i] * (f.mean[0][i] * f.mean[0][i] + own);
+        }
+        (sum, square, g.len())
+    };
+    let ((sum, square, n), (sum_of_small, square_of_small, n_of_small)) = (total("one.pgs"), total("small.pgs"));
+    assert!((sum - sum_of_small).abs() < 1e-6 * square.sqrt() * COUNT as f64, "{sum} {sum_of_small}");
+    assert!((square_of_small / square - 1.0).abs() < 0.1, "{square} {square_of_small}");
+    assert!(n == 60 && n_of_small == 20);
 }
 
 #[test]
@@ -133,4 +149,66 @@ fn fields_that_cannot_be_stored_are_refused_before_the_fit() {
     dir.runs(&format!("compress snap -o flat.pgs {fit} --fields temperature"));
     dir.runs("recover flat.pgs -o flat");
     assert!(read(&dir.at("flat"), "temperature").iter().all(|v| (v - 12.5).abs() < 1e-5));
+}
+
+#[test]
+fn maps_of_a_model_are_those_of_its_particles() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    dir.runs("compress snap -o m.pgs --gaussians 60 --certificate none --fields all");
+    let window = "--projection orthographic --center 0,0,0 --width 8 --size 40x30 --raw";
+    let values = |folder: &str| {
+        let raw: Vec<f64> = read(&dir.at(folder), "view");
+        raw
+    };
+    dir.runs(&format!("render m.pgs --field velocity.x {window} -o model"));
+    dir.runs(&format!("reference snap --field velocity.x {window} -o truth"));
+    let both: Vec<(f64, f64)> = values("model").into_iter().zip(values("truth")).collect();
+    let both: Vec<(f64, f64)> = both.into_iter().filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
+    let off = both.iter().map(|(a, b)| (a - b).abs()).sum::<f64>() / both.len() as f64;
+    assert!(both.len() > 300 && off < 20.0, "{} pixels, {off}", both.len());
+    let told = dir.json("model/view.json");
+    assert_eq!(told["quantity"], "velocity along x");
+    // Seen along x, what moves to the right moves away; subtracting the mean shifts all alike.
+    let along_x = "--azimuth 90 --projection orthographic --center 0,0,0 --width 8 --size 20x20 --raw";
+    dir.runs(&format!("render m.pgs --field velocity.los {along_x} -o los"));
+    dir.runs(&format!("render m.pgs --field velocity.los --bulk 100,0,0 {along_x} -o moved"));
+    let shifts: Vec<f64> =
+        values("los").iter().zip(values("moved")).map(|(a, b)| a - b).filter(|v| v.is_finite()).collect();
+    assert!(!shifts.is_empty() && shifts.iter().all(|v| (v + 100.0).abs() < 0.01), "{shifts:?}");
+
+    dir.runs("render m.pgs --field temperature --scale log --size 64x48 -o t.png");
+    dir.runs("render m.pgs --field velocity.los --bulk mean --shade --size 64x48 -o v.png");
+    dir.runs("render m.pgs --like v.png --bulk mean --field velocity.los --shade -o again.png");
+    dir.runs("render m.pgs --field dispersion.los --turntable 3 --size 64x48 -o frames");
+    dir.runs("reference snap --field dispersion.temperature --size 64x48 --background white -o d.pdf");
+    for (options, what) in [
+        ("--field velocity", "field `velocity` is a vector"),
+        ("--field entropy", "the model has no field `entropy`"),
+        ("--field temperature --bulk mean", "--bulk needs a vector"),
+        ("--field velocity.x --bulk 1,2", "--bulk takes `mean` or three numbers"),
+        ("--field temperature --style expected", "--style has no effect"),
+        ("--field temperature --radius 0.1", "--radius has no effect"),
+        ("--field temperature --range=5,1", "--range takes LO,HI"),
+        ("--field temperature --scale log --range=-5,1", "both positive on a logarithmic scale"),
+    ] {
+        dir.fails(&format!("render m.pgs {options} -o no.png"), 2, what);
+    }
+    dir.fails("reference snap --field speed -o no.png", 2, "the snapshot has no field `speed`");
+}
+
+#[test]
+fn exported_gaussians_have_their_fields() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    dir.runs("compress snap -o m.pgs --gaussians 60 --certificate none --fields all");
+    dir.runs("export m.pgs -o g.csv");
+    let text = dir.text("g.csv");
+    let head = text.lines().find(|l| !l.starts_with('#')).unwrap();
+    assert!(head.contains("velocity_x,dispersion_velocity_x,") && head.contains("temperature,dispersion_temperature,"));
+    let row = text.lines().filter(|l| !l.starts_with('#')).nth(1).unwrap();
+    assert_eq!(row.split(',').count(), head.split(',').count());
+    dir.runs("export m.pgs -o g.npz");
+    let [_, said] = dir.runs("export m.pgs -o density.npy --grid 8");
+    assert!(said.contains("the fields: velocity, temperature") || dir.text("density.json").contains("the fields:"));
 }

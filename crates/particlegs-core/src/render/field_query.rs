@@ -75,6 +75,15 @@ impl FieldQuery {
         }
     }
 
+    /// The fields that a name may speak of, the likeliest first.
+    pub fn candidates(text: &str) -> Vec<String> {
+        let wanted = text.strip_prefix(DISPERSION).unwrap_or(text);
+        let is_component = |name: &str| COMPONENTS.iter().any(|c| c.0 == name);
+        let vector = wanted.rsplit_once('.').filter(|(_, of)| is_component(of)).map(|(name, _)| name);
+        let velocity = is_component(wanted).then_some(VELOCITY);
+        [Some(wanted), vector, velocity].into_iter().flatten().map(str::to_string).collect()
+    }
+
     /// The names that [`FieldQuery::new`] takes for a field's means.
     pub fn names(q: &Quantity) -> Vec<String> {
         match q.kind {
@@ -93,20 +102,14 @@ impl FieldQuery {
         if self.dispersion { format!("dispersion of {of}") } else { of }
     }
 
-    /// Subtracts the mean of all of a model's particles from a vector field.
-    pub fn without_mean(mut self, model: &Model) -> FieldQuery {
-        self.bulk = mean_vector(model, &self.name);
-        self
-    }
-
     /// Does it have a sign that a colour map should show?
     pub fn is_signed(&self) -> bool {
         !self.dispersion && self.component != MapComponent::Scalar
     }
 }
 
-/// The mean of a vector field over all of a model's particles that have it.
-fn mean_vector(model: &Model, name: &str) -> [f64; 3] {
+/// The mean of a vector field over all of a model's particles that have it, weighted as maps are; 0 without it.
+pub fn mean_vector(model: &Model, name: &str) -> [f64; 3] {
     let (mut sum, mut total) = ([0.0; 3], 0.0);
     for layer in &model.layers {
         let unit = layer.mass.unit_or_one();

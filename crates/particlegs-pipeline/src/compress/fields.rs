@@ -5,7 +5,8 @@ use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::gather;
 use crate::model::{LawKind, Model, Quantity, QuantityKind, Unit};
-use crate::particles::{FieldColumns, LayerFields, Particles};
+use crate::particles::{FieldColumns, LayerFields, Particles, RUN};
+use crate::reference::FieldValues;
 use crate::{Error, Hint, Result};
 
 /// The name that stands for all fields of real numbers.
@@ -112,6 +113,29 @@ impl<'a> FieldSelection<'a> {
     /// Names of the snapshot's fields that the model omits.
     pub fn omitted(&self) -> &[String] {
         &self.omitted
+    }
+
+    /// What the fields are, in the order of their names.
+    pub fn quantities(&self) -> &[Quantity] {
+        &self.quantities
+    }
+
+    /// The values of field `number` of all particles.
+    pub fn values(&self, number: usize) -> Result<FieldValues> {
+        let components = self.quantities[number].component_names().len();
+        let mut columns = vec![vec![f32::NAN; self.particles.len()]; components];
+        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
+            let Some((_, from)) = chosen.iter().find(|(n, _)| *n == number) else { continue };
+            let mut run = Vec::new();
+            for (id, start) in layer.content.clone().step_by(RUN).enumerate() {
+                source.read(id as u64, &mut run)?;
+                for (column, &c) in columns.iter_mut().zip(&from.columns) {
+                    let own = column[start..].iter_mut().zip(&run[c]);
+                    own.for_each(|(to, v)| *to = (from.factor * v) as f32);
+                }
+            }
+        }
+        Ok(FieldValues { columns })
     }
 
     /// How values were converted, for people.

@@ -15,6 +15,7 @@ mod executor;
 mod fields;
 mod finetune;
 mod in_memory;
+mod joined_fields;
 mod layer;
 mod memory;
 mod options;

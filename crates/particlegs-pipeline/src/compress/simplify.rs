@@ -1,5 +1,6 @@
 //! A smaller file from a file, without the particles.
 
+use super::joined_fields::join_fields;
 use super::plan::near_pixel;
 use super::size::{CodedGaussians, SizeOutcome, SizeTarget, bytes_a_gaussian};
 use crate::codec::{self, Encoder};
@@ -18,16 +19,14 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
         return Err(Error::argument_with(what, "train a model with fewer Gaussians on the snapshot"));
     }
-    if !metadata.fields.is_empty() {
-        metadata.fields.clear();
-        context.message("note: the smaller model omits the fields");
-    }
+    let fields = std::mem::take(&mut metadata.fields);
     metadata.recipe.steps.push(RecipeStep::Simplify(target));
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
     let raw_bytes = layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
     let mut layers: Vec<Layer<Block>> = layers.into_iter().map(|l| l.map(joined)).collect();
     // The smallest first: what they leave of their share goes to the larger.
     layers.sort_by(|a, b| (a.content.gaussians.len(), &a.name).cmp(&(b.content.gaussians.len(), &b.name)));
+    let old = if fields.is_empty() { Vec::new() } else { layers.clone() };
     let job = Reduction { metadata, layers, context };
     let coded = match target {
         Target::Gaussians(k) => job.to_number(k)?,
@@ -43,7 +42,7 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
             return Err(Error::argument("simplifying needs a ratio, a size or a number of Gaussians as its target"));
         }
     };
-    let bytes = job.file(coded)?;
+    let bytes = join_fields(job.file(coded)?, &old, fields, context)?;
     codec::check(&bytes, "the simplified model", context)?;
     Ok(bytes)
 }

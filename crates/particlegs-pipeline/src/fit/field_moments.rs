@@ -30,7 +30,8 @@ pub struct BlockField {
     pub sums: Vec<f64>,
 }
 
-/// Reads the values of a run of particles: a column for each component of each field.
+/// Reads the values of a run of particles: a column for each component of each field; then, of particles that stand for
+/// several, a column of how many.
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
 
 /// Gathers `fields`, by name and number of components, for the decoded `blocks` of one layer, whose particles these are. Gives
@@ -58,7 +59,8 @@ pub fn gather(
                 let range = run * RUN..particles.len().min((run + 1) * RUN);
                 let mut values = Vec::new();
                 read(run as u64, &mut values)?;
-                if values.len() != columns || values.iter().any(|v| v.len() != range.len()) {
+                let expected = [columns, columns + 1].contains(&values.len());
+                if !expected || values.iter().any(|v| v.len() != range.len()) {
                     return Err(Error::input(
                         "fields",
                         "a field has another number of values than there are particles",
@@ -130,13 +132,15 @@ struct RunShares {
     weight: Vec<f64>,
     block: Vec<u32>,
     values: Vec<Vec<f64>>,
+    /// How many particles each stands for; empty where that is one.
+    number: Vec<f64>,
 }
 
 impl RunShares {
     fn new(
         particles: &Particles,
         range: Range<usize>,
-        values: Vec<Vec<f64>>,
+        mut values: Vec<Vec<f64>>,
         bounds: &[Bounds],
         blocks: &[BlockFieldSums<'_>],
     ) -> Self {
@@ -169,7 +173,9 @@ impl RunShares {
             }
         }
         shares.iter_mut().for_each(|s| s.sort_by_key(|s| (s.0, s.1)));
-        RunShares { shares, position, weight, block, values }
+        let columns = blocks.first().map_or(0, |b| b.fields.iter().map(|f| f.components).sum());
+        let number = values.split_off(columns).pop().unwrap_or_default();
+        RunShares { shares, position, weight, block, values, number }
     }
 }
 
@@ -231,7 +237,7 @@ impl<'a> BlockFieldSums<'a> {
                         let (i, p) = (i as usize, particle as usize);
                         let w = f64::from(share) * run.weight[p];
                         let d: [f64; 3] = each_axis(|k| run.position[k][p] - g.mean[k][i]);
-                        row[0] += f64::from(share);
+                        row[0] += f64::from(share) * run.number.get(p).copied().unwrap_or(1.0);
                         row[1] += w;
                         (0..3).for_each(|k| row[2 + k] += w * d[k]);
                         let outer = Sym3::outer(d);

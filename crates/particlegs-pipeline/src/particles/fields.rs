@@ -75,6 +75,7 @@ pub struct SourceField {
 }
 
 /// The fields of a layer.
+#[derive(Clone)]
 pub struct LayerFields {
     /// Name, type and unit of each.
     pub fields: Vec<SourceField>,
@@ -110,10 +111,11 @@ const VELOCITIES: &[&[&str]] = &[
 ];
 
 /// Three columns.
+#[derive(Clone)]
 enum Triple {
     Reader(Arc<dyn SnapshotReader>),
     /// Columns of a stream, which cannot be read run by run.
-    Memory([Vec<f64>; 3]),
+    Memory(Arc<[Vec<f64>; 3]>),
 }
 
 impl LayerFields {
@@ -134,9 +136,22 @@ impl LayerFields {
         let mut columns = columns.into_iter();
         let mut triples = Vec::new();
         while let (Some(a), Some(b), Some(c)) = (columns.next(), columns.next(), columns.next()) {
-            triples.push(Triple::Memory([a, b, c]));
+            triples.push(Triple::Memory(Arc::new([a, b, c])));
         }
         LayerFields { fields, columns: triples, positions: None }
+    }
+
+    /// The values of field `number` of the layer's `count` particles, a column for each component.
+    pub fn values(&self, number: usize, count: usize) -> Result<Vec<Vec<f64>>> {
+        let first: usize = self.fields[..number].iter().map(|f| f.components as usize).sum();
+        let components = self.fields[number].components as usize;
+        let mut all = vec![Vec::with_capacity(count); components];
+        let mut run = Vec::new();
+        for id in 0..count.div_ceil(RUN) {
+            self.read(id as u64, &mut run)?;
+            all.iter_mut().zip(&run[first..]).for_each(|(all, part)| all.extend_from_slice(part));
+        }
+        Ok(all)
     }
 
     pub(super) fn has_positions(&self) -> bool {
@@ -161,7 +176,7 @@ impl LayerFields {
         let own = [name];
         let Some(found) = std::iter::once(&own[..]).chain(names.iter().copied()).find_map(|n| self.columns_of(n))
         else {
-            let there: Vec<&str> = self.fields.iter().map(|f| &f.name[..]).collect();
+            let there = self.real_fields();
             let hint = match there.is_empty() {
                 true => "it has only positions and masses".to_string(),
                 false => format!("its fields: {}", there.join(", ")),
@@ -226,7 +241,7 @@ impl Triple {
             all.iter_mut().zip(part).for_each(|(all, part)| all.extend_from_slice(part));
             Ok(())
         })?;
-        Ok(Triple::Memory(all))
+        Ok(Triple::Memory(Arc::new(all)))
     }
 
     fn read(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {

@@ -53,6 +53,11 @@ impl<'a> Reference<'a> {
         Ok(Reference { radii, ..self })
     }
 
+    /// The same particles with other weights.
+    pub(super) fn weighted<'b>(&self, particles: &'b Particles) -> Reference<'b> {
+        Reference { particles, bounds: self.bounds, budget: self.budget, radii: self.radii.clone() }
+    }
+
     /// Mass a world unit squared at every pixel (docs/law/depth.md, "Surface density"): each particle's mass over
     /// the area of the pixel that it falls in, at its depth in perspective, or spread by its kernel where
     /// densities are [`smoothed`](Self::smoothed). Particles count whose centres are in the view's range of depths.

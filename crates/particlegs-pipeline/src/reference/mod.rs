@@ -13,6 +13,7 @@ mod density;
 mod deposit;
 mod depth;
 mod draw;
+mod field_map;
 mod fxaa;
 mod kernel;
 mod paraview;
@@ -28,5 +29,6 @@ mod tests;
 mod twin;
 
 pub use draw::Reference;
+pub use field_map::FieldValues;
 pub(crate) use fxaa::fxaa;
 pub(crate) use uniform::uniform_box;

@@ -1,0 +1,117 @@
+//! Fields of a model that was made smaller: joined from those of the Gaussians that it was made of.
+
+use crate::Result;
+use crate::codec::{self, FieldPrecision, StoredSection};
+use crate::context::Context;
+use crate::fit::gather;
+use crate::math::Sym3;
+use crate::model::{Block, Layer, Metadata, Mixture, Quantity};
+use crate::particles::{Column, Particles, RUN, SnapshotMeta};
+use particlegs_core::math::each_axis;
+use particlegs_files::memory::require;
+
+/// Points that stand for a Gaussian: two along each of three axes of its places, and of its values.
+const POINTS: usize = 12;
+
+/// Adds the `fields` of `old` layers, one block each, to the file that was made of them. Sums stay the particles'; joined
+/// means, slopes and spreads are those of points with the moments of the old Gaussians and their fields together.
+pub(super) fn join_fields(
+    bytes: Vec<u8>,
+    old: &[Layer<Block>],
+    fields: Vec<Quantity>,
+    context: &Context<'_>,
+) -> Result<Vec<u8>> {
+    if fields.is_empty() {
+        return Ok(bytes);
+    }
+    let model = codec::decode_with(&bytes, "the smaller model", context)?;
+    let mut coded = codec::coded_layers(&bytes, "the smaller model")?;
+    for (layer, stored) in model.layers.iter().zip(&mut coded) {
+        let Some(own) = old.iter().find(|l| l.name == layer.name) else { continue };
+        let g = &own.content.gaussians;
+        let there: Vec<(usize, &Quantity)> =
+            fields.iter().enumerate().filter(|(_, q)| g.fields.get(&q.name).is_some()).collect();
+        if there.is_empty() {
+            continue;
+        }
+        require("the points of fields", (g.len() * POINTS * 16) as u64)?;
+        let points = points(g, &own.content);
+        let names: Vec<(&str, usize)> = there.iter().map(|(_, q)| (&q.name[..], q.component_names().len())).collect();
+        let read = |run: u64, out: &mut Vec<Vec<f64>>| {
+            let range = run as usize * RUN..points.len().min((run as usize + 1) * RUN);
+            for &(name, components) in &names {
+                out.extend((0..components).map(|k| range.clone().map(|p| value(g, name, k, p)).collect()));
+            }
+            out.push(range.map(|p| g.count[p / POINTS] / POINTS as f64).collect());
+            Ok(())
+        };
+        let gathered = gather(&layer.content, &points, &names, &read, context)?;
+        for ((block, stored), gathered) in layer.content.iter().zip(&mut stored.content).zip(gathered) {
+            for ((number, q), mut f) in there.iter().zip(gathered) {
+                let Some(field) = g.fields.get(&q.name) else { continue };
+                let weight = |i: usize| if q.by_mass { g.mass_of(i) } else { g.count[i] };
+                let sum = |mean: &Vec<f64>| (0..g.len()).map(|i| weight(i) * mean[i]).sum::<f64>();
+                f.sums = field.mean.iter().map(sum).collect();
+                f.moments.range.clone_from(&field.range);
+                let precision = FieldPrecision::default();
+                let bytes = codec::encode_field(*number as u8, &f.moments, &block.gaussians, &f.sums, &precision);
+                stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
+            }
+        }
+    }
+    let metadata = Metadata { fields, ..model.metadata };
+    codec::assemble(&metadata, None, coded)
+}
+
+/// The points of all Gaussians, each with its share of the mass.
+fn points(g: &Mixture, block: &Block) -> Particles {
+    let origin = block.bounds.center();
+    let roots: Vec<[[f64; 3]; 3]> = (0..g.len()).map(|i| root(&g.cov_of(i))).collect();
+    let place = |p: usize| offset(p, &roots[p / POINTS]);
+    let column = |k: usize| {
+        let at = |p: usize| (g.mean[k][p / POINTS] - origin[k] + place(p)[k]) as f32;
+        Column::owned((0..POINTS * g.len()).map(at).collect())
+    };
+    let weight = |p: usize| (g.mass_of(p / POINTS) / POINTS as f64).max(f64::from(f32::MIN_POSITIVE)) as f32;
+    let weights = Column::owned((0..POINTS * g.len()).map(weight).collect());
+    Particles::from_column_list(
+        vec![column(0), column(1), column(2), weights],
+        origin,
+        SnapshotMeta::default(),
+        Vec::new(),
+    )
+}
+
+/// Component `k` of a field at a point.
+fn value(g: &Mixture, name: &str, k: usize, p: usize) -> f64 {
+    let (i, corner) = (p / POINTS, p % POINTS);
+    let Some(field) = g.fields.get(name) else { return 0.0 };
+    if corner < POINTS / 2 {
+        return field.mean_at(k, i, offset(p, &root(&g.cov_of(i))));
+    }
+    let spread = match field.components() {
+        1 => Sym3([field.spread[0][i], 0.0, 0.0, 0.0, 0.0, 0.0]),
+        _ => Sym3(std::array::from_fn(|c| field.spread[c][i])),
+    };
+    field.mean[k][i] + along(corner - POINTS / 2, &root(&spread))[k]
+}
+
+/// Where a point lies from the mean: half of them along the axes, the others at the mean itself.
+fn offset(p: usize, root: &[[f64; 3]; 3]) -> [f64; 3] {
+    match p % POINTS {
+        corner if corner < POINTS / 2 => along(corner, root),
+        _ => [0.0; 3],
+    }
+}
+
+/// One of six ends of three axes, so far out that twelve points, of which six lie at the mean, have the covariance.
+fn along(corner: usize, root: &[[f64; 3]; 3]) -> [f64; 3] {
+    let side = if corner % 2 == 0 { 1.0 } else { -1.0 };
+    root[corner / 2].map(|v| side * (0.5 * POINTS as f64).sqrt() * v)
+}
+
+/// Three vectors whose outer products sum to a covariance.
+fn root(cov: &Sym3) -> [[f64; 3]; 3] {
+    let eigen = cov.eigen();
+    std::array::from_fn(|a| each_axis(|k| eigen.vectors[a][k] * eigen.values[a].max(0.0).sqrt()))
+}

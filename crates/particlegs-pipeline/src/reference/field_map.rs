@@ -1,0 +1,115 @@
+//! Maps of a field of all particles: the mean of those that fall in a pixel, or whose kernels reach it.
+
+use super::Reference;
+use crate::camera::{DensityView, Projection};
+use crate::context::Context;
+use crate::particles::{Column, Particles};
+use crate::picture::Size;
+use crate::render::{FieldMap, FieldQuery, MapComponent};
+use crate::{Error, Result, parallel};
+use particlegs_core::math::each_axis;
+use particlegs_files::memory::require;
+
+/// Values of a field of all particles, in their order: a column for each component; NaN where there is none.
+pub struct FieldValues {
+    /// One column of a scalar, three of a vector.
+    pub columns: Vec<Vec<f32>>,
+}
+
+impl Reference<'_> {
+    /// Mean and dispersion of a field at every pixel, weighted by the particles' masses (numbers without masses) as
+    /// [`Reference::surface_density`] spreads them; NaN where there is no particle that has it.
+    pub fn field_map(
+        &self,
+        values: &FieldValues,
+        query: &FieldQuery,
+        view: &DensityView,
+        size: Size,
+        context: &Context<'_>,
+    ) -> Result<FieldMap> {
+        let particles = self.particles();
+        let n = particles.len();
+        let wanted = if query.component == MapComponent::Scalar { 1 } else { 3 };
+        if values.columns.len() != wanted || values.columns.iter().any(|c| c.len() != n) {
+            return Err(Error::argument(format!("field `{}` has no such component", query.name)));
+        }
+        require("a map of a field", 20 * n as u64)?;
+        let numbers = numbers(particles, values, query, view)?;
+        let there = |v: &&f64| v.is_finite();
+        let count = numbers.iter().filter(there).count().max(1);
+        let mean = numbers.iter().filter(there).sum::<f64>() / count as f64;
+        let own = particles.weights();
+        let weigh = |of: &(dyn Fn(f64) -> f64 + Sync)| {
+            let weight = |i: usize| own.as_ref().map_or(1.0, |w| f64::from(w[i]));
+            let weights = parallel::map_range(n, |i| {
+                if numbers[i].is_finite() { (weight(i) * of(numbers[i] - mean)) as f32 } else { 0.0 }
+            });
+            let weighted = particles.clone().with_weights(Column::owned(weights));
+            self.weighted(&weighted).surface_density(view, size, context)
+        };
+        let density = weigh(&|_| 1.0)?;
+        let (mut first, mut second) = (weigh(&|v| v)?, weigh(&|v| v * v)?);
+        for ((&w, m), d) in density.data.iter().zip(&mut first.data).zip(&mut second.data) {
+            let (w, off) = (f64::from(w), f64::from(*m) / f64::from(w));
+            *d = (f64::from(*d) / w - off * off).max(0.0).sqrt() as f32;
+            *m = (mean + off) as f32;
+            if w <= 0.0 {
+                (*m, *d) = (f32::NAN, f32::NAN);
+            }
+        }
+        Ok(FieldMap { mean: first, dispersion: second, density })
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The number of each particle that a query asks for.
+fn numbers(particles: &Particles, values: &FieldValues, query: &FieldQuery, view: &DensityView) -> Result<Vec<f64>> {
+    let of = |i: usize| -> [f64; 3] { each_axis(|k| f64::from(values.columns[k][i]) - query.bulk[k]) };
+    let frame = view.camera.frame()?;
+    let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
+    Ok(parallel::map_range(particles.len(), |i| match query.component {
+        MapComponent::Scalar => f64::from(values.columns[0][i]),
+        MapComponent::Axis(k) => of(i)[k],
+        MapComponent::LineOfSight if perspective => {
+            let place = particles.position(i);
+            let away: [f64; 3] = each_axis(|k| place[k] - frame.position[k]);
+            dot(away, of(i)) / dot(away, away).sqrt().max(f64::MIN_POSITIVE)
+        }
+        MapComponent::LineOfSight => -dot(frame.axes[2], of(i)),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{DensityView, Window};
+
+    #[test]
+    fn a_pixel_has_the_weighted_mean_of_its_particles() {
+        let x = vec![0.25f32, 0.3, 0.75, 0.8];
+        let p = Particles::from_columns(x, vec![0.5; 4], vec![0.1, 0.9, 0.2, 0.6])
+            .with_weights(Column::owned(vec![1.0f32, 3.0, 1.0, 1.0]));
+        let values = FieldValues { columns: vec![vec![10.0, 20.0, f32::NAN, -7.0]] };
+        let query =
+            FieldQuery { name: "heat".into(), component: MapComponent::Scalar, dispersion: false, bulk: [0.0; 3] };
+        let window = Window { center: [0.5; 3], angles_deg: [0.0; 2], width: 1.0, depth: None };
+        let size = Size { width: 4, height: 4 };
+        let view = DensityView::orthographic("a", &window, size, &p.bounds(), None).unwrap();
+        let map = Reference::new(&p).field_map(&values, &query, &view, size, &Context::SILENT).unwrap();
+        let lit: Vec<(f32, f32)> = map
+            .mean
+            .data
+            .iter()
+            .zip(&map.dispersion.data)
+            .filter(|(m, _)| m.is_finite())
+            .map(|(m, d)| (*m, *d))
+            .collect();
+        // (10 + 3 20) / 4, and the root of 3/16 100.
+        assert_eq!(lit.len(), 2);
+        assert!((lit[0].0 - 17.5).abs() < 1e-4 && (lit[0].1 - 18.75f32.sqrt()).abs() < 1e-3, "{lit:?}");
+        assert!((lit[1].0 + 7.0).abs() < 1e-5 && lit[1].1 < 1e-2, "{lit:?}");
+    }
+}
