@@ -58,7 +58,7 @@ def signatures(crate):
     words = set()
     for file in (ROOT / "crates" / crate / "src").glob("**/*.rs"):
         text = re.sub(r"//.*", "", file.read_text())
-        for found in re.findall(r"pub (?:fn [^{;]*|\w+: [^,\n]*)|^    \w+\(.*\),$|^    fn [^{;]*;", text, re.M):
+        for found in re.findall(r"pub (?:fn (?:[^{;]|;(?= ))*|\w+: [^,\n]*)|^    \w+\(.*\),$|^    fn (?:[^{;]|;(?= ))*;", text, re.M):
             words.update(re.findall(r"[A-Z]\w+", found))
     return words
 

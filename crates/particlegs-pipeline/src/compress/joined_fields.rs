@@ -106,7 +106,7 @@ fn offset(p: usize, root: &[[f64; 3]; 3]) -> [f64; 3] {
 
 /// One of six ends of three axes, so far out that twelve points, of which six lie at the mean, have the covariance.
 fn along(corner: usize, root: &[[f64; 3]; 3]) -> [f64; 3] {
-    let side = if corner % 2 == 0 { 1.0 } else { -1.0 };
+    let side = if corner.is_multiple_of(2) { 1.0 } else { -1.0 };
     root[corner / 2].map(|v| side * (0.5 * POINTS as f64).sqrt() * v)
 }
 
