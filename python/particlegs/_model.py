@@ -349,7 +349,8 @@ class Model:
         ----------
         field : str
             A scalar such as ``"temperature"``; a component of a vector such as ``"velocity.x"``, or ``"velocity.los"``,
-            positive away from the observer; or a dispersion: ``"dispersion.los"``, ``"dispersion.temperature"``.
+            positive away from the observer; or a dispersion: ``"dispersion.los"``, ``"dispersion.temperature"``,
+            in dex for positive scalars that span a factor of 100.
         center, width, depth, axis, shape
             The window, as for `density_map`.
         bulk : array_like, shape (3,), or "mean", optional

@@ -131,7 +131,7 @@ fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResult<Ve
         let rows: Vec<f64> = values.iter().copied().collect();
         let columns = (0..components).map(|k| rows.iter().skip(k).step_by(components).copied().collect()).collect();
         let (name, unit, components) = (name.clone(), unit.clone(), components as u32);
-        let field = SourceField { name, number: Number::F64, components, unit, attributes: Vec::new(), peculiar: None };
+        let field = SourceField { name, number: Number::F64, components, unit, attributes: Vec::new(), physical: None };
         fields.push((field, columns));
     }
     // Vectors first, as readers give them.
@@ -170,7 +170,7 @@ pub fn compress(
     let made = WorkOptions { threads, progress }.run(py, |progress| {
         let selection = match names.is_empty() {
             true => None,
-            false => Some(FieldSelection::new(&names, particles, &sources, options.law())?),
+            false => Some(FieldSelection::new(&names, Default::default(), particles, &sources, options.law())?),
         };
         let mut made = run(particles, &options, &mut NoCheckpoints, progress)?;
         if let Some(selection) = selection {

@@ -174,10 +174,11 @@ def metadata(content):
     if weighted:
         check(kept[1] == ("masses", 1, 4, units[1]), "masses")
     own = kept[2 if weighted else 1 :]
-    by_mass = fields.get(32, bytes(len(own)))
-    check(len(by_mass) == len(own) and max(by_mass, default=0) <= 1, "weighting of fields")
+    traits = fields.get(32, bytes(len(own)))
+    check(len(traits) == len(own) and max(traits, default=0) <= 3, "traits of fields")
+    check(all(kind != 2 or flags < 2 for (_, kind, _, _), flags in zip(own, traits)), "a logarithmic vector")
     return {
-        "fields": [(name, 3 if kind == 2 else 1, flag) for (name, kind, _, _), flag in zip(own, by_mass)],
+        "fields": [(name, 3 if kind == 2 else 1, flag) for (name, kind, _, _), flag in zip(own, traits)],
         "law": law,
         "particles": one(fields, 2, "<Q"),
         "mass": real(3),
@@ -992,22 +993,26 @@ class Number:
 
 def read_field(block, content, known):
     check(len(content) >= 42 and content[0] < len(known), "number of a field")
-    name, components, by_mass = known[content[0]]
+    name, components, traits = known[content[0]]
+    by_mass, logarithmic = traits & 1, traits & 2
+    start = 42 + 24 * components + (16 if logarithmic else 0)
     check(content[1] == components and name not in block.fields, "components of a field")
     floats = struct.unpack_from("<10f", content, 2)
     steps, (a, b, shape_square, slope_square) = floats[:4], floats[4:8]
     check(all(0 < v < 1e30 for v in floats[:8]) and all(map(math.isfinite, floats)), "steps of a field")
-    check(len(content) >= 42 + 24 * components, "sums of a field")
+    check(len(content) >= start, "sums of a field")
     reals = struct.unpack_from(f"<{3 * components}d", content, 42)
     check(all(map(math.isfinite, reals)), "sums of a field")
     check(all(reals[k] <= reals[k + 1] for k in range(components, 3 * components, 2)), "range of a field")
-    stream = Stream(content[42 + 24 * components :])
-    log_spread, mean, shape, slope = map(Number, (steps[1], steps[0], steps[2], steps[3]))
+    excess_step, excess_square, shift = struct.unpack_from("<2fd", content, start - 16) if logarithmic else (1.0, 1.0, 0.0)
+    check(0 < excess_step < 1e30 and 0 < excess_square < 1e30 and abs(shift) <= 1e3, "the excess of a field")
+    stream = Stream(content[start:])
+    log_spread, mean, shape, slope, excess = map(Number, (steps[1], steps[0], steps[2], steps[3], excess_step))
     total = len(block.counts)
     means, slopes = [[0.0] * components for _ in range(total)], [[0.0] * (3 * components) for _ in range(total)]
     spreads = [[0.0] * (1 if components == 1 else 6) for _ in range(total)]
     places = np.array(block.columns["mean"], "<f8").reshape(-1, 3)
-    order, logs, sizes = [], {}, {}
+    order, logs, sizes, excesses = [], {}, {}, [0.0] * total
     for i, n in enumerate(map(float, block.counts)):
         if n < 1:
             continue
@@ -1050,21 +1055,28 @@ def read_field(block, content, known):
             z = g[2] / width_z
             y = (g[1] - lean_c * z) / width_y
             slopes[i][3 * k : 3 * k + 3] = [((g[0] - lean_a * y) - lean_b * z) / width_x, y, z]
+        if logarithmic:
+            square = s * s
+            error = math.sqrt((min(square * square * square / 6.0 * exp(square / 3.0), 0.25) + 1e-6) / n)
+            excesses[i] = min(max(excess.read(stream, 0.0, excess_square, error), -100.0), 100.0)
         spreads[i] = [s * s] if components == 1 else [v * (s * s) for v in exponential(five)]
         order.append(i)
     stream.finish()
-    check(stream.end() == len(content) - 42 - 24 * components, "length of a field's stream")
+    check(stream.end() == len(content) - start, "length of a field's stream")
     weights = [float(w) for w in (block.masses if by_mass and block.masses else block.counts)]
     for k in range(components):
         low, high = reals[components + 2 * k : components + 2 * k + 2]
         for row in means:
             row[k] = min(max(row[k], low), high)
+        if logarithmic:
+            continue
         off = (reals[k] - neumaier([w * row[k] for w, row in zip(weights, means)])) / neumaier(weights)
         for row in means:
             row[k] += off
-    rows = [*means, *slopes, *spreads]
+    excesses = [[c + shift] if logarithmic else [] for c in excesses]
+    rows = [*means, *slopes, *spreads, *excesses]
     check(all(math.isfinite(v) for row in rows for v in row), "numbers of a field")
-    block.fields[name] = [[*m, *sl, *sp] for m, sl, sp in zip(means, slopes, spreads)]
+    block.fields[name] = [[*m, *sl, *sp, *c] for m, sl, sp, c in zip(means, slopes, spreads, excesses)]
 
 
 # ---------------------------------------------------------------- what was read, to compare

@@ -34,7 +34,7 @@ place = [np.fromfile(source / f"{axis}{axis}.f32", "<f4")[::50] for axis in "xyz
 noise = np.random.default_rng(1).normal(size=(4, len(place[0])))
 columns = dict(zip(["xx", "yy", "zz"], place), ww=1 + np.arange(len(place[0])) % 3, still=np.full(len(place[0]), 2.5))
 columns |= {f"v{axis}": 100 * np.sin(place[k - 1] / 3) + 30 * noise[k] for k, axis in enumerate("xyz")}
-columns["temperature"] = np.exp(8 + np.cos(place[0] / 4) + 0.3 * noise[3])
+columns["temperature"] = np.exp(8 + np.cos(place[0] / 4) + 0.9 * noise[3])
 for name, column in columns.items():
     column.astype("<f4").tofile(folder / f"{name}.f32")
 END

@@ -51,8 +51,8 @@ impl FieldArgs {
     /// The field of this name, in a model.
     pub fn of_model(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
         let samples = |name: &str| {
-            let own = model.blocks().filter_map(|b| b.gaussians.fields.get(name)).filter_map(|f| f.mean.first());
-            own.flatten().map(|v| *v as f32).collect()
+            let own = model.blocks().filter_map(|b| b.gaussians.fields.get(name));
+            own.flat_map(|f| (0..f.len()).map(|i| f.value_at(0, i, [0.0; 3]) as f32)).collect()
         };
         let quantities = &model.metadata.fields;
         self.choice(name, &FieldSource { quantities, mean: &|name| mean_vector(model, name), samples: &samples }, map)
@@ -75,8 +75,7 @@ impl FieldArgs {
             let size = Size { width: data.len(), height: 1 };
             ValueScale::suited(&Plane { size, data }, query.is_signed())
         });
-        let quantity = source.quantities.iter().find(|q| q.name == query.name);
-        let unit = quantity.and_then(|q| q.unit.as_ref()).map_or(String::new(), |u| u.text.clone());
+        let unit = query.unit(source.quantities);
         let legend = FieldLegend { title: query.title(), unit, scale, map };
         Ok(FieldChoice { query, legend, shade: self.shade })
     }

@@ -6,6 +6,7 @@ use super::{Notes, RUN, written};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Model, Quantity};
+use std::f64::consts::LN_10;
 use std::path::Path;
 
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
@@ -56,7 +57,8 @@ fn head(model: &Model) -> String {
     for q in &m.fields {
         let unit = unit(q.unit.as_ref().map(|u| &u.text[..]), "");
         for name in q.component_names() {
-            names.extend([format!("{name}{unit}"), format!("dispersion_{name}{unit}")]);
+            let of_dispersion = if q.logarithmic { " [dex]" } else { &unit };
+            names.extend([format!("{name}{unit}"), format!("dispersion_{name}{of_dispersion}")]);
         }
     }
     names.push("layer".into());
@@ -83,7 +85,9 @@ fn field(out: &mut String, one: &LayerGaussian<'_>, q: &Quantity) {
     let components = numbers.mean.len();
     let mut buffer = zmij::Buffer::new();
     for k in 0..components {
-        for number in [numbers.mean[k], numbers.spread[k * (components + 1)].sqrt()] {
+        let dispersion = numbers.spread[k * (components + 1)].sqrt();
+        let dispersion = if q.logarithmic { dispersion / LN_10 } else { dispersion };
+        for number in [numbers.mean[k], dispersion] {
             if number.is_finite() {
                 let text = buffer.format(number);
                 *out += text.strip_suffix(".0").unwrap_or(text);

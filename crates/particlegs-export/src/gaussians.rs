@@ -16,8 +16,8 @@ impl LayerGaussian<'_> {
         self.unit * self.of.mass_of(self.i)
     }
 
-    /// The numbers of a field: means, slopes (x, y, z of each component), and the variance or the rows of the covariance;
-    /// NaN where the layer lacks it.
+    /// The numbers of a field: means of its values, slopes (x, y, z of each component), and the variance or the rows of the
+    /// covariance, the latter two of natural logarithms where it is logarithmic; NaN where the layer lacks it.
     pub fn field(&self, q: &Quantity) -> FieldNumbers {
         let components = q.component_names().len();
         let Some(f) = self.of.fields.get(&q.name) else {
@@ -32,7 +32,7 @@ impl LayerGaussian<'_> {
             _ => Sym3(std::array::from_fn(|k| f.spread[k][self.i])).rows().as_flattened().to_vec(),
         };
         FieldNumbers {
-            mean: f.mean.iter().map(|c| c[self.i]).collect(),
+            mean: (0..components).map(|k| f.overall_value(k, self.i, &self.of.cov_of(self.i))).collect(),
             slope: f.slope.iter().flatten().map(|c| c[self.i]).collect(),
             spread,
         }

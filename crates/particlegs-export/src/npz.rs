@@ -56,8 +56,10 @@ fn columns(model: &Model) -> Vec<NpzColumn<'_>> {
             _ => ([&[3], &[3, 3], &[3, 3]], "covariance"),
         };
         all.push(NpzColumn::reals(format!("field_{name}"), sides[0], move |g| g.field(q).mean));
-        all.push(NpzColumn::reals(format!("field_{name}_slope"), sides[1], move |g| g.field(q).slope));
-        all.push(NpzColumn::reals(format!("field_{name}_{spread}"), sides[2], move |g| g.field(q).spread));
+        // Of natural logarithms, where the field is described by them.
+        let log = if q.logarithmic { "log_" } else { "" };
+        all.push(NpzColumn::reals(format!("field_{name}_{log}slope"), sides[1], move |g| g.field(q).slope));
+        all.push(NpzColumn::reals(format!("field_{name}_{log}{spread}"), sides[2], move |g| g.field(q).spread));
     }
     all
 }

@@ -2,7 +2,9 @@
 
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, Weights};
 use particlegs_pipeline::Result;
-use particlegs_pipeline::particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
+use particlegs_pipeline::particles::{
+    LayerFields, Number, PhysicalUnit, Run, SelectedParticles, SnapshotReader, SourceField,
+};
 use std::sync::Arc;
 
 /// Components that a field may have in a file that is written.
@@ -69,8 +71,8 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
         if is_named && is_new && (1..=MOST_COMPONENTS).contains(&field.components) {
             let (name, components) = (field.name.clone(), field.components);
             let attributes = snapshot.attributes(index, &name);
-            let peculiar = is_velocity(&name).then(|| peculiar(&attributes, snapshot.description())).flatten();
-            fields.push(SourceField { name, number, components, unit: field.unit.clone(), attributes, peculiar });
+            let physical = physical(&name, &attributes, snapshot.description());
+            fields.push(SourceField { name, number, components, unit: field.unit.clone(), attributes, physical });
         }
     }
     // Vectors first: each is one read then.
@@ -88,14 +90,17 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))
 }
 
-fn is_velocity(name: &str) -> bool {
-    ["velocities", "velocity", "vel"].contains(&name.trim().to_ascii_lowercase().as_str())
-}
-
-/// The factor that makes a field of velocities peculiar, in km/s, and why it is that. Attributes tell (SWIFT, EAGLE, AREPO,
+/// The factor that makes a field of velocities peculiar, in km/s, or specific energies physical, in (km/s)^2, and why it is
+/// that. Attributes tell (SWIFT, EAGLE, AREPO,
 /// Gadget-4); without them cosmological runs of Gadget's kind store peculiar velocities over sqrt(a), isolated ones as
-/// they are. `None` where nothing tells, or where a is needed and not known.
-fn peculiar(attributes: &[(String, f64)], description: &Description) -> Option<(f64, String)> {
+/// they are, and energies without a. `None` where nothing tells, where a is needed and not known, and for other fields.
+fn physical(name: &str, attributes: &[(String, f64)], description: &Description) -> Option<PhysicalUnit> {
+    let is_energy = match name.trim().to_ascii_lowercase().as_str() {
+        "velocities" | "velocity" | "vel" => false,
+        "internalenergy" | "internalenergies" => true,
+        _ => return None,
+    };
+    let (unit_in_cgs, unit_name) = if is_energy { (1e10, "(km/s)^2") } else { (1e5, "peculiar km/s") };
     let number = |names: &[&str]| names.iter().find_map(|n| attributes.iter().find(|a| a.0 == *n).map(|a| a.1));
     let meta = &description.meta;
     let cgs = number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS, "UnitVelocity_in_cm_per_s"]).filter(|v| *v > 0.0);
@@ -105,7 +110,13 @@ fn peculiar(attributes: &[(String, f64)], description: &Description) -> Option<(
     let power = match (meta.units.comoving, stated) {
         (Some(false), _) => 0.0,
         (_, Some(power)) => power,
-        (Some(true), None) if gadget => 0.5,
+        (Some(true), None) if gadget => {
+            if is_energy {
+                0.0
+            } else {
+                0.5
+            }
+        }
         _ if cgs.is_some() && meta.epoch.scale_factor == Some(1.0) => 0.0,
         _ => return None,
     };
@@ -114,12 +125,14 @@ fn peculiar(attributes: &[(String, f64)], description: &Description) -> Option<(
         power => meta.cosmology.hubble?.powf(power),
     };
     let a = if power == 0.0 { 1.0 } else { meta.epoch.scale_factor? };
-    let unit = cgs.or(gadget.then_some(1e5))? / 1e5;
+    let unit = cgs.or(gadget.then_some(unit_in_cgs))? / unit_in_cgs;
     let factor = a.powf(power) * hubble * unit;
-    let mut why = vec![format!("peculiar km/s, the file's values times {factor:.6}")];
+    let mut why = vec![format!("{unit_name}, the file's values times {factor:.6}")];
     why.extend((power != 0.0).then(|| format!("a^{power} with a = {a}")));
-    why.extend(cgs.is_none().then(|| "the file's unit is taken as km/s".to_string()));
-    Some((factor, why.join("; ")))
+    why.extend(
+        cgs.is_none().then(|| format!("the file's unit is taken as {}", if is_energy { "(km/s)^2" } else { "km/s" })),
+    );
+    Some(PhysicalUnit { factor, note: why.join("; ") })
 }
 
 const SWIFT_CGS: &str = "Conversion factor to CGS (not including cosmological corrections)";

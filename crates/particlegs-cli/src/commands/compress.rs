@@ -16,7 +16,7 @@ use particlegs_pipeline::codec::FieldPrecision;
 use particlegs_pipeline::compress::{CompressedModel, Compression, FieldSelection, Options};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
-use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::particles::{Particles, StarFormingGas, Storage};
 use particlegs_pipeline::{Result, codec};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -60,6 +60,11 @@ pub struct Arguments {
     /// without the fields, and the report says what they add.
     #[arg(long, display_order = LATER, value_name = "NAME,...", value_delimiter = ',')]
     fields: Vec<String>,
+    /// Temperature of star-forming gas, where it is computed from internal energy: keep, drop, or a value in K.
+    ///
+    /// Such gas follows an effective equation of state in many simulations, so its internal energy is not thermal.
+    #[arg(long, display_order = LATER, value_name = "keep|drop|K", hide_short_help = true, requires = "fields", default_value = "keep", hide_default_value = true)]
+    star_forming: StarFormingGas,
     /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
@@ -108,6 +113,9 @@ pub fn run(a: Arguments) -> Result<()> {
     if !a.fields.is_empty() {
         options.read.insert("fields".into(), a.fields.join(","));
     }
+    if a.star_forming != StarFormingGas::Keep {
+        options.read.insert("star-forming".into(), a.star_forming.to_string());
+    }
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
     let context = a.common.clone().start()?;
@@ -124,7 +132,7 @@ pub fn run(a: Arguments) -> Result<()> {
         false => choice.read_fields(&a.input, &options.storage, &context)?,
     };
     if !a.fields.is_empty() {
-        let chosen = FieldSelection::new(&a.fields, &particles, &sources, options.law())?;
+        let chosen = FieldSelection::new(&a.fields, a.star_forming, &particles, &sources, options.law())?;
         context.notes(chosen.notes());
         let omitted = chosen.omitted().to_vec();
         particles.meta.fields = omitted;
@@ -145,7 +153,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
         let mut done = planned.run(pieces, context)?;
         if !a.fields.is_empty() {
-            let fields = FieldSelection::new(&a.fields, &particles, &sources, done.model.metadata.law)?;
+            let fields = FieldSelection::new(&a.fields, a.star_forming, &particles, &sources, done.model.metadata.law)?;
             done.bytes = fields.add_to(&done.bytes, &done.model, &FieldPrecision::default(), context)?;
             done.model = codec::decode_with(&done.bytes, "the file just coded", context)?;
             done.raw_bytes += codec::read_info(&done.bytes, "the file just coded")?.raw_field_bytes();

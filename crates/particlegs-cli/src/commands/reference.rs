@@ -21,7 +21,7 @@ use clap::{Args, ValueEnum, ValueHint};
 use particlegs_pipeline::camera::{Extent, View, ViewSet};
 use particlegs_pipeline::compress::FieldSelection;
 use particlegs_pipeline::model::{LawKind, hex};
-use particlegs_pipeline::particles::{LayerFields, Particles, Storage};
+use particlegs_pipeline::particles::{LayerFields, Particles, StarFormingGas, Storage};
 use particlegs_pipeline::reference::{FieldValues, Reference};
 use particlegs_pipeline::render::{FieldQuery, Renderer};
 use particlegs_pipeline::splat::{DEFAULT_OPACITY, ToneStyle};
@@ -235,8 +235,9 @@ fn particle_field(
     sources: &[LayerFields],
     context: &CommandContext,
 ) -> Result<(FieldChoice, FieldValues)> {
-    let select =
-        |name: &String| FieldSelection::new(std::slice::from_ref(name), particles, sources, LawKind::OpticalDepth);
+    let select = |name: &String| {
+        FieldSelection::new(std::slice::from_ref(name), StarFormingGas::Keep, particles, sources, LawKind::OpticalDepth)
+    };
     let mut found = FieldQuery::candidates(name).iter().map(select).collect::<Vec<_>>();
     let at = found.iter().position(Result::is_ok).unwrap_or(0);
     let selection = found.swap_remove(at)?;

@@ -212,3 +212,51 @@ fn exported_gaussians_have_their_fields() {
     let [_, said] = dir.runs("export m.pgs -o density.npy --grid 8");
     assert!(said.contains("the fields: velocity, temperature") || dir.text("density.json").contains("the fields:"));
 }
+
+/// Energies, electrons and star formation of warm gas with a hot, ionised half of which a tenth forms stars.
+#[test]
+fn temperatures_are_computed_from_energies_and_described_by_logarithms() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("gas"));
+    let place = read(&dir.at("gas"), "xx");
+    std::fs::remove_file(dir.at("gas").join("temperature.f32")).unwrap();
+    let of = |f: &dyn Fn(usize) -> f64| (0..COUNT).map(|i| f(i) as f32).collect::<Vec<f32>>();
+    let is_hot = |i: usize| place[i] > 0.0;
+    let electrons = of(&|i| if is_hot(i) { 1.158 } else { 0.0 });
+    let energy = of(&|i| if is_hot(i) { 2e4 } else { 50.0 });
+    let rate = of(&|i| f64::from(u8::from(is_hot(i) && i % 10 == 0)));
+    for (name, column) in [("InternalEnergy", &energy), ("ElectronAbundance", &electrons), ("StarFormationRate", &rate)]
+    {
+        write(&dir.at("gas"), name, column);
+    }
+    // T = 2/3 u mu m_p / k_B, with mu = 4 / (1 + 3 X + 4 X x_e).
+    let [hot, warm] = [(2e4, 1.158), (50.0, 0.0)].map(|(u, x)| 2.0 / 3.0 * u * 121.147 * 4.0 / (3.28 + 3.04 * x));
+    let fit = "--gaussians 60 --certificate none --fields temperature";
+    let choices = [("", hot), ("--star-forming 1000", 1000.0), ("--star-forming drop", f64::NAN)];
+    for (k, (choice, of_forming)) in choices.into_iter().enumerate() {
+        let [_, said] = dir.runs(&format!("compress gas -o m{k}.pgs {fit} {choice}"));
+        assert!(said.contains("mu = 4 / (1 + 3 X + 4 X x_e), X = 0.76, x_e from ElectronAbundance"), "{said}");
+        let model = dir.model(&format!("m{k}.pgs"));
+        assert!(model.metadata.fields[0].logarithmic);
+        let g = &model.layers[0].content[0].gaussians;
+        let field = g.fields.get("temperature").unwrap();
+        let total: f64 = (0..g.len()).map(|i| g.count[i] * field.overall_value(0, i, &g.cov_of(i))).sum();
+        let truth = (0..COUNT).map(|i| match (is_hot(i), i % 10 == 0) {
+            (true, true) => of_forming,
+            (true, false) => hot,
+            _ => warm,
+        });
+        let there: Vec<f64> = truth.filter(|v| !v.is_nan()).collect();
+        let mean = there.iter().sum::<f64>() / there.len() as f64;
+        assert!((total / COUNT as f64 / mean - 1.0).abs() < 1e-4, "{choice}: {total} {mean}");
+        dir.runs(&format!("recover m{k}.pgs -o drawn{k}"));
+        let drawn = read(&dir.at(&format!("drawn{k}")), "temperature");
+        let above = |all: &[f64]| all.iter().filter(|v| **v > 1e5).count() as f64 / all.len() as f64;
+        assert!((above(&drawn) / above(&there) - 1.0).abs() < 0.1, "{choice}: {} {}", above(&drawn), above(&there));
+        let ratio = drawn.iter().sum::<f64>() / COUNT as f64 / mean;
+        assert!((ratio - 1.0).abs() < 0.05, "{choice}: {ratio}");
+    }
+    dir.runs("simplify m0.pgs -o small.pgs --gaussians 20");
+    let wrong = "compress gas -o x.pgs --fields temperature --star-forming cold";
+    dir.fails(wrong, 2, "use `keep`, `drop`, or a temperature in K above 0");
+}

@@ -185,7 +185,7 @@ impl PartialBlock {
 fn fields_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::result::Result<(), String> {
     let wanted = section.first().and_then(|&n| fields.get(usize::from(n)));
     let Some(quantity) = wanted else { return Err("a section of a field names a field that is not listed".into()) };
-    let moments = decode_field(section, &block.gaussians, quantity.by_mass)?;
+    let moments = decode_field(section, &block.gaussians, quantity)?;
     let components = if quantity.kind == QuantityKind::Vector { 3 } else { 1 };
     if moments.components() != components || block.gaussians.fields.get(&quantity.name).is_some() {
         return Err(format!("field `{}` is there twice or has {} components", quantity.name, moments.components()));

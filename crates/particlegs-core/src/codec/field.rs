@@ -7,7 +7,7 @@ use super::sums::compensated;
 use super::symbols::Residual;
 use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
-use crate::model::{FieldMoments, Mixture};
+use crate::model::{FieldMoments, Mixture, Quantity};
 
 /// Earlier Gaussians among which the nearest are looked for, and how many of these predict.
 const WINDOW: usize = 1024;
@@ -18,6 +18,9 @@ const LEAST_CLASS: f64 = 1.0 / 16.0;
 /// Shape numbers and logarithms at most.
 const LARGEST_SHAPE: f64 = 16.0;
 const LARGEST_LOG: f64 = 300.0;
+/// An excess at most, and the shift of all.
+const LARGEST_EXCESS: f64 = 100.0;
+const LARGEST_SHIFT: f64 = 1e3;
 /// Whole numbers of steps at most.
 const MOST_STEPS: i32 = 1 << 20;
 
@@ -26,11 +29,13 @@ const MOST_STEPS: i32 = 1 << 20;
 pub struct FieldPrecision {
     /// Steps of means, logarithms of spreads, shapes and slopes, in standard errors.
     pub steps: [f32; 4],
+    /// The same of a logarithmic field, and of its excess.
+    pub logarithmic: [f32; 5],
 }
 
 impl Default for FieldPrecision {
     fn default() -> Self {
-        FieldPrecision { steps: [4.0, 2.0, 4.0, 4.0] }
+        FieldPrecision { steps: [4.0, 2.0, 4.0, 4.0], logarithmic: [4.0, 3.0, 4.0, 12.0, 8.0] }
     }
 }
 
@@ -48,6 +53,16 @@ struct FieldHeader {
     /// Exact sums of weight times value, one a component; least and largest value.
     sums: Vec<f64>,
     range: Vec<[f64; 2]>,
+    /// Of a logarithmic field.
+    excess: Option<ExcessHeader>,
+}
+
+/// What a section says of a logarithmic field's excess.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ExcessHeader {
+    step: f32,
+    square: f32,
+    shift: f64,
 }
 
 impl FieldHeader {
@@ -56,12 +71,16 @@ impl FieldHeader {
         let floats = self.steps.iter().chain(&self.change).chain(&self.square).chain(&self.start);
         floats.for_each(|v| out.extend(v.to_le_bytes()));
         self.sums.iter().chain(self.range.iter().flatten()).for_each(|v| out.extend(v.to_le_bytes()));
+        if let Some(ExcessHeader { step, square, shift }) = self.excess {
+            [step, square].iter().for_each(|v| out.extend(v.to_le_bytes()));
+            out.extend(shift.to_le_bytes());
+        }
         out
     }
 
-    fn read(r: &mut WireReader<'_>) -> Result<Self, String> {
+    fn read(r: &mut WireReader<'_>, logarithmic: bool) -> Result<Self, String> {
         let (field, components) = (r.u8()?, r.u8()?);
-        if components != 1 && components != 3 {
+        if components != 1 && (components != 3 || logarithmic) {
             return Err(format!("a field has {components} components"));
         }
         let mut floats = [0f32; 10];
@@ -82,40 +101,65 @@ impl FieldHeader {
         if range.iter().any(|[least, largest]| least > largest) {
             return Err("the least value of a field is above the largest".into());
         }
-        Ok(FieldHeader { field, steps: [a, b, c, d], change, square: [e, f], start: [g, h], sums: reals, range })
+        let mut excess = None;
+        if logarithmic {
+            let (step, square, shift) = (r.f32()?, r.f32()?, r.f64()?);
+            if !positive(&step) || !positive(&square) || shift.is_nan() || shift.abs() > LARGEST_SHIFT {
+                return Err("the excess of a field is out of range".into());
+            }
+            excess = Some(ExcessHeader { step, square, shift });
+        }
+        let (steps, square, start) = ([a, b, c, d], [e, f], [g, h]);
+        Ok(FieldHeader { field, steps, change, square, start, sums: reals, range, excess })
     }
 }
 
-/// Encodes the moments of field `field` of a block's decoded Gaussians; `sums` are the particles' weighted sums of
-/// each component.
+/// Encodes the moments of field `quantity`, number `field`, of a block's decoded Gaussians; `sums` are the particles'
+/// weighted sums of each component.
 pub fn encode_field(
-    field: u8,
+    (field, quantity): (u8, &Quantity),
     moments: &FieldMoments,
     gaussians: &Mixture,
     sums: &[f64],
     precision: &FieldPrecision,
 ) -> Vec<u8> {
-    let header = FieldHeader {
+    let mut header = FieldHeader {
         field,
         steps: precision.steps,
         sums: sums.to_vec(),
         range: moments.range.clone(),
         ..statistics(moments, gaussians)
     };
-    let mut out = header.write();
+    if let Some(excess) = &mut header.excess {
+        let [steps @ .., step] = precision.logarithmic;
+        (header.steps, excess.step) = (steps, step);
+    }
     let mut writer = RansWriter::default();
     let mut walk = FieldWalk::new(&header, gaussians);
     // Every number is within the range that the walk accepts.
-    if walk.run(&mut writer, Some(moments)).is_ok() {
-        out.extend(writer.finish());
+    let stream = walk.run(&mut writer, Some(moments)).map(|()| writer.finish()).unwrap_or_default();
+    if header.excess.is_some() {
+        // What makes the sum the particles'.
+        let decoded = walk.finish(quantity.by_mass);
+        let value =
+            |i: usize| weight(gaussians, i, quantity.by_mass) * decoded.overall_value(0, i, &gaussians.cov_of(i));
+        let sum = compensated(&(0..gaussians.len()).map(value).collect::<Vec<_>>());
+        let shift = libm::log(sums[0] / sum);
+        let shift = if shift.is_finite() { shift.clamp(-LARGEST_SHIFT, LARGEST_SHIFT) } else { 0.0 };
+        header.excess = header.excess.map(|e| ExcessHeader { shift, ..e });
     }
-    out
+    [header.write(), stream].concat()
+}
+
+/// What a Gaussian counts as in a field's sums.
+fn weight(g: &Mixture, i: usize, by_mass: bool) -> f64 {
+    if by_mass { g.mass_of(i) } else { g.count[i] }
 }
 
 /// Decodes a section.
-pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, by_mass: bool) -> Result<FieldMoments, String> {
+pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, quantity: &Quantity) -> Result<FieldMoments, String> {
     let mut r = WireReader::new(bytes);
-    let header = FieldHeader::read(&mut r)?;
+    let header = FieldHeader::read(&mut r, quantity.logarithmic)?;
     let stream = &bytes[r.position()..];
     let mut reader = RansReader::new(stream).ok_or("a field's stream has no start")?;
     let mut walk = FieldWalk::new(&header, gaussians);
@@ -123,7 +167,7 @@ pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, by_mass: bool) -> 
     if !reader.finished() || !reader.rest().is_empty() {
         return Err("a field's stream does not end where it should".into());
     }
-    let moments = walk.finish(by_mass);
+    let moments = walk.finish(quantity.by_mass);
     let finite = moments.columns().flatten().all(|v| v.is_finite());
     if finite { Ok(moments) } else { Err("a number of a field is not finite".into()) }
 }
@@ -138,7 +182,7 @@ struct FieldWalk<'a> {
     shapes: Vec<[f64; 5]>,
     /// Those decoded, in order.
     done: Vec<u32>,
-    models: [Vec<Residual<32>>; 4],
+    models: [Vec<Residual<32>>; 5],
 }
 
 /// The nearest earlier Gaussians, nearest first: their numbers and distances.
@@ -147,8 +191,8 @@ type Near = Vec<(f64, u32)>;
 impl<'a> FieldWalk<'a> {
     fn new(header: &'a FieldHeader, gaussians: &'a Mixture) -> Self {
         let (n, components) = (gaussians.len(), header.sums.len());
-        let mut out = FieldMoments::new(components);
-        out.mean.iter_mut().chain(&mut out.spread).for_each(|c| c.resize(n, 0.0));
+        let mut out = if header.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
+        out.mean.iter_mut().chain(&mut out.spread).chain(&mut out.excess).for_each(|c| c.resize(n, 0.0));
         out.slope.iter_mut().flatten().for_each(|c| c.resize(n, 0.0));
         // Spreads in steps, by the class.
         let model = |class: usize| Residual::bell((LEAST_CLASS * (1u64 << class) as f64).sqrt());
@@ -160,7 +204,7 @@ impl<'a> FieldWalk<'a> {
             logs: vec![0.0; n],
             shapes: vec![[0.0; 5]; if components == 3 { n } else { 0 }],
             done: Vec::with_capacity(n),
-            models: [models(), models(), models(), models()],
+            models: [models(), models(), models(), models(), models()],
         }
     }
 
@@ -231,6 +275,15 @@ impl<'a> FieldWalk<'a> {
                 (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
             }
             let size = spread * spread;
+            if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
+                let error = ((size * size * size / 6.0 * exp(size / 3.0)).min(0.25) + 1e-6) / n;
+                let (error, square) = (error.sqrt(), f64::from(excess.square));
+                let step = f64::from(excess.step) * error;
+                let class = self::class((square + error * error) / (step * step));
+                let target = wanted.and_then(|w| Some(w.excess.as_ref()?[i]));
+                let value = number(c, &mut self.models[4][class], 0.0, step, target)?;
+                column[i] = value.clamp(-LARGEST_EXCESS, LARGEST_EXCESS);
+            }
             match components {
                 1 => self.out.spread[0][i] = size,
                 _ => {
@@ -286,11 +339,15 @@ impl<'a> FieldWalk<'a> {
     /// Moments whose sums are the particles', with means within their range.
     fn finish(mut self, by_mass: bool) -> FieldMoments {
         let g = self.gaussians;
-        let weight = |i: usize| if by_mass { g.mass_of(i) } else { g.count[i] };
+        let weight = |i: usize| weight(g, i, by_mass);
         let total = compensated(&(0..g.len()).map(weight).collect::<Vec<_>>());
         for (k, [least, largest]) in self.header.range.iter().enumerate() {
             let mean = &mut self.out.mean[k];
             mean.iter_mut().for_each(|v| *v = v.clamp(*least, *largest));
+            if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
+                column.iter_mut().for_each(|v| *v += excess.shift);
+                continue;
+            }
             let sum = compensated(&(0..g.len()).map(|i| weight(i) * mean[i]).collect::<Vec<_>>());
             let off = (self.header.sums[k] - sum) / total;
             mean.iter_mut().for_each(|v| *v += off);
@@ -397,7 +454,7 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
             pairs += 1.0;
         }
     }
-    let (mut shape, mut slope, mut numbers) = (0.0, 0.0, 0.0f64);
+    let (mut shape, mut slope, mut excess, mut numbers) = (0.0, 0.0, 0.0, 0.0f64);
     for (&i, (log, five)) in there.iter().zip(&logs) {
         let spread = libm::exp(*log);
         let factor = Factor::new(&g.cov_of(i));
@@ -407,6 +464,7 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
                 let over = factor.over(each_axis(|d| m.slope[k][d][i])).map(|v| v / spread);
                 slope += over.iter().map(|v| v * v).sum::<f64>() / (3 * components) as f64;
             }
+            excess += m.excess.as_ref().map_or(0.0, |e| e[i] * e[i]);
             numbers += 1.0;
         }
     }
@@ -421,6 +479,7 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
         start: [start as f32, (logs.iter().map(|l| l.0).sum::<f64>() / total) as f32],
         sums: Vec::new(),
         range: Vec::new(),
+        excess: m.excess.is_some().then(|| ExcessHeader { step: 1.0, square: least(excess, numbers), shift: 0.0 }),
     }
 }
 
@@ -428,6 +487,7 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
 mod tests {
     use super::*;
     use crate::math::Random;
+    use crate::model::QuantityKind;
 
     /// Gaussians along a line, with a flow that follows it.
     fn scene(n: u64, components: usize) -> (Mixture, FieldMoments) {
@@ -452,6 +512,10 @@ mod tests {
         (m, f)
     }
 
+    fn quantity(logarithmic: bool) -> Quantity {
+        Quantity { name: "q".into(), kind: QuantityKind::Scalar, unit: None, bytes: 4, by_mass: false, logarithmic }
+    }
+
     fn sums(m: &Mixture, f: &FieldMoments) -> Vec<f64> {
         f.mean.iter().map(|mean| mean.iter().zip(&m.count).map(|(v, n)| v * n).sum()).collect()
     }
@@ -461,8 +525,8 @@ mod tests {
         for components in [1, 3] {
             let (m, f) = scene(500, components);
             let precision = FieldPrecision::default();
-            let bytes = encode_field(0, &f, &m, &sums(&m, &f), &precision);
-            let back = decode_field(&bytes, &m, false).unwrap();
+            let bytes = encode_field((0, &quantity(false)), &f, &m, &sums(&m, &f), &precision);
+            let back = decode_field(&bytes, &m, &quantity(false)).unwrap();
             for (own, was) in sums(&m, &back).iter().zip(sums(&m, &f)) {
                 assert!((own - was).abs() < 1e-9 * was.abs().max(1.0), "{own} {was}");
             }
@@ -479,18 +543,54 @@ mod tests {
         }
     }
 
+    /// Gaussians of a field that spans decades.
+    fn logarithms() -> (Mixture, FieldMoments) {
+        let (m, linear) = scene(300, 1);
+        let mut f = FieldMoments { range: vec![[0.0, 40.0]], excess: Some(Vec::new()), ..linear };
+        for i in 0..m.len() {
+            f.mean[0][i] = 12.0 + 0.02 * f.mean[0][i];
+            (0..3).for_each(|k| f.slope[0][k][i] *= 0.1);
+            f.spread[0][i] /= 400.0;
+            f.excess.as_mut().unwrap().push(0.1 * (i as f64).sin());
+        }
+        (m, f)
+    }
+
+    #[test]
+    fn logarithmic_fields_come_back_with_the_sum_of_their_values() {
+        let (m, f) = logarithms();
+        let total =
+            |f: &FieldMoments| -> f64 { (0..m.len()).map(|i| m.count[i] * f.overall_value(0, i, &m.cov_of(i))).sum() };
+        let bytes = encode_field((0, &quantity(true)), &f, &m, &[total(&f)], &FieldPrecision::default());
+        let back = decode_field(&bytes, &m, &quantity(true)).unwrap();
+        assert!((total(&back) / total(&f) - 1.0).abs() < 1e-12);
+        // All get one shift, which keeps the sum.
+        let off = |i: usize| back.excess.as_ref().unwrap()[i] - f.excess.as_ref().unwrap()[i];
+        let error = |i: usize| {
+            let s = back.spread[0][i];
+            ((s * s * s / 6.0 * (s / 3.0).exp()).min(0.25) / m.count[i]).sqrt()
+        };
+        for i in 1..m.len() {
+            let found = off(i) - off(i - 1);
+            assert!(found.abs() < 4.1 * (error(i) + error(i - 1)) + 0.01, "{found} {} {}", error(i), error(i - 1));
+        }
+        assert!(decode_field(&bytes, &m, &quantity(false)).is_err());
+    }
+
     #[test]
     fn damaged_sections_are_refused_or_finite() {
-        let (m, f) = scene(60, 3);
-        let bytes = encode_field(0, &f, &m, &sums(&m, &f), &FieldPrecision::default());
-        for cut in 0..bytes.len() {
-            assert!(decode_field(&bytes[..cut], &m, false).is_err(), "cut at {cut}");
-        }
-        for at in 0..bytes.len() {
-            let mut damaged = bytes.clone();
-            damaged[at] ^= 0x14;
-            if let Ok(back) = decode_field(&damaged, &m, false) {
-                assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
+        let (vectors, scalars) = (scene(60, 3), logarithms());
+        for (logarithmic, (m, f)) in [(false, vectors), (true, scalars)] {
+            let bytes = encode_field((0, &quantity(logarithmic)), &f, &m, &sums(&m, &f), &FieldPrecision::default());
+            for cut in 0..bytes.len() {
+                assert!(decode_field(&bytes[..cut], &m, &quantity(logarithmic)).is_err(), "cut at {cut}");
+            }
+            for at in 0..bytes.len() {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= 0x14;
+                if let Ok(back) = decode_field(&damaged, &m, &quantity(logarithmic)) {
+                    assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
+                }
             }
         }
     }

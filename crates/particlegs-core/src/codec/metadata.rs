@@ -34,7 +34,7 @@ const TIME: u8 = 26;
 const FRAME: u8 = 27;
 const STEP: u8 = 28;
 /// How fields are weighed.
-const WEIGHTING: u8 = 32;
+const TRAITS: u8 = 32;
 const RECIPE: u8 = 40;
 const TOOL: u8 = 41;
 const MASSES: u8 = 128;
@@ -94,8 +94,9 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     }
     m.epoch.frame.iter().for_each(|v| field(FRAME, &v.to_le_bytes()));
     m.epoch.step.iter().for_each(|v| field(STEP, &v.to_le_bytes()));
-    if m.fields.iter().any(|q| q.by_mass) {
-        field(WEIGHTING, &m.fields.iter().map(|q| u8::from(q.by_mass)).collect::<Vec<u8>>());
+    let traits: Vec<u8> = m.fields.iter().map(|q| u8::from(q.by_mass) | u8::from(q.logarithmic) << 1).collect();
+    if traits.iter().any(|t| *t > 0) {
+        field(TRAITS, &traits);
     }
     field(RECIPE, &recipe_text(&m.recipe));
     field(TOOL, text(&m.tool_version, TEXT));
@@ -158,14 +159,16 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
         ));
     }
     m.fields = all[own.len()..].to_vec();
-    if let Some(weighting) = get(WEIGHTING) {
-        if weighting.len() != m.fields.len() {
-            let what =
-                format!("the weighting of {} fields is given, but there are {}", weighting.len(), m.fields.len());
+    if let Some(traits) = get(TRAITS) {
+        if traits.len() != m.fields.len() {
+            let what = format!("the traits of {} fields are given, but there are {}", traits.len(), m.fields.len());
             return Err(SectionFault::Corrupt(what));
         }
-        for (field, v) in m.fields.iter_mut().zip(weighting) {
-            field.by_mass = flag(WEIGHTING, &[*v])?;
+        for (field, v) in m.fields.iter_mut().zip(traits) {
+            if *v > 3 || (*v > 1 && field.kind == QuantityKind::Vector) {
+                return Err(SectionFault::Corrupt(format!("the traits {v} of field `{}` are not known", field.name)));
+            }
+            (field.by_mass, field.logarithmic) = (v & 1 > 0, v & 2 > 0);
         }
     }
     Ok((m, masses))
@@ -270,7 +273,7 @@ fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
                 Some(unit.ok_or_else(|| format!("`{name}` refers to unit {k}, which does not exist"))?.clone())
             }
         };
-        out.push(Quantity { name, kind, unit, bytes, by_mass: false });
+        out.push(Quantity { name, kind, unit, bytes, by_mass: false, logarithmic: false });
     }
     Ok(out)
 }
@@ -412,7 +415,8 @@ mod tests {
 
     prop_compose! {
         fn quantity()(name in "\\PC{0,20}", kind in 0usize..4, unit in unit(), bytes in any::<u16>(), by_mass in any::<bool>()) -> Quantity {
-            Quantity { name, kind: QuantityKind::ALL[kind], unit, bytes, by_mass }
+            let kind = QuantityKind::ALL[kind];
+            Quantity { name, kind, unit, bytes, by_mass, logarithmic: !by_mass && kind != QuantityKind::Vector }
         }
     }
 

@@ -1,7 +1,10 @@
 //! Fields of Gaussians: what their particles carry beside positions and masses.
 
+use crate::math::Sym3;
+
 /// Moments of a field over the particles of each Gaussian, in columns of one value a Gaussian. With mean position m, the
-/// field at x is normal about `mean + slope (x - m)` with the covariance `spread`, whatever x.
+/// field at x is normal about `mean + slope (x - m)` with the covariance `spread`, whatever x. Of a logarithmic field all of
+/// this is said of the natural logarithm of its values, which need not be normal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FieldMoments {
     /// Means at the Gaussians' means, one column a component, in the field's unit.
@@ -12,6 +15,9 @@ pub struct FieldMoments {
     pub spread: Vec<Vec<f64>>,
     /// Least and largest value of each component over all particles.
     pub range: Vec<[f64; 2]>,
+    /// Of a logarithmic field, one column: what the logarithm of the values' mean at any place is above that of log-normal
+    /// values, `mean + slope (x - m) + spread / 2`.
+    pub excess: Option<Vec<f64>>,
 }
 
 impl FieldMoments {
@@ -22,7 +28,18 @@ impl FieldMoments {
             slope: vec![Default::default(); components],
             spread: vec![Vec::new(); if components == 1 { 1 } else { 6 }],
             range: vec![[f64::INFINITY, f64::NEG_INFINITY]; components],
+            excess: None,
         }
+    }
+
+    /// For a field that describes logarithms, without Gaussians.
+    pub fn logarithmic() -> Self {
+        FieldMoments { excess: Some(Vec::new()), ..FieldMoments::new(1) }
+    }
+
+    /// Of the same kind, without Gaussians.
+    pub fn same_kind(&self) -> Self {
+        if self.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(self.components()) }
     }
 
     /// Number of components.
@@ -50,17 +67,52 @@ impl FieldMoments {
         }
     }
 
-    /// All columns: means, slopes, spreads.
+    /// All columns: means, slopes, spreads, of a logarithmic field the excess.
     pub fn columns(&self) -> impl Iterator<Item = &Vec<f64>> {
-        self.mean.iter().chain(self.slope.iter().flatten()).chain(&self.spread)
+        self.mean.iter().chain(self.slope.iter().flatten()).chain(&self.spread).chain(&self.excess)
     }
 
     fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
-        self.mean.iter_mut().chain(self.slope.iter_mut().flatten()).chain(&mut self.spread)
+        self.mean.iter_mut().chain(self.slope.iter_mut().flatten()).chain(&mut self.spread).chain(&mut self.excess)
     }
 
     /// The mean of component `c` of Gaussian `i` at `from_mean` from the Gaussian's mean.
     pub fn mean_at(&self, c: usize, i: usize, from_mean: [f64; 3]) -> f64 {
         self.mean[c][i] + (0..3).map(|k| self.slope[c][k][i] * from_mean[k]).sum::<f64>()
+    }
+
+    /// The mean of the values of component `c` of Gaussian `i` at `from_mean` from its mean, in the field's unit; that of a
+    /// logarithmic field lies within its range.
+    pub fn value_at(&self, c: usize, i: usize, from_mean: [f64; 3]) -> f64 {
+        let mean = self.mean_at(c, i, from_mean);
+        match &self.excess {
+            Some(excess) => {
+                let [least, largest] = self.range[c];
+                libm::exp((mean + 0.5 * self.spread[0][i] + excess[i]).clamp(least, largest))
+            }
+            None => mean,
+        }
+    }
+
+    /// The mean of the values of component `c` over all of Gaussian `i`, whose covariance is `cov`.
+    pub fn overall_value(&self, c: usize, i: usize, cov: &Sym3) -> f64 {
+        match &self.excess {
+            Some(excess) => {
+                let slope = [0, 1, 2].map(|k| self.slope[c][k][i]);
+                libm::exp(self.mean[c][i] + 0.5 * (self.spread[0][i] + cov.quadratic(slope)) + excess[i])
+            }
+            None => self.mean[c][i],
+        }
+    }
+
+    /// Variance of component `c` of Gaussian `i` about its mean, at any place.
+    pub fn variance(&self, c: usize, i: usize) -> f64 {
+        // The diagonal of xx, xy, xz, yy, yz, zz.
+        self.spread[if self.components() == 1 { 0 } else { [0, 3, 5][c] }][i]
+    }
+
+    /// Least and largest value of component `c`, in the field's unit.
+    pub fn value_range(&self, c: usize) -> [f64; 2] {
+        if self.excess.is_some() { self.range[c].map(libm::exp) } else { self.range[c] }
     }
 }

@@ -92,6 +92,9 @@ pub struct Quantity {
     /// Are its means weighted by the particles' masses? Else all particles count alike.
     #[serde(default)]
     pub by_mass: bool,
+    /// Do its moments describe the natural logarithm of its values, as those of a positive scalar over decades?
+    #[serde(default)]
+    pub logarithmic: bool,
 }
 
 impl Quantity {
@@ -155,6 +158,7 @@ impl Metadata {
             unit: unit.clone(),
             bytes,
             by_mass: false,
+            logarithmic: false,
         };
         let mut all = vec![quantity("positions", QuantityKind::Vector, &self.units.length, 12)];
         all.extend(weighted.then(|| quantity("masses", QuantityKind::Scalar, &self.units.mass, 4)));

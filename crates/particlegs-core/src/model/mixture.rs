@@ -91,7 +91,7 @@ impl Mixture {
     /// Adds all of another's, of the same law and with the same columns. Fields that either lacks are left out.
     pub fn append(&mut self, other: &Mixture) {
         if self.is_empty() {
-            self.fields = other.fields.map(|f| FieldMoments::new(f.components()));
+            self.fields = other.fields.map(FieldMoments::same_kind);
         }
         self.fields.retain(|name| other.is_empty() || other.fields.get(name).is_some());
         for k in 0..3 {

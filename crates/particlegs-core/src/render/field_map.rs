@@ -14,12 +14,14 @@ use crate::picture::{Plane, Size};
 use crate::splat::erf;
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::f64::consts::{FRAC_1_SQRT_2, LN_10, PI};
 
 /// Footprints end at these many deviations, squared: 3e-7 of the mass lies beyond.
 const CUT: f64 = 30.0;
 /// A slab that leaves less of a Gaussian at a pixel leaves nothing.
 const LEAST_SHARE: f64 = 1e-9;
+/// Planes that are summed up.
+const SUMS: usize = 4;
 /// Rows that one task draws.
 const BAND: usize = 16;
 
@@ -28,7 +30,8 @@ const BAND: usize = 16;
 pub struct FieldMap {
     /// Mean weighted by surface density, in the field's unit.
     pub mean: Plane,
-    /// Root mean square of what single particles differ from the mean.
+    /// Root mean square of what single particles differ from the mean; of a logarithmic field that of the decimal logarithm
+    /// (dex).
     pub dispersion: Plane,
     /// The surface density that weighs, of the parts that have the field.
     pub density: Plane,
@@ -60,9 +63,10 @@ pub fn field_map(
         scene.parts.iter().map(|(m, _)| cell.as_ref().map_or(Cow::Borrowed(*m), |c| moved(m, c))).collect();
     let parts = parts.iter().zip(&scene.parts).map(|(m, (_, mass))| (&**m, *mass)).collect();
     let scene = Scene { parts, shifts: scene.shifts.clone(), ..scene };
-    let mut sums: Option<[Plane; 3]> = None;
-    let mut folded = Vec::with_capacity(3);
-    for k in 0..3 {
+    let is_logarithmic = scene.parts.iter().any(|(m, _)| m.fields.get(&query.name).is_some_and(|f| f.excess.is_some()));
+    let mut sums: Option<Vec<Plane>> = None;
+    let mut folded = Vec::with_capacity(SUMS);
+    for k in 0..if is_logarithmic { SUMS } else { SUMS - 1 } {
         let tails = |cell: &_| all_tails(&scene, view.camera.focal_point, cell);
         folded.push(view.wrapped(size, tails, |view, size| {
             let sums = match &mut sums {
@@ -72,11 +76,17 @@ pub fn field_map(
             Ok(std::mem::replace(&mut sums[k], Plane::zeros(Size { width: 0, height: 0 })))
         })?);
     }
+    let values = folded.split_off(SUMS - 1).pop();
     let [density, mut mean, mut dispersion] = <[Plane; 3]>::try_from(folded).expect("three planes");
-    for ((&w, m), d) in density.data.iter().zip(&mut mean.data).zip(&mut dispersion.data) {
+    for (i, ((&w, m), d)) in density.data.iter().zip(&mut mean.data).zip(&mut dispersion.data).enumerate() {
         let (w, own) = (f64::from(w), f64::from(*m) / f64::from(w));
-        *d = (f64::from(*d) / w - own * own).max(0.0).sqrt() as f32;
-        *m = (reference + own).clamp(range[0], range[1]) as f32;
+        let variance = (f64::from(*d) / w - own * own).max(0.0);
+        let (value, unit) = match &values {
+            Some(values) => (f64::from(values.data[i]) / w, LN_10),
+            None => (reference + own, 1.0),
+        };
+        *d = (variance.sqrt() / unit) as f32;
+        *m = value.clamp(range[0], range[1]) as f32;
         if w <= 0.0 {
             (*m, *d) = (f32::NAN, f32::NAN);
         }
@@ -95,7 +105,7 @@ fn range(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<[f64; 2]> {
         return Err(Error::argument(format!("field `{name}` is {kind}: it has no such component")));
     }
     let of = |k: usize, shift: f64| {
-        let ends = fields.iter().map(|f| f.range[k]);
+        let ends = fields.iter().map(|f| f.value_range(k));
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a - shift), hi.max(b - shift)])
     };
     Ok(match component {
@@ -135,8 +145,19 @@ struct FieldFootprint {
     tilt: [f64; 2],
     /// Variance about that.
     variance: f64,
+    /// Of a logarithmic field.
+    excess: Option<LogExcess>,
     /// What a slab leaves of an orthographic view's Gaussian.
     slab: Option<DepthCut>,
+}
+
+/// What turns a mean of logarithms into the mean of values.
+#[derive(Clone, Copy)]
+struct LogExcess {
+    /// Added to the logarithm of a log-normal distribution's mean.
+    added: f64,
+    /// The logarithms' least and largest value.
+    range: [f64; 2],
 }
 
 /// A normal distribution of depth at each pixel, cut off at two depths, and how values change with depth there.
@@ -171,9 +192,20 @@ impl DepthCut {
         let scale = self.slope * self.deviation;
         [share, scale * shift, scale * scale * change]
     }
+
+    /// What the cut makes of the mean of exp(value): the share of the mass that is left where each depth weighs by it, over
+    /// [`DepthCut::at`]'s share.
+    fn tilted(&self, from_center: [f64; 2], share: f64) -> f64 {
+        let scale = self.slope * self.deviation;
+        let mean = self.mean + self.tilt[0] * from_center[0] + self.tilt[1] * from_center[1];
+        let [low, high] = self.range.map(|d| (d - mean) / self.deviation - scale);
+        let left = 0.5 * (erf(high * FRAC_1_SQRT_2) - erf(low * FRAC_1_SQRT_2));
+        (left / share).max(0.0)
+    }
 }
 
-/// Planes of weight, weight times value and weight times value squared.
+/// Planes of weight, weight times value and weight times value squared; of a logarithmic field these are of logarithms, and
+/// the fourth is of weight times value.
 fn drawn(
     scene: &Scene,
     query: &FieldQuery,
@@ -181,8 +213,8 @@ fn drawn(
     view: &DensityView,
     size: Size,
     context: &Context<'_>,
-) -> Result<[Plane; 3]> {
-    context.require_memory("a map of a field", 40 * size.pixels() as u64)?;
+) -> Result<Vec<Plane>> {
+    context.require_memory("a map of a field", 50 * size.pixels() as u64)?;
     let mut footprints = Vec::new();
     for own in view.copies(size, &scene.bounds, reach(scene))? {
         for shift in &scene.shifts {
@@ -213,13 +245,13 @@ fn drawn(
     let rows = parallel::try_map(bands.iter().enumerate(), |(band, own)| {
         context.check()?;
         let rows = BAND.min(size.height - band * BAND);
-        let mut sums = vec![[0.0f64; 3]; rows * size.width];
+        let mut sums = vec![[0.0f64; SUMS]; rows * size.width];
         for &f in own {
-            draw(&footprints[f as usize], band * BAND, size.width, &mut sums);
+            draw(&footprints[f as usize], reference, band * BAND, size.width, &mut sums);
         }
         Ok::<_, Error>(sums)
     })?;
-    Ok([0, 1, 2].map(|k| Plane { size, data: rows.iter().flatten().map(|v| v[k] as f32).collect() }))
+    Ok((0..SUMS).map(|k| Plane { size, data: rows.iter().flatten().map(|v| v[k] as f32).collect() }).collect())
 }
 
 fn touches(f: &Footprint, size: Size) -> bool {
@@ -252,6 +284,7 @@ struct FieldNumber {
     mean: f64,
     variance: f64,
     slope: [f64; 3],
+    excess: Option<f64>,
 }
 
 impl FieldProjection<'_> {
@@ -310,7 +343,8 @@ impl FieldProjection<'_> {
                     slope: (with[2] - explained(seen)) / left,
                 }
             });
-            out.push(FieldFootprint { footprint, value, tilt, variance, slab });
+            let excess = number.excess.map(|added| LogExcess { added, range: self.field.range[0] });
+            out.push(FieldFootprint { footprint, value, tilt, variance, excess, slab });
         };
         match is_cut && !lens.perspective && depths > 0.0 {
             true => add(slices::whole(lens, depth, depths)),
@@ -326,7 +360,8 @@ impl FieldProjection<'_> {
         let direction = match query.component {
             MapComponent::Scalar => {
                 let slope = each_axis(|a| field.slope[0][a][i]);
-                return FieldNumber { mean: field.mean[0][i], variance: field.spread[0][i], slope };
+                let excess = field.excess.as_ref().map(|e| e[i]);
+                return FieldNumber { mean: field.mean[0][i], variance: field.spread[0][i], slope, excess };
             }
             MapComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
             MapComponent::LineOfSight => {
@@ -349,12 +384,13 @@ impl FieldProjection<'_> {
             mean: dot(direction, mean(query.bulk)),
             variance: dot(direction, spread.apply(direction)),
             slope: each_axis(|a| turn[a] + dot(direction, each_axis(|k| field.slope[k][a][i]))),
+            excess: None,
         }
     }
 }
 
 /// Adds a footprint to the rows from `first` on.
-fn draw(f: &FieldFootprint, first: usize, width: usize, sums: &mut [[f64; 3]]) {
+fn draw(f: &FieldFootprint, reference: f64, first: usize, width: usize, sums: &mut [[f64; SUMS]]) {
     let Footprint { mean, .. } = f.footprint;
     let [at_x, at_y] = mean.map(f64::from);
     let [down, lean, across, sum] =
@@ -384,13 +420,21 @@ fn draw(f: &FieldFootprint, first: usize, width: usize, sums: &mut [[f64; 3]]) {
         let mut value = f.value + f.tilt[0] * (from - at_x) + f.tilt[1] * dy;
         for (i, pixel) in pixels[from as usize..=to as usize].iter_mut().enumerate() {
             let (mut weight_here, mut value_here, mut variance) = (weight, value, f.variance);
+            let place = [from + i as f64 - at_x, dy];
+            let mut share = 1.0;
             if let Some(slab) = &f.slab {
-                let [share, shift, change] = slab.at([from + i as f64 - at_x, dy]);
+                let [left, shift, change] = slab.at(place);
+                share = left;
                 (weight_here, value_here, variance) = (weight * share, value + shift, (variance + change).max(0.0));
             }
             pixel[0] += weight_here;
             pixel[1] += weight_here * value_here;
             pixel[2] += weight_here * (value_here * value_here + variance);
+            if let Some(LogExcess { added, range: [least, largest] }) = f.excess.filter(|_| share > 0.0) {
+                let tilted = f.slab.as_ref().map_or(1.0, |s| s.tilted(place, share));
+                let mean = reference + value + 0.5 * f.variance + added + libm::log(tilted);
+                pixel[3] += weight_here * libm::exp(mean.clamp(least, largest));
+            }
             weight *= quotient;
             quotient *= change;
             value += f.tilt[0];
@@ -431,6 +475,12 @@ mod tests {
                 field.range.fill([-1e3, 1e3]);
             }
         }
+        // The same numbers as logarithms, smaller.
+        let mut heat = FieldMoments { range: vec![[-40.0, 40.0]], excess: Some(Vec::new()), ..scalar.clone() };
+        heat.spread[0].iter_mut().for_each(|v| *v *= 0.2);
+        heat.slope[0].iter_mut().flatten().for_each(|v| *v *= 0.4);
+        heat.excess = Some((0..m.len()).map(|i| 0.1 * (i as f64).cos()).collect());
+        m.fields.set("heat", heat);
         m.fields.set("scalar", scalar);
         m.fields.set("velocity", flow);
         m
@@ -454,7 +504,7 @@ mod tests {
         let [right, up, back] = frame.axes;
         let focal = v.camera.focal_pixels(SIZE);
         let perspective = matches!(v.camera.projection, Projection::Perspective { .. });
-        let mut sums = [0.0; 3];
+        let mut sums = [0.0; 4];
         let inverses: Vec<Sym3> = (0..m.len()).map(|i| m.cov_of(i).inverse().unwrap()).collect();
         let field = m.fields.get(&q.name).unwrap();
         let [near, far] = v.range.map(|r| r.clamp(0.0, 20.0));
@@ -494,11 +544,16 @@ mod tests {
                     sums[0] += w;
                     sums[1] += w * mean;
                     sums[2] += w * (mean * mean + spread);
+                    sums[3] += w * field.value_at(0, i, d);
                 }
             }
         }
         let mean = sums[1] / sums[0];
-        [sums[0], mean, (sums[2] / sums[0] - mean * mean).sqrt()]
+        let dispersion = (sums[2] / sums[0] - mean * mean).sqrt();
+        match field.excess {
+            Some(_) => [sums[0], sums[3] / sums[0], dispersion / LN_10],
+            None => [sums[0], mean, dispersion],
+        }
     }
 
     /// The largest differences of mean and dispersion where there is mass, over the values' root mean square.
@@ -524,6 +579,7 @@ mod tests {
         let flat = Projection::Orthographic { height_world: 4.0 };
         for (name, component) in [
             ("scalar", MapComponent::Scalar),
+            ("heat", MapComponent::Scalar),
             ("velocity", MapComponent::Axis(1)),
             ("velocity", MapComponent::LineOfSight),
         ] {
@@ -554,7 +610,14 @@ mod tests {
     #[test]
     fn names_of_fields_are_read_and_others_refused() {
         use crate::model::{Quantity, QuantityKind};
-        let quantity = |name: &str, kind| Quantity { name: name.into(), kind, unit: None, bytes: 4, by_mass: false };
+        let quantity = |name: &str, kind| Quantity {
+            name: name.into(),
+            kind,
+            unit: None,
+            bytes: 4,
+            by_mass: false,
+            logarithmic: false,
+        };
         let fields = [quantity("velocity", QuantityKind::Vector), quantity("T", QuantityKind::Scalar)];
         let of = |text: &str| FieldQuery::new(text, &fields).map(|q| (q.name, q.component, q.dispersion));
         assert_eq!(of("t").unwrap(), ("T".into(), MapComponent::Scalar, false));

@@ -102,6 +102,15 @@ impl FieldQuery {
         if self.dispersion { format!("dispersion of {of}") } else { of }
     }
 
+    /// The unit of what is mapped: the field's, and dex for the dispersion of a logarithmic field; empty where it is not known.
+    pub fn unit(&self, fields: &[Quantity]) -> String {
+        match fields.iter().find(|q| q.name == self.name) {
+            Some(q) if q.logarithmic && self.dispersion => "dex".into(),
+            Some(Quantity { unit: Some(unit), .. }) => unit.text.clone(),
+            _ => String::new(),
+        }
+    }
+
     /// Does it have a sign that a colour map should show?
     pub fn is_signed(&self) -> bool {
         !self.dispersion && self.component != MapComponent::Scalar

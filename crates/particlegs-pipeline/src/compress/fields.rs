@@ -3,9 +3,9 @@
 
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
-use crate::fit::gather;
+use crate::fit::{FieldShape, gather};
 use crate::model::{LawKind, Model, Quantity, QuantityKind, Unit};
-use crate::particles::{FieldColumns, LayerFields, Particles, RUN};
+use crate::particles::{FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use crate::reference::FieldValues;
 use crate::{Error, Hint, Result};
 
@@ -27,9 +27,15 @@ pub struct FieldSelection<'a> {
 
 impl<'a> FieldSelection<'a> {
     /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of real
-    /// numbers, one or three a particle. A layer that lacks a field has none; a name that no layer has is an error, and so
+    /// numbers, one or three a particle. `star_forming` is for temperatures that are computed from energies. A layer that lacks a field has none; a name that no layer has is an error, and so
     /// are two layers that differ in a field's unit or kind.
-    pub fn new(names: &[String], particles: &'a Particles, sources: &'a [LayerFields], law: LawKind) -> Result<Self> {
+    pub fn new(
+        names: &[String],
+        star_forming: StarFormingGas,
+        particles: &'a Particles,
+        sources: &'a [LayerFields],
+        law: LawKind,
+    ) -> Result<Self> {
         if law != LawKind::OpticalDepth {
             return Err(Error::argument_with(
                 "models of the alpha-blend law cannot store fields",
@@ -70,7 +76,7 @@ impl<'a> FieldSelection<'a> {
             let mut found: Vec<(usize, FieldColumns)> = Vec::new();
             let mut missing = None;
             for (layer, source) in sources.iter().enumerate() {
-                match source.find(name) {
+                match source.find(name, star_forming) {
                     Ok(columns) => found.push((layer, columns)),
                     Err(error) => missing = Some(error),
                 }
@@ -91,7 +97,8 @@ impl<'a> FieldSelection<'a> {
             let unit = first.unit.clone().map(|text| Unit { text, si: None });
             let bytes = 4 * first.columns.len() as u16;
             let place = selection.quantities.len();
-            selection.quantities.push(Quantity { name: name.clone(), kind, unit, bytes, by_mass });
+            let logarithmic = kind == QuantityKind::Scalar && spans_decades(particles, sources, &found)?;
+            selection.quantities.push(Quantity { name: name.clone(), kind, unit, bytes, by_mass, logarithmic });
             for (layer, columns) in found {
                 used.extend(columns.sources.clone());
                 selection.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
@@ -129,13 +136,13 @@ impl<'a> FieldSelection<'a> {
             let mut run = Vec::new();
             for (id, start) in layer.content.clone().step_by(RUN).enumerate() {
                 source.read(id as u64, &mut run)?;
-                for (column, &c) in columns.iter_mut().zip(&from.columns) {
-                    let own = column[start..].iter_mut().zip(&run[c]);
-                    own.for_each(|(to, v)| *to = (from.factor * v) as f32);
+                for (k, column) in columns.iter_mut().enumerate() {
+                    let own = column[start..].iter_mut().zip(from.values(&run, k));
+                    own.for_each(|(to, v)| *to = v as f32);
                 }
             }
         }
-        Ok(FieldValues { columns })
+        Ok(FieldValues { columns, logarithmic: self.quantities[number].logarithmic })
     }
 
     /// How values were converted, for people.
@@ -156,14 +163,19 @@ impl<'a> FieldSelection<'a> {
         for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
-            let fields: Vec<(&str, usize)> =
-                chosen.iter().map(|(n, columns)| (&self.quantities[*n].name[..], columns.columns.len())).collect();
+            let shape = |(n, columns): &(usize, FieldColumns)| FieldShape {
+                may_lack: columns.may_lack(),
+                ..FieldShape::new(&self.quantities[*n])
+            };
+            let fields: Vec<FieldShape<'_>> = chosen.iter().map(shape).collect();
             let read = |run: u64, out: &mut Vec<Vec<f64>>| {
                 let mut all = Vec::new();
                 source.read(run, &mut all)?;
-                for (_, columns) in chosen {
-                    let values = columns.columns.iter().map(|&c| all[c].iter().map(|v| columns.factor * v).collect());
-                    out.extend(values);
+                for (n, columns) in chosen {
+                    if self.quantities[*n].logarithmic {
+                        out.push(columns.values(&all, 0).map(f64::ln).collect());
+                    }
+                    out.extend((0..columns.columns.len()).map(|k| columns.values(&all, k).collect()));
                 }
                 Ok(())
             };
@@ -171,7 +183,8 @@ impl<'a> FieldSelection<'a> {
             let gathered = gather(blocks, &self.particles.of_layer(layer), &fields, &read, context)?;
             for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
                 for ((n, _), f) in chosen.iter().zip(fields) {
-                    let bytes = codec::encode_field(*n as u8, &f.moments, &block.gaussians, &f.sums, precision);
+                    let of = (*n as u8, &self.quantities[*n]);
+                    let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, precision);
                     stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
                 }
             }
@@ -180,5 +193,25 @@ impl<'a> FieldSelection<'a> {
     }
 }
 
+/// Are all values of a field positive, and does the largest have [`DECADES`] times the least?
+fn spans_decades(particles: &Particles, sources: &[LayerFields], found: &[(usize, FieldColumns)]) -> Result<bool> {
+    let (mut least, mut largest) = (f64::INFINITY, 0.0f64);
+    let mut run = Vec::new();
+    for (layer, columns) in found {
+        for id in 0..particles.layers()[*layer].content.len().div_ceil(RUN) {
+            sources[*layer].read(id as u64, &mut run)?;
+            for v in columns.values(&run, 0).filter(|v| !(columns.may_lack() && v.is_nan())) {
+                if v.is_nan() || v <= 0.0 {
+                    return Ok(false);
+                }
+                (least, largest) = (least.min(v), largest.max(v));
+            }
+        }
+    }
+    Ok(largest.is_finite() && largest >= DECADES * least)
+}
+
+/// A positive scalar whose values differ by this factor is described by its logarithms.
+const DECADES: f64 = 100.0;
 /// Fields of a model file at most (docs/format.md, section 2).
 const MOST: usize = 256;

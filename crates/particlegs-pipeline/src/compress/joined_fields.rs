@@ -3,9 +3,9 @@
 use crate::Result;
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
-use crate::fit::gather;
+use crate::fit::{FieldShape, gather};
 use crate::math::Sym3;
-use crate::model::{Block, Layer, Metadata, Mixture, Quantity};
+use crate::model::{Block, FieldMoments, Layer, Metadata, Mixture, Quantity};
 use crate::particles::{Column, Particles, RUN, SnapshotMeta};
 use particlegs_core::math::each_axis;
 use particlegs_files::memory::require;
@@ -36,25 +36,29 @@ pub(super) fn join_fields(
         }
         require("the points of fields", (g.len() * POINTS * 16) as u64)?;
         let points = points(g, &own.content);
-        let names: Vec<(&str, usize)> = there.iter().map(|(_, q)| (&q.name[..], q.component_names().len())).collect();
+        let shapes: Vec<FieldShape<'_>> = there.iter().map(|(_, q)| FieldShape::new(q)).collect();
         let read = |run: u64, out: &mut Vec<Vec<f64>>| {
             let range = run as usize * RUN..points.len().min((run as usize + 1) * RUN);
-            for &(name, components) in &names {
+            for &FieldShape { name, components, logarithmic, .. } in &shapes {
                 out.extend((0..components).map(|k| range.clone().map(|p| value(g, name, k, p)).collect()));
+                if let Some(field) = g.fields.get(name).filter(|_| logarithmic) {
+                    out.push(range.clone().map(|p| mean_of_values(g, field, p)).collect());
+                }
             }
             out.push(range.map(|p| g.count[p / POINTS] / POINTS as f64).collect());
             Ok(())
         };
-        let gathered = gather(&layer.content, &points, &names, &read, context)?;
+        let gathered = gather(&layer.content, &points, &shapes, &read, context)?;
         for ((block, stored), gathered) in layer.content.iter().zip(&mut stored.content).zip(gathered) {
             for ((number, q), mut f) in there.iter().zip(gathered) {
                 let Some(field) = g.fields.get(&q.name) else { continue };
                 let weight = |i: usize| if q.by_mass { g.mass_of(i) } else { g.count[i] };
-                let sum = |mean: &Vec<f64>| (0..g.len()).map(|i| weight(i) * mean[i]).sum::<f64>();
-                f.sums = field.mean.iter().map(sum).collect();
+                let value = |k: usize, i: usize| weight(i) * field.overall_value(k, i, &g.cov_of(i));
+                f.sums = (0..field.components()).map(|k| (0..g.len()).map(|i| value(k, i)).sum()).collect();
                 f.moments.range.clone_from(&field.range);
                 let precision = FieldPrecision::default();
-                let bytes = codec::encode_field(*number as u8, &f.moments, &block.gaussians, &f.sums, &precision);
+                let of = (*number as u8, *q);
+                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision);
                 stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
             }
         }
@@ -94,6 +98,11 @@ fn value(g: &Mixture, name: &str, k: usize, p: usize) -> f64 {
         _ => Sym3(std::array::from_fn(|c| field.spread[c][i])),
     };
     field.mean[k][i] + along(corner - POINTS / 2, &root(&spread))[k]
+}
+
+/// The mean of a logarithmic field's values at a point's place.
+fn mean_of_values(g: &Mixture, field: &FieldMoments, p: usize) -> f64 {
+    field.value_at(0, p / POINTS, offset(p, &root(&g.cov_of(p / POINTS))))
 }
 
 /// Where a point lies from the mean: half of them along the axes, the others at the mean itself.

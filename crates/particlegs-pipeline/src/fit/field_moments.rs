@@ -3,7 +3,7 @@
 use super::assignment::SoftAssignment;
 use crate::context::Context;
 use crate::math::{Sym3, each_axis};
-use crate::model::{Block, FieldMoments, Mixture};
+use crate::model::{Block, FieldMoments, Mixture, Quantity};
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
@@ -16,6 +16,8 @@ const RANGE: usize = 256;
 /// Particles that a slope of 0, and the block's own spread, count as.
 const SLOPE_PRIOR: f64 = 5.0;
 const SPREAD_PRIOR: f64 = 2.0;
+/// What the slopes of a logarithm explain of its variance, at most.
+const MOST_EXPLAINED: f64 = 0.25;
 /// Passes over the particles.
 const PASSES: usize = 4;
 /// A spread's variances are no smaller than this part of their sum, where values are weighed by it.
@@ -30,11 +32,36 @@ pub struct BlockField {
     pub sums: Vec<f64>,
 }
 
-/// Reads the values of a run of particles: a column for each component of each field; then, of particles that stand for
-/// several, a column of how many.
+/// A field that is gathered.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldShape<'a> {
+    /// For messages.
+    pub name: &'a str,
+    /// 1 or 3.
+    pub components: usize,
+    /// Is it described by its logarithms?
+    pub logarithmic: bool,
+    /// May particles lack a value (NaN)? These count as the others' mean.
+    pub may_lack: bool,
+}
+
+impl<'a> FieldShape<'a> {
+    /// What is gathered of a field.
+    pub fn new(q: &'a Quantity) -> Self {
+        FieldShape { name: &q.name, components: q.component_names().len(), logarithmic: q.logarithmic, may_lack: false }
+    }
+
+    /// Columns of values: one for each component; of a logarithmic field the logarithm, then the value.
+    fn columns(&self) -> usize {
+        self.components + usize::from(self.logarithmic)
+    }
+}
+
+/// Reads the values of a run of particles: the columns of each field ([`FieldShape`]); then, of particles that stand for
+/// several, a column of how many. A logarithmic field has two: the logarithm of the value, and the value.
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
 
-/// Gathers `fields`, by name and number of components, for the decoded `blocks` of one layer, whose particles these are. Gives
+/// Gathers `fields` for the decoded `blocks` of one layer, whose particles these are. Gives
 /// the fields of each block. Particles weigh by their masses, where they have weights.
 ///
 /// The first pass shares each particle among the Gaussians by their densities at its place. Further passes also ask how
@@ -43,11 +70,11 @@ pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync +
 pub fn gather(
     blocks: &[Block],
     particles: &Particles,
-    fields: &[(&str, usize)],
+    fields: &[FieldShape<'_>],
     read: &ReadValues<'_>,
     context: &Context<'_>,
 ) -> Result<Vec<Vec<BlockField>>> {
-    let columns: usize = fields.iter().map(|f| f.1).sum();
+    let columns: usize = fields.iter().map(FieldShape::columns).sum();
     let mut sums: Vec<BlockFieldSums> = blocks.iter().map(|b| BlockFieldSums::new(b, fields)).collect();
     let bounds: Vec<Bounds> = blocks.iter().map(|b| b.bounds).collect();
     let runs = particles.len().div_ceil(RUN);
@@ -67,7 +94,8 @@ pub fn gather(
                     ));
                 }
                 check_finite(fields, &values, range.start)?;
-                Ok(RunShares::new(particles, range, values, &bounds, &sums))
+                let number = values.split_off(columns).pop().unwrap_or_default();
+                Ok(RunShares::new(particles, range, RunValues { values, number }, &bounds, &sums))
             })?;
             for (number, block) in sums.iter_mut().enumerate() {
                 block.add(number as u32, &batch);
@@ -83,11 +111,12 @@ pub fn gather(
 }
 
 /// Refuses values that are no numbers; `first` is the particle of the first.
-fn check_finite(fields: &[(&str, usize)], values: &[Vec<f64>], first: usize) -> Result<()> {
-    let names = fields.iter().flat_map(|&(name, c)| std::iter::repeat_n(name, c));
-    for (name, values) in names.zip(values) {
-        if let Some(i) = values.iter().position(|v| !v.is_finite()) {
-            let what = format!("particle {} has the value {} in field `{name}`", first + i, values[i]);
+fn check_finite(fields: &[FieldShape<'_>], values: &[Vec<f64>], first: usize) -> Result<()> {
+    let shapes = fields.iter().flat_map(|f| std::iter::repeat_n(f, f.columns()));
+    for (field, values) in shapes.zip(values) {
+        let is_wrong = |v: &f64| !(v.is_finite() || field.may_lack && v.is_nan());
+        if let Some(i) = values.iter().position(is_wrong) {
+            let what = format!("particle {} has the value {} in field `{}`", first + i, values[i], field.name);
             return Err(Error::argument_with(what, "leave the field out, or remove the particle from the file"));
         }
     }
@@ -104,13 +133,16 @@ struct BlockFieldSums<'a> {
 /// Sums of one field.
 struct FieldSums {
     components: usize,
+    logarithmic: bool,
     /// The first of its columns.
     column: usize,
     /// A row for each Gaussian: number and weight; weighted place from the mean and its products; values, products of values
-    /// with places, products of values.
+    /// with places, products of values; the values themselves where these are logarithms.
     rows: Vec<f64>,
     /// Weighted sum, least and largest value of each component.
     all: Vec<[f64; 3]>,
+    /// Weights of all particles, and of those that have a value.
+    weights: [f64; 2],
     /// What the pass before found, from the second pass on.
     likelihoods: Vec<FieldLikelihood>,
 }
@@ -131,6 +163,11 @@ struct RunShares {
     position: [Vec<f64>; 3],
     weight: Vec<f64>,
     block: Vec<u32>,
+    carried: RunValues,
+}
+
+/// What a run's particles carry.
+struct RunValues {
     values: Vec<Vec<f64>>,
     /// How many particles each stands for; empty where that is one.
     number: Vec<f64>,
@@ -140,7 +177,7 @@ impl RunShares {
     fn new(
         particles: &Particles,
         range: Range<usize>,
-        mut values: Vec<Vec<f64>>,
+        carried: RunValues,
         bounds: &[Bounds],
         blocks: &[BlockFieldSums<'_>],
     ) -> Self {
@@ -167,21 +204,22 @@ impl RunShares {
             sums.assignment.shares(x, &mut by_place);
             for (field, shares) in sums.fields.iter().zip(&mut shares) {
                 own.clone_from(&by_place);
-                let value = |k: usize| values[field.column + k][i];
+                let value = |k: usize| carried.values[field.column + k][i];
+                if value(0).is_nan() {
+                    continue;
+                }
                 field.weigh(&sums.block.gaussians, x, &value, &mut own);
                 shares.extend(own.iter().map(|&(g, share)| (number as u32, g, i as u32, share as f32)));
             }
         }
         shares.iter_mut().for_each(|s| s.sort_by_key(|s| (s.0, s.1)));
-        let columns = blocks.first().map_or(0, |b| b.fields.iter().map(|f| f.components).sum());
-        let number = values.split_off(columns).pop().unwrap_or_default();
-        RunShares { shares, position, weight, block, values, number }
+        RunShares { shares, position, weight, block, carried }
     }
 }
 
 impl FieldSums {
     fn width(&self) -> usize {
-        11 + 4 * self.components + self.components * (self.components + 1) / 2
+        11 + 4 * self.components + self.components * (self.components + 1) / 2 + usize::from(self.logarithmic)
     }
 
     /// Multiplies shares by how likely the value is, and scales them to a sum of 1.
@@ -211,13 +249,22 @@ impl FieldSums {
 }
 
 impl<'a> BlockFieldSums<'a> {
-    fn new(block: &'a Block, fields: &[(&str, usize)]) -> Self {
+    fn new(block: &'a Block, fields: &[FieldShape<'_>]) -> Self {
         let mut column = 0;
-        let fields = fields.iter().map(|&(_, c)| {
+        let fields = fields.iter().map(|shape| {
+            let (c, logarithmic) = (shape.components, shape.logarithmic);
             let all = vec![[0.0, f64::INFINITY, f64::NEG_INFINITY]; c];
-            let mut field = FieldSums { components: c, column, rows: Vec::new(), all, likelihoods: Vec::new() };
+            let mut field = FieldSums {
+                components: c,
+                logarithmic,
+                column,
+                rows: Vec::new(),
+                all,
+                weights: [0.0; 2],
+                likelihoods: Vec::new(),
+            };
             field.rows.resize(field.width() * block.gaussians.len(), 0.0);
-            column += c;
+            column += shape.columns();
             field
         });
         BlockFieldSums { block, assignment: SoftAssignment::new(&block.gaussians), fields: fields.collect() }
@@ -226,7 +273,7 @@ impl<'a> BlockFieldSums<'a> {
     fn add(&mut self, number: u32, batch: &[RunShares]) {
         let g = &self.block.gaussians;
         for (index, field) in self.fields.iter_mut().enumerate() {
-            let (width, c, column) = (field.width(), field.components, field.column);
+            let (width, c, column, logarithmic) = (field.width(), field.components, field.column, field.logarithmic);
             parallel::for_each_chunk(&mut field.rows, width * RANGE, |task, rows| {
                 let first = (task * RANGE) as u32;
                 for run in batch {
@@ -237,32 +284,47 @@ impl<'a> BlockFieldSums<'a> {
                         let (i, p) = (i as usize, particle as usize);
                         let w = f64::from(share) * run.weight[p];
                         let d: [f64; 3] = each_axis(|k| run.position[k][p] - g.mean[k][i]);
-                        row[0] += f64::from(share) * run.number.get(p).copied().unwrap_or(1.0);
+                        row[0] += f64::from(share) * run.carried.number.get(p).copied().unwrap_or(1.0);
                         row[1] += w;
                         (0..3).for_each(|k| row[2 + k] += w * d[k]);
                         let outer = Sym3::outer(d);
                         (0..6).for_each(|k| row[5 + k] += w * outer.0[k]);
                         for a in 0..c {
-                            let q = run.values[column + a][p];
+                            let q = run.carried.values[column + a][p];
                             row[11 + a] += w * q;
                             (0..3).for_each(|k| row[11 + c + 3 * a + k] += w * q * d[k]);
                         }
                         let mut product = 11 + 4 * c;
                         for a in 0..c {
                             for b in a..c {
-                                row[product] += w * run.values[column + a][p] * run.values[column + b][p];
+                                row[product] +=
+                                    w * run.carried.values[column + a][p] * run.carried.values[column + b][p];
                                 product += 1;
                             }
+                        }
+                        if logarithmic {
+                            row[product] += w * run.carried.values[column + 1][p];
                         }
                     }
                 }
             });
             // The first pass has seen them all.
             for run in batch.iter().filter(|_| field.likelihoods.is_empty()) {
-                for (all, values) in field.all.iter_mut().zip(&run.values[column..]) {
-                    for ((v, w), _) in values.iter().zip(&run.weight).zip(&run.block).filter(|(_, b)| **b == number) {
-                        all[0] += w * v;
-                        (all[1], all[2]) = (all[1].min(*v), all[2].max(*v));
+                for (k, all) in field.all.iter_mut().enumerate() {
+                    let values = &run.carried.values[column + k];
+                    // Sums are of values.
+                    let summed = if logarithmic { &run.carried.values[column + 1] } else { values };
+                    let own = (0..values.len()).filter(|&i| run.block[i] == number);
+                    for (v, q, w) in own.map(|i| (values[i], summed[i], run.weight[i])) {
+                        if k == 0 {
+                            field.weights[0] += w;
+                            field.weights[1] += if v.is_nan() { 0.0 } else { w };
+                        }
+                        if v.is_nan() {
+                            continue;
+                        }
+                        all[0] += w * q;
+                        (all[1], all[2]) = (all[1].min(v), all[2].max(v));
                     }
                 }
             }
@@ -272,20 +334,21 @@ impl<'a> BlockFieldSums<'a> {
     /// Turns the sums into likelihoods, and begins new sums.
     fn next_pass(&mut self) {
         for field in &mut self.fields {
-            let moments = field.moments(self.block.gaussians.len());
+            let moments = field.moments(&self.block.gaussians);
             field.likelihoods = (0..self.block.gaussians.len()).map(|i| FieldLikelihood::new(&moments, i)).collect();
             field.rows.fill(0.0);
         }
     }
 
     fn finish(self) -> Vec<BlockField> {
-        let n = self.block.gaussians.len();
         let finish = |field: FieldSums| {
-            let mut moments = field.moments(n);
+            let mut moments = field.moments(&self.block.gaussians);
             // A block without particles has no range.
             let range = |a: &[f64; 3]| if a[1] <= a[2] { [a[1], a[2]] } else { [0.0; 2] };
             moments.range = field.all.iter().map(range).collect();
-            BlockField { moments, sums: field.all.iter().map(|a| a[0]).collect() }
+            let [all, there] = field.weights;
+            let scale = if there > 0.0 { all / there } else { 1.0 };
+            BlockField { moments, sums: field.all.iter().map(|a| scale * a[0]).collect() }
         };
         self.fields.into_iter().map(finish).collect()
     }
@@ -316,7 +379,7 @@ impl FieldLikelihood {
 }
 
 impl FieldSums {
-    fn moments(&self, n: usize) -> FieldMoments {
+    fn moments(&self, g: &Mixture) -> FieldMoments {
         let (components, at) = (self.components, 11);
         let rows = || self.rows.chunks_exact(self.width());
         let products = components * (components + 1) / 2;
@@ -324,17 +387,19 @@ impl FieldSums {
         let total: f64 = rows().map(|r| r[1]).sum();
         let overall: Vec<f64> = (0..components).map(|a| rows().map(|r| r[at + a]).sum::<f64>() / total).collect();
         let mut spreads = vec![0.0; products];
-        let mut out = FieldMoments::new(components);
-        let mut each = Vec::with_capacity(n);
-        for row in rows() {
-            let fitted = Regression::new(row, at, components);
+        let mut out = if self.logarithmic { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
+        let mut each = Vec::with_capacity(g.len());
+        for (i, row) in rows().enumerate() {
+            // Exponentials of slopes that few particles suggest would outgrow all others.
+            let cov = self.logarithmic.then(|| g.cov_of(i));
+            let fitted = Regression::new(row, at, components, cov.as_ref());
             if let Some(f) = &fitted {
                 spreads.iter_mut().zip(&f.spread).for_each(|(s, v)| *s += row[1] * v);
             }
             each.push(fitted);
         }
         spreads.iter_mut().for_each(|s| *s /= total);
-        for (row, fitted) in rows().zip(each) {
+        for (i, (row, fitted)) in rows().zip(each).enumerate() {
             let f = fitted.unwrap_or_else(|| Regression {
                 mean: overall.clone(),
                 slope: vec![[0.0; 3]; components],
@@ -348,9 +413,23 @@ impl FieldSums {
             for (k, column) in out.spread.iter_mut().enumerate() {
                 column.push(share * f.spread[k] + (1.0 - share) * spreads[k]);
             }
+            if let Some(column) = &mut out.excess {
+                let variance = out.spread[0].last().copied().unwrap_or(0.0);
+                column.push(share * excess(row, &f, variance, &g.cov_of(i)));
+            }
         }
         out
     }
+}
+
+/// What the logarithm of the mean of values is above that of log-normal values in a Gaussian of covariance `cov`; 0 without
+/// particles.
+fn excess(row: &[f64], f: &Regression, variance: f64, cov: &Sym3) -> f64 {
+    let (w, sum) = (row[1], row[row.len() - 1]);
+    if w <= 0.0 || sum <= 0.0 {
+        return 0.0;
+    }
+    (sum / w).ln() - f.mean[0] - 0.5 * (variance + cov.quadratic(f.slope[0]).max(0.0))
 }
 
 /// Mean, slope and spread of one Gaussian's particles.
@@ -361,8 +440,9 @@ struct Regression {
 }
 
 impl Regression {
-    /// `None` without particles.
-    fn new(row: &[f64], at: usize, c: usize) -> Option<Regression> {
+    /// `None` without particles. Across a Gaussian of covariance `limit` slopes explain at most
+    /// [`MOST_EXPLAINED`] of the variance.
+    fn new(row: &[f64], at: usize, c: usize, limit: Option<&Sym3>) -> Option<Regression> {
         let (number, w) = (row[0], row[1]);
         if number < 1e-3 || w <= 0.0 {
             return None;
@@ -377,7 +457,12 @@ impl Regression {
         let slope: Vec<[f64; 3]> = (0..c)
             .map(|a| {
                 let with: [f64; 3] = each_axis(|k| row[at + c + 3 * a + k] / w - mean[a] * place[k]);
-                inverse.map_or([0.0; 3], |i| i.apply(with).map(|v| v * shrink))
+                let slope = inverse.map_or([0.0; 3], |i| i.apply(with).map(|v| v * shrink));
+                let explained = limit.map_or(0.0, |cov| cov.quadratic(slope));
+                let all = row[at + 4 * c + a * (2 * c - a + 1) / 2] / w - mean[a] * mean[a];
+                let most = MOST_EXPLAINED * all.max(0.0);
+                let scale = if explained > most { (most / explained).sqrt() } else { 1.0 };
+                slope.map(|v| v * scale)
             })
             .collect();
         let mut spread = Vec::new();

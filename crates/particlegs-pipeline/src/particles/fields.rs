@@ -3,6 +3,7 @@
 use super::{RUN, SnapshotReader};
 use crate::{Error, Result};
 use particlegs_files::memory::require;
+use std::fmt;
 use std::sync::Arc;
 
 /// Type of a field's numbers.
@@ -70,8 +71,17 @@ pub struct SourceField {
     pub unit: Option<String>,
     /// Numbers that the source says about it, by name: powers of a and h, a factor.
     pub attributes: Vec<(String, f64)>,
-    /// The factor that makes velocities peculiar, in km/s, and why it is that; where the source tells.
-    pub peculiar: Option<(f64, String)>,
+    /// What velocities (peculiar) and specific energies are in km/s and (km/s)^2, where the source tells.
+    pub physical: Option<PhysicalUnit>,
+}
+
+/// How a field's values become physical.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhysicalUnit {
+    /// What values are multiplied by.
+    pub factor: f64,
+    /// Why it is that, for people.
+    pub note: String,
 }
 
 /// The fields of a layer.
@@ -97,8 +107,91 @@ pub(crate) struct FieldColumns {
     pub factor: f64,
     /// Where that comes from, for people.
     pub note: Option<String>,
+    /// Of temperatures that are computed from the one column.
+    pub temperature: Option<GasTemperature>,
 }
 
+impl FieldColumns {
+    /// Component `k` of the particles of a run, whose columns these are; NaN where [`FieldColumns::may_lack`] them.
+    pub fn values<'a>(&'a self, run: &'a [Vec<f64>], k: usize) -> impl Iterator<Item = f64> + 'a {
+        run[self.columns[k]].iter().enumerate().map(move |(i, v)| match &self.temperature {
+            Some(gas) => gas.of(self.factor * v, run, i),
+            None => self.factor * v,
+        })
+    }
+
+    /// May particles lack a value?
+    pub fn may_lack(&self) -> bool {
+        self.temperature.as_ref().is_some_and(|t| t.star_formation.is_some() && t.star_forming == StarFormingGas::Omit)
+    }
+}
+
+/// Temperatures from specific energies.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct GasTemperature {
+    /// Column of electrons over hydrogen nuclei; without it the gas is fully ionised.
+    electrons: Option<usize>,
+    /// Column of star formation rates.
+    star_formation: Option<usize>,
+    star_forming: StarFormingGas,
+}
+
+/// What temperature star-forming gas has, whose energy stands for an effective equation of state.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum StarFormingGas {
+    /// That of its energy.
+    #[default]
+    Keep,
+    /// None: it does not count.
+    Omit,
+    /// This one, in K.
+    Temperature(f64),
+}
+
+impl fmt::Display for StarFormingGas {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            StarFormingGas::Keep => f.write_str("keep"),
+            StarFormingGas::Omit => f.write_str("drop"),
+            StarFormingGas::Temperature(kelvin) => write!(f, "{kelvin}"),
+        }
+    }
+}
+
+impl std::str::FromStr for StarFormingGas {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match (text, text.parse::<f64>()) {
+            ("keep", _) => Ok(StarFormingGas::Keep),
+            ("drop", _) => Ok(StarFormingGas::Omit),
+            (_, Ok(kelvin)) if kelvin > 0.0 && kelvin.is_finite() => Ok(StarFormingGas::Temperature(kelvin)),
+            _ => Err("use `keep`, `drop`, or a temperature in K above 0".into()),
+        }
+    }
+}
+
+/// Share of hydrogen in the mass of primordial gas.
+const HYDROGEN: f64 = 0.76;
+/// Mass of a proton times 1 (km/s)^2 over Boltzmann's constant, in K (CODATA 2018).
+const KELVIN: f64 = 121.147_35;
+
+impl GasTemperature {
+    /// That of particle `i` of a run, of specific energy `energy` in (km/s)^2.
+    fn of(&self, energy: f64, run: &[Vec<f64>], i: usize) -> f64 {
+        let is_forming = self.star_formation.is_some_and(|c| run[c][i] > 0.0);
+        match self.star_forming {
+            StarFormingGas::Omit if is_forming => return f64::NAN,
+            StarFormingGas::Temperature(kelvin) if is_forming => return kelvin,
+            _ => {}
+        }
+        let electrons = self.electrons.map_or((1.0 + HYDROGEN) / (2.0 * HYDROGEN), |c| run[c][i]);
+        let weight = 4.0 / (1.0 + 3.0 * HYDROGEN + 4.0 * HYDROGEN * electrons);
+        2.0 / 3.0 * energy * weight * KELVIN
+    }
+}
+
+const TEMPERATURE: &str = "temperature";
 const VELOCITY: &str = "velocity";
 const KM_S: &str = "km/s";
 /// What formats call velocities, as one field or three.
@@ -170,8 +263,12 @@ impl LayerFields {
         Ok(())
     }
 
-    /// The field that a user names: a scalar, a vector, or `velocity` for what formats call it, which may be three columns.
-    pub(crate) fn find(&self, name: &str) -> Result<FieldColumns> {
+    /// The field that a user names: a scalar, a vector, `velocity` for what formats call it, which may be three columns, or
+    /// `temperature`, which is computed where there are specific energies alone.
+    pub(crate) fn find(&self, name: &str, star_forming: StarFormingGas) -> Result<FieldColumns> {
+        if let Some(found) = self.temperature(name, star_forming) {
+            return Ok(found);
+        }
         let names: &[&[&str]] = if name.eq_ignore_ascii_case(VELOCITY) { VELOCITIES } else { &[] };
         let own = [name];
         let Some(found) = std::iter::once(&own[..]).chain(names.iter().copied()).find_map(|n| self.columns_of(n))
@@ -201,17 +298,56 @@ impl LayerFields {
                 let own = first..first + f.components as usize;
                 first = own.end;
                 let is_it = f.name.eq_ignore_ascii_case(name);
-                is_it.then(|| (f.name.clone(), f.unit.clone(), own, f.peculiar.clone()))
+                is_it.then(|| (f.name.clone(), f.unit.clone(), own, f.physical.clone().filter(|_| f.components == 3)))
             };
-            let (source, unit, columns, peculiar) = self.fields.iter().find_map(place)?;
+            let (source, unit, columns, physical) = self.fields.iter().find_map(place)?;
             found.sources.push(source);
             (found.unit, found.factor) = (unit, 1.0);
-            if let Some((factor, why)) = peculiar {
-                (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(why));
+            if let Some(PhysicalUnit { factor, note }) = physical {
+                (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(note));
             }
             found.columns.extend(columns);
         }
         Some(found)
+    }
+
+    /// Temperatures in K from specific energies, where there is no field of that name.
+    fn temperature(&self, name: &str, star_forming: StarFormingGas) -> Option<FieldColumns> {
+        let column = |names: &[&str]| names.iter().find_map(|n| self.columns_of(&[n])).filter(|c| c.columns.len() == 1);
+        if !name.eq_ignore_ascii_case(TEMPERATURE) || column(&[TEMPERATURE, "temperatures"]).is_some() {
+            return None;
+        }
+        let energy = column(&["InternalEnergy", "InternalEnergies"])?;
+        let [electrons, star_formation] =
+            [&["ElectronAbundance"][..], &["StarFormationRate", "StarFormationRates"]].map(column);
+        let unit = self.fields.iter().find(|f| f.name == energy.sources[0])?.physical.clone();
+        let unit = unit.unwrap_or(PhysicalUnit { factor: 1.0, note: "energies are taken as (km/s)^2".into() });
+        let mut note = format!(
+            "K, computed from {}: T = (gamma - 1) u mu m_p / k_B with gamma = 5/3, mu = 4 / (1 + 3 X + 4 X x_e), X = {HYDROGEN}, {}; {}",
+            energy.sources[0],
+            if electrons.is_some() { "x_e from ElectronAbundance" } else { "fully ionised (x_e = 1.158)" },
+            unit.note
+        );
+        note += match (&star_formation, star_forming) {
+            (None, _) => "",
+            (_, StarFormingGas::Keep) => "; star-forming gas keeps the temperature of its equation of state",
+            (_, StarFormingGas::Omit) => "; star-forming gas has none",
+            (_, StarFormingGas::Temperature(_)) => "; star-forming gas has the temperature that you chose",
+        };
+        let sources = [Some(&energy), electrons.as_ref(), star_formation.as_ref()];
+        let sources = sources.into_iter().flatten().flat_map(|c| c.sources.clone()).collect();
+        let first = |c: &Option<FieldColumns>| c.as_ref().map(|c| c.columns[0]);
+        let (electrons, star_formation) = (first(&electrons), first(&star_formation));
+        let temperature = Some(GasTemperature { electrons, star_formation, star_forming });
+        let factor = unit.factor;
+        Some(FieldColumns {
+            unit: Some("K".into()),
+            columns: energy.columns,
+            sources,
+            factor,
+            note: Some(note),
+            temperature,
+        })
     }
 
     /// Names for [`LayerFields::find`] of all fields of real numbers, one or three per particle.

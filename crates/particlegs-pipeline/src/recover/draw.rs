@@ -5,6 +5,7 @@ use super::options::Method;
 use super::plan::{LayerPlan, RecoveryPlan};
 use super::spaced::Cascade;
 use super::stratified::stratify;
+use super::two_normals::TwoNormals;
 use super::wrap::PeriodicWrap;
 use crate::context::Level;
 use crate::math::{Purpose, Random, Sym3};
@@ -176,7 +177,8 @@ impl DrawRules {
         let layer = stretch.layer;
         let (n, components, first) = (scratch.position[0].len(), field.components(), columns.len());
         let DrawScratch { draws, position, left, .. } = scratch;
-        left.resize(components * n, 0.0);
+        // A draw from two phases takes two normal ones.
+        left.resize((components + usize::from(field.excess.is_some())) * n, 0.0);
         draws.normals(self.simd, random, left);
         columns.resize_with(first + components, || vec![0.0; n]);
         let g = &layer.layer.content;
@@ -187,10 +189,17 @@ impl DrawRules {
                 _ => Sym3(std::array::from_fn(|k| field.spread[k][gaussian])),
             };
             let [a, b, c, d, e, f] = SampledGaussian::new([0.0; 3], &spread, 1.0).root;
+            let phases = field.excess.as_ref().map(|e| TwoNormals::new(spread.0[0], e[gaussian]));
             for i in part {
                 let from_mean = [0, 1, 2].map(|k| position[k][i] - mean[k]);
                 let z = [0, 1, 2].map(|k| left.get(k * n + i).copied().unwrap_or(0.0));
                 let drawn = [a * z[0], b * z[0] + c * z[1], d * z[0] + e * z[1] + f * z[2]];
+                if let Some(phases) = &phases {
+                    let [least, largest] = field.range[0];
+                    let log = field.mean_at(0, gaussian, from_mean) + phases.draw([z[0], z[1]]);
+                    columns[first][i] = libm::exp(log.max(least).min(largest));
+                    continue;
+                }
                 for (k, [least, largest]) in field.range.iter().enumerate() {
                     let value = field.mean_at(k, gaussian, from_mean) + drawn[k];
                     columns[first + k][i] = value.max(*least).min(*largest);

@@ -55,7 +55,7 @@ impl Options {
 fn source_field(q: &Quantity) -> SourceField {
     let components = q.component_names().len() as u32;
     let unit = q.unit.as_ref().map(|u| u.text.clone());
-    SourceField { name: q.name.clone(), number: Number::F32, components, unit, attributes: Vec::new(), peculiar: None }
+    SourceField { name: q.name.clone(), number: Number::F32, components, unit, attributes: Vec::new(), physical: None }
 }
 
 /// As many particles as `model` stands for, by [`Method::Count`]: those that [`super::recover`]

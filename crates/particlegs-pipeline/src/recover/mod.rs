@@ -3,7 +3,7 @@
 //! A `plan` says how many particles each Gaussian gets (its own number, or a share of another
 //! total) and cuts each layer into runs of 65 536. A run's draws belong to (seed, layer, run), so
 //! that threads do not matter: `normals` makes standard normals many at once, `draw` places them
-//! by the [`Method`], `wrap` takes them into the periodic box. [`recover`] streams the runs to disk
+//! by the [`Method`] and draws fields (`two_normals` those that are logarithms), `wrap` takes them into the periodic box. [`recover`] streams the runs to disk
 //! and writes beside them what they are: synthetic, of which file, and good for what (`notes`);
 //! [`Options::draw`] keeps them in memory.
 
@@ -17,6 +17,7 @@ mod plan;
 mod quantile;
 mod spaced;
 mod stratified;
+mod two_normals;
 mod wrap;
 
 pub(crate) use in_memory::draw;

@@ -14,11 +14,14 @@ use particlegs_files::memory::require;
 pub struct FieldValues {
     /// One column of a scalar, three of a vector.
     pub columns: Vec<Vec<f32>>,
+    /// Are dispersions those of decimal logarithms (dex)? For scalars.
+    pub logarithmic: bool,
 }
 
 impl Reference<'_> {
     /// Mean and dispersion of a field at every pixel, weighted by the particles' masses (numbers without masses) as
-    /// [`Reference::surface_density`] spreads them; NaN where there is no particle that has it.
+    /// [`Reference::surface_density`] spreads them; NaN where there is no particle that has it. Where the dispersion of a
+    /// logarithmic field is asked for, both are of decimal logarithms.
     pub fn field_map(
         &self,
         values: &FieldValues,
@@ -34,7 +37,10 @@ impl Reference<'_> {
             return Err(Error::argument(format!("field `{}` has no such component", query.name)));
         }
         require("a map of a field", 20 * n as u64)?;
-        let numbers = numbers(particles, values, query, view)?;
+        let mut numbers = numbers(particles, values, query, view)?;
+        if values.logarithmic && query.dispersion {
+            numbers.iter_mut().for_each(|v| *v = v.log10());
+        }
         let there = |v: &&f64| v.is_finite();
         let count = numbers.iter().filter(there).count().max(1);
         let mean = numbers.iter().filter(there).sum::<f64>() / count as f64;
@@ -92,7 +98,7 @@ mod tests {
         let x = vec![0.25f32, 0.3, 0.75, 0.8];
         let p = Particles::from_columns(x, vec![0.5; 4], vec![0.1, 0.9, 0.2, 0.6])
             .with_weights(Column::owned(vec![1.0f32, 3.0, 1.0, 1.0]));
-        let values = FieldValues { columns: vec![vec![10.0, 20.0, f32::NAN, -7.0]] };
+        let values = FieldValues { columns: vec![vec![10.0, 20.0, f32::NAN, -7.0]], logarithmic: false };
         let query =
             FieldQuery { name: "heat".into(), component: MapComponent::Scalar, dispersion: false, bulk: [0.0; 3] };
         let window = Window { center: [0.5; 3], angles_deg: [0.0; 2], width: 1.0, depth: None };

@@ -145,7 +145,7 @@ impl Domain {
 pub struct FieldAtPoints {
     /// Means weighted by the Gaussians' densities, a column for each component, in the field's unit.
     pub mean: Vec<Vec<f64>>,
-    /// Root mean squares of what single particles differ from them.
+    /// Root mean squares of what single particles differ from them; of a logarithmic field of decimal logarithms (dex).
     pub dispersion: Vec<Vec<f64>>,
 }
 
@@ -167,7 +167,9 @@ impl Domain {
         let Some(components) = parts.first().map(|p| p.2.components()) else {
             return Err(Error::argument(format!("the model has no field `{name}`")));
         };
-        let width = 1 + 2 * components;
+        let logarithmic = parts.iter().any(|p| p.2.excess.is_some());
+        let width = 1 + 2 * components + usize::from(logarithmic);
+        let unit = if logarithmic { std::f64::consts::LN_10 } else { 1.0 };
         let gaussians: Vec<(GaussianDensity, &FieldMoments, usize)> = parts
             .iter()
             .flat_map(|&(unit, m, f)| {
@@ -187,11 +189,12 @@ impl Domain {
                         let sums = &mut sums[width * point..][..width];
                         sums[0] += density;
                         for k in 0..components {
-                            let value = field.mean_at(k, *i, d);
-                            // Of the diagonal xx, yy, zz.
-                            let variance = field.spread[if components == 1 { 0 } else { [0, 3, 5][k] }][*i];
-                            sums[1 + 2 * k] += density * value;
-                            sums[2 + 2 * k] += density * (value * value + variance);
+                            let mean = field.mean_at(k, *i, d);
+                            sums[1 + 2 * k] += density * mean;
+                            sums[2 + 2 * k] += density * (mean * mean + field.variance(k, *i));
+                        }
+                        if logarithmic {
+                            sums[3] += density * field.value_at(0, *i, d);
                         }
                     });
                 }
@@ -203,8 +206,8 @@ impl Domain {
                 for k in (0..components).filter(|_| density > 0.0) {
                     let mean = sum(1 + 2 * k) / density;
                     let place = first + *index as usize;
-                    out.mean[k][place] = mean;
-                    out.dispersion[k][place] = (sum(2 + 2 * k) / density - mean * mean).max(0.0).sqrt();
+                    out.mean[k][place] = if logarithmic { sum(3) / density } else { mean };
+                    out.dispersion[k][place] = (sum(2 + 2 * k) / density - mean * mean).max(0.0).sqrt() / unit;
                 }
             }
         }
@@ -331,6 +334,7 @@ mod tests {
             slope: vec![[vec![100.0, 0.0], vec![0.0; 2], vec![0.0; 2]]],
             spread: vec![vec![4.0, 9.0]],
             range: vec![[-1e3, 1e3]],
+            excess: None,
         };
         model.layers[0].content[0].gaussians.fields.set("heat", field);
         let x = [0.06, 0.5, 0.5];

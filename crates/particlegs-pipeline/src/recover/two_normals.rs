@@ -1,0 +1,88 @@
+//! Sums of two normal distributions, from which logarithms of a field are drawn so that the values themselves have the mean
+//! that the model states: gas of two phases has a mean far from that of log-normal values.
+
+/// Share of the variance that lies between the two, at most.
+const MOST_BETWEEN: f64 = 0.95;
+/// That share, for each part of half the variance that the excess is.
+const BETWEEN: f64 = 2.4;
+/// The smaller part's weight.
+const LEAST_WEIGHT: f64 = 1e-3;
+/// Halvings of the interval of weights.
+const HALVINGS: usize = 40;
+
+/// Two normal distributions of one width, together of mean 0.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TwoNormals {
+    /// Weight of the upper one.
+    weight: f64,
+    /// Means: the upper one's, the lower one's.
+    means: [f64; 2],
+    width: f64,
+}
+
+impl TwoNormals {
+    /// Of this variance, such that the logarithm of the mean of exp(draw) is `excess` above `variance / 2`, or as near as
+    /// the distribution comes.
+    pub fn new(variance: f64, excess: f64) -> TwoNormals {
+        let between = (BETWEEN * excess.abs() / (0.5 * variance)).min(MOST_BETWEEN);
+        if between.is_nan() || between <= 0.0 {
+            return TwoNormals { weight: 0.5, means: [0.0; 2], width: variance.max(0.0).sqrt() };
+        }
+        let width = (variance * (1.0 - between)).max(0.0).sqrt();
+        let of_weight = |p: f64| {
+            let scale = (between * variance).sqrt();
+            let odds = ((1.0 - p) / p).sqrt();
+            TwoNormals { weight: p, means: [scale * odds, -scale / odds], width }
+        };
+        // The mean of exponentials falls as the upper part's weight grows.
+        let (mut low, mut high) = (LEAST_WEIGHT, 1.0 - LEAST_WEIGHT);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if of_weight(middle).log_mean() - 0.5 * variance > excess { low = middle } else { high = middle }
+        }
+        of_weight(0.5 * (low + high))
+    }
+
+    /// The logarithm of the mean of exp(draw).
+    fn log_mean(&self) -> f64 {
+        let [upper, lower] = self.means;
+        let two = self.weight + (1.0 - self.weight) * libm::exp(lower - upper);
+        upper + libm::log(two) + 0.5 * self.width * self.width
+    }
+
+    /// A draw, by two of a normal distribution.
+    pub fn draw(&self, normals: [f64; 2]) -> f64 {
+        // The first one's place among all chooses the part.
+        let is_upper = 0.5 * libm::erfc(normals[0] * std::f64::consts::FRAC_1_SQRT_2) < self.weight;
+        self.means[usize::from(!is_upper)] + self.width * normals[1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    #[test]
+    fn draws_have_the_variance_and_the_mean_of_exponentials() {
+        let cases =
+            [(0.3, 0.0), (0.5, 0.05), (1.0, -0.12), (4.0, -1.2), (3.5, -1.07), (0.5, 1.1), (1e-9, 0.5), (0.0, 0.0)];
+        for (variance, excess) in cases {
+            let distribution = TwoNormals::new(variance, excess);
+            let mut random = Random::new(3, 1, 4);
+            let n = 400_000;
+            let (mut sum, mut square, mut exponential) = (0.0, 0.0, 0.0);
+            for _ in 0..n {
+                let v = distribution.draw([random.normal(), random.normal()]);
+                (sum, square, exponential) = (sum + v, square + v * v, exponential + v.exp());
+            }
+            let of = |v: f64| v / f64::from(n);
+            assert!(of(sum).abs() < 0.01 * f64::sqrt(variance) + 1e-12, "{variance} {excess}: {}", of(sum));
+            assert!((of(square) - variance).abs() <= 0.1 * variance, "{variance} {excess}: {}", of(square));
+            let found = of(exponential).ln() - 0.5 * variance;
+            if variance > 0.1 {
+                assert!((found - excess).abs() < 0.03, "{variance} {excess}: {found}");
+            }
+        }
+    }
+}
