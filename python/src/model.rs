@@ -279,7 +279,7 @@ impl Model {
         query.bulk = bulk.unwrap_or(query.bulk);
         let scene = Scene::from_layers(&self.model, |l| shown[l]);
         let map = WorkOptions::quietly(threads).run(py, |progress| field_map(&scene, &query, &view, size, progress))?;
-        Ok((pictures::plane(py, map.wanted(&query))?, Some(query.unit(&self.model.metadata.fields)).filter(|u| !u.is_empty())))
+        Ok((pictures::plane(py, map.wanted(&query))?, Some(query.unit(&self.model.metadata.fields, self.model.metadata.units.length_text())).filter(|u| !u.is_empty())))
     }
 
     /// Fields: name, kind, unit, what weighs their means.

@@ -175,8 +175,8 @@ def metadata(content):
         check(kept[1] == ("masses", 1, 4, units[1]), "masses")
     own = kept[2 if weighted else 1 :]
     traits = fields.get(32, bytes(len(own)))
-    check(len(traits) == len(own) and max(traits, default=0) <= 3, "traits of fields")
-    check(all(kind != 2 or flags < 2 for (_, kind, _, _), flags in zip(own, traits)), "a logarithmic vector")
+    check(len(traits) == len(own) and max(traits, default=0) <= 7, "traits of fields")
+    check(all(kind != 2 or flags < 2 for (_, kind, _, _), flags in zip(own, traits)), "traits of a vector")
     return {
         "fields": [(name, 3 if kind == 2 else 1, flag) for (name, kind, _, _), flag in zip(own, traits)],
         "law": law,

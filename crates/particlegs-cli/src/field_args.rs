@@ -6,7 +6,7 @@ use crate::drawing::field_colors::FieldLegend;
 use clap::Args;
 use particlegs_pipeline::model::{Model, Quantity};
 use particlegs_pipeline::picture::{Colormap, Plane, Size, ValueScale};
-use particlegs_pipeline::render::{FieldMap, FieldQuery, MapComponent, mean_vector};
+use particlegs_pipeline::render::{FieldMap, FieldQuery, FieldWeight, MapComponent, mean_vector};
 use particlegs_pipeline::{Error, Result};
 
 #[derive(Args, Clone, Debug)]
@@ -25,6 +25,9 @@ pub struct FieldArgs {
     /// Motion to subtract from a vector: `mean`, the mean of all particles, or X,Y,Z in its unit.
     #[arg(long, value_name = "mean|X,Y,Z", hide_short_help = true, requires = "field", allow_hyphen_values = true)]
     pub bulk: Option<String>,
+    /// Weight of means along the line of sight [default: mass].
+    #[arg(long, value_name = "WEIGHT", hide_short_help = true, requires = "field", value_parser = named::<FieldWeight>())]
+    pub field_weight: Option<FieldWeight>,
     /// Shade the field's colours by surface density: bright where there is much mass.
     #[arg(long, hide_short_help = true, requires = "field")]
     pub shade: bool,
@@ -41,6 +44,8 @@ pub struct FieldChoice {
 /// What fields are chosen from: a model, or a snapshot's particles.
 pub struct FieldSource<'a> {
     pub quantities: &'a [Quantity],
+    /// The unit of length.
+    pub length: Option<&'a str>,
     /// The mean of the vector field of a name.
     pub mean: &'a dyn Fn(&str) -> [f64; 3],
     /// Values that a scale is chosen by, of the first component.
@@ -54,12 +59,23 @@ impl FieldArgs {
             let own = model.blocks().filter_map(|b| b.gaussians.fields.get(name));
             own.flat_map(|f| (0..f.len()).map(|i| f.value_at(0, i, [0.0; 3]) as f32)).collect()
         };
-        let quantities = &model.metadata.fields;
-        self.choice(name, &FieldSource { quantities, mean: &|name| mean_vector(model, name), samples: &samples }, map)
+        let (quantities, length) = (&model.metadata.fields, model.metadata.units.length_text());
+        self.choice(
+            name,
+            &FieldSource { quantities, length, mean: &|name| mean_vector(model, name), samples: &samples },
+            map,
+        )
     }
 
     pub fn choice(&self, name: &str, source: &FieldSource<'_>, map: Option<Colormap>) -> Result<FieldChoice> {
         let mut query = FieldQuery::new(name, source.quantities)?;
+        if let Some(weight) = self.field_weight {
+            if query.per_area {
+                let what = format!("--field-weight needs a mean, but field `{}` is a sum over particles", query.name);
+                return Err(Error::argument(what));
+            }
+            query.weight = weight;
+        }
         if let Some(text) = &self.bulk {
             if query.component == MapComponent::Scalar {
                 let what = format!("--bulk needs a vector, but field `{}` is a scalar", query.name);
@@ -73,9 +89,11 @@ impl FieldArgs {
         let scale = self.scale.unwrap_or_else(|| {
             let data = if query.dispersion { Vec::new() } else { (source.samples)(&query.name) };
             let size = Size { width: data.len(), height: 1 };
-            ValueScale::suited(&Plane { size, data }, query.is_signed())
+            // Charges have both signs.
+            let signed = query.is_signed() || query.per_area && data.iter().any(|v| *v < 0.0);
+            ValueScale::suited(&Plane { size, data }, signed)
         });
-        let unit = query.unit(source.quantities);
+        let unit = query.unit(source.quantities, source.length);
         let legend = FieldLegend { title: query.title(), unit, scale, map };
         Ok(FieldChoice { query, legend, shade: self.shade })
     }

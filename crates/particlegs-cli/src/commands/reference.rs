@@ -251,7 +251,12 @@ fn particle_field(
         [0, 1, 2].map(|k| values.columns.get(k).map_or(0.0, of))
     };
     let samples = |_: &str| values.columns[0].clone();
-    let source = FieldSource { quantities: selection.quantities(), mean: &mean, samples: &samples };
+    let source = FieldSource {
+        quantities: selection.quantities(),
+        length: particles.meta.units.length_text(),
+        mean: &mean,
+        samples: &samples,
+    };
     Ok((a.field.choice(name, &source, a.density.colormap)?, values))
 }
 

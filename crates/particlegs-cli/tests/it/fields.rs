@@ -223,16 +223,19 @@ fn temperatures_are_computed_from_energies_and_described_by_logarithms() {
     let of = |f: &dyn Fn(usize) -> f64| (0..COUNT).map(|i| f(i) as f32).collect::<Vec<f32>>();
     let is_hot = |i: usize| place[i] > 0.0;
     let electrons = of(&|i| if is_hot(i) { 1.158 } else { 0.0 });
-    let energy = of(&|i| if is_hot(i) { 2e4 } else { 50.0 });
+    let energy = of(&|i| if is_hot(i) { 2e4 } else { 50.0 } * (0.4 * Random::new(5, 0, i as u64).normal()).exp());
     let rate = of(&|i| f64::from(u8::from(is_hot(i) && i % 10 == 0)));
     for (name, column) in [("InternalEnergy", &energy), ("ElectronAbundance", &electrons), ("StarFormationRate", &rate)]
     {
         write(&dir.at("gas"), name, column);
     }
     // T = 2/3 u mu m_p / k_B, with mu = 4 / (1 + 3 X + 4 X x_e).
-    let [hot, warm] = [(2e4, 1.158), (50.0, 0.0)].map(|(u, x)| 2.0 / 3.0 * u * 121.147 * 4.0 / (3.28 + 3.04 * x));
+    let kelvin = of(&|i| {
+        let (u, x) = (f64::from(energy[i]), f64::from(electrons[i]));
+        2.0 / 3.0 * u * 121.147 * 4.0 / (3.28 + 3.04 * x)
+    });
     let fit = "--gaussians 60 --certificate none --fields temperature";
-    let choices = [("", hot), ("--star-forming 1000", 1000.0), ("--star-forming drop", f64::NAN)];
+    let choices = [("", None), ("--star-forming 1e4", Some(1e4)), ("--star-forming drop", Some(f64::NAN))];
     for (k, (choice, of_forming)) in choices.into_iter().enumerate() {
         let [_, said] = dir.runs(&format!("compress gas -o m{k}.pgs {fit} {choice}"));
         assert!(said.contains("mu = 4 / (1 + 3 X + 4 X x_e), X = 0.76, x_e from ElectronAbundance"), "{said}");
@@ -241,10 +244,9 @@ fn temperatures_are_computed_from_energies_and_described_by_logarithms() {
         let g = &model.layers[0].content[0].gaussians;
         let field = g.fields.get("temperature").unwrap();
         let total: f64 = (0..g.len()).map(|i| g.count[i] * field.overall_value(0, i, &g.cov_of(i))).sum();
-        let truth = (0..COUNT).map(|i| match (is_hot(i), i % 10 == 0) {
-            (true, true) => of_forming,
-            (true, false) => hot,
-            _ => warm,
+        let truth = (0..COUNT).map(|i| match of_forming {
+            Some(own) if rate[i] > 0.0 => own,
+            _ => f64::from(kelvin[i]),
         });
         let there: Vec<f64> = truth.filter(|v| !v.is_nan()).collect();
         let mean = there.iter().sum::<f64>() / there.len() as f64;
@@ -259,4 +261,33 @@ fn temperatures_are_computed_from_energies_and_described_by_logarithms() {
     dir.runs("simplify m0.pgs -o small.pgs --gaussians 20");
     let wrong = "compress gas -o x.pgs --fields temperature --star-forming cold";
     dir.fails(wrong, 2, "use `keep`, `drop`, or a temperature in K above 0");
+}
+
+#[test]
+fn sums_such_as_charges_are_drawn_per_area_and_recovered() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("ions"));
+    let place = read(&dir.at("ions"), "xx");
+    let charge: Vec<f32> = place.iter().map(|x| if *x > 0.0 { 2.0 } else { -1.0 }).collect();
+    let mass: Vec<f32> = (0..COUNT).map(|i| 1.0 + (i % 4) as f32).collect();
+    write(&dir.at("ions"), "q", &charge);
+    write(&dir.at("ions"), "ww", &mass);
+    dir.runs("compress ions -o m.pgs --gaussians 80 --certificate none --fields q");
+    assert!(dir.model("m.pgs").metadata.fields[0].extensive);
+    let total: f64 = charge.iter().map(|v| f64::from(*v)).sum();
+    dir.runs("recover m.pgs -o drawn");
+    let drawn: f64 = read(&dir.at("drawn"), "q").iter().sum();
+    assert!((drawn - total).abs() < 0.05 * COUNT as f64, "{drawn} {total}");
+    let view = "--field q --projection orthographic --center 0,0,0 --width 16 --size 80x80 --raw";
+    for (command, folder) in [("render m.pgs", "model"), ("reference ions", "truth")] {
+        dir.runs(&format!("{command} -o {folder} {view}"));
+        let folder = dir.at(folder);
+        let file =
+            std::fs::read_dir(&folder).unwrap().map(|f| f.unwrap().path()).find(|p| p.extension().unwrap() == "f32");
+        let map = read(&folder, file.unwrap().file_stem().unwrap().to_str().unwrap());
+        // A pixel has an area of 0.04.
+        let sum: f64 = map.iter().filter(|v| !v.is_nan()).sum::<f64>() * 0.04;
+        assert!((sum - total).abs() < 1e-3 * COUNT as f64, "{command}: {sum} {total}");
+    }
+    dir.fails("render m.pgs --field dispersion.q -o d.png", 2, "it has no dispersion");
 }

@@ -513,7 +513,15 @@ mod tests {
     }
 
     fn quantity(logarithmic: bool) -> Quantity {
-        Quantity { name: "q".into(), kind: QuantityKind::Scalar, unit: None, bytes: 4, by_mass: false, logarithmic }
+        Quantity {
+            name: "q".into(),
+            kind: QuantityKind::Scalar,
+            unit: None,
+            bytes: 4,
+            by_mass: false,
+            logarithmic,
+            extensive: false,
+        }
     }
 
     fn sums(m: &Mixture, f: &FieldMoments) -> Vec<f64> {

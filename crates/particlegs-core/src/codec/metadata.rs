@@ -94,7 +94,11 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     }
     m.epoch.frame.iter().for_each(|v| field(FRAME, &v.to_le_bytes()));
     m.epoch.step.iter().for_each(|v| field(STEP, &v.to_le_bytes()));
-    let traits: Vec<u8> = m.fields.iter().map(|q| u8::from(q.by_mass) | u8::from(q.logarithmic) << 1).collect();
+    let traits: Vec<u8> = m
+        .fields
+        .iter()
+        .map(|q| u8::from(q.by_mass) | u8::from(q.logarithmic) << 1 | u8::from(q.extensive) << 2)
+        .collect();
     if traits.iter().any(|t| *t > 0) {
         field(TRAITS, &traits);
     }
@@ -165,10 +169,10 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
             return Err(SectionFault::Corrupt(what));
         }
         for (field, v) in m.fields.iter_mut().zip(traits) {
-            if *v > 3 || (*v > 1 && field.kind == QuantityKind::Vector) {
+            if *v > 7 || (*v > 1 && field.kind == QuantityKind::Vector) {
                 return Err(SectionFault::Corrupt(format!("the traits {v} of field `{}` are not known", field.name)));
             }
-            (field.by_mass, field.logarithmic) = (v & 1 > 0, v & 2 > 0);
+            (field.by_mass, field.logarithmic, field.extensive) = (v & 1 > 0, v & 2 > 0, v & 4 > 0);
         }
     }
     Ok((m, masses))
@@ -273,7 +277,7 @@ fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
                 Some(unit.ok_or_else(|| format!("`{name}` refers to unit {k}, which does not exist"))?.clone())
             }
         };
-        out.push(Quantity { name, kind, unit, bytes, by_mass: false, logarithmic: false });
+        out.push(Quantity { name, kind, unit, bytes, by_mass: false, logarithmic: false, extensive: false });
     }
     Ok(out)
 }
@@ -416,7 +420,7 @@ mod tests {
     prop_compose! {
         fn quantity()(name in "\\PC{0,20}", kind in 0usize..4, unit in unit(), bytes in any::<u16>(), by_mass in any::<bool>()) -> Quantity {
             let kind = QuantityKind::ALL[kind];
-            Quantity { name, kind, unit, bytes, by_mass, logarithmic: !by_mass && kind != QuantityKind::Vector }
+            Quantity { name, kind, unit, bytes, by_mass, logarithmic: !by_mass && kind != QuantityKind::Vector, extensive: by_mass && kind != QuantityKind::Vector }
         }
     }
 

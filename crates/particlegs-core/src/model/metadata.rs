@@ -95,6 +95,9 @@ pub struct Quantity {
     /// Do its moments describe the natural logarithm of its values, as those of a positive scalar over decades?
     #[serde(default)]
     pub logarithmic: bool,
+    /// Is it a sum over particles, such as a charge? Its values then are those of a particle over its weight.
+    #[serde(default)]
+    pub extensive: bool,
 }
 
 impl Quantity {
@@ -159,6 +162,7 @@ impl Metadata {
             bytes,
             by_mass: false,
             logarithmic: false,
+            extensive: false,
         };
         let mut all = vec![quantity("positions", QuantityKind::Vector, &self.units.length, 12)];
         all.extend(weighted.then(|| quantity("masses", QuantityKind::Scalar, &self.units.mass, 4)));

@@ -44,7 +44,7 @@ impl FieldMap {
     }
 }
 
-/// Maps a field of a scene. Parts without it add nothing; an error where none has it. Masses weigh where particles have
+/// Maps a field of a scene; of a sum, such as a charge, per world unit squared. Parts without it add nothing; an error where none has it. Masses weigh where particles have
 /// weights or masses of their own, else numbers of particles.
 pub fn field_map(
     scene: &Scene,
@@ -53,8 +53,10 @@ pub fn field_map(
     size: Size,
     context: &Context<'_>,
 ) -> Result<FieldMap> {
-    let all: Vec<(&Mixture, f64)> =
-        scene.parts.iter().copied().filter(|(m, _)| m.fields.get(&query.name).is_some()).collect();
+    // Values of sums are over the particles' own weights.
+    let unit = |mass: f64| if query.per_area { 1.0 } else { mass };
+    let has_it = scene.parts.iter().filter(|(m, _)| m.fields.get(&query.name).is_some());
+    let all: Vec<(&Mixture, f64)> = has_it.map(|&(m, mass)| (m, unit(mass))).collect();
     let range = range(&all, query)?;
     let reference = overall_mean(&all, query);
     let scene = Scene { parts: all, shifts: scene.shifts.clone(), ..*scene };
@@ -86,7 +88,8 @@ pub fn field_map(
             None => (reference + own, 1.0),
         };
         *d = (variance.sqrt() / unit) as f32;
-        *m = value.clamp(range[0], range[1]) as f32;
+        let value = value.clamp(range[0], range[1]);
+        *m = if query.per_area { w * value } else { value } as f32;
         if w <= 0.0 {
             (*m, *d) = (f32::NAN, f32::NAN);
         }
@@ -129,7 +132,7 @@ fn overall_mean(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
     for (m, unit) in parts {
         let Some(field) = m.fields.get(&query.name) else { continue };
         for i in 0..m.len() {
-            let w = unit * m.mass_of(i);
+            let w = query.weight.of(m, *unit, i);
             (sum, total) = (sum + w * field.mean[column][i], total + w);
         }
     }
@@ -291,7 +294,7 @@ impl FieldProjection<'_> {
     /// The footprints of Gaussian `i`, of all its pieces along depth.
     fn project(&self, i: usize, out: &mut Vec<FieldFootprint>) {
         let (lens, m) = (&self.lens, self.mixture);
-        let Some(g) = CameraGaussian::from_mixture(lens, m, i, self.unit * m.mass_of(i)) else { return };
+        let Some(g) = CameraGaussian::from_mixture(lens, m, i, self.query.weight.of(m, self.unit, i)) else { return };
         let number = self.number(i);
         // Per unit of the camera's axes.
         let slope = lens.axes.map(|axis| dot(axis, number.slope) / dot(axis, axis));
@@ -493,7 +496,8 @@ mod tests {
     }
 
     fn query(name: &str, component: MapComponent) -> FieldQuery {
-        FieldQuery { name: name.into(), component, dispersion: false, bulk: [0.5, 0.0, -0.3] }
+        let (bulk, weight) = ([0.5, 0.0, -0.3], Default::default());
+        FieldQuery { name: name.into(), component, dispersion: false, bulk, per_area: false, weight }
     }
 
     /// Density, mean and dispersion of a pixel, by sums along lines of sight.
@@ -617,6 +621,7 @@ mod tests {
             bytes: 4,
             by_mass: false,
             logarithmic: false,
+            extensive: false,
         };
         let fields = [quantity("velocity", QuantityKind::Vector), quantity("T", QuantityKind::Scalar)];
         let of = |text: &str| FieldQuery::new(text, &fields).map(|q| (q.name, q.component, q.dispersion));

@@ -25,6 +25,30 @@ pub struct FieldQuery {
     pub dispersion: bool,
     /// A vector that is subtracted from a vector field, in its unit.
     pub bulk: [f64; 3],
+    /// Is the field a sum, of which a map shows how much lies on an area?
+    pub per_area: bool,
+    /// What means are weighted by along the line of sight.
+    pub weight: FieldWeight,
+}
+
+crate::named_values! {
+    /// What a field's mean is weighted by along the line of sight. Within a Gaussian it is weighted as the file says.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum FieldWeight {
+        #[default]
+        Mass = "mass": "By mass, where masses are known",
+        Count = "count": "All particles count alike",
+    }
+}
+
+impl FieldWeight {
+    /// The weight of Gaussian `i` of a part whose unit of mass is `unit`.
+    pub(super) fn of(self, m: &Mixture, unit: f64, i: usize) -> f64 {
+        match self {
+            FieldWeight::Mass => unit * m.mass_of(i),
+            FieldWeight::Count => m.count[i],
+        }
+    }
 }
 
 /// The vector field that components without a name belong to.
@@ -47,8 +71,14 @@ impl FieldQuery {
         };
         let component = |name: &str| COMPONENTS.iter().find(|c| c.0 == name).map(|c| c.1);
         let field = |name: &str| fields.iter().find(|q| q.name.eq_ignore_ascii_case(name));
-        let query =
-            |q: &Quantity, component| FieldQuery { name: q.name.clone(), component, dispersion, bulk: [0.0; 3] };
+        let query = |q: &Quantity, component| FieldQuery {
+            name: q.name.clone(),
+            component,
+            dispersion,
+            bulk: [0.0; 3],
+            per_area: q.extensive,
+            weight: FieldWeight::Mass,
+        };
         if let Some(q) = field(wanted) {
             let name = &q.name;
             return match q.kind {
@@ -56,6 +86,9 @@ impl FieldQuery {
                     format!("field `{name}` is a vector"),
                     format!("choose a component: {name}.x, {name}.y, {name}.z, or {name}.los along the line of sight"),
                 )),
+                _ if dispersion && q.extensive => Err(Error::argument(format!(
+                    "field `{name}` is a sum over particles: it has no dispersion along a line of sight"
+                ))),
                 _ => Ok(query(q, MapComponent::Scalar)),
             };
         }
@@ -99,13 +132,19 @@ impl FieldQuery {
             MapComponent::Axis(k) => format!("{} along {}", self.name, ["x", "y", "z"][k]),
             MapComponent::LineOfSight => format!("{} along the line of sight", self.name),
         };
+        let of = if self.per_area { format!("{of} per area") } else { of };
         if self.dispersion { format!("dispersion of {of}") } else { of }
     }
 
-    /// The unit of what is mapped: the field's, and dex for the dispersion of a logarithmic field; empty where it is not known.
-    pub fn unit(&self, fields: &[Quantity]) -> String {
+    /// The unit of what is mapped, by the unit of length: the field's, per area for a sum, and dex for the dispersion of a
+    /// logarithmic field; empty where it is not known.
+    pub fn unit(&self, fields: &[Quantity], length: Option<&str>) -> String {
         match fields.iter().find(|q| q.name == self.name) {
             Some(q) if q.logarithmic && self.dispersion => "dex".into(),
+            Some(q) if q.extensive => {
+                let own = q.unit.as_ref().map_or("1", |u| &u.text[..]);
+                length.map_or(String::new(), |length| format!("{own} / ({length})^2"))
+            }
             Some(Quantity { unit: Some(unit), .. }) => unit.text.clone(),
             _ => String::new(),
         }

@@ -5,7 +5,7 @@ use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::{FieldShape, gather};
 use crate::model::{LawKind, Model, Quantity, QuantityKind, Unit};
-use crate::particles::{FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
+use crate::particles::{ChunkBuffer, FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use crate::reference::FieldValues;
 use crate::{Error, Hint, Result};
 
@@ -97,8 +97,10 @@ impl<'a> FieldSelection<'a> {
             let unit = first.unit.clone().map(|text| Unit { text, si: None });
             let bytes = 4 * first.columns.len() as u16;
             let place = selection.quantities.len();
-            let logarithmic = kind == QuantityKind::Scalar && spans_decades(particles, sources, &found)?;
-            selection.quantities.push(Quantity { name: name.clone(), kind, unit, bytes, by_mass, logarithmic });
+            let extensive = kind == QuantityKind::Scalar && is_sum(name);
+            let logarithmic = kind == QuantityKind::Scalar && !extensive && spans_decades(particles, sources, &found)?;
+            let own = name.clone();
+            selection.quantities.push(Quantity { name: own, kind, unit, bytes, by_mass, logarithmic, extensive });
             for (layer, columns) in found {
                 used.extend(columns.sources.clone());
                 selection.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
@@ -168,19 +170,27 @@ impl<'a> FieldSelection<'a> {
                 ..FieldShape::new(&self.quantities[*n])
             };
             let fields: Vec<FieldShape<'_>> = chosen.iter().map(shape).collect();
+            let own = self.particles.of_layer(layer);
             let read = |run: u64, out: &mut Vec<Vec<f64>>| {
                 let mut all = Vec::new();
                 source.read(run, &mut all)?;
+                let mut buffer = ChunkBuffer::default();
+                let first = run as usize * RUN;
+                let chunk = own.chunk(first..own.len().min(first + RUN), &mut buffer);
+                let over_weight = |(i, v): (usize, f64)| v / chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                 for (n, columns) in chosen {
                     if self.quantities[*n].logarithmic {
                         out.push(columns.values(&all, 0).map(f64::ln).collect());
                     }
-                    out.extend((0..columns.columns.len()).map(|k| columns.values(&all, k).collect()));
+                    match self.quantities[*n].extensive {
+                        true => out.push(columns.values(&all, 0).enumerate().map(over_weight).collect()),
+                        false => out.extend((0..columns.columns.len()).map(|k| columns.values(&all, k).collect())),
+                    }
                 }
                 Ok(())
             };
             let blocks = &model.layers[at].content;
-            let gathered = gather(blocks, &self.particles.of_layer(layer), &fields, &read, context)?;
+            let gathered = gather(blocks, &own, &fields, &read, context)?;
             for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
                 for ((n, _), f) in chosen.iter().zip(fields) {
                     let of = (*n as u8, &self.quantities[*n]);
@@ -191,6 +201,13 @@ impl<'a> FieldSelection<'a> {
         }
         codec::assemble(&metadata, model.certificate.as_ref(), coded)
     }
+}
+
+/// Names of fields that are sums over particles, in lower case; others are means.
+fn is_sum(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    ["q", "charge", "charges", "sfr"].contains(&&name[..])
+        || ["starformationrate", "luminosit", "metalmass"].iter().any(|part| name.contains(part))
 }
 
 /// Are all values of a field positive, and does the largest have [`DECADES`] times the least?

@@ -34,6 +34,8 @@ pub(super) struct DrawRules {
     pub wrap: Option<PeriodicWrap>,
     /// Does the output have a column of weights?
     pub weighted: bool,
+    /// Names of fields that are sums, whose values are over weights.
+    pub extensive: Vec<String>,
     pub simd: Level,
 }
 
@@ -80,6 +82,7 @@ impl DrawRules {
             mean_density: plan.total as f64 / volume,
             wrap: PeriodicWrap::new(metadata.cell.as_ref(), &metadata.bounds),
             weighted: plan.weighted(),
+            extensive: metadata.fields.iter().filter(|q| q.extensive).map(|q| q.name.clone()).collect(),
             simd,
         }
     }
@@ -111,6 +114,14 @@ impl DrawRules {
             // A field's draws do not depend on which other fields there are.
             let mut random = Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
             self.draw_field(field, &stretch, &mut random, scratch, &mut run.fields);
+            if !self.extensive.iter().any(|own| own == name) {
+                continue;
+            }
+            let Some(column) = run.fields.last_mut() else { continue };
+            for (gaussian, part) in layer.parts(range.clone()) {
+                let weight = layer.weights.get(gaussian).map_or(1.0, |w| f64::from(*w));
+                column[part].iter_mut().for_each(|v| *v *= weight);
+            }
         }
         self.finish(layer, scratch, run)
     }

@@ -5,7 +5,7 @@ use crate::camera::{DensityView, Projection};
 use crate::context::Context;
 use crate::particles::{Column, Particles};
 use crate::picture::Size;
-use crate::render::{FieldMap, FieldQuery, MapComponent};
+use crate::render::{FieldMap, FieldQuery, FieldWeight, MapComponent};
 use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_files::memory::require;
@@ -44,13 +44,18 @@ impl Reference<'_> {
         let there = |v: &&f64| v.is_finite();
         let count = numbers.iter().filter(there).count().max(1);
         let mean = numbers.iter().filter(there).sum::<f64>() / count as f64;
-        let own = particles.weights();
+        // A sum counts each particle's value, whatever its mass.
+        let alike = query.per_area || query.weight == FieldWeight::Count;
+        let own = particles.weights().filter(|_| !alike);
         let weigh = |of: &(dyn Fn(f64) -> f64 + Sync)| {
             let weight = |i: usize| own.as_ref().map_or(1.0, |w| f64::from(w[i]));
             let weights = parallel::map_range(n, |i| {
                 if numbers[i].is_finite() { (weight(i) * of(numbers[i] - mean)) as f32 } else { 0.0 }
             });
-            let weighted = particles.clone().with_weights(Column::owned(weights));
+            let mut weighted = particles.clone().with_weights(Column::owned(weights));
+            if alike {
+                weighted.meta.particle_mass = None;
+            }
             self.weighted(&weighted).surface_density(view, size, context)
         };
         let density = weigh(&|_| 1.0)?;
@@ -58,7 +63,8 @@ impl Reference<'_> {
         for ((&w, m), d) in density.data.iter().zip(&mut first.data).zip(&mut second.data) {
             let (w, off) = (f64::from(w), f64::from(*m) / f64::from(w));
             *d = (f64::from(*d) / w - off * off).max(0.0).sqrt() as f32;
-            *m = (mean + off) as f32;
+            let value = mean + off;
+            *m = if query.per_area { w * value } else { value } as f32;
             if w <= 0.0 {
                 (*m, *d) = (f32::NAN, f32::NAN);
             }
@@ -99,8 +105,14 @@ mod tests {
         let p = Particles::from_columns(x, vec![0.5; 4], vec![0.1, 0.9, 0.2, 0.6])
             .with_weights(Column::owned(vec![1.0f32, 3.0, 1.0, 1.0]));
         let values = FieldValues { columns: vec![vec![10.0, 20.0, f32::NAN, -7.0]], logarithmic: false };
-        let query =
-            FieldQuery { name: "heat".into(), component: MapComponent::Scalar, dispersion: false, bulk: [0.0; 3] };
+        let query = FieldQuery {
+            name: "heat".into(),
+            component: MapComponent::Scalar,
+            dispersion: false,
+            bulk: [0.0; 3],
+            per_area: false,
+            weight: FieldWeight::Mass,
+        };
         let window = Window { center: [0.5; 3], angles_deg: [0.0; 2], width: 1.0, depth: None };
         let size = Size { width: 4, height: 4 };
         let view = DensityView::orthographic("a", &window, size, &p.bounds(), None).unwrap();

@@ -150,7 +150,7 @@ pub struct FieldAtPoints {
 }
 
 impl Domain {
-    /// Mean and dispersion of a field of a model at `places` of the world, in this domain, where it repeats with its images
+    /// Mean and dispersion of a field (of a sum, such as a charge, how much there is in a unit of volume) of a model at `places` of the world, in this domain, where it repeats with its images
     /// (docs/law/fields.md, "At a place").
     pub fn field_at(
         &self,
@@ -162,8 +162,11 @@ impl Domain {
         if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(Error::argument(format!("point {i} is not finite")));
         }
-        let parts: Vec<(f64, &Mixture, &FieldMoments)> =
-            mixtures(model).filter_map(|(unit, m)| Some((unit, m, m.fields.get(name)?))).collect();
+        // Values of sums are over the particles' own weights.
+        let is_sum = model.metadata.fields.iter().any(|q| q.name == name && q.extensive);
+        let parts: Vec<(f64, &Mixture, &FieldMoments)> = mixtures(model)
+            .filter_map(|(unit, m)| Some((if is_sum { 1.0 } else { unit }, m, m.fields.get(name)?)))
+            .collect();
         let Some(components) = parts.first().map(|p| p.2.components()) else {
             return Err(Error::argument(format!("the model has no field `{name}`")));
         };
@@ -206,6 +209,10 @@ impl Domain {
                 for k in (0..components).filter(|_| density > 0.0) {
                     let mean = sum(1 + 2 * k) / density;
                     let place = first + *index as usize;
+                    if is_sum {
+                        out.mean[k][place] = density * mean;
+                        continue;
+                    }
                     out.mean[k][place] = if logarithmic { sum(3) / density } else { mean };
                     out.dispersion[k][place] = (sum(2 + 2 * k) / density - mean * mean).max(0.0).sqrt() / unit;
                 }
