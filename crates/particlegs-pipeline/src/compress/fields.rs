@@ -137,7 +137,7 @@ impl<'a> FieldSelection<'a> {
             let Some((_, from)) = chosen.iter().find(|(n, _)| *n == number) else { continue };
             let mut run = Vec::new();
             for (id, start) in layer.content.clone().step_by(RUN).enumerate() {
-                source.read(id as u64, &mut run)?;
+                source.read_some(id as u64, |c| from.needs(c), &mut run)?;
                 for (k, column) in columns.iter_mut().enumerate() {
                     let own = column[start..].iter_mut().zip(from.values(&run, k));
                     own.for_each(|(to, v)| *to = v as f32);
@@ -173,7 +173,7 @@ impl<'a> FieldSelection<'a> {
             let own = self.particles.of_layer(layer);
             let read = |run: u64, out: &mut Vec<Vec<f64>>| {
                 let mut all = Vec::new();
-                source.read(run, &mut all)?;
+                source.read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut all)?;
                 let mut buffer = ChunkBuffer::default();
                 let first = run as usize * RUN;
                 let chunk = own.chunk(first..own.len().min(first + RUN), &mut buffer);
@@ -216,7 +216,7 @@ fn spans_decades(particles: &Particles, sources: &[LayerFields], found: &[(usize
     let mut run = Vec::new();
     for (layer, columns) in found {
         for id in 0..particles.layers()[*layer].content.len().div_ceil(RUN) {
-            sources[*layer].read(id as u64, &mut run)?;
+            sources[*layer].read_some(id as u64, |c| columns.needs(c), &mut run)?;
             for v in columns.values(&run, 0).filter(|v| !(columns.may_lack() && v.is_nan())) {
                 if v.is_nan() || v <= 0.0 {
                     return Ok(false);

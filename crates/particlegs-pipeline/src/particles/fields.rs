@@ -120,6 +120,12 @@ impl FieldColumns {
         })
     }
 
+    /// Is this column of a run needed?
+    pub fn needs(&self, column: usize) -> bool {
+        let of_gas = self.temperature.as_ref().is_some_and(|t| [t.electrons, t.star_formation].contains(&Some(column)));
+        of_gas || self.columns.contains(&column)
+    }
+
     /// May particles lack a value?
     pub fn may_lack(&self) -> bool {
         self.temperature.as_ref().is_some_and(|t| t.star_formation.is_some() && t.star_forming == StarFormingGas::Omit)
@@ -253,10 +259,18 @@ impl LayerFields {
 
     /// Every component of every field in run `run` of the layer.
     pub(crate) fn read(&self, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
+        self.read_some(run, |_| true, out)
+    }
+
+    /// The columns that are `wanted`, and some of the others, which are empty or not.
+    pub(crate) fn read_some(&self, run: u64, wanted: impl Fn(usize) -> bool, out: &mut Vec<Vec<f64>>) -> Result<()> {
         let count: u32 = self.fields.iter().map(|f| f.components).sum();
         out.resize_with(count as usize, Vec::new);
         let mut three = <[Vec<f64>; 3]>::default();
-        for (triple, part) in self.columns.iter().zip(out.chunks_mut(3)) {
+        for (number, (triple, part)) in self.columns.iter().zip(out.chunks_mut(3)).enumerate() {
+            if !(3 * number..3 * number + part.len()).any(&wanted) {
+                continue;
+            }
             triple.read(run, &mut three)?;
             part.iter_mut().zip(&mut three).for_each(|(to, from)| std::mem::swap(to, from));
         }
