@@ -2,7 +2,7 @@
 
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights};
 use particlegs_pipeline::model::{self, Layer};
-use particlegs_pipeline::particles::{Particles, SnapshotReader};
+use particlegs_pipeline::particles::{Particles, SnapshotMeta, SnapshotReader};
 use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,11 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         format: "raw float32 columns, little-endian".into(),
         files: paths.to_vec(),
         meta: particles.meta.clone(),
-        species: particles.layers().iter().map(|l| species(l, particles.weights().is_some(), &others)).collect(),
+        species: particles
+            .layers()
+            .iter()
+            .map(|l| species(l, particles.weights().is_some(), &others, &particles.meta))
+            .collect(),
         ..Description::default()
     };
     Ok(Box::new(RawSnapshot { description, particles, folder }))
@@ -57,8 +61,9 @@ fn other_columns(folder: &Path, count: usize) -> Vec<String> {
     names
 }
 
-fn species(layer: &Layer<Range<usize>>, weights: bool, others: &[String]) -> Species {
-    let scalar = |name: &str| SpeciesField::new(name, "f32", 1);
+fn species(layer: &Layer<Range<usize>>, weights: bool, others: &[String], meta: &SnapshotMeta) -> Species {
+    let scalar =
+        |name: &str| SpeciesField { unit: meta.field_units.get(name).cloned(), ..SpeciesField::new(name, "f32", 1) };
     Species {
         name: layer.name.clone(),
         aliases: Vec::new(),

@@ -12,8 +12,11 @@ use particlegs_files::output;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Model, UnitSystem};
 use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::recover::Options as RecoverOptions;
 use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
+use particlegs_pipeline::stats::{
+    Assignment, Convention, Measure, ParticleVelocities, Statistics, StatsOptions, StatsSide, Subject, compare,
+};
 use particlegs_pipeline::{Error, Result, codec};
 use std::path::{Path, PathBuf};
 
@@ -28,7 +31,8 @@ Examples:
     after_long_help = "\
 Writes stats.json, tables as CSV, and plots as SVG and PNG unless --plots says otherwise. A model is
 measured from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass
-around centres; pairs, groups, neighbours and g(r) need particles.
+around centres; velocities are those of particles drawn from it; pairs, groups, neighbours and g(r)
+need particles.
 A model and particles, in either order, also give the likelihood of the particles under the model.
 docs/guide/statistics.md defines every measure.
 
@@ -38,6 +42,7 @@ Examples:
   particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512
   particlegs stats melt.dump recovered -o stats --only rdf,profile --profile-axis z
   particlegs stats snapshot model.pgs -o stats --only haloes --centres catalogue.csv
+  particlegs stats snapshot model.pgs -o stats --only multipoles,momentum,dispersion
   particlegs stats snapshot model.pgs -o stats --only spectrum --plots pdf"
 )]
 pub struct Arguments {
@@ -142,37 +147,55 @@ struct MeasureArgs {
     neighbours: usize,
 }
 
-enum StatsInput {
+enum StatsSource {
     Particles(Box<Particles>),
     Model(Box<Model>),
 }
 
+struct StatsInput {
+    source: StatsSource,
+    velocities: Option<ParticleVelocities>,
+}
+
 impl StatsInput {
-    fn open(path: &Path, args: &SnapshotArgs, context: &Context<'_>) -> Result<Self> {
+    fn open(path: &Path, args: &SnapshotArgs, o: &StatsOptions, context: &Context<'_>) -> Result<Self> {
         match inputs::model_or_snapshot(path, args, context)? {
             PathContent::Model(bytes) => {
-                let model = codec::decode_with(&bytes, &name_of(path), context)?;
-                Ok(StatsInput::Model(Box::new(args.layers_of(model)?)))
+                let model = args.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
+                let draw = o.needs_velocities() && !model.metadata.fields.is_empty();
+                let drawn = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
+                let drawn = draw.then(|| drawn.draw_with_fields(model.clone(), context)).transpose()?;
+                let velocities = drawn.map(|(particles, fields)| ParticleVelocities::read(&particles, &fields));
+                Ok(StatsInput {
+                    source: StatsSource::Model(model.into()),
+                    velocities: velocities.transpose()?.flatten(),
+                })
+            }
+            PathContent::Snapshot(mut choice) if o.needs_velocities() => {
+                let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
+                let velocities = ParticleVelocities::read(&particles, &fields)?;
+                Ok(StatsInput { source: StatsSource::Particles(particles.into()), velocities })
             }
             PathContent::Snapshot(choice) => {
                 let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, context)?;
-                Ok(StatsInput::Particles(Box::new(particles)))
+                Ok(StatsInput { source: StatsSource::Particles(particles.into()), velocities: None })
             }
         }
     }
 
-    fn subject(&self) -> Subject<'_> {
-        match self {
-            StatsInput::Particles(p) => Subject::Particles(p),
-            StatsInput::Model(m) => Subject::Model(m),
-        }
+    fn side(&self) -> StatsSide<'_> {
+        let subject = match &self.source {
+            StatsSource::Particles(p) => Subject::Particles(p),
+            StatsSource::Model(m) => Subject::Model(m),
+        };
+        StatsSide { subject, velocities: self.velocities.as_ref() }
     }
 
     /// Units and box.
     fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
-        match self {
-            StatsInput::Particles(p) => (p.meta.unit_system(), p.meta.cell),
-            StatsInput::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
+        match &self.source {
+            StatsSource::Particles(p) => (p.meta.unit_system(), p.meta.cell),
+            StatsSource::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
         }
     }
 
@@ -199,11 +222,11 @@ pub fn run(a: Arguments) -> Result<()> {
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let list = a.measure.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
-    let truth = StatsInput::open(&a.truth, &a.snapshot, &context)?;
+    let truth = StatsInput::open(&a.truth, &a.snapshot, &options, &context)?;
     let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
-    let other = StatsInput::open(&a.other, &a.snapshot, &context)?;
-    let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
+    let other = StatsInput::open(&a.other, &a.snapshot, &options, &context)?;
+    let statistics = compare(truth.side(), other.side(), &options, &context)?;
     context.notes(&statistics.notes);
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
     let report = StatsReport {
