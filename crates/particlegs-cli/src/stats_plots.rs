@@ -135,7 +135,7 @@ fn multipoles(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     ];
     let axes = [log(format!("k{}", u.wave)), log(format!("P(k){}", u.volume))];
     let ratio = m.shells.iter().filter(|h| h.monopole[0] > 0.0).map(|h| (h.k, h.monopole[1] / h.monopole[0]));
-    let title = "Multipoles in redshift space; below, P0 (shot noise subtracted)";
+    let title = "Multipoles in redshift space (shot noise subtracted); below, P0";
     Some(chart("multipoles", title, axes, series, ratio.collect()))
 }
 

@@ -51,7 +51,8 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
 fn other_columns(folder: &Path, count: usize) -> Vec<String> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let name = |entry: std::fs::DirEntry| {
-        let length = entry.metadata().ok()?.len();
+        // A link has the length of its file.
+        let length = std::fs::metadata(entry.path()).ok()?.len();
         let name = entry.file_name().into_string().ok()?.strip_suffix(".f32")?.to_string();
         let other = !POSITIONS.split(',').chain([WEIGHTS]).any(|own| own == name);
         (other && length == 4 * count as u64).then_some(name)

@@ -156,7 +156,7 @@ pub(super) fn unit_of<'a>(pair: &'a [Cow<'_, ParticleVelocities>; 2]) -> Option<
 /// The length, in the truth's unit, by which a velocity of 1 km/s moves a particle in redshift space: 1 / H(a), over a
 /// where lengths are comoving. Matter, a cosmological constant and curvature make H(a). Else what it lacks, in words.
 pub(super) fn displacement(subjects: [Subject<'_>; 2], unit: Option<&str>) -> std::result::Result<f64, String> {
-    let km_s = |text: &str| text.replace("km s^-1", KM_S).replace("km s-1", KM_S).trim() == KM_S;
+    let km_s = |text: &str| [KM_S, "kms^-1", "kms-1"].contains(&&text.replace(' ', "")[..]);
     match unit {
         Some(unit) if km_s(unit) => {}
         Some(unit) => return Err(format!("velocities are in {unit}, not in {KM_S}")),
@@ -192,4 +192,88 @@ pub(super) fn displacement(subjects: [Subject<'_>; 2], unit: Option<&str>) -> st
     let hubble = if power == 0.0 { 1.0 } else { h.powf(power) };
     let moved = MEGAPARSEC / (100.0 * square.sqrt() * size.factor) * hubble / a.powf(f64::from(size.a));
     if moved > 0.0 && moved.is_finite() { Ok(moved) } else { Err("its cosmology has no rate of expansion".into()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Units;
+    use crate::particles::{Number, SourceField};
+
+    fn particles(length: Option<&str>, comoving: Option<bool>, a: f64, h: Option<f64>) -> Particles {
+        let mut p = Particles::from_columns(vec![1.0, 2.0], vec![0.0; 2], vec![0.5; 2]);
+        p.meta.units = Units::new(length, None, comoving);
+        p.meta.epoch.scale_factor = Some(a);
+        p.meta.cosmology =
+            Cosmology { hubble: h, omega_matter: Some(0.3), omega_lambda: Some(0.7), ..Cosmology::default() };
+        p
+    }
+
+    #[test]
+    fn displacements_follow_the_unit_of_length_and_the_cosmology() {
+        let moved = |p: &Particles| displacement([Subject::Particles(p); 2], Some("km/s"));
+        let rate = 100.0 * f64::sqrt(0.3 * 8.0 + 0.7);
+        for (unit, comoving, h, expected) in [
+            ("Mpc/h", Some(true), None, 2.0 / rate),
+            ("ckpc/h", None, None, 2000.0 / rate),
+            ("Mpc", Some(true), Some(0.5), 2.0 / (0.5 * rate)),
+            ("kpc", Some(false), Some(0.5), 1000.0 / (0.5 * rate)),
+        ] {
+            let found = moved(&particles(Some(unit), comoving, 0.5, h)).unwrap();
+            assert!((found / expected - 1.0).abs() < 1e-6, "{unit}: {found} {expected}");
+        }
+        // Today the rate is the Hubble constant, whatever the densities.
+        let mut today = particles(Some("Mpc/h"), None, 1.0, None);
+        today.meta.cosmology = Cosmology::default();
+        assert!((moved(&today).unwrap() - 0.01).abs() < 1e-9);
+        let said = |p: &Particles| moved(p).unwrap_err();
+        assert_eq!(
+            said(&particles(Some("Mpc/h"), None, 0.5, None)),
+            "the files do not state whether lengths are comoving"
+        );
+        assert_eq!(said(&particles(Some("kpc"), Some(true), 1.0, None)), "the files do not state h");
+        assert!(said(&particles(None, Some(true), 1.0, None)).contains("the unit of length"));
+        let other = particles(Some("Mpc/h"), Some(true), 0.6, None);
+        let pair = [Subject::Particles(&today), Subject::Particles(&other)];
+        assert_eq!(
+            displacement(pair, Some("km/s")).unwrap_err(),
+            "the scale factor is 1 in the truth and 0.6 in the other"
+        );
+        let mut closed = particles(Some("Mpc/h"), Some(true), 0.5, None);
+        closed.meta.cosmology.omega_lambda = Some(-50.0);
+        assert!(said(&closed).contains("no rate of expansion"));
+    }
+
+    #[test]
+    fn velocities_are_read_from_fields_and_checked() {
+        let p = particles(Some("Mpc/h"), Some(true), 1.0, None);
+        let field = |name: &str, factor| SourceField {
+            name: name.into(),
+            number: Number::F32,
+            components: 3,
+            unit: Some("sqrt(a) km/s".into()),
+            attributes: Vec::new(),
+            peculiar: Some((factor, String::new())),
+        };
+        let layers = |name: &str, z: f64| {
+            let columns = vec![vec![1.0, 2.0], vec![3.0, 4.0], vec![z, 6.0]];
+            [LayerFields::from_columns(vec![field(name, 0.5)], columns)]
+        };
+        let found = ParticleVelocities::read(&p, &layers("Velocities", 5.0)).unwrap().unwrap();
+        assert_eq!((found.of(1), found.unit.as_deref()), ([1.0, 2.0, 3.0], Some("km/s")));
+        let moved = found.in_redshift_space(2, 0.1).unwrap();
+        assert_eq!(moved.position(0), [1.0, 0.0, f64::from(0.75f32)]);
+        assert!(ParticleVelocities::read(&p, &layers("heat", 5.0)).unwrap().is_none());
+        let error = ParticleVelocities::read(&p, &layers("vel", f64::NAN)).err().unwrap();
+        assert!(error.to_string().contains("the velocity of particle 0"), "{error}");
+        // What one side does not state is as in the other.
+        let unstated = ParticleVelocities { unit: None, ..found.clone() };
+        let side = |v| StatsSide { subject: Subject::Particles(&p), velocities: v };
+        let pair = velocity_pair([side(Some(&unstated)), side(Some(&found))]).unwrap().unwrap();
+        assert_eq!(unit_of(&pair), Some("km/s"));
+        let other = ParticleVelocities { unit: Some("m/s".into()), ..found.clone() };
+        let refused = |a, b| velocity_pair([side(a), side(b)]).unwrap().err().unwrap();
+        assert_eq!(refused(Some(&found), Some(&other)), "velocities are in km/s in the truth and in m/s in the other");
+        assert_eq!(refused(Some(&found), None), "the other has no velocities");
+    }
 }
