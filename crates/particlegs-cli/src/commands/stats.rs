@@ -117,14 +117,14 @@ struct MeasureArgs {
     /// Profile: number of slabs.
     #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
     profile_bins: usize,
-    /// Haloes: text file with x, y, z and optionally a radius in each line, such as a halo catalogue.
+    /// Haloes: text file with x, y, z and optionally a radius per line.
     ///
-    /// The header, with or without #, names the columns and their units; lists from Rockstar, consistent-trees and AHF
-    /// are read as they are. Without a file, the centres are those of the truth's 1000 largest groups with 100
+    /// The header, with or without #, names the columns and their units; halo catalogues from Rockstar,
+    /// consistent-trees and AHF are read as they are. Without a file, the centres are those of the truth's 1000 largest groups with 100
     /// particles or more.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     centres: Option<PathBuf>,
-    /// Haloes: largest radius [default: the file's, else 2 mean spacings].
+    /// Haloes: largest radius, that of dispersions [default: the file's, else 2 mean spacings].
     #[arg(long, value_name = "R", hide_short_help = true)]
     halo_radius: Option<f64>,
     /// Haloes: number of shells, from a 50th of the largest radius to that radius.
@@ -147,13 +147,13 @@ struct MeasureArgs {
     neighbours: usize,
 }
 
-enum StatsSource {
+enum StatsSubject {
     Particles(Box<Particles>),
     Model(Box<Model>),
 }
 
 struct StatsInput {
-    source: StatsSource,
+    source: StatsSubject,
     velocities: Option<ParticleVelocities>,
 }
 
@@ -167,26 +167,26 @@ impl StatsInput {
                 let drawn = draw.then(|| drawn.draw_with_fields(model.clone(), context)).transpose()?;
                 let velocities = drawn.map(|(particles, fields)| ParticleVelocities::read(&particles, &fields));
                 Ok(StatsInput {
-                    source: StatsSource::Model(model.into()),
+                    source: StatsSubject::Model(model.into()),
                     velocities: velocities.transpose()?.flatten(),
                 })
             }
             PathContent::Snapshot(mut choice) if o.needs_velocities() => {
                 let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
                 let velocities = ParticleVelocities::read(&particles, &fields)?;
-                Ok(StatsInput { source: StatsSource::Particles(particles.into()), velocities })
+                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), velocities })
             }
             PathContent::Snapshot(choice) => {
                 let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, context)?;
-                Ok(StatsInput { source: StatsSource::Particles(particles.into()), velocities: None })
+                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), velocities: None })
             }
         }
     }
 
     fn side(&self) -> StatsSide<'_> {
         let subject = match &self.source {
-            StatsSource::Particles(p) => Subject::Particles(p),
-            StatsSource::Model(m) => Subject::Model(m),
+            StatsSubject::Particles(p) => Subject::Particles(p),
+            StatsSubject::Model(m) => Subject::Model(m),
         };
         StatsSide { subject, velocities: self.velocities.as_ref() }
     }
@@ -194,8 +194,8 @@ impl StatsInput {
     /// Units and box.
     fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
         match &self.source {
-            StatsSource::Particles(p) => (p.meta.unit_system(), p.meta.cell),
-            StatsSource::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
+            StatsSubject::Particles(p) => (p.meta.unit_system(), p.meta.cell),
+            StatsSubject::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
         }
     }
 
