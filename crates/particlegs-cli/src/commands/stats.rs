@@ -163,17 +163,13 @@ impl StatsInput {
             PathContent::Model(bytes) => {
                 let model = args.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
                 let draw = o.needs_velocities() && !model.metadata.fields.is_empty();
-                let drawn = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
-                let drawn = draw.then(|| drawn.draw_with_fields(model.clone(), context)).transpose()?;
-                let velocities = drawn.map(|(particles, fields)| ParticleVelocities::read(&particles, &fields));
-                Ok(StatsInput {
-                    source: StatsSubject::Model(model.into()),
-                    velocities: velocities.transpose()?.flatten(),
-                })
+                let velocities =
+                    if draw { found(drawn_velocities(&model, o.seed, context), o, context)? } else { None };
+                Ok(StatsInput { source: StatsSubject::Model(model.into()), velocities })
             }
             PathContent::Snapshot(mut choice) if o.needs_velocities() => {
                 let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
-                let velocities = ParticleVelocities::read(&particles, &fields)?;
+                let velocities = found(ParticleVelocities::read(&particles, &fields), o, context)?;
                 Ok(StatsInput { source: StatsSubject::Particles(particles.into()), velocities })
             }
             PathContent::Snapshot(choice) => {
@@ -202,6 +198,27 @@ impl StatsInput {
     /// Unit of length and whether it is comoving.
     fn length_unit(&self) -> Option<String> {
         self.place().0.units.length_text().map(str::to_string)
+    }
+}
+
+fn drawn_velocities(model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<ParticleVelocities>> {
+    let options = RecoverOptions { seed, ..RecoverOptions::default() };
+    let (particles, fields) = options.draw_with_fields(model.clone(), context)?;
+    ParticleVelocities::read(&particles, &fields)
+}
+
+/// Velocities; where everything is measured, those that cannot be used are left out with a note.
+fn found(
+    velocities: Result<Option<ParticleVelocities>>,
+    o: &StatsOptions,
+    context: &Context<'_>,
+) -> Result<Option<ParticleVelocities>> {
+    match velocities {
+        Err(error @ (Error::Memory { .. } | Error::Input { .. })) if o.measures.len() == Measure::ALL.len() => {
+            context.message(&format!("note: velocities are left out: {error}"));
+            Ok(None)
+        }
+        other => other,
     }
 }
 

@@ -4,7 +4,7 @@
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::gather;
-use crate::model::{LawKind, Model, Quantity, QuantityKind, Unit};
+use crate::model::{Certificate, LawKind, Model, Quantity, QuantityKind, Unit};
 use crate::particles::{FieldColumns, LayerFields, Particles, RUN};
 use crate::reference::FieldValues;
 use crate::{Error, Hint, Result};
@@ -14,7 +14,7 @@ const ALL: &str = "all";
 
 /// Which fields of a snapshot a model gets.
 pub struct FieldSelection<'a> {
-    particles: &'a Particles,
+    pub(super) particles: &'a Particles,
     sources: &'a [LayerFields],
     /// What the model's metadata lists.
     quantities: Vec<Quantity>,
@@ -138,12 +138,35 @@ impl<'a> FieldSelection<'a> {
         Ok(FieldValues { columns })
     }
 
+    /// For each field of a layer of the particles, its place in the list, and where its values come from.
+    pub(super) fn columns_of(&self, layer: usize) -> &[(usize, FieldColumns)] {
+        &self.layers[layer]
+    }
+
+    /// Name and number of components of each.
+    pub(super) fn named_columns(&self, layer: usize) -> Vec<(&str, usize)> {
+        self.layers[layer].iter().map(|(n, c)| (&self.quantities[*n].name[..], c.columns.len())).collect()
+    }
+
+    /// Reads their values in a run of the layer's particles, a column for each component.
+    pub(super) fn read(&self, layer: usize, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
+        let mut all = Vec::new();
+        self.sources[layer].read(run, &mut all)?;
+        for (_, columns) in &self.layers[layer] {
+            out.extend(
+                columns.columns.iter().map(|&c| all[c].iter().map(|v| columns.factor * v).collect::<Vec<f64>>()),
+            );
+        }
+        Ok(())
+    }
+
     /// How values were converted, for people.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
+    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file; its certificate,
+    /// where there is one that is not a sum of blocks, has [`FieldSelection::agreement`].
     pub fn add_to(
         &self,
         bytes: &[u8],
@@ -153,22 +176,12 @@ impl<'a> FieldSelection<'a> {
     ) -> Result<Vec<u8>> {
         let metadata = crate::model::Metadata { fields: self.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
-        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
+        for (index, (layer, chosen)) in self.particles.layers().iter().zip(&self.layers).enumerate() {
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
-            let fields: Vec<(&str, usize)> =
-                chosen.iter().map(|(n, columns)| (&self.quantities[*n].name[..], columns.columns.len())).collect();
-            let read = |run: u64, out: &mut Vec<Vec<f64>>| {
-                let mut all = Vec::new();
-                source.read(run, &mut all)?;
-                for (_, columns) in chosen {
-                    let values = columns.columns.iter().map(|&c| all[c].iter().map(|v| columns.factor * v).collect());
-                    out.extend(values);
-                }
-                Ok(())
-            };
-            let blocks = &model.layers[at].content;
-            let gathered = gather(blocks, &self.particles.of_layer(layer), &fields, &read, context)?;
+            let read = |run: u64, out: &mut Vec<Vec<f64>>| self.read(index, run, out);
+            let (blocks, fields) = (&model.layers[at].content, self.named_columns(index));
+            let gathered = gather(blocks, &self.particles.of_layer(layer), &fields, (&read, &|_| true), context)?;
             for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
                 for ((n, _), f) in chosen.iter().zip(fields) {
                     let bytes = codec::encode_field(*n as u8, &f.moments, &block.gaussians, &f.sums, precision);
@@ -176,7 +189,13 @@ impl<'a> FieldSelection<'a> {
                 }
             }
         }
-        codec::assemble(&metadata, model.certificate.as_ref(), coded)
+        let certificate = match model.certificate {
+            Some(c) if c.blocks.is_none() => {
+                Some(Certificate { fields: self.agreement(model, c.views.seed, context)?, ..c })
+            }
+            other => other,
+        };
+        codec::assemble(&metadata, certificate.as_ref(), coded)
     }
 }
 

@@ -45,7 +45,7 @@ pub(super) fn join_fields(
             out.push(range.map(|p| g.count[p / POINTS] / POINTS as f64).collect());
             Ok(())
         };
-        let gathered = gather(&layer.content, &points, &names, &read, context)?;
+        let gathered = gather(&layer.content, &points, &names, (&read, &|_| true), context)?;
         for ((block, stored), gathered) in layer.content.iter().zip(&mut stored.content).zip(gathered) {
             for ((number, q), mut f) in there.iter().zip(gathered) {
                 let Some(field) = g.fields.get(&q.name) else { continue };

@@ -34,6 +34,15 @@ pub struct BlockField {
 /// several, a column of how many.
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
 
+/// Is a particle, by its number, gathered from?
+pub type IsChosen<'a> = dyn Fn(usize) -> bool + Sync + 'a;
+
+/// The block whose bounds a place lies in.
+fn block_of(bounds: &[Bounds], x: [f64; 3]) -> usize {
+    let within = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
+    if bounds.len() == 1 { 0 } else { bounds.iter().position(within).unwrap_or(0) }
+}
+
 /// Gathers `fields`, by name and number of components, for the decoded `blocks` of one layer, whose particles these are. Gives
 /// the fields of each block. Particles weigh by their masses, where they have weights.
 ///
@@ -44,7 +53,7 @@ pub fn gather(
     blocks: &[Block],
     particles: &Particles,
     fields: &[(&str, usize)],
-    read: &ReadValues<'_>,
+    (read, chosen): (&ReadValues<'_>, &IsChosen<'_>),
     context: &Context<'_>,
 ) -> Result<Vec<Vec<BlockField>>> {
     let columns: usize = fields.iter().map(|f| f.1).sum();
@@ -67,7 +76,7 @@ pub fn gather(
                     ));
                 }
                 check_finite(fields, &values, range.start)?;
-                Ok(RunShares::new(particles, range, values, &bounds, &sums))
+                Ok(RunShares::new(particles, range, (values, chosen), &bounds, &sums))
             })?;
             for (number, block) in sums.iter_mut().enumerate() {
                 block.add(number as u32, &batch);
@@ -92,6 +101,37 @@ fn check_finite(fields: &[(&str, usize)], values: &[Vec<f64>], first: usize) -> 
         }
     }
     Ok(())
+}
+
+/// The means of fields at places, by the Gaussians of the blocks that they were gathered for.
+pub struct FieldMeans<'a> {
+    blocks: &'a [Block],
+    bounds: Vec<Bounds>,
+    assignments: Vec<SoftAssignment>,
+}
+
+impl<'a> FieldMeans<'a> {
+    /// Of blocks.
+    pub fn new(blocks: &'a [Block]) -> Self {
+        let assignments = blocks.iter().map(|b| SoftAssignment::new(&b.gaussians)).collect();
+        FieldMeans { blocks, bounds: blocks.iter().map(|b| b.bounds).collect(), assignments }
+    }
+
+    /// The mean of each component at a place, of the field number `field` in each block; `shares` is scratch space.
+    pub fn at(&self, fields: &[Vec<BlockField>], field: usize, x: [f64; 3], shares: &mut Vec<(u32, f64)>) -> [f64; 3] {
+        let number = block_of(&self.bounds, x);
+        self.assignments[number].shares(x, shares);
+        let (g, moments) = (&self.blocks[number].gaussians, &fields[number][field].moments);
+        let mut mean = [0.0; 3];
+        for &(i, share) in shares.iter() {
+            let d = each_axis(|k| x[k] - g.mean[k][i as usize]);
+            // Slopes of few particles reach far: values that are drawn stay within the range, too.
+            for (c, [least, largest]) in moments.range.iter().enumerate() {
+                mean[c] += share * moments.mean_at(c, i as usize, d).clamp(*least, *largest);
+            }
+        }
+        mean
+    }
 }
 
 /// What a block's particles sum to, Gaussian by Gaussian.
@@ -140,7 +180,7 @@ impl RunShares {
     fn new(
         particles: &Particles,
         range: Range<usize>,
-        mut values: Vec<Vec<f64>>,
+        (mut values, chosen): (Vec<Vec<f64>>, &IsChosen<'_>),
         bounds: &[Bounds],
         blocks: &[BlockFieldSums<'_>],
     ) -> Self {
@@ -159,9 +199,12 @@ impl RunShares {
         let (mut by_place, mut own) = (Vec::new(), Vec::new());
         let mut block = Vec::with_capacity(range.len());
         for i in 0..range.len() {
+            if !chosen(range.start + i) {
+                block.push(u32::MAX);
+                continue;
+            }
             let x = each_axis(|k| position[k][i]);
-            let within = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
-            let number = if bounds.len() == 1 { 0 } else { bounds.iter().position(within).unwrap_or(0) };
+            let number = block_of(bounds, x);
             block.push(number as u32);
             let sums = &blocks[number];
             sums.assignment.shares(x, &mut by_place);

@@ -240,7 +240,7 @@ mod tests {
             "the scale factor is 1 in the truth and 0.6 in the other"
         );
         let mut closed = particles(Some("Mpc/h"), Some(true), 0.5, None);
-        closed.meta.cosmology.omega_lambda = Some(-50.0);
+        closed.meta.cosmology.omega_lambda = Some(50.0);
         assert!(said(&closed).contains("no rate of expansion"));
     }
 
