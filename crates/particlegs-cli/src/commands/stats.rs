@@ -120,8 +120,8 @@ struct MeasureArgs {
     /// Haloes: text file with x, y, z and optionally a radius per line.
     ///
     /// The header, with or without #, names the columns and their units; halo catalogues from Rockstar,
-    /// consistent-trees and AHF are read as they are. Without a file, the centres are those of the truth's 1000 largest groups with 100
-    /// particles or more.
+    /// consistent-trees and AHF are read as they are. Without a file, the centres are those of the truth's 1000 largest
+    /// groups with 100 particles or more.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     centres: Option<PathBuf>,
     /// Haloes: largest radius, that of dispersions [default: the file's, else 2 mean spacings].

@@ -228,7 +228,8 @@ record! {
 impl FieldAgreement {
     /// The share of the means' variance that the model explains; `None` where it was not measured.
     pub fn explained(&self) -> Option<f64> {
-        (self.cells > 0 && self.signal > 0.0).then(|| 1.0 - (self.error / self.signal).powi(2))
+        let missed = self.error / self.signal;
+        (self.cells > 0 && self.signal > 0.0).then_some(1.0 - missed * missed)
     }
 }
 

@@ -19,11 +19,30 @@ const MOST_CELLS: f64 = 256.0;
 const LEAST_PARTICLES: usize = 200;
 const LEAST_CELLS: usize = 8;
 /// Runs of particles that wait together.
-const RUNS: usize = 16;
+const RUNS: usize = 4;
 
 /// Of a cell: weights of the first half and the second; then, of each component, sums of weight times value of the first
 /// half and the second, and of weight times the model's mean at the places of the second.
 type CellSums = [f64; 11];
+
+/// Cells over the box of all particles, and the seed that halves these.
+struct FieldCells {
+    domain: Domain,
+    grid: Grid,
+    seed: u64,
+}
+
+impl FieldCells {
+    fn cell_of(&self, x: [f64; 3]) -> usize {
+        let (local, g) = (self.domain.local(x), &self.grid);
+        let place = |k: usize| (self.domain.along(&local, k) / g.side[k]).max(0.0) as usize;
+        g.index(each_axis(|k| place(k).min(g.cells[k] - 1)))
+    }
+
+    fn is_of_first_half(&self, particle: usize) -> bool {
+        Random::from_purpose(Purpose::FieldHalves, self.seed, particle as u64).bits() & 1 == 0
+    }
+}
 
 impl FieldSelection<'_> {
     /// Gathers the first fields from a random half of the particles, as [`FieldSelection::add_to`] does from all, for the
@@ -36,11 +55,11 @@ impl FieldSelection<'_> {
         let domain = Domain::from_particles(self.particles);
         let edge = (CELL * domain.spacing(self.particles.len())).max(domain.longest() / MOST_CELLS);
         let grid = Grid::new(&domain, (domain.longest() / edge).round().max(1.0) as usize);
-        let fields = self.quantities().len().min(CERTIFIED_FIELDS);
+        let (fields, cells) = (self.quantities().len().min(CERTIFIED_FIELDS), FieldCells { domain, grid, seed });
         require("fields in cells", (fields * grid.len() * size_of::<CellSums>()) as u64)?;
         let mut sums = vec![vec![CellSums::default(); grid.len()]; fields];
         for index in 0..self.particles.layers().len() {
-            self.add_layer(index, model, seed, (&domain, &grid), &mut sums, context)?;
+            self.add_layer(index, model, &cells, &mut sums, context)?;
         }
         let mut agreements = FieldAgreements::default();
         for (to, sums) in agreements.each.iter_mut().zip(&sums) {
@@ -50,15 +69,12 @@ impl FieldSelection<'_> {
         }
         Ok(Some(agreements))
     }
-}
 
-impl FieldSelection<'_> {
     fn add_layer(
         &self,
         index: usize,
         model: &Model,
-        seed: u64,
-        (domain, grid): (&Domain, &Grid),
+        cells: &FieldCells,
         sums: &mut [Vec<CellSums>],
         context: &Context<'_>,
     ) -> Result<()> {
@@ -69,16 +85,13 @@ impl FieldSelection<'_> {
             return Ok(());
         };
         let (blocks, particles) = (&model.layers[at].content, self.particles.of_layer(layer));
-        let is_first = |i: usize| {
-            let number = (layer.content.start + i) as u64;
-            Random::from_purpose(Purpose::FieldHalves, seed, number).bits() & 1 == 0
-        };
+        let is_first = |i: usize| cells.is_of_first_half(layer.content.start + i);
         let read = |run: u64, out: &mut Vec<Vec<f64>>| self.read(index, run, out);
         let gathered = gather(blocks, &particles, &self.named_columns(index), (&read, &is_first), context)?;
         let means = FieldMeans::new(blocks);
         let runs = particles.len().div_ceil(RUN);
         for first in (0..runs).step_by(RUNS) {
-            let cells = parallel::try_map(first..runs.min(first + RUNS), |run| {
+            let parts = parallel::try_map(first..runs.min(first + RUNS), |run| {
                 context.check()?;
                 let (mut values, mut buffer, mut shares) = (Vec::new(), ChunkBuffer::default(), Vec::new());
                 self.read(index, run as u64, &mut values)?;
@@ -87,10 +100,6 @@ impl FieldSelection<'_> {
                 let mut found = Vec::with_capacity(chunk.len() * chosen.len());
                 for i in 0..chunk.len() {
                     let x = each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
-                    let local = domain.local(x);
-                    let cell = grid.index(each_axis(|k| {
-                        ((domain.along(&local, k) / grid.side[k]).max(0.0) as usize).min(grid.cells[k] - 1)
-                    }));
                     let (half, weight) =
                         (usize::from(!is_first(start + i)), chunk.weight.map_or(1.0, |w| f64::from(w[i])));
                     let mut column = 0;
@@ -103,12 +112,12 @@ impl FieldSelection<'_> {
                             own[4 + 3 * c] = weight * mean[c];
                         }
                         column += columns.columns.len();
-                        found.push((cell, *number, own));
+                        found.push((cells.cell_of(x), *number, own));
                     }
                 }
                 Ok::<_, crate::Error>(found)
             })?;
-            for (cell, number, own) in cells.iter().flatten() {
+            for (cell, number, own) in parts.iter().flatten() {
                 if let Some(sums) = sums.get_mut(*number) {
                     sums[*cell].iter_mut().zip(own).for_each(|(a, b)| *a += b);
                 }
@@ -140,7 +149,8 @@ fn compared(sums: &[CellSums]) -> FieldAgreement {
     if there.len() < LEAST_CELLS || signal.is_nan() || signal <= 0.0 {
         return FieldAgreement::default();
     }
-    let root = |v: f64| v.max(0.0).sqrt();
+    // The file holds them as f32.
+    let root = |v: f64| v.max(0.0).sqrt().min(f64::from(f32::MAX));
     FieldAgreement { edge: 0.0, cells: there.len() as u32, signal: root(signal), error: root(error) }
 }
 

@@ -383,7 +383,7 @@ fn field(q: &Quantity, f: &FieldAgreement, unit: Option<&str>) -> Finding {
     };
     let of_field = q.unit.as_ref().map_or(String::new(), |u| format!(" {}", u.text));
     let why = format!(
-        "{name}: {:.1} % of the variance of means in cells of {}{}; RMS error {}{of_field} of {}{of_field}, of particles that \
+        "{name}: explains {:.1} % of the variance of means in cells of {}{}; RMS error {}{of_field} of {}{of_field}, of particles that \
          the field was not gathered from",
         100.0 * explained,
         decimals(f.edge),
@@ -599,7 +599,7 @@ mod tests {
             fields.iter().map(|f| f.word).collect::<Vec<_>>(),
             [Grade::Holds, Grade::Roughly, Grade::NotMeasured]
         );
-        assert_eq!(fields[0].figure(), "velocity: 96.0 % of the variance of means in cells of 2.0000");
+        assert_eq!(fields[0].figure(), "velocity: explains 96.0 % of the variance of means in cells of 2.0000");
         assert!(fields[0].why.contains("RMS error 40.0000 km/s of 200.0000 km/s"), "{}", fields[0].why);
         assert!(Assessment::verdict(Some(&certificate()), &metadata).iter().all(|f| f.of != UseCase::Field));
     }
