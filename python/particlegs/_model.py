@@ -552,7 +552,7 @@ class Model:
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> dict[str, Any]:
-        """Measures the certificate again on the original particles, as the command's ``verify``.
+        """Measures the certificate again on the original particles, as the command's ``verify``, but for fields.
 
         Parameters
         ----------

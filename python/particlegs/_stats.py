@@ -242,6 +242,7 @@ def stats(
     aperture: float = 0.128,
     neighbours: int = 500_000,
     open: bool = False,  # noqa: A002
+    velocities: Sequence[Optional[ArrayLike]] = (None, None),
     seed: int = 42,
     threads: Optional[int] = None,
     progress: Progress = None,
@@ -255,8 +256,8 @@ def stats(
         Gaussians; pairs, groups, neighbours and g(r) need particles (`Model.recover`). For a model and particles,
         the likelihood of the particles under the model is measured too.
     only : sequence of str
-        Measures: density, spectrum, pairs, groups, neighbours, moments, likelihood, rdf, profile, haloes; all by
-        default.
+        Measures: density, spectrum, pairs, groups, neighbours, moments, likelihood, rdf, profile, haloes, multipoles,
+        momentum, dispersion; all by default.
     convention : {"correct", "paper"}
         Definitions of the measures.
     grid, spectrum_grid : int
@@ -289,6 +290,9 @@ def stats(
         Number of particles to find the nearest neighbours of.
     open : bool
         Treat no axis as periodic.
+    velocities : (array_like or None, array_like or None)
+        Peculiar velocities of the snapshots `truth` and `other`, shape (n, 3), km/s, for `multipoles`, `momentum` and
+        `dispersion`. Models and recovered particles have their own.
     seed, threads, progress
         As for `compress`.
 
@@ -320,5 +324,7 @@ def stats(
         "open": open,
         "seed": seed,
     }
-    found = _particlegs.stats(sides[0]._native, sides[1]._native, asked, threads, _coerce.progress(progress))
+    given = [None if v is None else _coerce.field(v, "velocity") for v in velocities]
+    fields = [[] if v is None else [("velocity", v[0] or "km/s", v[1])] for v in given]
+    found = _particlegs.stats(sides[0]._native, sides[1]._native, asked, fields, threads, _coerce.progress(progress))
     return Stats(json.loads(found), sides[0].length_unit)

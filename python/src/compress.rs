@@ -111,10 +111,10 @@ fn positive(name: &str, value: Option<f64>) -> PyResult<Option<f64>> {
 }
 
 /// A field as an array: name, unit, values of shape (n,) or (n, 3).
-type FieldArray<'py> = (String, Option<String>, PyReadonlyArrayDyn<'py, f64>);
+pub type FieldArray<'py> = (String, Option<String>, PyReadonlyArrayDyn<'py, f64>);
 
 /// Fields of each layer of the particles.
-fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResult<Vec<LayerFields>> {
+pub fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResult<Vec<LayerFields>> {
     let mut fields: Vec<(SourceField, Vec<Vec<f64>>)> = Vec::with_capacity(arrays.len());
     for (name, unit, array) in arrays {
         let shape = array.shape();

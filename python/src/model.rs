@@ -84,11 +84,6 @@ impl Model {
         })
     }
 
-    fn field_unit(&self, name: &str) -> Option<String> {
-        let field = self.model.metadata.fields.iter().find(|q| q.name == name);
-        field.and_then(|q| q.unit.as_ref()).map(|u| u.text.clone())
-    }
-
     fn surface_density(
         &self,
         py: Python<'_>,
@@ -279,7 +274,11 @@ impl Model {
         query.bulk = bulk.unwrap_or(query.bulk);
         let scene = Scene::from_layers(&self.model, |l| shown[l]);
         let map = WorkOptions::quietly(threads).run(py, |progress| field_map(&scene, &query, &view, size, progress))?;
-        Ok((pictures::plane(py, map.wanted(&query))?, Some(query.unit(&self.model.metadata.fields, self.model.metadata.units.length_text())).filter(|u| !u.is_empty())))
+        Ok((
+            pictures::plane(py, map.wanted(&query))?,
+            Some(query.unit(&self.model.metadata.fields, self.model.metadata.units.length_text()))
+                .filter(|u| !u.is_empty()),
+        ))
     }
 
     /// Fields: name, kind, unit, what weighs their means.

@@ -72,9 +72,9 @@ impl ParticleInfo {
             units: Units::new(self.length_unit.as_deref(), self.mass_unit.as_deref(), self.comoving),
             particle_mass: self.particle_mass,
             weight_name: None,
-            fields: Vec::new(),
             cosmology: Cosmology { hubble: self.hubble, ..Cosmology::default() },
             epoch: Epoch { scale_factor: self.scale_factor, time: self.time, ..Epoch::default() },
+            ..SnapshotMeta::default()
         })
     }
 }

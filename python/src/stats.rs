@@ -1,10 +1,15 @@
 //! Comparison of particles or models.
 
+use crate::compress::{FieldArray, layer_fields};
 use crate::errors::named;
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_pipeline::stats::{Measure, StatsOptions, Subject, compare};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::LayerFields;
+use particlegs_pipeline::recover::Options as RecoverOptions;
+use particlegs_pipeline::stats::{Measure, ParticleVelocities, StatsOptions, StatsSide, Subject, compare};
 use pyo3::prelude::*;
 
 /// What to measure; the names are those of the command.
@@ -82,21 +87,56 @@ impl StatsSource<'_> {
             StatsSource::Model(m) => Subject::Model(m.get().inner()),
         }
     }
+
+    /// Fields given for a snapshot, else those that it was drawn with.
+    fn fields(&self, given: &[FieldArray<'_>]) -> PyResult<Vec<LayerFields>> {
+        match self {
+            StatsSource::Snapshot(s) if given.is_empty() => Ok(s.get().fields.clone()),
+            StatsSource::Snapshot(s) => layer_fields(&s.get().particles, given),
+            StatsSource::Model(_) => Ok(Vec::new()),
+        }
+    }
 }
 
-/// Compares `other` with `truth`; returns JSON as the command writes it.
+/// Velocities of particles with these fields, or of those drawn from a model.
+fn velocities(
+    subject: Subject<'_>,
+    fields: &[LayerFields],
+    o: &StatsOptions,
+    context: &Context<'_>,
+) -> Result<Option<ParticleVelocities>> {
+    match subject {
+        _ if !o.needs_velocities() => Ok(None),
+        Subject::Particles(p) => ParticleVelocities::read(p, fields),
+        Subject::Model(m) if m.metadata.fields.is_empty() => Ok(None),
+        Subject::Model(m) => {
+            let drawn = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
+            let (particles, fields) = drawn.draw_with_fields(m.clone(), context)?;
+            ParticleVelocities::read(&particles, &fields)
+        }
+    }
+}
+
+/// Compares `other` with `truth`, snapshots with fields; returns JSON as the command writes it.
 #[pyfunction]
-#[pyo3(signature = (truth, other, asked, threads=None, progress=None))]
+#[pyo3(signature = (truth, other, asked, fields=Default::default(), threads=None, progress=None))]
 pub fn stats(
     py: Python<'_>,
     truth: StatsSource<'_>,
     other: StatsSource<'_>,
     asked: MeasureOptions,
+    fields: [Vec<FieldArray<'_>>; 2],
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let options = asked.options()?;
-    let (truth, other) = (truth.subject(), other.subject());
-    let found = WorkOptions { threads, progress }.run(py, |progress| compare(truth, other, &options, progress))?;
+    let fields = [truth.fields(&fields[0])?, other.fields(&fields[1])?];
+    let subjects = [truth.subject(), other.subject()];
+    let found = WorkOptions { threads, progress }.run(py, |progress| {
+        let of = |side: usize| velocities(subjects[side], &fields[side], &options, progress);
+        let own = [of(0)?, of(1)?];
+        let side = |i: usize| StatsSide { subject: subjects[i], velocities: own[i].as_ref() };
+        compare(side(0), side(1), &options, progress)
+    })?;
     Ok(serde_json::to_string(&found).expect("plain data"))
 }

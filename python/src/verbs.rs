@@ -116,20 +116,17 @@ pub fn verify(
         Some(c) if c.blocks.is_some() => CertificateLevel::Blocks,
         _ => CertificateLevel::Quick,
     };
-    let bare = codec::coded_layers(model.bytes(), model.called())
-        .and_then(|layers| {
-            let network = whole.vizmapper().map(|network| &**network);
-            codec::assemble_with(&whole.metadata, network, None, layers)
-        })
-        .or_raise()?;
+    let bytes = compress::measured_bytes(model.bytes(), whole, model.called()).or_raise()?;
     let seed = stored.map_or(42, |c| c.views.seed);
     let measured = WorkOptions { threads, progress }.run(py, |progress| {
         if particles.source_hash() != whole.metadata.source_hash {
             let what = format!("this is not the snapshot that {} was made from", model.called());
             return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
         }
-        compress::certify(whole, bare.len() as u64, particles, seed, level, progress)
+        compress::certify(whole, bytes, particles, seed, level, progress)
     })?;
+    // A snapshot from a file has no fields.
+    let stored = stored.map(|c| Certificate { fields: None, ..c });
     let differing = stored.map_or_else(Vec::new, |stored| differing(&stored, &measured));
     Ok((serde_json::to_string(&measured).expect("plain data"), differing))
 }

@@ -84,3 +84,17 @@ def test_wrong_fields_are_refused(model):
         model.at([[0.0, 0.0, 0.0]], "entropy")
     with pytest.raises(pg.InputError, match="bulk"):
         model.map("velocity.x", bulk="median")
+
+
+def test_velocities_are_compared_with_a_models(model):
+    place, velocity, _ = flow()
+    options = {"spectrum_grid": 16, "centers": [[2.0, 0.0, 0.0], [-2.0, 0.0, 0.0]], "halo_radius": 1.0}
+    measures = ["multipoles", "momentum", "dispersion"]
+    found = pg.stats(pg.Snapshot(place), model, only=measures, velocities=(velocity, None), **options)
+    assert found.data["dispersion"]["compared"] == 2
+    assert found.summary["halo_dispersion"] == pytest.approx(1.0, abs=0.15)
+    assert found.data["momentum"]["shells"][0]["r"] > 0.9
+    assert found.data["multipoles"] is None
+    assert any("the box is not periodic" in note for note in found.notes)
+    without = pg.stats(pg.Snapshot(place), model, only=["momentum"])
+    assert without.data["momentum"] is None and "the truth has no velocities" in without.notes[-1]

@@ -73,20 +73,21 @@ const RULES: &[OptionRule] = rules! {
         "the methods that draw from Gaussians: `grid` fills cells";
     "stats": "grid assignment", |g| g.without(&["density"]) =>
         "the measure `density`, which --only leaves out";
-    "stats": "spectrum_grid spectrum_assignment no_interlacing k_max", |g| g.without(&["spectrum"]) =>
-        "the measure `spectrum`, which --only leaves out";
+    "stats": "spectrum_grid spectrum_assignment no_interlacing k_max", |g| g.without(&["spectrum", "multipoles", "momentum"]) =>
+        "the measures `spectrum`, `multipoles` and `momentum`, which --only leaves out";
     "stats": "separations", |g| g.without(&["pairs", "spectrum"]) =>
         "the measures `pairs` and `spectrum`, which --only leaves out";
     "stats": "pairs", |g| g.without(&["pairs", "rdf"]) =>
         "the measures `pairs` and `rdf`, which --only leaves out";
     "stats": "aperture", |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out";
-    "stats": "linking linking_length", |g| g.without(&["groups", "haloes"]) =>
-        "the measures `groups` and `haloes`, which --only leaves out";
+    "stats": "linking linking_length", |g| g.without(&["groups", "haloes", "dispersion"]) =>
+        "the measures `groups`, `haloes` and `dispersion`, which --only leaves out";
     "stats": "rdf_max", |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out";
     "stats": "profile_axis profile_bins", |g| g.without(&["profile"]) =>
         "the measure `profile`, which --only leaves out";
-    "stats": "centres halo_radius halo_bins", |g| g.without(&["haloes"]) =>
-        "the measure `haloes`, which --only leaves out";
+    "stats": "centres halo_radius", |g| g.without(&["haloes", "dispersion"]) =>
+        "the measures `haloes` and `dispersion`, which --only leaves out";
+    "stats": "halo_bins", |g| g.without(&["haloes"]) => "the measure `haloes`, which --only leaves out";
     "stats": "neighbours", |g| g.without(&["neighbours"]) =>
         "the measure `neighbours`, which --only leaves out";
     "stats": "spectrum_assignment no_interlacing", |g| g.is("convention", "paper") =>

@@ -7,7 +7,7 @@ use particlegs_pipeline::Result;
 use particlegs_pipeline::model::per_length;
 use particlegs_pipeline::picture::{Colormap, Rgb8, Size, write_png};
 use particlegs_pipeline::stats::{
-    AxisProfile, Convention, DensityReport, NearestDistances, PairCounts, Shell, SizeClass, Statistics,
+    AxisProfile, Convention, DensityReport, MultipoleShell, NearestDistances, PairCounts, Shell, SizeClass, Statistics,
 };
 use std::path::Path;
 
@@ -30,7 +30,8 @@ impl AxisUnits {
 pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>, kinds: &[FileKind]) -> Result<()> {
     let units = AxisUnits::new(unit);
     let of_particles = groups(s).into_iter().chain(neighbours(s, &units)).chain(rdf(s, &units));
-    let figures = spectra(s, &units).into_iter().chain(xi(s, &units)).chain(of_particles);
+    let of_velocities = multipoles(s, &units).into_iter().chain(momentum(s, &units));
+    let figures = spectra(s, &units).into_iter().chain(xi(s, &units)).chain(of_particles).chain(of_velocities);
     for figure in figures.chain(profiles(s, &units)).chain(halo_profile(s, &units)) {
         write_plots(folder, &figure, kinds)?;
     }
@@ -120,6 +121,33 @@ fn spectra(s: &Statistics, u: &AxisUnits) -> Vec<ChartParts> {
     let mut coherence = chart("coherence", "Cross-correlation coefficient", [k, even("r(k)")], curves, Vec::new());
     coherence[0].levels = [1.0, 0.99, 0.9].map(|level| (String::new(), level)).into();
     vec![chart("power", &title, power, pair([of(0), of(1)]), picked(|h| h.ratio)), coherence]
+}
+
+/// P0 and the size of P2; the ratio is that of P0.
+fn multipoles(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
+    let m = s.multipoles.as_ref()?;
+    let of = |pick: fn(&MultipoleShell) -> f64| m.shells.iter().map(|h| (h.k, pick(h))).collect::<Points>();
+    let series = vec![
+        curve("P0, truth", TRUTH, false, of(|h| h.monopole[0])),
+        curve("P0, other", OTHER, false, of(|h| h.monopole[1])),
+        curve("|P2|, truth", TRUTH, true, of(|h| h.quadrupole[0].abs())),
+        curve("|P2|, other", OTHER, true, of(|h| h.quadrupole[1].abs())),
+    ];
+    let axes = [log(format!("k{}", u.wave)), log(format!("P(k){}", u.volume))];
+    let ratio = m.shells.iter().filter(|h| h.monopole[0] > 0.0).map(|h| (h.k, h.monopole[1] / h.monopole[0]));
+    let title = "Multipoles in redshift space (shot noise subtracted); below, P0";
+    Some(chart("multipoles", title, axes, series, ratio.collect()))
+}
+
+fn momentum(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
+    let m = s.momentum.as_ref()?;
+    let rows: Vec<_> = m.shells.iter().map(|h| (h.k, h.power)).collect();
+    let unit = match (&s.velocity_unit, u.volume.trim().trim_matches(['[', ']'])) {
+        (Some(velocity), volume) if !volume.is_empty() => format!(" [({velocity})² {volume}]"),
+        _ => String::new(),
+    };
+    let axes = [log(format!("k{}", u.wave)), log(format!("P(k) of (1 + delta) v{unit}"))];
+    Some(compared("momentum", "Power spectrum of the momentum (shot noise subtracted)", axes, &rows, 0.0))
 }
 
 fn xi(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {

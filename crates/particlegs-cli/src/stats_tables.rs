@@ -30,14 +30,15 @@ fn maybe(v: Option<impl ToString>) -> String {
 
 /// Writes a CSV file for every statistic measured. Lengths are in the snapshot's unit.
 pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
-    if let Some(spectra) = &s.spectra {
+    for (spectra, name) in [(&s.spectra, "power.csv"), (&s.momentum, "momentum.csv")] {
+        let Some(spectra) = spectra else { continue };
         let mut csv = Csv::new("k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise");
         for h in &spectra.shells {
             row!(csv:
                 h.edges[0], h.edges[1], h.k, h.modes, h.power[0], h.power[1], h.cross, maybe(h.ratio), maybe(h.r),
                 maybe(h.r_without_noise));
         }
-        csv.write(folder, "power.csv")?;
+        csv.write(folder, name)?;
     }
     if let Some([a, b]) = &s.xi_by_pairs {
         let mut csv = Csv::new(
@@ -56,6 +57,23 @@ pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
             row!(csv: x.edges[i], x.edges[i + 1], x.xi[0][i], x.xi[1][i]);
         }
         csv.write(folder, "xi_transform.csv")?;
+    }
+    if let Some(m) = &s.multipoles {
+        let mut csv = Csv::new("k_low,k_high,k,modes,p0_truth,p0_other,p2_truth,p2_other,p4_truth,p4_other");
+        for h in &m.shells {
+            let ([a, b], [c, d], [e, f]) = (h.monopole, h.quadrupole, h.hexadecapole);
+            row!(csv: h.edges[0], h.edges[1], h.k, h.modes, a, b, c, d, e, f);
+        }
+        csv.write(folder, "multipoles.csv")?;
+    }
+    if let Some(d) = &s.dispersion {
+        let mut csv =
+            Csv::new("centre,x,y,z,radius,particles_truth,particles_other,dispersion_truth,dispersion_other,ratio");
+        for (i, (at, radius)) in d.centers.iter().zip(&d.radii).enumerate() {
+            let ([x, y, z], [n, m], [a, b]) = (*at, &d.particles, &d.dispersion);
+            row!(csv: i + 1, x, y, z, radius, n[i], m[i], a[i], b[i], maybe(d.ratio(i)));
+        }
+        csv.write(folder, "halo_dispersion.csv")?;
     }
     write_density(folder, s)?;
     write_rdf(folder, s)?;
@@ -237,6 +255,24 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
                 format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
             );
         }
+    }
+    let to = |v: Option<f64>| v.map_or("nowhere".into(), decimals);
+    if let Some(m) = &s.multipoles {
+        let within = [0.01, 0.05, 0.1].map(|limit| to(m.monopole_within(limit))).join(", ");
+        line("P0(k): within 1, 5, 10 % up to k", within + &wave);
+        let deviation = t.largest_quadrupole_deviation.map_or("-".into(), |d| format!("{d:.3}"));
+        line("P2(k): largest difference / P0", deviation);
+    }
+    if let Some(m) = &s.momentum {
+        let within = [0.01, 0.05, 0.1].map(|limit| to(m.power_within(limit))).join(", ");
+        line("momentum: within 1, 5, 10 % up to k", within + &wave);
+    }
+    if let Some((d, (median, [low, high]))) = s.dispersion.as_ref().and_then(|d| Some((d, d.median.zip(d.quartiles)?)))
+    {
+        line(
+            &format!("haloes: dispersion, {} centres", d.compared),
+            format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
+        );
     }
     if let Some(l) = &s.likelihood {
         line(

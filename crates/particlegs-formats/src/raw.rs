@@ -2,7 +2,7 @@
 
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights};
 use particlegs_pipeline::model::{self, Layer};
-use particlegs_pipeline::particles::{Particles, SnapshotReader};
+use particlegs_pipeline::particles::{Particles, SnapshotMeta, SnapshotReader};
 use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,11 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         format: "raw float32 columns, little-endian".into(),
         files: paths.to_vec(),
         meta: particles.meta.clone(),
-        species: particles.layers().iter().map(|l| species(l, particles.weights().is_some(), &others)).collect(),
+        species: particles
+            .layers()
+            .iter()
+            .map(|l| species(l, particles.weights().is_some(), &others, &particles.meta))
+            .collect(),
         ..Description::default()
     };
     Ok(Box::new(RawSnapshot { description, particles, folder }))
@@ -47,7 +51,8 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
 fn other_columns(folder: &Path, count: usize) -> Vec<String> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let name = |entry: std::fs::DirEntry| {
-        let length = entry.metadata().ok()?.len();
+        // A link has the length of its file.
+        let length = std::fs::metadata(entry.path()).ok()?.len();
         let name = entry.file_name().into_string().ok()?.strip_suffix(".f32")?.to_string();
         let other = !POSITIONS.split(',').chain([WEIGHTS]).any(|own| own == name);
         (other && length == 4 * count as u64).then_some(name)
@@ -57,8 +62,9 @@ fn other_columns(folder: &Path, count: usize) -> Vec<String> {
     names
 }
 
-fn species(layer: &Layer<Range<usize>>, weights: bool, others: &[String]) -> Species {
-    let scalar = |name: &str| SpeciesField::new(name, "f32", 1);
+fn species(layer: &Layer<Range<usize>>, weights: bool, others: &[String], meta: &SnapshotMeta) -> Species {
+    let scalar =
+        |name: &str| SpeciesField { unit: meta.field_units.get(name).cloned(), ..SpeciesField::new(name, "f32", 1) };
     Species {
         name: layer.name.clone(),
         aliases: Vec::new(),

@@ -86,8 +86,9 @@ pub mod camera {
 /// ```
 pub mod stats {
     pub use particlegs_pipeline::stats::{
-        Assignment, Convention, DensityComparison, DensityReport, Domain, Grid, GroupReport, HaloProfiles, Measure,
-        NearestDistances, PairCounts, Spectra, Statistics, StatsOptions, Subject, compare,
+        Assignment, Convention, DensityComparison, DensityReport, Domain, Grid, GroupReport, HaloDispersions,
+        HaloProfiles, Measure, MultipoleShell, Multipoles, NearestDistances, PairCounts, ParticleVelocities, Spectra,
+        Statistics, StatsOptions, StatsSide, Subject, compare,
     };
 }
 

@@ -87,7 +87,7 @@ pub enum Command {
     Devices(devices::Arguments),
     /// View models in a browser.
     View(view::Arguments),
-    /// Compare statistics: density, P(k), xi(r), groups, neighbours.
+    /// Compare statistics: density, P(k), xi(r), groups, velocities.
     Stats(stats::Arguments),
     /// Describe a model file or a snapshot.
     Info(info::Arguments),

@@ -12,8 +12,11 @@ use particlegs_files::output;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Model, UnitSystem};
 use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::recover::Options as RecoverOptions;
 use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
+use particlegs_pipeline::stats::{
+    Assignment, Convention, Measure, ParticleVelocities, Statistics, StatsOptions, StatsSide, Subject, compare,
+};
 use particlegs_pipeline::{Error, Result, codec};
 use std::path::{Path, PathBuf};
 
@@ -28,7 +31,8 @@ Examples:
     after_long_help = "\
 Writes stats.json, tables as CSV, and plots as SVG and PNG unless --plots says otherwise. A model is
 measured from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass
-around centres; pairs, groups, neighbours and g(r) need particles.
+around centres; velocities are those of particles drawn from it; pairs, groups, neighbours and g(r)
+need particles.
 A model and particles, in either order, also give the likelihood of the particles under the model.
 docs/guide/statistics.md defines every measure.
 
@@ -38,6 +42,7 @@ Examples:
   particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512
   particlegs stats melt.dump recovered -o stats --only rdf,profile --profile-axis z
   particlegs stats snapshot model.pgs -o stats --only haloes --centres catalogue.csv
+  particlegs stats snapshot model.pgs -o stats --only multipoles,momentum,dispersion
   particlegs stats snapshot model.pgs -o stats --only spectrum --plots pdf"
 )]
 pub struct Arguments {
@@ -112,14 +117,14 @@ struct MeasureArgs {
     /// Profile: number of slabs.
     #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
     profile_bins: usize,
-    /// Haloes: text file with x, y, z and optionally a radius in each line, such as a halo catalogue.
+    /// Haloes: text file with x, y, z and optionally a radius per line.
     ///
-    /// The header, with or without #, names the columns and their units; lists from Rockstar, consistent-trees and AHF
-    /// are read as they are. Without a file, the centres are those of the truth's 1000 largest groups with 100
-    /// particles or more.
+    /// The header, with or without #, names the columns and their units; halo catalogues from Rockstar,
+    /// consistent-trees and AHF are read as they are. Without a file, the centres are those of the truth's 1000 largest
+    /// groups with 100 particles or more.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     centres: Option<PathBuf>,
-    /// Haloes: largest radius [default: the file's, else 2 mean spacings].
+    /// Haloes: largest radius, that of dispersions [default: the file's, else 2 mean spacings].
     #[arg(long, value_name = "R", hide_short_help = true)]
     halo_radius: Option<f64>,
     /// Haloes: number of shells, from a 50th of the largest radius to that radius.
@@ -142,43 +147,78 @@ struct MeasureArgs {
     neighbours: usize,
 }
 
-enum StatsInput {
+enum StatsSubject {
     Particles(Box<Particles>),
     Model(Box<Model>),
 }
 
+struct StatsInput {
+    source: StatsSubject,
+    velocities: Option<ParticleVelocities>,
+}
+
 impl StatsInput {
-    fn open(path: &Path, args: &SnapshotArgs, context: &Context<'_>) -> Result<Self> {
+    fn open(path: &Path, args: &SnapshotArgs, o: &StatsOptions, context: &Context<'_>) -> Result<Self> {
         match inputs::model_or_snapshot(path, args, context)? {
             PathContent::Model(bytes) => {
-                let model = codec::decode_with(&bytes, &name_of(path), context)?;
-                Ok(StatsInput::Model(Box::new(args.layers_of(model)?)))
+                let model = args.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
+                let draw = o.needs_velocities() && !model.metadata.fields.is_empty();
+                let velocities =
+                    if draw { found(drawn_velocities(&model, o.seed, context), o, context)? } else { None };
+                Ok(StatsInput { source: StatsSubject::Model(model.into()), velocities })
+            }
+            PathContent::Snapshot(mut choice) if o.needs_velocities() => {
+                let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
+                let velocities = found(ParticleVelocities::read(&particles, &fields), o, context)?;
+                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), velocities })
             }
             PathContent::Snapshot(choice) => {
                 let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, context)?;
-                Ok(StatsInput::Particles(Box::new(particles)))
+                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), velocities: None })
             }
         }
     }
 
-    fn subject(&self) -> Subject<'_> {
-        match self {
-            StatsInput::Particles(p) => Subject::Particles(p),
-            StatsInput::Model(m) => Subject::Model(m),
-        }
+    fn side(&self) -> StatsSide<'_> {
+        let subject = match &self.source {
+            StatsSubject::Particles(p) => Subject::Particles(p),
+            StatsSubject::Model(m) => Subject::Model(m),
+        };
+        StatsSide { subject, velocities: self.velocities.as_ref() }
     }
 
     /// Units and box.
     fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
-        match self {
-            StatsInput::Particles(p) => (p.meta.unit_system(), p.meta.cell),
-            StatsInput::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
+        match &self.source {
+            StatsSubject::Particles(p) => (p.meta.unit_system(), p.meta.cell),
+            StatsSubject::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
         }
     }
 
     /// Unit of length and whether it is comoving.
     fn length_unit(&self) -> Option<String> {
         self.place().0.units.length_text().map(str::to_string)
+    }
+}
+
+fn drawn_velocities(model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<ParticleVelocities>> {
+    let options = RecoverOptions { seed, ..RecoverOptions::default() };
+    let (particles, fields) = options.draw_with_fields(model.clone(), context)?;
+    ParticleVelocities::read(&particles, &fields)
+}
+
+/// Velocities; where everything is measured, those that cannot be used are left out with a note.
+fn found(
+    velocities: Result<Option<ParticleVelocities>>,
+    o: &StatsOptions,
+    context: &Context<'_>,
+) -> Result<Option<ParticleVelocities>> {
+    match velocities {
+        Err(error @ (Error::Memory { .. } | Error::Input { .. })) if o.measures.len() == Measure::ALL.len() => {
+            context.message(&format!("note: velocities are left out: {error}"));
+            Ok(None)
+        }
+        other => other,
     }
 }
 
@@ -199,11 +239,11 @@ pub fn run(a: Arguments) -> Result<()> {
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let list = a.measure.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
-    let truth = StatsInput::open(&a.truth, &a.snapshot, &context)?;
+    let truth = StatsInput::open(&a.truth, &a.snapshot, &options, &context)?;
     let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
-    let other = StatsInput::open(&a.other, &a.snapshot, &context)?;
-    let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
+    let other = StatsInput::open(&a.other, &a.snapshot, &options, &context)?;
+    let statistics = compare(truth.side(), other.side(), &options, &context)?;
     context.notes(&statistics.notes);
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
     let report = StatsReport {

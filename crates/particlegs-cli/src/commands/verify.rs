@@ -10,9 +10,10 @@ use crate::source_check;
 use clap::Args;
 use particlegs_files::input::name_of;
 use particlegs_files::output;
+use particlegs_pipeline::compress::FieldSelection;
 use particlegs_pipeline::job::{Job, State};
 use particlegs_pipeline::model::{Certificate, CertificateLevel, Model};
-use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::particles::Storage;
 use particlegs_pipeline::score::Assessment;
 use particlegs_pipeline::{Error, Result, codec, compress};
 use serde::Serialize;
@@ -270,8 +271,13 @@ fn measure(
     context: &CommandContext,
 ) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
     let of_several = source_check::is_of_several(bytes, model, &name_of(&a.model))?;
-    let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
-    let particles: Particles = a.particles.read(&a.snapshot, a.common.seed, &Storage::Memory, context)?;
+    let without_certificate = compress::measured_bytes(bytes, model, &name_of(&a.model))?;
+    let names: Vec<String> = model.metadata.fields.iter().map(|q| q.name.clone()).collect();
+    let mut choice = a.particles.choice(a.common.seed)?;
+    let (particles, sources) = match names.is_empty() {
+        true => (choice.read(&a.snapshot, &Storage::Memory, context)?, Vec::new()),
+        false => choice.read_fields(&a.snapshot, &Storage::Memory, context)?,
+    };
     source_check::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     let differences = particles.differences_from(model, of_several);
     if !differences.is_empty() {
@@ -281,7 +287,15 @@ fn measure(
     let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
     let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, certificate_check::level_of);
     let level = if a.full { CertificateLevel::Full } else { stored };
-    let measured = compress::certify(model, without_certificate, &particles, seed, level, context)?;
+    let mut measured = compress::certify(model, without_certificate, &particles, seed, level, context)?;
+    // Models of joined fields have none.
+    let of_fields = model.certificate.is_none_or(|c| c.fields.is_some() || level != stored);
+    if !names.is_empty() && measured.blocks.is_none() && of_fields {
+        let chosen = model.metadata.recipe.read.get("star-forming").and_then(|text| text.parse().ok());
+        let star_forming = chosen.unwrap_or_default();
+        let fields = FieldSelection::new(&names, star_forming, &particles, &sources, model.metadata.law)?;
+        measured.fields = fields.agreement(model, seed, context)?;
+    }
     let file = with_certificate(&a.model, bytes, model, Some(&measured))?;
     let measured = codec::read_info(&file, &name_of(&a.model))?.certificate.unwrap_or(measured);
     Ok((Some(measured), differences))

@@ -132,6 +132,25 @@ fn blocks_and_threads_do_not_change_what_fields_are() {
 }
 
 #[test]
+fn each_field_has_its_verdict() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    let fit = "--gaussians 60 --effort fast --fields velocity,temperature --radius 0.005";
+    let [text, _] = dir.runs(&format!("compress snap -o m.pgs {fit}"));
+    assert!(text.contains("\n  field           holds          velocity: "), "{text}");
+    let info = dir.says("info m.pgs");
+    let found: Vec<&serde_json::Value> =
+        info["verdict"].as_array().unwrap().iter().filter(|f| f["use"] == "field").collect();
+    assert!(found.len() == 2 && found[1]["why"].as_str().unwrap().starts_with("temperature: "), "{found:?}");
+    // Bulk motions of 150 along x and 30 along z, noise of 20.
+    let velocity = &info["certificate"]["fields"]["each"][0];
+    let [signal, error] = ["signal", "error"].map(|name| velocity[name].as_f64().unwrap());
+    assert!((signal - 145.0).abs() < 15.0 && error < 20.0, "{velocity}");
+    let [text, _] = dir.runs("verify m.pgs snap");
+    assert!(text.contains("fields field 2: error") && !text.contains("differs"), "{text}");
+}
+
+#[test]
 fn fields_that_cannot_be_stored_are_refused_before_the_fit() {
     let dir = TestFolder::new();
     snapshot(&dir.at("snap"));

@@ -119,7 +119,7 @@ fn centres_that_cannot_be_used_are_refused() {
         ("1\u{0}2", "", 3, "a list of centres"),
         ("1 2 3 13", "--only haloes", 2, "half the box"),
         ("1 2 3", "--only haloes --halo-radius 0", 2, "the radius of a halo"),
-        ("1 2 3", "--only rdf", 2, "applies to the measure `haloes`"),
+        ("1 2 3", "--only rdf", 2, "applies to the measures `haloes`"),
     ] {
         dir.write("centres.txt", text);
         dir.fails(&format!("stats thin thin -o a --centres centres.txt {more}"), code, why);
@@ -268,4 +268,77 @@ fn catalogues_of_haloes_are_lists_of_centres() {
     // Centres outside this box are refused.
     dir.fails(&words("#x y z r\n10500 8500 1250 2000\n", "c"), 3, "outside the periodic box");
     dir.fails(&words("#id m a b c\n1 2 3 4 5\n", "c"), 3, "id, m, a, b, c");
+}
+
+/// [`thinned`] with velocities in km/s: a flow that follows a wave along x, and random motions.
+fn moving() -> TestFolder {
+    let dir = thinned();
+    let places: Vec<f32> = dir.bytes("thin/xx.f32").as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let wave = |i: usize| (std::f64::consts::TAU * f64::from(places[i]) / 25.0).sin();
+    for (k, name) in ["vx", "vy", "vz"].iter().enumerate() {
+        let random = |i: usize| particlegs_pipeline::math::Random::new(4, k as u32, i as u64).normal();
+        let flow = if k == 0 { 300.0 } else { 0.0 };
+        let values = (0..places.len()).flat_map(|i| ((flow * wave(i) + 60.0 * random(i)) as f32).to_le_bytes());
+        dir.write(&format!("thin/{name}.f32"), values.collect::<Vec<u8>>());
+    }
+    let mut meta = dir.json("thin/meta.json");
+    meta["field_units"] = serde_json::json!({"vx": "km/s", "vy": "km/s", "vz": "km/s"});
+    dir.write("thin/meta.json", meta.to_string());
+    dir
+}
+
+const OF_VELOCITIES: &str = "--only multipoles,momentum,dispersion --spectrum-grid 32 --linking 0.25";
+
+#[test]
+fn velocities_of_a_model_are_those_of_particles_drawn_from_it() {
+    let dir = moving();
+    dir.runs("compress thin -o m.pgs --gaussians 800 --effort fast --certificate none --fields velocity --quiet");
+    let s = stats(&dir, "thin m.pgs", "a", OF_VELOCITIES);
+    assert!((s["multipoles"]["displacement"].as_f64().unwrap() - 0.01).abs() < 1e-9 && s["velocity_unit"] == "km/s");
+    let first = &s["multipoles"]["shells"][0];
+    let ratio = |pair: &Value| pair[1].as_f64().unwrap() / pair[0].as_f64().unwrap();
+    assert!((ratio(&first["monopole"]) - 1.0).abs() < 0.1, "{first}");
+    let first = &s["momentum"]["shells"][0];
+    assert!((ratio(&first["power"]) - 1.0).abs() < 0.1 && first["r"].as_f64().unwrap() > 0.98, "{first}");
+    let median = s["summary"]["halo_dispersion"].as_f64().unwrap();
+    assert!((median - 1.0).abs() < 0.1, "{median}");
+    let columns = |name: &str| dir.text(&format!("a/{name}")).lines().next().unwrap().split(',').count();
+    assert_eq!(["multipoles.csv", "momentum.csv", "halo_dispersion.csv"].map(columns), [10, 10, 10]);
+    assert!(dir.text("a/multipoles.svg").contains("P(k) [(Mpc/h)³]") && dir.at("a/momentum.png").exists());
+    // The same particles in a file have the same numbers, unit and all.
+    dir.runs("recover m.pgs -o drawn --seed 42");
+    assert_eq!(dir.json("drawn/meta.json")["field_units"]["velocity_y"], "km/s");
+    let again = stats(&dir, "thin drawn", "b", &format!("{OF_VELOCITIES} --no-plots --threads 1"));
+    for name in ["multipoles", "momentum", "dispersion"] {
+        assert_eq!(again[name], s[name], "{name}");
+    }
+    assert!(again["notes"].as_array().unwrap().is_empty(), "{}", again["notes"]);
+}
+
+#[test]
+fn what_velocities_lack_is_said() {
+    let dir = moving();
+    let meta = dir.json("thin/meta.json");
+    let noted = |change: &dyn Fn(&mut Value), why: &str| {
+        let mut own = meta.clone();
+        change(&mut own);
+        dir.write("thin/meta.json", own.to_string());
+        let s = stats(&dir, "thin thin", "a", "--only multipoles,momentum --spectrum-grid 16 --no-plots");
+        assert!(s["multipoles"].is_null() && !s["momentum"].is_null());
+        assert!(s["notes"].to_string().contains(&format!("no multipoles: {why}")), "{}", s["notes"]);
+    };
+    let remove = |own: &mut Value, key: &str| drop(own.as_object_mut().unwrap().remove(key));
+    noted(&|own| remove(own, "field_units"), "the files do not say that velocities are in km/s");
+    noted(&|own| own["field_units"]["vz"] = "m/s".into(), "velocities are in m/s, not in km/s");
+    noted(&|own| own["periodic"] = false.into(), "the box is not periodic along all axes");
+    noted(&|own| remove(own, "scale_factor"), "the files do not state the scale factor");
+    let early = |own: &mut Value| {
+        own["scale_factor"] = 0.5.into();
+        remove(own, "omega_lambda");
+    };
+    noted(&early, "the files do not state Omega_Lambda");
+    std::fs::remove_file(dir.at("thin/vz.f32")).unwrap();
+    let s = stats(&dir, "thin thin", "a", "--only momentum,dispersion --no-plots");
+    assert!(s["momentum"].is_null() && s["dispersion"].is_null());
+    assert!(s["notes"].to_string().contains("no momentum, dispersion: the truth has no velocities"), "{}", s["notes"]);
 }

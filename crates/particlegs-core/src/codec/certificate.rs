@@ -303,6 +303,7 @@ mod tests {
             blocks: None,
             goal: None,
             layer_ratios: None,
+            fields: None,
             ..random(1, true)
         };
         agreed(&mut full);

@@ -38,6 +38,8 @@ pub enum Purpose {
     CertificateTurn = u32::from_be_bytes(*b"cetu"),
     /// Particles of the subset that a certificate compares with.
     CertificateSubset = u32::from_be_bytes(*b"cesu"),
+    /// Which half of the particles a field is gathered from, to be compared with the other.
+    FieldHalves = u32::from_be_bytes(*b"cefi"),
     /// The order of a training run's cameras.
     TrainingShuffle = u32::from_be_bytes(*b"trsh"),
     /// Radii and opacities of a training run's pictures.

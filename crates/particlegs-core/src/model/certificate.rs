@@ -3,9 +3,9 @@
 use super::metric::{MetricField, MetricVisitor, OptionalGroup, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
-    CellDensity, CertificateLevel, CrossValidation, DensityMetrics, GoalResult, GroupClass, Layer, LayerRatio,
-    LayerRatios, MassPower, Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample, ScienceMetrics, Spacing,
-    Subset, ViewMetrics, species_title,
+    CellDensity, CertificateLevel, CrossValidation, DensityMetrics, FieldAgreements, GoalResult, GroupClass, Layer,
+    LayerRatio, LayerRatios, MassPower, Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample,
+    ScienceMetrics, Spacing, Subset, ViewMetrics, species_title,
 };
 use crate::model::{Coding::Whole, Tolerance};
 use std::convert::Infallible;
@@ -66,6 +66,9 @@ record! {
         /// How layers go together, where there are several.
         layer_ratios: Option<LayerRatios> = group(14, SOME,
             "layers", "ratio of masses to the first layer's from cell to cell, dex", "");
+        /// How far fields are those of particles that they were not gathered from.
+        fields: Option<FieldAgreements> =
+            group(15, SOME, "fields", "means of fields in cells, gathered from half the particles, of the other half", "");
     }
 }
 

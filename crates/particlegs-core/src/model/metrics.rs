@@ -28,6 +28,10 @@ pub(super) const CLASS_NAMES: [&str; GROUP_CLASSES.len()] =
 pub const POWER_LAYERS: usize = 8;
 const LAYER_NAMES: [&str; POWER_LAYERS] =
     ["layer 1", "layer 2", "layer 3", "layer 4", "layer 5", "layer 6", "layer 7", "layer 8"];
+/// Fields of [`FieldAgreements`] at most: the first of the file.
+pub const CERTIFIED_FIELDS: usize = 8;
+const FIELD_NAMES: [&str; CERTIFIED_FIELDS] =
+    ["field 1", "field 2", "field 3", "field 4", "field 5", "field 6", "field 7", "field 8"];
 const RATIO_NAMES: [&str; POWER_LAYERS - 1] = {
     let [_, a, b, c, d, e, f, g] = LAYER_NAMES;
     [a, b, c, d, e, f, g]
@@ -196,6 +200,36 @@ impl LayerRatios {
         let pairs = layers.checked_sub(1).filter(|n| *n > 0)?.min(ratios.to_first.len());
         ratios.to_first[..pairs].fill(Some(LayerRatio::default()));
         Some(ratios)
+    }
+}
+
+record! {
+    /// What fields that are gathered from a random half of the particles say of the other half.
+    FieldAgreements {
+        /// In the file's order.
+        each: [Option<FieldAgreement>; CERTIFIED_FIELDS] = FIELD_NAMES;
+    }
+}
+
+record! {
+    /// The means of a field in cells, of all components together; weighted by mass where the field is.
+    FieldAgreement {
+        /// Edge of a cell, world units (the longest of the three).
+        edge: f64 = Metric::new("edge", F64).unit(MetricUnit::Length);
+        /// Cells that hold particles of both halves; none where these are too few, or where means do not stand out of noise.
+        cells: u32 = Metric::new("cells", Whole(4));
+        /// Root mean square of the particles' means about that of all cells, without noise, in the field's unit.
+        signal: f64 = Metric::new("signal", F32).tolerance(Tolerance::Relative(0.001));
+        /// Root mean square of the difference of the model's means from them.
+        error: f64 = Metric::new("error", F32).tolerance(Tolerance::Relative(0.001));
+    }
+}
+
+impl FieldAgreement {
+    /// The share of the means' variance that the model explains; `None` where it was not measured.
+    pub fn explained(&self) -> Option<f64> {
+        let missed = self.error / self.signal;
+        (self.cells > 0 && self.signal > 0.0).then_some(1.0 - missed * missed)
     }
 }
 

@@ -3,7 +3,7 @@
 use super::clock::Clock;
 use super::cross_validation::held_out;
 use crate::context::Context;
-use crate::model::{Certificate, CertificateLevel, Goal, GoalResult, Model};
+use crate::model::{Certificate, CertificateLevel, Goal, GoalResult, Metadata, Model};
 use crate::particles::Particles;
 use crate::score::{CertificateInput, GoalMetric};
 use crate::{Error, Result, codec};
@@ -27,6 +27,17 @@ pub fn certify(
         None => None,
     };
     complete(&CertificateInput { particles, seed, level, memory: None, reached }, model, bytes, context)
+}
+
+/// Bytes of the file of a model when its certificate is measured: without a certificate and fields.
+pub fn measured_bytes(bytes: &[u8], model: &Model, place: &str) -> Result<u64> {
+    let mut layers = codec::coded_layers(bytes, place)?;
+    for block in layers.iter_mut().flat_map(|l| &mut l.content) {
+        block.sections.retain(|s| s.tag != codec::FIELD);
+    }
+    let metadata = Metadata { fields: Vec::new(), ..model.metadata.clone() };
+    let network = model.vizmapper().map(|network| &**network);
+    Ok(codec::assemble_with(&metadata, network, None, layers)?.len() as u64)
 }
 
 /// What one model's particles say of it, and where all is asked for what halves of them do.

@@ -4,7 +4,7 @@
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::{FieldShape, gather};
-use crate::model::{LawKind, Model, Quantity, QuantityKind, Unit};
+use crate::model::{Certificate, LawKind, Model, Quantity, QuantityKind, Unit};
 use crate::particles::{ChunkBuffer, FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use crate::reference::FieldValues;
 use crate::{Error, Hint, Result};
@@ -14,7 +14,7 @@ const ALL: &str = "all";
 
 /// Which fields of a snapshot a model gets.
 pub struct FieldSelection<'a> {
-    particles: &'a Particles,
+    pub(super) particles: &'a Particles,
     sources: &'a [LayerFields],
     /// What the model's metadata lists.
     quantities: Vec<Quantity>,
@@ -147,12 +147,48 @@ impl<'a> FieldSelection<'a> {
         Ok(FieldValues { columns, logarithmic: self.quantities[number].logarithmic })
     }
 
+    /// The places of a layer's fields in the list.
+    pub(super) fn numbers(&self, layer: usize) -> Vec<usize> {
+        self.layers[layer].iter().map(|f| f.0).collect()
+    }
+
+    /// What is gathered of them.
+    pub(super) fn shapes(&self, layer: usize) -> Vec<FieldShape<'_>> {
+        let shape = |(n, columns): &(usize, FieldColumns)| FieldShape {
+            may_lack: columns.may_lack(),
+            ..FieldShape::new(&self.quantities[*n])
+        };
+        self.layers[layer].iter().map(shape).collect()
+    }
+
+    /// Reads their values in a run of the layer's particles, as [`gather`] wants them.
+    pub(super) fn read(&self, layer: usize, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
+        let (chosen, own) = (&self.layers[layer], self.particles.of_layer(&self.particles.layers()[layer]));
+        let mut all = Vec::new();
+        self.sources[layer].read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut all)?;
+        let mut buffer = ChunkBuffer::default();
+        let first = run as usize * RUN;
+        let chunk = own.chunk(first..own.len().min(first + RUN), &mut buffer);
+        let over_weight = |(i, v): (usize, f64)| v / chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+        for (n, columns) in chosen {
+            if self.quantities[*n].logarithmic {
+                out.push(columns.values(&all, 0).map(f64::ln).collect());
+            }
+            match self.quantities[*n].extensive {
+                true => out.push(columns.values(&all, 0).enumerate().map(over_weight).collect()),
+                false => out.extend((0..columns.columns.len()).map(|k| columns.values(&all, k).collect())),
+            }
+        }
+        Ok(())
+    }
+
     /// How values were converted, for people.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
+    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file; its certificate,
+    /// where there is one that is not a sum of blocks, has [`FieldSelection::agreement`].
     pub fn add_to(
         &self,
         bytes: &[u8],
@@ -162,35 +198,12 @@ impl<'a> FieldSelection<'a> {
     ) -> Result<Vec<u8>> {
         let metadata = crate::model::Metadata { fields: self.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
-        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
+        for (index, (layer, chosen)) in self.particles.layers().iter().zip(&self.layers).enumerate() {
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
-            let shape = |(n, columns): &(usize, FieldColumns)| FieldShape {
-                may_lack: columns.may_lack(),
-                ..FieldShape::new(&self.quantities[*n])
-            };
-            let fields: Vec<FieldShape<'_>> = chosen.iter().map(shape).collect();
-            let own = self.particles.of_layer(layer);
-            let read = |run: u64, out: &mut Vec<Vec<f64>>| {
-                let mut all = Vec::new();
-                source.read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut all)?;
-                let mut buffer = ChunkBuffer::default();
-                let first = run as usize * RUN;
-                let chunk = own.chunk(first..own.len().min(first + RUN), &mut buffer);
-                let over_weight = |(i, v): (usize, f64)| v / chunk.weight.map_or(1.0, |w| f64::from(w[i]));
-                for (n, columns) in chosen {
-                    if self.quantities[*n].logarithmic {
-                        out.push(columns.values(&all, 0).map(f64::ln).collect());
-                    }
-                    match self.quantities[*n].extensive {
-                        true => out.push(columns.values(&all, 0).enumerate().map(over_weight).collect()),
-                        false => out.extend((0..columns.columns.len()).map(|k| columns.values(&all, k).collect())),
-                    }
-                }
-                Ok(())
-            };
-            let blocks = &model.layers[at].content;
-            let gathered = gather(blocks, &own, &fields, &read, context)?;
+            let read = |run: u64, out: &mut Vec<Vec<f64>>| self.read(index, run, out);
+            let (blocks, shapes) = (&model.layers[at].content, self.shapes(index));
+            let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
             for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
                 for ((n, _), f) in chosen.iter().zip(fields) {
                     let of = (*n as u8, &self.quantities[*n]);
@@ -199,7 +212,13 @@ impl<'a> FieldSelection<'a> {
                 }
             }
         }
-        codec::assemble(&metadata, model.certificate.as_ref(), coded)
+        let certificate = match model.certificate {
+            Some(c) if c.blocks.is_none() => {
+                Some(Certificate { fields: self.agreement(model, c.views.seed, context)?, ..c })
+            }
+            other => other,
+        };
+        codec::assemble(&metadata, certificate.as_ref(), coded)
     }
 }
 

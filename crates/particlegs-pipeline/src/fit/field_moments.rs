@@ -16,8 +16,9 @@ const RANGE: usize = 256;
 /// Particles that a slope of 0, and the block's own spread, count as.
 const SLOPE_PRIOR: f64 = 5.0;
 const SPREAD_PRIOR: f64 = 2.0;
-/// What the slopes of a logarithm explain of its variance, at most.
-const MOST_EXPLAINED: f64 = 0.25;
+/// What the slopes of a logarithm explain of its variance across a Gaussian, at most: exponentials of slopes that few
+/// particles suggest would outgrow all others.
+const MOST_EXPLAINED_OF_LOGARITHMS: f64 = 0.25;
 /// Passes over the particles.
 const PASSES: usize = 4;
 /// A spread's variances are no smaller than this part of their sum, where values are weighed by it.
@@ -52,7 +53,7 @@ impl<'a> FieldShape<'a> {
     }
 
     /// Columns of values: one for each component; of a logarithmic field the logarithm, then the value.
-    fn columns(&self) -> usize {
+    pub(crate) fn columns(&self) -> usize {
         self.components + usize::from(self.logarithmic)
     }
 }
@@ -60,6 +61,12 @@ impl<'a> FieldShape<'a> {
 /// Reads the values of a run of particles: the columns of each field ([`FieldShape`]); then, of particles that stand for
 /// several, a column of how many. A logarithmic field has two: the logarithm of the value, and the value.
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
+
+/// The block whose bounds a place lies in.
+fn block_of(bounds: &[Bounds], x: [f64; 3]) -> usize {
+    let within = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
+    if bounds.len() == 1 { 0 } else { bounds.iter().position(within).unwrap_or(0) }
+}
 
 /// Gathers `fields` for the decoded `blocks` of one layer, whose particles these are. Gives
 /// the fields of each block. Particles weigh by their masses, where they have weights.
@@ -121,6 +128,37 @@ fn check_finite(fields: &[FieldShape<'_>], values: &[Vec<f64>], first: usize) ->
         }
     }
     Ok(())
+}
+
+/// The means of fields at places, by the Gaussians of the blocks that they were gathered for.
+pub struct FieldMeans<'a> {
+    blocks: &'a [Block],
+    bounds: Vec<Bounds>,
+    assignments: Vec<SoftAssignment>,
+}
+
+impl<'a> FieldMeans<'a> {
+    /// Of blocks.
+    pub fn new(blocks: &'a [Block]) -> Self {
+        let assignments = blocks.iter().map(|b| SoftAssignment::new(&b.gaussians)).collect();
+        FieldMeans { blocks, bounds: blocks.iter().map(|b| b.bounds).collect(), assignments }
+    }
+
+    /// The mean of each component at a place, of the field number `field` in each block; `shares` is scratch space.
+    pub fn at(&self, fields: &[Vec<BlockField>], field: usize, x: [f64; 3], shares: &mut Vec<(u32, f64)>) -> [f64; 3] {
+        let number = block_of(&self.bounds, x);
+        self.assignments[number].shares(x, shares);
+        let (g, moments) = (&self.blocks[number].gaussians, &fields[number][field].moments);
+        let mut mean = [0.0; 3];
+        for &(i, share) in shares.iter() {
+            let d = each_axis(|k| x[k] - g.mean[k][i as usize]);
+            // Slopes of few particles reach far: values that are drawn stay within the range, too.
+            for (c, [least, largest]) in moments.range.iter().enumerate() {
+                mean[c] += share * moments.mean_at(c, i as usize, d).clamp(*least, *largest);
+            }
+        }
+        mean
+    }
 }
 
 /// What a block's particles sum to, Gaussian by Gaussian.
@@ -197,8 +235,7 @@ impl RunShares {
         let mut block = Vec::with_capacity(range.len());
         for i in 0..range.len() {
             let x = each_axis(|k| position[k][i]);
-            let within = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
-            let number = if bounds.len() == 1 { 0 } else { bounds.iter().position(within).unwrap_or(0) };
+            let number = block_of(bounds, x);
             block.push(number as u32);
             let sums = &blocks[number];
             sums.assignment.shares(x, &mut by_place);
@@ -390,9 +427,8 @@ impl FieldSums {
         let mut out = if self.logarithmic { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
         let mut each = Vec::with_capacity(g.len());
         for (i, row) in rows().enumerate() {
-            // Exponentials of slopes that few particles suggest would outgrow all others.
-            let cov = self.logarithmic.then(|| g.cov_of(i));
-            let fitted = Regression::new(row, at, components, cov.as_ref());
+            let most = if self.logarithmic { MOST_EXPLAINED_OF_LOGARITHMS } else { 1.0 };
+            let fitted = Regression::new(row, at, components, (&g.cov_of(i), most));
             if let Some(f) = &fitted {
                 spreads.iter_mut().zip(&f.spread).for_each(|(s, v)| *s += row[1] * v);
             }
@@ -440,9 +476,9 @@ struct Regression {
 }
 
 impl Regression {
-    /// `None` without particles. Across a Gaussian of covariance `limit` slopes explain at most
-    /// [`MOST_EXPLAINED`] of the variance.
-    fn new(row: &[f64], at: usize, c: usize, limit: Option<&Sym3>) -> Option<Regression> {
+    /// `None` without particles. Across a Gaussian of covariance `cov` slopes explain no more than this part of the variance:
+    /// those of few particles that lie close together would reach far.
+    fn new(row: &[f64], at: usize, c: usize, (cov_of_all, most): (&Sym3, f64)) -> Option<Regression> {
         let (number, w) = (row[0], row[1]);
         if number < 1e-3 || w <= 0.0 {
             return None;
@@ -458,9 +494,9 @@ impl Regression {
             .map(|a| {
                 let with: [f64; 3] = each_axis(|k| row[at + c + 3 * a + k] / w - mean[a] * place[k]);
                 let slope = inverse.map_or([0.0; 3], |i| i.apply(with).map(|v| v * shrink));
-                let explained = limit.map_or(0.0, |cov| cov.quadratic(slope));
+                let explained = cov_of_all.quadratic(slope);
                 let all = row[at + 4 * c + a * (2 * c - a + 1) / 2] / w - mean[a] * mean[a];
-                let most = MOST_EXPLAINED * all.max(0.0);
+                let most = most * all.max(0.0);
                 let scale = if explained > most { (most / explained).sqrt() } else { 1.0 };
                 slope.map(|v| v * scale)
             })

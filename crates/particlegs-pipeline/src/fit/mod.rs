@@ -34,7 +34,7 @@ mod transmittance;
 pub use crate::model::Effort;
 pub use effort::{FitOptions, fit};
 pub(crate) use effort::{Fitter, memory_needed};
-pub use field_moments::{BlockField, FieldShape, gather};
+pub use field_moments::{BlockField, FieldMeans, FieldShape, gather};
 pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};
 use refine::{RefineOptions, refine};

@@ -199,7 +199,8 @@ impl GasTemperature {
 
 const TEMPERATURE: &str = "temperature";
 const VELOCITY: &str = "velocity";
-const KM_S: &str = "km/s";
+/// The unit of peculiar velocities.
+pub(crate) const KM_S: &str = "km/s";
 /// What formats call velocities, as one field or three.
 const VELOCITIES: &[&[&str]] = &[
     &["velocities"],

@@ -3,6 +3,7 @@
 use crate::model::{Cosmology, Dimension, Epoch, Unit, UnitSystem, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Metadata of a snapshot, read before any particle. `None` means that the source does not say;
@@ -30,6 +31,9 @@ pub struct SnapshotMeta {
     /// Names of the fields that the source has beside positions and weights.
     #[serde(skip)]
     pub fields: Vec<String>,
+    /// Units of those that have no other place for them, by name.
+    #[serde(skip)]
+    pub field_units: BTreeMap<String, String>,
 }
 
 impl SnapshotMeta {

@@ -33,7 +33,7 @@ pub(crate) use box_check::{ParticlesOutsideBox, check_box, check_particles};
 pub(crate) use chunk::ChunkBuffer;
 pub use chunk::{Chunk, RUN};
 pub(crate) use domain::Domain;
-pub(crate) use fields::FieldColumns;
+pub(crate) use fields::{FieldColumns, KM_S};
 pub use fields::{LayerFields, Number, PhysicalUnit, SourceField, StarFormingGas};
 pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;

@@ -7,6 +7,7 @@ use crate::space::Cell;
 use crate::{Error, Result};
 use particlegs_files::input::{self, Begins, read_own};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
@@ -28,6 +29,7 @@ struct SidecarForm {
     particle_mass: Option<f64>,
     comoving: Option<bool>,
     scale_factor: Option<f64>,
+    a: Option<f64>,
     redshift: Option<f64>,
     h: Option<f64>,
     #[serde(alias = "Omega_m")]
@@ -39,6 +41,8 @@ struct SidecarForm {
     time: Option<f64>,
     frame: Option<u64>,
     step: Option<i64>,
+    #[serde(default)]
+    field_units: BTreeMap<String, String>,
 }
 
 #[derive(Deserialize)]
@@ -111,11 +115,12 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
         omega_baryon: form.omega_baryon,
     };
     meta.epoch = Epoch {
-        scale_factor: form.scale_factor.or(form.redshift.map(|z| 1.0 / (1.0 + z))).filter(positive),
+        scale_factor: form.scale_factor.or(form.a).or(form.redshift.map(|z| 1.0 / (1.0 + z))).filter(positive),
         time: form.time,
         frame: form.frame,
         step: form.step,
     };
+    meta.field_units = form.field_units;
     let origin = form.origin.unwrap_or_default();
     if origin.iter().any(|v| !v.is_finite()) {
         return Err(Error::input(file, "`origin` must be finite"));

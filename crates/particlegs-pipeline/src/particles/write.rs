@@ -250,6 +250,9 @@ fn write_sidecar(path: &Path, described: &SnapshotDescription<'_>) -> std::io::R
     set("omega_matter", meta.cosmology.omega_matter.into());
     set("omega_lambda", meta.cosmology.omega_lambda.into());
     set("omega_baryon", meta.cosmology.omega_baryon.into());
+    if !meta.field_units.is_empty() {
+        set("field_units", serde_json::json!(meta.field_units));
+    }
     set("time", meta.epoch.time.into());
     set("frame", meta.epoch.frame.into());
     set("step", meta.epoch.step.into());

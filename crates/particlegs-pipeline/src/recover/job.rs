@@ -52,11 +52,12 @@ impl Options {
 /// The files that the columns of a model's fields get in a folder: `velocity_x.f32`, `temperature.f32`. A field that a
 /// layer with particles lacks has none.
 fn field_files(model: &Model) -> Vec<String> {
-    common_fields(model)
-        .iter()
-        .flat_map(|q| q.component_names())
-        .map(|name| format!("{}.f32", file_name(&name)))
-        .collect()
+    common_fields(model).into_iter().flat_map(column_names).map(|name| format!("{name}.f32")).collect()
+}
+
+/// The names of a field's columns in a folder.
+fn column_names(q: &Quantity) -> impl Iterator<Item = String> {
+    q.component_names().into_iter().map(|name| file_name(&name))
 }
 
 /// The columns of fields in a folder that [`recover`] wrote, which another run may replace; none in any other folder.
@@ -95,6 +96,10 @@ pub fn recover(
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
     let fields = if options.form == RawForm::Columns { field_files(&model) } else { Vec::new() };
     let names = common_fields(&model).into_iter().map(|q| q.name.clone()).collect::<Vec<_>>();
+    let unit_of = |q: &Quantity| q.unit.as_ref().map(|u| u.text.clone());
+    let of_columns = |q| Some((unit_of(q)?, column_names(q)));
+    let units = common_fields(&model).into_iter().filter_map(of_columns);
+    let field_units = units.flat_map(|(unit, names)| names.map(move |name| (name, unit.clone()))).collect();
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let origin = origin_of(&metadata);
     let model = moved(model, origin);
@@ -121,7 +126,10 @@ pub fn recover(
         Ok::<_, Error>(())
     })?;
     let layers = plan.described();
-    let meta = meta_of(&metadata, &layers);
+    let mut meta = meta_of(&metadata, &layers);
+    if options.form == RawForm::Columns {
+        meta.field_units = field_units;
+    }
     writer.finish(&SnapshotDescription {
         meta: &meta,
         origin,

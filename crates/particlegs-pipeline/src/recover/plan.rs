@@ -214,7 +214,7 @@ pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> Snap
         weight_name: metadata.weight_name().map(str::to_string),
         cosmology: metadata.cosmology,
         epoch: metadata.epoch,
-        fields: Vec::new(),
+        ..SnapshotMeta::default()
     }
 }
 

@@ -95,6 +95,7 @@ impl CertificateInput<'_> {
             blocks: None,
             goal: self.reached,
             layer_ratios: layer_ratios(model, particles, &domain, context)?,
+            fields: None,
         })
     }
 

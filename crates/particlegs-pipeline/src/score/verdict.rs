@@ -3,8 +3,8 @@
 
 use super::science::MOST_DRAWN;
 use crate::model::{
-    CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores, PictureSetting,
-    decimals, per_length,
+    CellDensity, Certificate, FieldAgreement, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores,
+    PictureSetting, Quantity, decimals, per_length,
 };
 use serde::Serialize;
 
@@ -47,6 +47,11 @@ pub const SPACING_HOLDS: f64 = 0.1;
 /// The spacing holds roughly within this share.
 pub const SPACING_ROUGHLY: f64 = 0.25;
 
+/// A field holds where the model explains this share of the variance of its means in cells.
+pub const FIELD_HOLDS: f64 = 0.9;
+/// A field holds roughly from here on.
+pub const FIELD_ROUGHLY: f64 = 0.7;
+
 const NEEDS_FULL: &str = "needs a full certificate";
 const ADDED_UP: &str = "the certificate is a sum over blocks";
 
@@ -69,6 +74,8 @@ particlegs_core::named_values! {
         Groups = "groups",
         /// Distances of drawn particles to their neighbours.
         Spacing = "spacing",
+        /// A field, such as the velocity; one finding for each.
+        Field = "field",
     }
 }
 
@@ -118,23 +125,27 @@ impl Assessment {
     /// The verdict on a file whose figures nobody has measured again.
     pub fn unverified() -> Vec<Assessment> {
         let why = "verifying the file's figures needs the snapshot";
-        UseCase::ALL.map(|of| Assessment { of, word: Grade::NotVerified, why: why.into() }).into()
+        let of_positions = UseCase::ALL.into_iter().filter(|of| *of != UseCase::Field);
+        of_positions.map(|of| Assessment { of, word: Grade::NotVerified, why: why.into() }).collect()
     }
 
     /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up), density, power
-    /// spectrum, groups and spacing, in this order.
+    /// spectrum, groups and spacing, in this order; then each field that was measured.
     /// Without a certificate nothing is measured.
     pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Assessment> {
         let Some(c) = certificate else {
             let none = |of| Assessment { of, word: Grade::NotMeasured, why: "the file has no certificate".into() };
-            return UseCase::ALL.map(none).into();
+            return UseCase::ALL.into_iter().filter(|of| *of != UseCase::Field).map(none).collect();
         };
         let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
         let groups = c.groups.as_ref().map_or_else(|| groups(c, metadata.count), matched_groups);
         let findings =
             [pictures(c), at_large_radius(c), close_up(c), density, spectrum(c, metadata), groups, spacing(c, unit)];
-        UseCase::ALL.into_iter().zip(findings).map(|(of, (word, why))| Assessment { of, word, why }).collect()
+        let fields = metadata.fields.iter().zip(c.fields.iter().flat_map(|f| f.each));
+        let fields = fields.filter_map(|(q, found)| Some((UseCase::Field, field(q, &found?, unit))));
+        let uses = UseCase::ALL.into_iter().zip(findings).chain(fields);
+        uses.map(|(of, (word, why))| Assessment { of, word, why }).collect()
     }
 }
 
@@ -365,6 +376,24 @@ fn groups(c: &Certificate, particles: u64) -> Finding {
     }
 }
 
+fn field(q: &Quantity, f: &FieldAgreement, unit: Option<&str>) -> Finding {
+    let name = &q.name;
+    let Some(explained) = f.explained() else {
+        return (Grade::NotMeasured, format!("{name}: means in cells do not stand out of the noise"));
+    };
+    let of_field = q.unit.as_ref().map_or(String::new(), |u| format!(" {}", u.text));
+    let why = format!(
+        "{name}: explains {:.1} % of the variance of means in cells of {}{}; RMS error {}{of_field} of {}{of_field}, of particles that \
+         the field was not gathered from",
+        100.0 * explained,
+        decimals(f.edge),
+        unit.map_or(String::new(), |u| format!(" {u}")),
+        decimals(f.error),
+        decimals(f.signal),
+    );
+    (graded(explained >= FIELD_HOLDS, explained >= FIELD_ROUGHLY), why)
+}
+
 fn graded(holds: bool, roughly: bool) -> Grade {
     match (holds, roughly) {
         (true, _) => Grade::Holds,
@@ -377,7 +406,9 @@ fn graded(holds: bool, roughly: bool) -> Grade {
 mod tests {
     use super::super::testing::certificate;
     use super::*;
-    use crate::model::{CrossValidation, DensityMetrics, LookSummary, Pictures, ScienceMetrics, Spacing, Transfer};
+    use crate::model::{
+        CrossValidation, DensityMetrics, FieldAgreements, LookSummary, Pictures, ScienceMetrics, Spacing, Transfer,
+    };
     use crate::testing::model_of;
 
     fn boxed() -> Metadata {
@@ -545,6 +576,34 @@ mod tests {
         let open = Metadata { cell: None, ..boxed() };
         let found = Assessment::verdict(Some(&c), &open);
         assert_eq!(found.iter().find(|f| f.of == UseCase::PowerSpectrum).unwrap().word, Grade::NotApplicable);
+    }
+
+    #[test]
+    fn fields_have_a_line_each() {
+        let quantity = |name: &str, unit: &str| Quantity {
+            name: name.into(),
+            kind: crate::model::QuantityKind::Vector,
+            unit: Some(crate::model::Unit { text: unit.into(), si: None }),
+            bytes: 12,
+            by_mass: false,
+            logarithmic: false,
+            extensive: false,
+        };
+        let fields = ["velocity", "spin", "heat"].map(|name| quantity(name, "km/s")).into();
+        let metadata = Metadata { fields, ..boxed() };
+        let found = |error| Some(FieldAgreement { edge: 2.0, cells: 100, signal: 200.0, error });
+        let mut each = [None; crate::model::CERTIFIED_FIELDS];
+        each[..3].copy_from_slice(&[found(40.0), found(100.0), Some(FieldAgreement::default())]);
+        let c = Certificate { fields: Some(FieldAgreements { each }), ..certificate() };
+        let verdict = Assessment::verdict(Some(&c), &metadata);
+        let fields: Vec<&Assessment> = verdict.iter().filter(|f| f.of == UseCase::Field).collect();
+        assert_eq!(
+            fields.iter().map(|f| f.word).collect::<Vec<_>>(),
+            [Grade::Holds, Grade::Roughly, Grade::NotMeasured]
+        );
+        assert_eq!(fields[0].figure(), "velocity: explains 96.0 % of the variance of means in cells of 2.0000");
+        assert!(fields[0].why.contains("RMS error 40.0000 km/s of 200.0000 km/s"), "{}", fields[0].why);
+        assert!(Assessment::verdict(Some(&certificate()), &metadata).iter().all(|f| f.of != UseCase::Field));
     }
 
     #[test]

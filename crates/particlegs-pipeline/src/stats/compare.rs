@@ -3,11 +3,14 @@
 use super::aperture::{aperture_mass, counts_within, group_center};
 use super::boxes::check_boxes;
 use super::density::{central_slice, compare_density, density_pdf, mean_mass};
+use super::dispersion::halo_dispersions;
 use super::haloes::{HaloPlaces, HaloSide, halo_profiles};
 use super::likelihood::likelihood;
 use super::linking::{LinkedGroups, LinkedParticles, length_in};
 use super::moments::axis_moments;
+use super::multipoles::{momentum_spectra, multipoles};
 use super::neighbours::{NeighbourOptions, nearest_distances};
+use super::options::OF_VELOCITIES;
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
 use super::points::local_positions;
 use super::profile::axis_profiles;
@@ -15,16 +18,18 @@ use super::rdf::rdf_edges;
 use super::report::{DensityReport, GroupReport, Statistics, XiByTransform};
 use super::spectrum::{SpectrumOptions, TransformPair, spectra, transform_pair};
 use super::subject::ConvertedSubject;
+use super::velocities::{displacement, unit_of, velocity_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
-    AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, NearestDistances,
-    PairCounts, SizeClass, StatsOptions, Subject, Summary, deposit, deposit_bytes, deposit_steps, longest_link,
-    size_histogram,
+    AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, Multipoles,
+    NearestDistances, PairCounts, ParticleVelocities, SizeClass, StatsOptions, StatsSide, Subject, Summary, deposit,
+    deposit_bytes, deposit_steps, longest_link, size_histogram,
 };
 use crate::context::Context;
 use crate::model::LawKind;
 use crate::particles::Particles;
 use crate::{Error, Result, parallel};
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// Sizes of groups whose cores are compared.
@@ -41,8 +46,18 @@ const HALO_SPACINGS: f64 = 2.0;
 const WIDEST_SEPARATIONS: f64 = 1e9;
 
 /// Measures `other` against `truth`, in the units of the truth.
-pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
+pub fn compare<'a>(
+    truth: impl Into<StatsSide<'a>>,
+    other: impl Into<StatsSide<'a>>,
+    o: &StatsOptions,
+    context: &Context<'_>,
+) -> Result<Statistics> {
+    compare_sides([truth.into(), other.into()], o, context)
+}
+
+fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
     check(o)?;
+    let [truth, other] = sides.map(|s| s.subject);
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {
         if subject.count() == 0 {
             return Err(Error::input(name, "there are no particles to measure"));
@@ -84,7 +99,27 @@ pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context
         Some(truth) if of_pairs(Measure::Groups) => job.groups(positions, truth, &mut notes)?,
         _ => None,
     };
-    let haloes = if wants(Measure::Haloes) { job.haloes(positions, truth_groups.as_ref(), &mut notes)? } else { None };
+    let moving = if o.needs_velocities() { job.velocities(sides, &mut notes)? } else { None };
+    let about_centers = wants(Measure::Haloes) || wants(Measure::Dispersion) && moving.is_some();
+    let centers = if about_centers { job.centers(positions[0], truth_groups.as_ref(), &mut notes)? } else { None };
+    let places = centers.as_ref().map(|(centers, radii)| HaloPlaces { centers, radii, bins: o.halo_bins });
+    let haloes = match &places {
+        Some(places) if wants(Measure::Haloes) => Some(job.haloes(positions, places)?),
+        _ => None,
+    };
+    let of_velocities = |m| moving.as_ref().filter(|_| wants(m)).map(|pair| [&*pair[0], &*pair[1]]);
+    let velocity_unit = moving.as_ref().and_then(unit_of).map(str::to_string);
+    let multipoles = match of_velocities(Measure::Multipoles) {
+        Some(pair) => job.multipoles(pair, velocity_unit.as_deref(), &mut notes)?,
+        None => None,
+    };
+    let momentum = of_velocities(Measure::Momentum)
+        .map(|pair| momentum_spectra(pair, &job.domain, &job.spectrum_options(), context))
+        .transpose()?;
+    let dispersion = of_velocities(Measure::Dispersion)
+        .zip(places.as_ref())
+        .map(|(pair, places)| halo_dispersions(pair, &job.domain, places, context))
+        .transpose()?;
     let mut statistics = Statistics {
         options: o.clone(),
         domain: job.domain,
@@ -102,6 +137,10 @@ pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context
         rdf,
         profiles,
         haloes,
+        velocity_unit,
+        multipoles,
+        momentum,
+        dispersion,
         summary: Summary::default(),
         notes,
     };
@@ -183,7 +222,8 @@ impl ComparisonJob<'_> {
 
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![];
-        if self.wants(&[Measure::Spectrum]) && self.domain.periodic.contains(&false) && !self.paper() {
+        if self.wants(&[Measure::Spectrum, Measure::Momentum]) && self.domain.periodic.contains(&false) && !self.paper()
+        {
             notes.push("some axes are not periodic, but P(k) treats them as periodic".into());
         }
         let bounds = self.pair[0].bounds();
@@ -253,6 +293,20 @@ impl ComparisonJob<'_> {
         })
     }
 
+    fn spectrum_options(&self) -> SpectrumOptions {
+        let cells = self.o.spectrum_cells;
+        let grid_limit = PI * cells as f64 / self.domain.longest();
+        let wanted = self.o.k_max.unwrap_or(PI / self.spacing(0));
+        SpectrumOptions {
+            cells,
+            assignment: if self.paper() { super::Assignment::Ngp } else { self.o.spectrum_assignment },
+            interlaced: self.o.interlaced && !self.paper(),
+            deconvolved: !self.paper(),
+            shot_noise_subtracted: !self.paper(),
+            k_max: if self.paper() { grid_limit } else { wanted.min(grid_limit) },
+        }
+    }
+
     fn spectrum(&self) -> Result<(Option<super::Spectra>, Option<XiByTransform>)> {
         let domain = if self.paper() {
             // One length for all three axes: the grid's cells are taken for cubes.
@@ -260,20 +314,10 @@ impl ComparisonJob<'_> {
         } else {
             self.domain
         };
-        let cells = self.o.spectrum_cells;
-        let grid_limit = PI * cells as f64 / domain.longest();
-        let wanted = self.o.k_max.unwrap_or(PI / self.spacing(0));
-        let options = SpectrumOptions {
-            cells,
-            assignment: if self.paper() { super::Assignment::Ngp } else { self.o.spectrum_assignment },
-            interlaced: self.o.interlaced && !self.paper(),
-            deconvolved: !self.paper(),
-            shot_noise_subtracted: !self.paper(),
-            k_max: if self.paper() { grid_limit } else { wanted.min(grid_limit) },
-        };
+        let (cells, options) = (self.o.spectrum_cells, self.spectrum_options());
         let grid =
             if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
-        let pair: TransformPair = transform_pair(self.pair, &grid, &domain, &options, self.context)?;
+        let pair: TransformPair = transform_pair(self.pair, [None; 2], &grid, &domain, &options, self.context)?;
         let spectra = spectra(&pair, &domain, &options, self.context)?;
         // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
         let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));
@@ -339,7 +383,7 @@ impl ComparisonJob<'_> {
     /// Positions of either side, where it has any and something is measured of them.
     fn positions(&self) -> Result<[Vec<[f64; 3]>; 2]> {
         let of_pairs = self.both_particles().is_some() && self.wants(&[Measure::Pairs, Measure::Groups, Measure::Rdf]);
-        let needed = of_pairs || self.wants(&[Measure::Haloes]);
+        let needed = of_pairs || self.wants(&[Measure::Haloes, Measure::Dispersion]);
         let particles = self.pair.map(|s| s.particles().filter(|_| needed));
         let bytes = particles.iter().flatten().map(|p| 24 * p.len() as u64).sum();
         particlegs_files::memory::require("positions", bytes)?;
@@ -349,7 +393,8 @@ impl ComparisonJob<'_> {
     /// The truth's groups, where they are asked for or stand for haloes' centres. `None`, and a note, in a box too
     /// thin for links of that length.
     fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<LinkedGroups>> {
-        let centers = self.wants(&[Measure::Haloes]) && self.o.centers.is_none() && !positions.is_empty();
+        let centers =
+            self.wants(&[Measure::Haloes, Measure::Dispersion]) && self.o.centers.is_none() && !positions.is_empty();
         let measured = self.wants(&[Measure::Groups]) && self.both_particles().is_some();
         if centers || measured { self.find_groups(positions, 0, notes) } else { Ok(None) }
     }
@@ -387,13 +432,13 @@ impl ComparisonJob<'_> {
         Ok(found)
     }
 
-    /// `None`, and a note, where there are no centres.
-    fn haloes(
+    /// Centres and the largest radius about each. `None`, and a note, where there are none.
+    fn centers(
         &self,
-        positions: [&[[f64; 3]]; 2],
+        positions: &[[f64; 3]],
         truth: Option<&LinkedGroups>,
         notes: &mut Vec<String>,
-    ) -> Result<Option<HaloProfiles>> {
+    ) -> Result<Option<(Vec<[f64; 3]>, Vec<f64>)>> {
         let repeats = (0..3).filter(|k| self.domain.periodic[*k]).map(|k| 0.5 * self.domain.length[k]);
         let longest = repeats.fold(f64::INFINITY, f64::min);
         let default = (HALO_SPACINGS * self.spacing(0)).min(longest);
@@ -401,7 +446,7 @@ impl ComparisonJob<'_> {
             (Some(given), _) => given.iter().map(|(c, r)| (self.domain.local(*c), *r)).unzip(),
             (None, Some(found)) => {
                 let large = found.groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
-                let center = |m: &Vec<u32>| (group_center(positions[0], m, &self.domain), None);
+                let center = |m: &Vec<u32>| (group_center(positions, m, &self.domain), None);
                 parallel::map(large, center).into_iter().unzip()
             }
             (None, None) => (vec![], vec![]),
@@ -414,9 +459,46 @@ impl ComparisonJob<'_> {
         if let Some(r) = radii.iter().find(|r| **r > longest) {
             return Err(Error::argument(format!("the halo radius {r:.6} is more than half the box, {longest:.6}")));
         }
+        Ok(Some((centers, radii)))
+    }
+
+    fn haloes(&self, positions: [&[[f64; 3]]; 2], places: &HaloPlaces<'_>) -> Result<HaloProfiles> {
         let side = |s: usize| HaloSide { subject: self.pair[s], positions: positions[s] };
-        let places = HaloPlaces { centers: &centers, radii: &radii, bins: self.o.halo_bins };
-        halo_profiles([side(0), side(1)], &self.domain, &places, self.context).map(Some)
+        halo_profiles([side(0), side(1)], &self.domain, places, self.context)
+    }
+
+    /// Velocities of both sides. `None`, and a note, where one has none.
+    fn velocities<'s>(
+        &self,
+        sides: [StatsSide<'s>; 2],
+        notes: &mut Vec<String>,
+    ) -> Result<Option<[Cow<'s, ParticleVelocities>; 2]>> {
+        let found = velocity_pair(sides)?;
+        if let Err(why) = &found {
+            let wanted: Vec<&str> = OF_VELOCITIES.iter().filter(|m| self.wants(&[**m])).map(|m| m.name()).collect();
+            notes.push(format!("no {}: {why}", wanted.join(", ")));
+        }
+        Ok(found.ok())
+    }
+
+    /// `None`, and a note, where velocities cannot be turned into lengths, and in a box that is not periodic.
+    fn multipoles(
+        &self,
+        pair: [&ParticleVelocities; 2],
+        unit: Option<&str>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<Multipoles>> {
+        let moved = match self.domain.periodic {
+            [true, true, true] => displacement(self.pair, unit),
+            _ => Err("the box is not periodic along all axes".into()),
+        };
+        match moved {
+            Ok(moved) => multipoles(pair, moved, &self.domain, &self.spectrum_options(), self.context).map(Some),
+            Err(why) => {
+                notes.push(format!("no multipoles: {why}"));
+                Ok(None)
+            }
+        }
     }
 
     /// `None`, and a note, in a box too thin for links of the other's length.

@@ -67,7 +67,7 @@ impl HaloPlaces<'_> {
         (0..=self.bins).map(|i| SMALLEST.powf(1.0 - i as f64 / self.bins as f64)).collect()
     }
 
-    fn largest(&self) -> f64 {
+    pub fn largest(&self) -> f64 {
         self.radii.iter().copied().fold(0.0, f64::max)
     }
 }

@@ -7,12 +7,15 @@
 //! their cores (`aperture`); in zooms of the finest particles (`linking`); groups are compared by size (`sizes`); nearest neighbours use the particles' tree (`neighbours`).
 //! Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres (`haloes`) are of
 //! particles or of the Gaussians themselves (`sphere`), which particles are scored under, too (`likelihood`).
+//! Particles with velocities (`velocities`) have power in redshift space and of their momentum (`multipoles`), and
+//! dispersions about centres (`dispersion`).
 
 mod aperture;
 mod boxes;
 mod compare;
 mod density;
 mod deposit;
+mod dispersion;
 mod gaussian;
 mod grid;
 mod groups;
@@ -20,6 +23,7 @@ mod haloes;
 mod likelihood;
 mod linking;
 mod moments;
+mod multipoles;
 mod neighbours;
 mod options;
 mod pairs;
@@ -38,6 +42,7 @@ mod spectrum_tests;
 mod subject;
 mod summary;
 mod transform;
+mod velocities;
 mod xi_transform;
 
 pub use crate::particles::domain::Domain;
@@ -48,6 +53,7 @@ pub use compare::compare;
 pub use density::{DensityComparison, DensityPdf};
 pub use deposit::{Field, deposit};
 pub(crate) use deposit::{deposit_bytes, deposit_steps};
+pub use dispersion::HaloDispersions;
 pub(crate) use gaussian::DepositScratch;
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
@@ -56,6 +62,7 @@ pub(crate) use likelihood::likelihood;
 pub use likelihood::{FieldAtPoints, Likelihood};
 pub(crate) use linking::LinkedParticles;
 pub use moments::AxisMoments;
+pub use multipoles::{MultipoleShell, Multipoles};
 pub use neighbours::NearestDistances;
 pub(crate) use neighbours::{NeighbourOptions, nearest_distances};
 pub use options::{Convention, Measure, StatsOptions};
@@ -70,3 +77,4 @@ pub(crate) use spectrum::{CachedTransform, SpectrumOptions, power_spectra, spect
 pub use spectrum::{Shell, Spectra};
 pub use subject::Subject;
 pub(crate) use summary::{FEWEST_GROUPS, largest_deviation_of_numbers, sizes_within};
+pub use velocities::{ParticleVelocities, StatsSide};

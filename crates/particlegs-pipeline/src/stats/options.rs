@@ -17,6 +17,9 @@ particlegs_core::named_values! {
         Rdf = "rdf": "g(r), the radial distribution function",
         Profile = "profile": "Density along the axes",
         Haloes = "haloes": "Density and enclosed mass around centres",
+        Multipoles = "multipoles": "P0, P2 and P4 in redshift space",
+        Momentum = "momentum": "P(k) of the momentum",
+        Dispersion = "dispersion": "Velocity dispersion around centres",
     }
 }
 
@@ -86,6 +89,16 @@ pub struct StatsOptions {
     /// Seed of samples.
     pub seed: u64,
 }
+
+impl StatsOptions {
+    /// Is anything measured of velocities?
+    pub fn needs_velocities(&self) -> bool {
+        self.measures.iter().any(|m| OF_VELOCITIES.contains(m))
+    }
+}
+
+/// Measures of velocities.
+pub(super) const OF_VELOCITIES: [Measure; 3] = [Measure::Multipoles, Measure::Momentum, Measure::Dispersion];
 
 impl Default for StatsOptions {
     fn default() -> Self {

@@ -1,8 +1,8 @@
 //! What [`super::compare`] measures, as plain data. Pairs are truth, then other.
 
 use super::{
-    ApertureMass, AxisMoments, AxisProfile, DensityComparison, DensityPdf, Domain, HaloProfiles, Likelihood,
-    NearestDistances, PairCounts, SizeClass, Spectra, StatsOptions,
+    ApertureMass, AxisMoments, AxisProfile, DensityComparison, DensityPdf, Domain, HaloDispersions, HaloProfiles,
+    Likelihood, Multipoles, NearestDistances, PairCounts, SizeClass, Spectra, StatsOptions,
 };
 use serde::{Serialize, Serializer};
 
@@ -44,6 +44,14 @@ pub struct Statistics {
     pub profiles: Option<[AxisProfile; 3]>,
     /// Density and enclosed mass about centres.
     pub haloes: Option<HaloProfiles>,
+    /// Unit of velocities, where it is known.
+    pub velocity_unit: Option<String>,
+    /// Power in redshift space.
+    pub multipoles: Option<Multipoles>,
+    /// Power of the momentum: (unit of velocity)^2 times volume.
+    pub momentum: Option<Spectra>,
+    /// Velocity dispersions about centres.
+    pub dispersion: Option<HaloDispersions>,
     /// The figures that a table shows.
     pub summary: Summary,
     /// What a reader must know: choices made, things left out.
@@ -94,6 +102,16 @@ pub struct Summary {
     pub profile_half_mass_height: [Option<f64>; 2],
     /// Median of enclosed mass, other / truth, within the largest radius about centres.
     pub halo_mass: Option<f64>,
+    /// P0 in redshift space is within 1 % up to here.
+    pub monopole_within_1_percent_to: Option<f64>,
+    /// P0 in redshift space is within 5 % up to here.
+    pub monopole_within_5_percent_to: Option<f64>,
+    /// Largest |P2_other - P2_truth| / P0_truth of any shell.
+    pub largest_quadrupole_deviation: Option<f64>,
+    /// P(k) of the momentum is within 5 % up to here.
+    pub momentum_within_5_percent_to: Option<f64>,
+    /// Median of velocity dispersions about centres, other / truth.
+    pub halo_dispersion: Option<f64>,
 }
 
 /// Densities on one grid.

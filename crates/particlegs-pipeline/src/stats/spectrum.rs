@@ -5,6 +5,7 @@
 //! assignment's window, a power of sinc on each axis, is divided out, and the shot noise
 //! V sum w^2 / (sum w)^2 subtracted.
 
+use super::density::mean_mass;
 use super::deposit::deposit_again;
 use super::transform::{Modes, transform, transform_bytes};
 use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
@@ -64,9 +65,11 @@ pub struct Spectra {
     pub shells: Vec<Shell>,
 }
 
-/// Interlaced, deconvolved modes of a subject's delta, and what the window left.
+/// Interlaced, deconvolved modes of a subject's delta, and what the window left; in units of `mean`, a cell's mean, or of
+/// its own.
 pub(super) fn modes_of(
     subject: Subject<'_>,
+    mean: Option<f64>,
     grid: &Grid,
     most: [usize; 3],
     o: &SpectrumOptions,
@@ -77,22 +80,23 @@ pub(super) fn modes_of(
         Some(field) => deposit_again(subject, field, scheme, 0.5 * moved as f64, context),
         None => deposit(subject, grid, scheme, 0.5 * moved as f64, context),
     };
-    modes_of_fields(&field, scheme, most, o, context)
+    modes_of_fields(&field, (scheme, mean), most, o, context)
 }
 
 /// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1), which may take the first one's
 /// memory.
 fn modes_of_fields(
     field: &dyn Fn(usize, Option<Field>) -> Result<Field>,
-    scheme: Assignment,
+    (scheme, mean): (Assignment, Option<f64>),
     most: [usize; 3],
     o: &SpectrumOptions,
     context: &Context<'_>,
 ) -> Result<Modes> {
     let first = field(0, None)?;
     let grid = first.grid;
-    let mut modes = transform(&first, most, context)?;
-    let second = if o.interlaced { Some(transform(&field(1, Some(first))?, most, context)?) } else { None };
+    let modes_of = |f: &Field| transform(f, mean.unwrap_or_else(|| mean_mass(f)), most, context);
+    let mut modes = modes_of(&first)?;
+    let second = if o.interlaced { Some(modes_of(&field(1, Some(first))?)?) } else { None };
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
     let window: [Vec<f64>; 3] = each_axis(|k| {
@@ -127,14 +131,14 @@ pub(super) fn mode_limits(grid: &Grid, domain: &Domain, k_max: f64) -> [usize; 3
     })
 }
 
-/// Wave number, weight and place of every mode kept, plane by plane of x.
+/// Place, wave vector, wave number and weight of every mode kept, plane by plane of x.
 pub(super) fn visit_plane(
     modes: &Modes,
     domain: &Domain,
     i: usize,
     k_max: f64,
     context: &Context<'_>,
-    mut visit: impl FnMut(usize, f64, u64),
+    mut visit: impl FnMut(usize, [f64; 3], f64, u64),
 ) -> Result<()> {
     let (columns, depth) = modes.plane();
     let base: [f64; 3] = domain.length.map(|l| 2.0 * PI / l);
@@ -148,7 +152,7 @@ pub(super) fn visit_plane(
             let k = (kx * kx + ky * ky + kz * kz).sqrt();
             if k > 0.0 && k <= k_max {
                 // The half with negative z is not stored.
-                visit((i * columns + j) * depth + c, k, if c == 0 { 1 } else { 2 });
+                visit((i * columns + j) * depth + c, [kx, ky, kz], k, if c == 0 { 1 } else { 2 });
             }
         }
     }
@@ -164,9 +168,11 @@ pub(super) struct TransformPair {
     pub grid: Grid,
 }
 
-/// Transforms both. `domain` gives the wave numbers of the grid's modes.
+/// Transforms both, each in units of a cell's mean that is given, or of its own. `domain` gives the wave numbers of the
+/// grid's modes.
 pub(super) fn transform_pair(
     [a, b]: [Subject<'_>; 2],
+    means: [Option<f64>; 2],
     grid: &Grid,
     domain: &Domain,
     o: &SpectrumOptions,
@@ -182,10 +188,70 @@ pub(super) fn transform_pair(
     let passes = if o.interlaced { 2 } else { 1 };
     let steps = [a, b].iter().map(|s| deposit_steps(*s, grid) + grid.len() as u64).sum::<u64>();
     context.begin("power spectra", passes * steps);
-    let first = modes_of(a, grid, most, o, context)?;
-    let second = modes_of(b, grid, most, o, context)?;
+    let first = modes_of(a, means[0], grid, most, o, context)?;
+    let second = modes_of(b, means[1], grid, most, o, context)?;
     context.end();
     Ok(TransformPair { modes: [first, second], shot_noise: [a.shot_noise(domain), b.shot_noise(domain)], grid: *grid })
+}
+
+/// Sums over the modes of each shell of width 2 pi / longest edge; shell s is centred at s + 1 widths.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ShellSums {
+    width: f64,
+    count: Vec<u64>,
+    /// Wave number, weight, and weighted powers of the first field, the second and both.
+    terms: Vec<[f64; 5]>,
+}
+
+impl ShellSums {
+    /// Sums over the modes of a pair, whose powers count by the weights that their wave vectors and numbers have.
+    pub fn new(
+        pair: &TransformPair,
+        domain: &Domain,
+        k_max: f64,
+        weight: impl Fn([f64; 3], f64) -> f64 + Sync,
+        context: &Context<'_>,
+    ) -> Result<Self> {
+        let width = 2.0 * PI / domain.longest();
+        let bins = ((k_max / width + 0.5).floor() as usize).max(1);
+        let zero = ShellSums { width, count: vec![0; bins], terms: vec![[0.0; 5]; bins] };
+        let [a, b] = &pair.modes;
+        let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
+            let mut own = zero.clone();
+            visit_plane(a, domain, i, k_max, context, |at, wave, k, times| {
+                let bin = (k / width - 0.5).max(0.0) as usize;
+                if bin < bins {
+                    let (x, y, n, w) = (a.value[at], b.value[at], times as f64, weight(wave, k));
+                    own.count[bin] += times;
+                    let terms = [k, w, w * x.norm_sqr(), w * y.norm_sqr(), w * (x * y.conj()).re];
+                    (0..5).for_each(|t| own.terms[bin][t] += n * terms[t]);
+                }
+            })?;
+            Ok(own)
+        })?;
+        let mut all = zero;
+        planes.iter().for_each(|p| all.add(p));
+        Ok(all)
+    }
+
+    fn add(&mut self, other: &ShellSums) {
+        self.count.iter_mut().zip(&other.count).for_each(|(a, b)| *a += b);
+        self.terms.iter_mut().zip(&other.terms).for_each(|(a, b)| (0..5).for_each(|t| a[t] += b[t]));
+    }
+
+    /// Adds weights and powers of other fields on the same modes.
+    pub fn add_power(&mut self, other: &ShellSums) {
+        self.terms.iter_mut().zip(&other.terms).for_each(|(a, b)| (1..5).for_each(|t| a[t] += b[t]));
+    }
+
+    /// Those shells that have modes: edges, number of modes, and means of the terms over them.
+    pub fn means(&self) -> impl Iterator<Item = ([f64; 2], u64, [f64; 5])> {
+        (0..self.count.len()).filter(|bin| self.count[*bin] > 0).map(|bin| {
+            let low = if bin == 0 { 0.0 } else { (bin as f64 + 0.5) * self.width };
+            let edges = [low, (bin as f64 + 1.5) * self.width];
+            (edges, self.count[bin], self.terms[bin].map(|v| v / self.count[bin] as f64))
+        })
+    }
 }
 
 /// P(k), cross power and r(k) of a pair, in shells of width 2 pi / longest edge.
@@ -195,45 +261,30 @@ pub(super) fn spectra(
     o: &SpectrumOptions,
     context: &Context<'_>,
 ) -> Result<Spectra> {
-    let width = 2.0 * PI / domain.longest();
-    // Shell s is centred at s + 1 widths.
-    let bins = ((o.k_max / width + 0.5).floor() as usize).max(1);
-    let [a, b] = &pair.modes;
-    let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
-        let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
-        visit_plane(a, domain, i, o.k_max, context, |at, k, weight| {
-            let bin = (k / width - 0.5).max(0.0) as usize;
-            if bin < bins {
-                let (x, y, w) = (a.value[at], b.value[at], weight as f64);
-                count[bin] += weight;
-                let terms = [k, x.norm_sqr(), y.norm_sqr(), (x * y.conj()).re];
-                (0..4).for_each(|t| sum[bin][t] += w * terms[t]);
-            }
-        })?;
-        Ok((count, sum))
-    })?;
-    let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
-    for (c, s) in planes {
-        for bin in 0..bins {
-            count[bin] += c[bin];
-            (0..4).for_each(|t| sum[bin][t] += s[bin][t]);
-        }
-    }
-    let noise = if o.shot_noise_subtracted { pair.shot_noise } else { [0.0; 2] };
-    let shells = (0..bins)
-        .filter(|bin| count[*bin] > 0)
-        .map(|bin| {
-            let n = count[bin] as f64;
-            let [k, xx, yy, xy] = sum[bin].map(|v| v / n);
+    let sums = ShellSums::new(pair, domain, o.k_max, |_, _| 1.0, context)?;
+    Ok(spectra_of_sums(&sums, pair.shot_noise, &pair.grid, domain, o))
+}
+
+/// The same of sums over modes.
+pub(super) fn spectra_of_sums(
+    sums: &ShellSums,
+    shot_noise: [f64; 2],
+    grid: &Grid,
+    domain: &Domain,
+    o: &SpectrumOptions,
+) -> Spectra {
+    let noise = if o.shot_noise_subtracted { shot_noise } else { [0.0; 2] };
+    let shells = sums
+        .means()
+        .map(|(edges, modes, [k, _, xx, yy, xy])| {
             let (raw, cross) = ([xx, yy].map(|v| v * domain.volume()), xy * domain.volume());
-            let clean: [f64; 2] = std::array::from_fn(|s| raw[s] - pair.shot_noise[s]);
+            let clean: [f64; 2] = std::array::from_fn(|s| raw[s] - shot_noise[s]);
             let power: [f64; 2] = std::array::from_fn(|s| raw[s] - noise[s]);
             let over = |p: [f64; 2]| (p[0] > 0.0 && p[1] > 0.0).then(|| cross / (p[0].sqrt() * p[1].sqrt()));
-            let low = if bin == 0 { 0.0 } else { (bin as f64 + 0.5) * width };
             Shell {
-                edges: [low, (bin as f64 + 1.5) * width],
+                edges,
                 k,
-                modes: count[bin],
+                modes,
                 power,
                 cross,
                 ratio: (power[0] > 0.0).then(|| power[1] / power[0]),
@@ -242,7 +293,7 @@ pub(super) fn spectra(
             }
         })
         .collect();
-    Ok(Spectra { options: *o, cells: pair.grid.cells, shot_noise: pair.shot_noise, shells })
+    Spectra { options: *o, cells: grid.cells, shot_noise, shells }
 }
 
 /// Spectra of two subjects over a domain. Axes that do not repeat are taken as if they did.
@@ -253,7 +304,7 @@ pub fn power_spectra(
     context: &Context<'_>,
 ) -> Result<Spectra> {
     let grid = Grid::new(domain, o.cells);
-    spectra(&transform_pair(subjects, &grid, domain, o, context)?, domain, o, context)
+    spectra(&transform_pair(subjects, [None; 2], &grid, domain, o, context)?, domain, o, context)
 }
 
 /// One subject's transform, kept to be compared with one other after the other.
@@ -275,7 +326,7 @@ impl CachedTransform {
         particlegs_files::memory::require("the power spectrum's grid", bytes)?;
         let passes = if o.interlaced { 2 } else { 1 };
         context.begin("power spectrum", passes * (deposit_steps(subject, &grid) + grid.len() as u64));
-        let modes = modes_of(subject, &grid, most, o, context)?;
+        let modes = modes_of(subject, None, &grid, most, o, context)?;
         context.end();
         Ok(CachedTransform { domain: *domain, grid, options: *o, modes, shot_noise: subject.shot_noise(domain) })
     }
@@ -310,7 +361,7 @@ pub(crate) fn spectra_of(
     let most = mode_limits(&grid, domain, o.k_max);
     let modes = |side: usize| {
         let scheme = if side == 0 { o.assignment } else { Assignment::Ngp };
-        modes_of_fields(&|moved, _| field(side, moved), scheme, most, o, context)
+        modes_of_fields(&|moved, _| field(side, moved), (scheme, None), most, o, context)
     };
     spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, context)
 }

@@ -79,7 +79,7 @@ fn one_gaussian_has_its_power_and_its_xi() {
     let o = options(64, 20.0);
     let subject = Subject::Model(&model);
     let pair =
-        transform_pair([subject, subject], &Grid::new(&domain(length), 64), &domain(length), &o, &Context::SILENT)
+        transform_pair([subject; 2], [None; 2], &Grid::new(&domain(length), 64), &domain(length), &o, &Context::SILENT)
             .unwrap();
     let s = spectra(&pair, &domain(length), &o, &Context::SILENT).unwrap();
     assert_eq!(s.shot_noise, [0.0, 0.0]);

@@ -3,7 +3,7 @@
 use super::Domain;
 use crate::Result;
 use crate::context::Context;
-use crate::model::{Mixture, Model, UnitSystem};
+use crate::model::{Cosmology, Epoch, Mixture, Model, UnitSystem};
 use crate::particles::{Particles, Storage};
 use crate::space::Bounds;
 
@@ -22,7 +22,23 @@ pub(super) enum ConvertedSubject {
     Model(Box<Model>),
 }
 
+impl ConvertedSubject {
+    pub(super) fn particles(self) -> Option<Particles> {
+        match self {
+            ConvertedSubject::Particles(p) => Some(*p),
+            ConvertedSubject::Model(_) => None,
+        }
+    }
+}
+
 impl<'a> Subject<'a> {
+    pub(super) fn moment(&self) -> (&'a Epoch, &'a Cosmology) {
+        match self {
+            Subject::Particles(p) => (&p.meta.epoch, &p.meta.cosmology),
+            Subject::Model(m) => (&m.metadata.epoch, &m.metadata.cosmology),
+        }
+    }
+
     pub(super) fn unit_system(&self) -> UnitSystem<'a> {
         match self {
             Subject::Particles(p) => p.meta.unit_system(),

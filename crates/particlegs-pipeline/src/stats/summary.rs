@@ -2,7 +2,7 @@
 
 use super::rdf::largest_difference;
 use super::report::{Statistics, Summary, XiByTransform, xi_ratio};
-use super::{PairCounts, Shell, SizeClass, Spectra};
+use super::{MultipoleShell, Multipoles, PairCounts, Shell, SizeClass, Spectra};
 
 /// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
 /// number is its root.
@@ -39,6 +39,11 @@ impl Summary {
             profile_relative_difference: profile.map(|p| p.relative_difference),
             profile_half_mass_height: [0, 1].map(|side| profile.map(|p| p.half_mass_height[side])),
             halo_mass: s.haloes.as_ref().and_then(|h| *h.median.last()?),
+            monopole_within_1_percent_to: s.multipoles.as_ref().and_then(|m| m.monopole_within(0.01)),
+            monopole_within_5_percent_to: s.multipoles.as_ref().and_then(|m| m.monopole_within(0.05)),
+            largest_quadrupole_deviation: s.multipoles.as_ref().and_then(Multipoles::largest_quadrupole_deviation),
+            momentum_within_5_percent_to: s.momentum.as_ref().and_then(|m| m.power_within(0.05)),
+            halo_dispersion: s.dispersion.as_ref().and_then(|d| d.median),
         }
     }
 }
@@ -71,6 +76,25 @@ impl Spectra {
     /// The same for r(k), noise included, of at least `limit`.
     pub fn r_above(&self, limit: f64) -> Option<f64> {
         last_while(self.judged().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))))
+    }
+}
+
+impl Multipoles {
+    /// Shells in which P0 of the truth is more than its shot noise scatters.
+    fn judged(&self) -> impl Iterator<Item = &MultipoleShell> {
+        let scatter = |s: &MultipoleShell| self.shot_noise[0] / (0.5 * s.modes as f64).sqrt();
+        self.shells.iter().filter(move |s| s.monopole[0] > scatter(s))
+    }
+
+    /// The last judged shell's k up to which every P0 is within `limit` of the truth's.
+    pub fn monopole_within(&self, limit: f64) -> Option<f64> {
+        last_while(self.judged().map(|s| (s.k, (s.monopole[1] / s.monopole[0] - 1.0).abs() <= limit)))
+    }
+
+    /// The largest difference of P2 in any judged shell, in units of the truth's P0.
+    fn largest_quadrupole_deviation(&self) -> Option<f64> {
+        let of = |s: &MultipoleShell| ((s.quadrupole[1] - s.quadrupole[0]) / s.monopole[0]).abs();
+        self.judged().map(of).reduce(f64::max)
     }
 }
 

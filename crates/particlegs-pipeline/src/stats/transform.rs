@@ -5,7 +5,6 @@
 //! field. The transforms are scalar f64: the same bits on every machine.
 
 use super::Field;
-use super::density::mean_mass;
 use crate::context::Context;
 use crate::{Result, parallel};
 use realfft::num_complex::Complex64;
@@ -50,12 +49,12 @@ fn place(m: i64, n: usize) -> usize {
     m.rem_euclid(n as i64) as usize
 }
 
-/// The modes of a field's delta up to `most`, each at most half the cells of its axis.
-pub fn transform(field: &Field, most: [usize; 3], context: &Context<'_>) -> Result<Modes> {
+/// The modes of a field's delta, in units of the mean `mean` of a cell, up to `most`, each at most half the cells of its
+/// axis.
+pub fn transform(field: &Field, mean: f64, most: [usize; 3], context: &Context<'_>) -> Result<Modes> {
     let n = field.grid.cells;
     assert!((0..3).all(|k| most[k] <= n[k] / 2), "modes that the grid has");
     particlegs_files::memory::require("a Fourier transform", transform_bytes(n, most))?;
-    let mean = mean_mass(field);
     let mut modes = Modes::zero(most);
     if mean <= 0.0 {
         return Ok(modes);
@@ -163,6 +162,7 @@ fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, context: &Context
 mod tests {
     use super::*;
     use crate::context::Context;
+    use crate::stats::density::mean_mass;
     use crate::stats::{Domain, Grid};
 
     /// Against the sum by hand, on a grid with odd, even and short axes.
@@ -174,7 +174,7 @@ mod tests {
         let field = Field { grid, mass, outside: 0.0 };
         let mean = mean_mass(&field);
         for most in [[3, 2, 4], [1, 2, 0], [0, 0, 3]] {
-            let modes = transform(&field, most, &Context::SILENT).unwrap();
+            let modes = transform(&field, mean, most, &Context::SILENT).unwrap();
             let (columns, depth) = modes.plane();
             for (at, value) in modes.value.iter().enumerate() {
                 let m = [

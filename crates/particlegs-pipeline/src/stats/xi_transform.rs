@@ -22,7 +22,7 @@ pub(super) fn xi_of_modes(
     let noise = pair.shot_noise.map(|n| n / domain.volume());
     let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
         let mut sum = vec![[0.0; 2]; bins];
-        visit_plane(a, domain, i, o.k_max, context, |at, k, weight| {
+        visit_plane(a, domain, i, o.k_max, context, |at, _, k, weight| {
             let w = weight as f64;
             let power = [w * (a.value[at].norm_sqr() - noise[0]), w * (b.value[at].norm_sqr() - noise[1])];
             let mut below = primitive(k, edges[0]);
