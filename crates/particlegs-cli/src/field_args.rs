@@ -5,8 +5,8 @@ use crate::drawing::ViewContent;
 use crate::drawing::field_colors::FieldLegend;
 use clap::Args;
 use particlegs_pipeline::model::{Model, Quantity};
-use particlegs_pipeline::picture::{Colormap, Plane, Size, ValueScale};
-use particlegs_pipeline::render::{FieldMap, FieldQuery, MapComponent, mean_vector};
+use particlegs_pipeline::picture::{Colormap, ValueScale};
+use particlegs_pipeline::render::{FieldMap, FieldQuery, MapComponent, first_means, mean_vector};
 use particlegs_pipeline::{Error, Result};
 
 #[derive(Args, Clone, Debug)]
@@ -50,12 +50,9 @@ pub struct FieldSource<'a> {
 impl FieldArgs {
     /// The field of this name, in a model.
     pub fn of_model(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
-        let samples = |name: &str| {
-            let own = model.blocks().filter_map(|b| b.gaussians.fields.get(name)).filter_map(|f| f.mean.first());
-            own.flatten().map(|v| *v as f32).collect()
-        };
         let quantities = &model.metadata.fields;
-        self.choice(name, &FieldSource { quantities, mean: &|name| mean_vector(model, name), samples: &samples }, map)
+        let (mean, samples) = (|name: &str| mean_vector(&model.layers, name), |name: &str| first_means(&model.layers, name));
+        self.choice(name, &FieldSource { quantities, mean: &mean, samples: &samples }, map)
     }
 
     pub fn choice(&self, name: &str, source: &FieldSource<'_>, map: Option<Colormap>) -> Result<FieldChoice> {
@@ -70,11 +67,7 @@ impl FieldArgs {
                 numbers => vector(numbers)?,
             };
         }
-        let scale = self.scale.unwrap_or_else(|| {
-            let data = if query.dispersion { Vec::new() } else { (source.samples)(&query.name) };
-            let size = Size { width: data.len(), height: 1 };
-            ValueScale::suited(&Plane { size, data }, query.is_signed())
-        });
+        let scale = self.scale.unwrap_or_else(|| query.scale(|| (source.samples)(&query.name)));
         let quantity = source.quantities.iter().find(|q| q.name == query.name);
         let unit = quantity.and_then(|q| q.unit.as_ref()).map_or(String::new(), |u| u.text.clone());
         let legend = FieldLegend { title: query.title(), unit, scale, map };
