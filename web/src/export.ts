@@ -123,7 +123,7 @@ export function commandFor(page: Page): string {
   const parts = [`particlegs render ${shellQuote(name.startsWith("-") ? `./${name}` : name)} --views views.json`];
   if (s.field) {
     parts.push(`--field ${shellQuote(s.field.name)}`);
-    if (s.field.bulk && mapOf(s.field.name, about)?.vector) parts.push("--bulk mean");
+    if (s.field.bulk && mapOf(s.field.name, about)?.moves) parts.push("--bulk mean");
     if (s.field.scale) parts.push(`--scale ${s.field.scale}`);
     if (s.field.shade) parts.push("--shade");
     if (s.field.colormap) parts.push(`--colormap ${s.field.colormap}`);

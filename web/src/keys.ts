@@ -4,7 +4,7 @@ import { panned, turned, zoomed } from "./camera";
 import type { KeyBinding } from "./input";
 import type { Page } from "./main";
 import type { Action } from "./panel";
-import { LOOKS, fieldColours, idleReason, type Control, type State } from "./state";
+import { LOOKS, idleReason, nextField, type Control, type State } from "./state";
 
 /** All keys of a page; `look(i)` views from +x, -x, +y, -y, +z or -z. */
 export function keyBindings(page: Page, act: (name: Action) => void, look: (which: number) => void): KeyBinding[] {
@@ -53,10 +53,10 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
     key(["l"], "l", "next style", unlessIdle("look", () => page.change({ look: next(LOOKS, page.state.look) }))),
     key(["f"], "f", "colour by the next field", () => {
       const { fields } = page.panes[0].about;
-      const names = [undefined, ...fields.flatMap((f) => f.maps.map((m) => m.name))];
+      const names = ["", ...fields.flatMap((f) => f.maps.map((m) => m.name))];
       if (fields.length === 0) return page.say("the model has no fields");
-      const name = next(names, page.state.field?.name);
-      page.change({ field: name ? { ...fieldColours(name), shade: page.state.field?.shade ?? false } : null, range: null });
+      const name = next(names, page.state.field?.name ?? "");
+      page.change({ field: nextField(name, page.state, page.panes[0].about), range: null });
     }),
     key(["m"], "m", "next colour map", unlessIdle("colormap", () => {
       const { colormaps } = page.panes[0].about;

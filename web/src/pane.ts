@@ -11,6 +11,10 @@ import { hasColorBar, mapOf, paintOf, sceneOf, type State } from "./state";
 
 /** Frames that take longer, in milliseconds, are drawn coarser in motion. */
 const SMOOTH = 30;
+/** If a map of a field takes longer, in milliseconds, the moving one has a quarter of its width and height. */
+const SLOW = 300;
+/** Milliseconds of rest before it is drawn in full, which a new movement has to wait for. */
+const LONG_REST = 600;
 /** Milliseconds between two pictures during decoding. */
 const SKETCH = 400;
 /** Milliseconds without a change before the picture is drawn in full. */
@@ -132,11 +136,11 @@ export class Pane {
         now = this.changed;
         const whole = this.decoded === 1;
         const moving = this.coarse > 1 || !whole;
-        await this.frame(this.state, moving ? 2 : 1);
+        await this.frame(this.state, moving ? Math.max(2, this.coarse) : 1);
         this.drawn = now;
         this.ended = performance.now();
         clearTimeout(this.rest);
-        if (moving && whole && this.changed === now) this.rest = setTimeout(() => void this.full(), REST);
+        if (moving && whole && this.changed === now) this.rest = setTimeout(() => void this.full(), this.coarse > 2 ? LONG_REST : REST);
         this.onframe(!moving && this.changed === now);
       }
     } catch (error) {
@@ -189,7 +193,7 @@ export class Pane {
     const took = performance.now() - began;
     if (coarse === 1) {
       this.milliseconds = took;
-      this.coarse = took > SMOOTH ? 2 : 1;
+      this.coarse = took > SMOOTH ? (state.field && took > SLOW ? 4 : 2) : 1;
     }
   }
 
@@ -302,7 +306,7 @@ export class Pane {
     const scale = s.field.scale || this.scale;
     if (!map || !scale) return null;
     const unit = map.unit ? ` (${map.unit})` : "";
-    const bulk = s.field.bulk && map.vector ? ", bulk motion subtracted" : "";
+    const bulk = s.field.bulk && map.moves ? ", bulk motion subtracted" : "";
     const note = [
       this.without.length > 0 ? `no values: ${this.without.join(", ")}` : "", s.field.shade ? "brightness: surface density" : "",
     ].filter((t) => t).join("; ");

@@ -2,7 +2,7 @@
 
 import { h } from "./dom";
 import type { ModelSummary, Vec3 } from "./protocol";
-import { LOOKS, diagonal, fieldColours, idleReason, type Control, type FieldColours, type Slab, type State } from "./state";
+import { LOOKS, diagonal, idleReason, isDispersion, nextField, type Control, type FieldColours, type Slab, type State } from "./state";
 import { formatNumber } from "./units";
 
 /** What the panel needs from the page. */
@@ -187,13 +187,12 @@ function styleSection(context: PanelContext): Widget {
 /** The menu of what colours the picture: the style, or a map of a field. */
 function colourBy(context: PanelContext): Widget {
   const groups = context.about.fields.map(({ name, unit, maps }) =>
-    h("optgroup", { label: unit ? `${name} (${unit})` : name }, ...maps.map((m) => h("option", { value: m.name, text: m.title }))));
+    h("optgroup", { label: unit ? `${name} (${unit})` : name }, ...maps.map((m) =>
+      h("option", { value: m.name, text: isDispersion(m.name) ? `${name} dispersion` : m.title, title: m.title }))));
   const box = h("select", {
     id: "colour-by",
     change: () => {
-      const { field } = context.state();
-      const chosen = box.value === "" ? null : { ...fieldColours(box.value), shade: field?.shade ?? false };
-      context.change({ field: chosen, range: null });
+      context.change({ field: nextField(box.value, context.state(), context.about), range: null });
     },
   }, h("option", { value: "", text: "density or brightness" }), ...groups);
   const element = h("label", { class: "row wide", hidden: groups.length === 0 }, "Colour by", box);

@@ -79,13 +79,22 @@ export function withOpening(o: Opening, usual: State, about: ModelSummary): Stat
 /** A field in its default colours. */
 export const fieldColours = (name: string): FieldColours => ({ name, bulk: false, scale: "", shade: false, colormap: "" });
 
-/** The title and unit of a map of a model's field, and whether the field is a vector; `undefined` if it has none. */
-export function mapOf(name: string | undefined, about: ModelSummary): { title: string; unit: string; vector: boolean } | undefined {
+/** Is a map one of dispersions, of which nothing is subtracted? */
+export const isDispersion = (name: string): boolean => name.startsWith("dispersion.");
+
+/** The title and unit of a map of a model's field, and whether bulk motion can be subtracted; `undefined` without it. */
+export function mapOf(name: string | undefined, about: ModelSummary): { title: string; unit: string; moves: boolean } | undefined {
   for (const { unit, vector, maps } of about.fields) {
     const map = maps.find((m) => m.name === name);
-    if (map) return { title: map.title, unit, vector };
+    if (map) return { title: map.title, unit, moves: vector && !isDispersion(map.name) };
   }
   return undefined;
+}
+
+/** The field to show next, none if `name` is empty: shading stays, and subtraction where it can. */
+export function nextField(name: string, { field }: State, about: ModelSummary): FieldColours | null {
+  if (name === "") return null;
+  return { ...fieldColours(name), shade: field?.shade ?? false, bulk: (field?.bulk && mapOf(name, about)?.moves) ?? false };
 }
 
 /** Whether colours show values: those of a field, or densities. */
@@ -100,7 +109,7 @@ export function idleReason(control: Control, s: State, about: ModelSummary, laye
   const other = s.field ? "colour by density or brightness" : "choose another style";
   switch (control) {
     case "field": return s.field ? null : about.fields.length > 0 ? "choose a field first" : "the model has no fields";
-    case "bulk": return s.field && mapOf(s.field.name, about)?.vector ? null : "only a vector has bulk motion";
+    case "bulk": return mapOf(s.field?.name, about)?.moves ? null : "only components of vectors have bulk motion";
     case "density": return s.field === null && s.look === "density" ? null : "the picture does not show densities";
     case "look":
       if (s.field) return "a field has no style: colour by density or brightness first";

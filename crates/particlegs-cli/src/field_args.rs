@@ -51,7 +51,8 @@ impl FieldArgs {
     /// The field of this name, in a model.
     pub fn of_model(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
         let quantities = &model.metadata.fields;
-        let (mean, samples) = (|name: &str| mean_vector(&model.layers, name), |name: &str| first_means(&model.layers, name));
+        let (mean, samples) =
+            (|name: &str| mean_vector(&model.layers, name), |name: &str| first_means(&model.layers, name));
         self.choice(name, &FieldSource { quantities, mean: &mean, samples: &samples }, map)
     }
 

@@ -46,7 +46,13 @@ pub(crate) fn joined(m: &Mixture, run: usize) -> Mixture {
 
 /// Adds the moments of a field over a run of Gaussians, whose joint position has this mean and covariance: the linear
 /// regression of all values on all places.
-fn join_field(to: &mut FieldMoments, m: &Mixture, field: &FieldMoments, all: &Range<usize>, (mean, cov): ([f64; 3], Sym3)) {
+fn join_field(
+    to: &mut FieldMoments,
+    m: &Mixture,
+    field: &FieldMoments,
+    all: &Range<usize>,
+    (mean, cov): ([f64; 3], Sym3),
+) {
     let count: f64 = m.count[all.clone()].iter().sum();
     let sum = |of: &dyn Fn(usize) -> f64| all.clone().map(|i| m.count[i] / count * of(i)).sum::<f64>();
     let slope = |c: usize, i: usize| each_axis(|k| field.slope[c][k][i]);

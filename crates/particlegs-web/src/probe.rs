@@ -123,8 +123,8 @@ pub(crate) fn seen(
     let t = (0..3).map(|k| along[k] * to[k]).sum::<f64>() / inverse.quadratic(along);
     let in_box = each_axis(|k| from[k] + t * along[k]);
     let near = weights(model, shown, in_box);
-    let number_density = near.iter().map(|(p, value)| p.m.count[p.i] * value).sum();
-    let density = near.iter().map(|(p, value)| p.unit * p.m.mass_of(p.i) * value).sum();
+    let number_density = near.iter().fold(0.0, |sum, (p, value)| sum + p.m.count[p.i] * value);
+    let density = near.iter().fold(0.0, |sum, (p, value)| sum + p.unit * p.m.mass_of(p.i) * value);
     let sight = along.map(|v| v / norm(along));
     let known = model.has_masses();
     Some(ProbeHit {
@@ -167,10 +167,8 @@ fn field(q: &Quantity, near: &[(GaussianRef<'_>, f64)], at: [f64; 3], sight: [f6
     for (p, value) in near {
         let Some(field) = p.m.fields.get(&q.name) else { continue };
         let weight = p.unit * p.m.mass_of(p.i) * value;
-        let own = each_axis(|k| if k < field.components() {
-            field.mean_at(k, p.i, each_axis(|a| at[a] - p.m.mean[a][p.i]))
-        } else {
-            0.0
+        let own = each_axis(|k| {
+            if k < field.components() { field.mean_at(k, p.i, each_axis(|a| at[a] - p.m.mean[a][p.i])) } else { 0.0 }
         });
         let spread = Sym3(std::array::from_fn(|c| field.spread.get(c).map_or(0.0, |s| s[p.i])));
         total += weight;

@@ -1,8 +1,8 @@
 //! Values of a field as colours: on a linear, a logarithmic or a signed scale.
 
+use super::Rgb8;
 use super::colormap::{Colormap, cool_to_warm};
 use super::plane::Plane;
-use super::Rgb8;
 use crate::parallel;
 
 crate::named_values! {
