@@ -65,6 +65,10 @@ export class Comparison {
     const { panes, state } = this.page;
     const pane = panes[0];
     const scene = sceneOf(state, pane.about, pane.size);
+    if (state.field) {
+      this.score.textContent = "To compare, colour by density or brightness: the page does not draw fields of all particles.";
+      return;
+    }
     if (scene.clip || scene.layers || scene.images) {
       this.score.textContent = "To compare, turn off the clip box, slabs along x, y or z and periodic images, and show all layers.";
       return;

@@ -7,7 +7,7 @@ import { withColorBar } from "./colorbar";
 import { drawOverlay } from "./overlay";
 import type { Page } from "./main";
 import type { Size } from "./protocol";
-import { fromViewsFile, paintOf, sceneOf, toLink, viewsFile, type State } from "./state";
+import { fromViewsFile, hasColorBar, mapOf, paintOf, sceneOf, toLink, viewsFile, type State } from "./state";
 import { canvasOf, encodeNpy, encodePng, encodeZip } from "./encode";
 
 const SIZES: [string, Size][] = [
@@ -20,12 +20,14 @@ const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
 /** Texts for the PNG: the view settings, as `render --like` reads them, and the link. */
 function pngTexts(page: Page, size: Size): Record<string, string> {
   const { state: s, panes: [pane], setup: { version } } = page;
-  const density = s.look === "density";
+  const shown = hasColorBar(s);
+  const field = s.field && { field: s.field.name, range: s.range ?? pane.range, unit: mapOf(s.field.name, pane.about)?.unit };
+  const density = { colormap: s.colormap, range: s.range ?? pane.range, unit: pane.about.units.surface };
   const provenance = {
-    particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: s.look,
+    particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: shown ? "density" : s.look,
     layers: s.hidden.length > 0 ? pane.about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n)) : [],
-    color_by_layer: s.byLayer && !density,
-    ...(density ? { colormap: s.colormap, range: s.range ?? pane.range, unit: pane.about.units.surface } : {}),
+    color_by_layer: s.byLayer && !shown,
+    ...(shown ? field ?? density : {}),
     ...(s.white ? { background: "white" } : {}),
     views: JSON.parse(viewsFile(s, pane.about, size)) as unknown,
   };
@@ -35,7 +37,7 @@ function pngTexts(page: Page, size: Size): Record<string, string> {
 /** What is drawn over a picture and beside it. */
 interface Annotations { lines: boolean; bar: boolean }
 
-/** A picture as PNG; for densities with the colour bar, if wanted. */
+/** A picture as PNG; for densities and fields with the colour bar, if wanted. */
 async function renderPng(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
   const pane = page.panes[0];
   state = { ...state, orbit: asWide(state.orbit, pane.size, size) };
@@ -47,18 +49,16 @@ async function renderPng(page: Page, state: State, size: Size, { lines, bar }: A
     drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marker);
     canvas.getContext("2d")!.drawImage(over, 0, 0);
   }
-  const whole = bar && range && state.look === "density"
-    ? withColorBar(canvas, range, await pane.mapColors(state.colormap, state.white), pane.about.units.surface, state.white) : canvas;
-  return encodePng(whole, pngTexts({ ...page, state }, size));
+  const content = bar ? await pane.bar(state, range) : null;
+  return encodePng(content ? withColorBar(canvas, content, state.white) : canvas, pngTexts({ ...page, state }, size));
 }
 
 export async function exportPng(page: Page): Promise<void> {
   const sizes = h("select", { name: "size" }, ...SIZES.map(([text], i) => h("option", { value: i, text })));
   const lines = h("input", { type: "checkbox", name: "lines" });
   const bar = h("input", { type: "checkbox", name: "bar", checked: true });
-  const density = page.state.look === "density";
   const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar, if shown"),
-    h("label", { class: "check", hidden: !density }, bar, "with colour bar"));
+    h("label", { class: "check", hidden: !hasColorBar(page.state) }, bar, "with colour bar"));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
   const size = asked.width ? asked : page.panes[0].size;
@@ -70,10 +70,14 @@ export async function exportPng(page: Page): Promise<void> {
 
 export async function exportNpy(page: Page): Promise<void> {
   const pane = page.panes[0];
-  const style = page.state.look === "density" ? "density" : "depth";
-  const { numbers } = await pane.values(sceneOf(page.state, pane.about, pane.size), style);
-  download(`${stem(page)}-${style}.npy`, encodeNpy(numbers, pane.size), "application/octet-stream");
-  page.say(style === "density" ? "saved surface densities; row 0 is the top" : "saved optical depths; row 0 is the top");
+  const { field, look } = page.state;
+  const style = look === "density" ? "density" : "depth";
+  const { numbers } = await pane.values(sceneOf(page.state, pane.about, pane.size), style, field);
+  download(`${stem(page)}-${field?.name ?? style}.npy`, encodeNpy(numbers, pane.size), "application/octet-stream");
+  const map = mapOf(field?.name, pane.about);
+  const what = map ? `${map.title}${map.unit ? ` in ${map.unit}` : ""}, NaN where there is no mass`
+    : style === "density" ? "surface densities" : "optical depths";
+  page.say(`saved ${what}; row 0 is the top`);
 }
 
 export function exportViews(page: Page): void {
@@ -116,15 +120,22 @@ const shellQuote = (word: string): string => (/^[\w./,][\w./,-]*$/.test(word) ? 
 export function commandFor(page: Page): string {
   const { state: s } = page;
   const [{ name, about }] = page.panes;
-  const parts = [`particlegs render ${shellQuote(name.startsWith("-") ? `./${name}` : name)} --views views.json --style ${s.look}`];
-  if (s.look === "density") {
-    parts.push(`--colormap ${s.colormap}`);
-    const range = s.range ?? page.panes[0].range;
-    if (range) parts.push(`--range ${range.map((v) => Number(v.toPrecision(6))).join(",")}`);
+  const parts = [`particlegs render ${shellQuote(name.startsWith("-") ? `./${name}` : name)} --views views.json`];
+  if (s.field) {
+    parts.push(`--field ${shellQuote(s.field.name)}`);
+    if (s.field.bulk && mapOf(s.field.name, about)?.moves) parts.push("--bulk mean");
+    if (s.field.scale) parts.push(`--scale ${s.field.scale}`);
+    if (s.field.shade) parts.push("--shade");
+    if (s.field.colormap) parts.push(`--colormap ${s.field.colormap}`);
+  } else {
+    parts.push(`--style ${s.look}`);
+    if (s.look === "density") parts.push(`--colormap ${s.colormap}`);
   }
+  const range = hasColorBar(s) && (s.range ?? page.panes[0].range);
+  if (range) parts.push(`--range=${range.map((v) => Number(v.toPrecision(6))).join(",")}`);
   const shown = about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n));
   if (shown.length < about.layers.length) parts.push(`--layer ${shellQuote(shown.join(","))}`);
-  if (s.byLayer && s.look !== "density") parts.push("--color-by-layer");
+  if (s.byLayer && !hasColorBar(s)) parts.push("--color-by-layer");
   if (s.white) parts.push("--background white");
   const left = [s.clip && "the clip box", s.slab && s.slab.axis !== "view" && "the slab", s.images && "periodic images",
     s.exposure !== 0 && "the exposure"].filter((t) => t);

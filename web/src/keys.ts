@@ -4,7 +4,7 @@ import { panned, turned, zoomed } from "./camera";
 import type { KeyBinding } from "./input";
 import type { Page } from "./main";
 import type { Action } from "./panel";
-import { LOOKS, idleReason, type Control, type State } from "./state";
+import { LOOKS, idleReason, nextField, type Control, type State } from "./state";
 
 /** All keys of a page; `look(i)` views from +x, -x, +y, -y, +z or -z. */
 export function keyBindings(page: Page, act: (name: Action) => void, look: (which: number) => void): KeyBinding[] {
@@ -51,8 +51,19 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
     key([","], ",", "less opacity", times("opacity", 1 / 1.25)),
     key(["."], ".", "more opacity", times("opacity", 1.25)),
     key(["l"], "l", "next style", unlessIdle("look", () => page.change({ look: next(LOOKS, page.state.look) }))),
-    key(["m"], "m", "next colour map", unlessIdle("colormap", () =>
-      page.change({ colormap: next(page.panes[0].about.colormaps, page.state.colormap), look: "density" }))),
+    key(["f"], "f", "colour by the next field", () => {
+      const { fields } = page.panes[0].about;
+      const names = ["", ...fields.flatMap((f) => f.maps.map((m) => m.name))];
+      if (fields.length === 0) return page.say("the model has no fields");
+      const name = next(names, page.state.field?.name ?? "");
+      page.change({ field: nextField(name, page.state, page.panes[0].about), range: null });
+    }),
+    key(["m"], "m", "next colour map", unlessIdle("colormap", () => {
+      const { colormaps } = page.panes[0].about;
+      const { field } = page.state;
+      if (field) page.change({ field: { ...field, colormap: next(["", ...colormaps], field.colormap) } });
+      else page.change({ colormap: next(colormaps, page.state.colormap), look: "density" });
+    })),
     key(["w"], "w", "white or black background", flip("white")),
     key(["b"], "b", "box outline", flip("box")),
     key(["a"], "a", "axes", flip("axes")),

@@ -4,7 +4,7 @@ import { ColorBar } from "./colorbar";
 import type { Orbit } from "./camera";
 import { h } from "./dom";
 import { showKeys } from "./dialog";
-import { summaryTable, summaryLine, probeText } from "./summary";
+import { summaryTable, summaryLine, probeText, probeFieldsTexts } from "./summary";
 import { listenToPointer, listenToKeys } from "./input";
 import { keyBindings } from "./keys";
 import { Pane } from "./pane";
@@ -12,7 +12,7 @@ import { panel, preset, parseTarget, type Action, type PanelContext } from "./pa
 import type { ProbeHit, Setup, Vec3 } from "./protocol";
 import { EngineClient } from "./engine";
 import { Comparison } from "./compare";
-import { cameraFor, fromLink, initialState, withOpening, paintOf, sceneOf, toLink, type State } from "./state";
+import { cameraFor, fromLink, hasColorBar, initialState, mapOf, withOpening, paintOf, sceneOf, toLink, type State } from "./state";
 import { copyCommand, copyLink, exportNpy, exportPng, exportTurn, exportViews, importViews } from "./export";
 import { lengthUnit, formatNumber, formatWhole } from "./units";
 
@@ -85,6 +85,7 @@ async function start(): Promise<void> {
   const compare = setup.truth ? new Comparison(page, setup.truth) : null;
   const context: PanelContext = {
     about, layers: named, state: () => page.state, change, range: () => panes[0].range, act, goTo,
+    logarithmic: () => !page.state.field || (page.state.field.scale || panes[0].scale) === "log",
   };
   const controls = panel(context);
   controls.element.append(...panes.map((p, i) => summaryTable(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
@@ -93,10 +94,21 @@ async function start(): Promise<void> {
   keys = keyBindings(page, act, (which) => change({ orbit: preset(page.state, which) }));
   listenToKeys(keys);
 
-  /** Draws all panes with the density range of the first, which the colour bar shows. */
+  /** Draws all panes with the range of the first, which the colour bar shows. */
   function showAll(): void {
     panes[0].show(page.state);
-    panes.slice(1).forEach((p) => p.show({ ...page.state, range: page.state.range ?? panes[0].range }));
+    showOthers();
+  }
+
+  function showOthers(): void {
+    const [first] = panes;
+    const { field } = page.state;
+    const own = mapOf(field?.name, about);
+    for (const p of panes.slice(1)) {
+      const same = !own || mapOf(field?.name, p.about)?.unit === own.unit;
+      const lacks = same ? "" : `${p.name} has no ${own.title} ${own.unit ? `in ${own.unit}` : "without a unit"}`;
+      p.show({ ...page.state, field: field && { ...field, scale: field.scale || first.scale }, range: page.state.range ?? first.range }, lacks);
+    }
   }
 
   let linked: ReturnType<typeof setTimeout> | undefined;
@@ -105,6 +117,7 @@ async function start(): Promise<void> {
     if (!about.colormaps.includes(page.state.colormap)) page.state.colormap = "inferno";
     // Alpha-blend models have only this style.
     if (!panes.every((p) => p.about.adds_up)) page.state.look = "paraview";
+    if (page.state.field && !mapOf(page.state.field.name, about)) page.state.field = page.state.range = null;
     document.body.classList.toggle("white", page.state.white);
     showAll();
     controls.refresh(page.state);
@@ -203,7 +216,8 @@ async function start(): Promise<void> {
     const { json } = await remote.ask<{ count: number; mass: number | null }>(
       { ask: "sphere", model: pane.model, center: found.in_box, radius, layers, clip });
     const held = json.mass !== null ? `${formatNumber(json.mass)} ${pane.about.units.mass}` : `${formatWhole(json.count)} particles`;
-    say(`${probeText(found, pane.about)}; ${held} within ${`${formatNumber(radius)} ${lengthUnit(pane.about)}`.trim()}`);
+    const lines = [`${probeText(found, pane.about)}; ${held} within ${`${formatNumber(radius)} ${lengthUnit(pane.about)}`.trim()}`];
+    say([...lines, ...probeFieldsTexts(found, pane.about)].join("\n"));
   }
 
   const sayError = (error: unknown) => say(error instanceof Error ? error.message : String(error));
@@ -231,15 +245,11 @@ async function start(): Promise<void> {
     }
     if (full) document.documentElement.dataset.full = String(Number(document.documentElement.dataset.full ?? 0) + 1);
     const shared = panes[1]?.shownRange;
-    if (full && shared !== undefined && page.state.look === "density" && String(shared) !== String(pane.range)) {
-      panes.slice(1).forEach((p) => p.show({ ...page.state, range: page.state.range ?? pane.range }));
-    }
-    if (page.state.look === "density" && pane.range) {
-      bar.show(pane.range, await pane.mapColors(page.state.colormap, page.state.white), about.units.surface);
-      if (full) controls.refresh(page.state);
-    } else {
-      bar.hide();
-    }
+    if (full && shared !== undefined && hasColorBar(page.state) && String(shared) !== String(pane.range)) showOthers();
+    const content = await pane.bar(page.state);
+    if (content) bar.show(content);
+    else bar.hide();
+    if (content && full) controls.refresh(page.state);
   }
 
   let sizes = panes.map((p) => `${p.size.width}x${p.size.height}`).join();

@@ -4,12 +4,17 @@ import { center, distanceOf, type Orbit } from "./camera";
 import { h } from "./dom";
 import { GlRenderer } from "./gl";
 import { drawOverlay, type Marker } from "./overlay";
-import type { ModelSummary, OpenedModel, PlaneColours, Scene, Size, StrokePlanes, ToneCurve, Vec3 } from "./protocol";
+import type { BarContent } from "./colorbar";
+import { LOWEST, type ModelSummary, type OpenedModel, type PictureAnswer, type PlaneColours, type Scene, type Size, type StrokePlanes, type ToneCurve, type Vec3, type ValueScale } from "./protocol";
 import type { EngineClient } from "./engine";
-import { paintOf, sceneOf, type State } from "./state";
+import { hasColorBar, mapOf, paintOf, sceneOf, type State } from "./state";
 
 /** Frames that take longer, in milliseconds, are drawn coarser in motion. */
 const SMOOTH = 30;
+/** If a map of a field takes longer, in milliseconds, the moving one has a quarter of its width and height. */
+const SLOW = 300;
+/** Milliseconds of rest before it is drawn in full, which a new movement has to wait for. */
+const LONG_REST = 600;
 /** Milliseconds between two pictures during decoding. */
 const SKETCH = 400;
 /** Milliseconds without a change before the picture is drawn in full. */
@@ -22,8 +27,11 @@ export class Pane {
   readonly overlay = h("canvas", { class: "overlay", "aria-hidden": "true" });
   readonly cpu = h("canvas", { class: "picture" });
   readonly gpu = h("canvas", { class: "picture", hidden: true });
-  /** The density range of the last full picture. */
+  /** The range of the last full picture's densities or values; of values also the scale, and the layers without any. */
   range: [number, number] | null = null;
+  scale: ValueScale | "" = "";
+  private without: string[] = [];
+  private label = h("div", { class: "pane-name", "aria-hidden": "true" });
   /** The processor to use, and the one that drew the last picture. */
   by: Processor = "CPU";
   drew: Processor = "CPU";
@@ -36,6 +44,8 @@ export class Pane {
   onerror: (text: string) => void = () => {};
 
   private state: State | null = null;
+  private lacks = "";
+  private ranged = "";
   private changed = 0;
   private drawn = -1;
   private busy = false;
@@ -65,7 +75,8 @@ export class Pane {
     });
     const label = `${name}: picture of the model. Drag or press the arrow keys to rotate; press ? for all keys.`;
     this.element = h("div", { class: "pane", tabindex: "0", role: "img", "aria-label": label },
-      this.cpu, this.gpu, this.overlay, h("div", { class: "pane-name", "aria-hidden": "true", text: name }));
+      this.cpu, this.gpu, this.overlay, this.label);
+    this.label.textContent = name;
   }
 
   /** The range of the last state; `undefined` before the first. */
@@ -80,13 +91,20 @@ export class Pane {
     return { width: Math.max(16, Math.round(clientWidth * ratio)), height: Math.max(16, Math.round(clientHeight * ratio)) };
   }
 
-  /** Draws a state as soon as possible. */
-  show(state: State): void {
+  /** Draws a state as soon as possible; nothing of a field that the model lacks, as `lacks` says. */
+  show(state: State, lacks = ""): void {
     const first = this.state === null;
+    this.lacks = lacks;
+    this.label.textContent = lacks || this.name;
     this.state = state;
     this.touched = performance.now();
     this.lines();
     if (!(first && this.waits && this.decoded < 1)) this.redraw();
+  }
+
+  /** Whether something is left to draw. Fields are decoded last. */
+  private get pending(): boolean {
+    return this.state !== null && this.drawn !== this.changed && !(this.state.field && this.decoded < 1);
   }
 
   private redraw(): void {
@@ -114,15 +132,15 @@ export class Pane {
     this.busy = true;
     let now = this.changed;
     try {
-      while (this.state && this.drawn !== this.changed) {
+      while (this.state && this.pending) {
         now = this.changed;
         const whole = this.decoded === 1;
         const moving = this.coarse > 1 || !whole;
-        await this.frame(this.state, moving ? 2 : 1);
+        await this.frame(this.state, moving ? Math.max(2, this.coarse) : 1);
         this.drawn = now;
         this.ended = performance.now();
         clearTimeout(this.rest);
-        if (moving && whole && this.changed === now) this.rest = setTimeout(() => void this.full(), REST);
+        if (moving && whole && this.changed === now) this.rest = setTimeout(() => void this.full(), this.coarse > 2 ? LONG_REST : REST);
         this.onframe(!moving && this.changed === now);
       }
     } catch (error) {
@@ -132,7 +150,7 @@ export class Pane {
       this.busy = false;
     }
     // The state changed during a frame that failed.
-    if (this.state && this.drawn !== this.changed) void this.loop();
+    if (this.pending) void this.loop();
   }
 
   /** Draws the state again in full. */
@@ -149,13 +167,13 @@ export class Pane {
     const began = performance.now();
     const scene = { ...sceneOf(state, this.about, size), coarse: coarse > 1 };
     const paint = paintOf(state);
-    let gpu = this.by === "GPU" && this.about.adds_up && !paint.by_layer ? this.gl : null;
+    let gpu = this.by === "GPU" && this.about.adds_up && !paint.by_layer && !paint.field ? this.gl : null;
     // Densities exceed the largest half float, 65504.
     if (gpu?.half && paint.look === null) gpu = null;
-    let range: [number, number] | null = null;
+    let answer: PictureAnswer = { range: null };
     if (gpu) {
       try {
-        range = await this.drawOnGpu(gpu, scene, paint);
+        answer = { range: await this.drawOnGpu(gpu, scene, paint) };
       } catch (error) {
         // The context was lost, or the GPU's memory is too small.
         gpu = this.gl = null;
@@ -163,8 +181,11 @@ export class Pane {
         this.onerror(`drawing on the CPU: ${error instanceof Error ? error.message : String(error)}`);
       }
     }
-    if (!gpu) range = await this.drawOnCpu(scene, paint);
-    if (coarse === 1 || !this.range) this.range = range;
+    if (!gpu) answer = await this.drawOnCpu(scene, paint);
+    if (coarse === 1 || !this.range || this.ranged !== this.rangedBy(state)) this.range = answer.range;
+    this.ranged = this.rangedBy(state);
+    this.scale = answer.scale ?? "";
+    this.without = answer.without ?? [];
     this.gpu.hidden = !gpu;
     this.cpu.hidden = !!gpu;
     this.drew = gpu ? "GPU" : "CPU";
@@ -172,22 +193,31 @@ export class Pane {
     const took = performance.now() - began;
     if (coarse === 1) {
       this.milliseconds = took;
-      this.coarse = took > SMOOTH ? 2 : 1;
+      this.coarse = took > SMOOTH ? (state.field && took > SLOW ? 4 : 2) : 1;
     }
   }
 
-  private async drawOnCpu(scene: Scene, paint: PlaneColours): Promise<[number, number] | null> {
-    const { json, numbers } = await this.picture(scene, paint);
+  /** What a range belongs to: it says nothing of another field, or of densities. */
+  private rangedBy({ look, field }: State): string {
+    return field ? `${field.name} ${field.bulk} ${field.scale}` : look;
+  }
+
+  private async drawOnCpu(scene: Scene, paint: PlaneColours): Promise<PictureAnswer> {
     const { width, height } = scene.size;
+    if (this.lacks) {
+      [this.cpu.width, this.cpu.height] = [width, height];
+      return { range: null };
+    }
+    const { json, numbers } = await this.picture(scene, paint);
     this.cpu.width = width;
     this.cpu.height = height;
     this.cpu.getContext("2d")!.putImageData(new ImageData(new Uint8ClampedArray(numbers), width, height), 0, 0);
-    return json.range;
+    return json;
   }
 
   /** A picture's pixels, drawn on the CPU. */
   picture(scene: Scene, paint: PlaneColours) {
-    return this.remote.ask<{ range: [number, number] | null }>({ ask: "picture", model: this.model, scene, paint });
+    return this.remote.ask<PictureAnswer>({ ask: "picture", model: this.model, scene, paint });
   }
 
   /** Whether the whole model is decoded. */
@@ -228,9 +258,9 @@ export class Pane {
     return { focal: json.center, distance: distanceOf(json.height_world) };
   }
 
-  /** The depths or densities of a picture. */
-  values(scene: Scene, style: "depth" | "density") {
-    return this.remote.ask<{ range: [number, number] }>({ ask: "values", model: this.model, scene, style });
+  /** The depths or densities of a picture, or the values of a field. */
+  values(scene: Scene, style: "depth" | "density", field?: State["field"]) {
+    return this.remote.ask<{ range: [number, number] }>({ ask: "values", model: this.model, scene, style, field: field ?? undefined });
   }
 
   private async drawOnGpu(gl: GlRenderer, scene: Scene, paint: PlaneColours): Promise<[number, number] | null> {
@@ -265,11 +295,30 @@ export class Pane {
     return this.tone;
   }
 
-  /** The 256 colours of a map, for a black or white background. */
-  async mapColors(name: string, white: boolean): Promise<Uint8Array> {
-    const key = `${name} ${white}`;
+  /** What the colour bar of the last picture shows; `null` if it has none. */
+  async bar(s: State, range = this.range): Promise<BarContent | null> {
+    if (!range || !hasColorBar(s)) return null;
+    if (!s.field) {
+      const colors = (await this.mapColors(s.colormap, s.white)).subarray(3 * LOWEST);
+      return { title: `Σ (${this.about.units.surface})`, note: "", range, logarithmic: true, colors };
+    }
+    const map = mapOf(s.field.name, this.about);
+    const scale = s.field.scale || this.scale;
+    if (!map || !scale) return null;
+    const unit = map.unit ? ` (${map.unit})` : "";
+    const bulk = s.field.bulk && map.moves ? ", bulk motion subtracted" : "";
+    const note = [
+      this.without.length > 0 ? `no values: ${this.without.join(", ")}` : "", s.field.shade ? "brightness: surface density" : "",
+    ].filter((t) => t).join("; ");
+    const colors = await this.mapColors(s.field.colormap, s.white, scale);
+    return { title: `${map.title}${bulk}${unit}`, note, range, logarithmic: scale === "log", colors };
+  }
+
+  /** The 256 colours of a map: of densities on a black or white background, or of a field's values. */
+  async mapColors(name: string, white: boolean, scale?: ValueScale): Promise<Uint8Array> {
+    const key = `${name} ${white} ${scale ?? ""}`;
     if (this.colors?.key !== key) {
-      const { numbers } = await this.remote.ask<object>({ ask: "colors", model: this.model, name, white });
+      const { numbers } = await this.remote.ask<object>({ ask: "colors", model: this.model, name, white, scale });
       this.colors = { key, data: new Uint8Array(numbers) };
     }
     return this.colors.data;
@@ -288,7 +337,7 @@ export class Pane {
     // Waits until the picture is drawn in full.
     while (this.busy || !this.state || this.decoded < 1 || this.drawn !== this.changed) await new Promise((r) => setTimeout(r, 100));
     const scene = sceneOf(this.state, this.about, this.size);
-    const paint = { ...paintOf(this.state), by_layer: false };
+    const paint = { ...paintOf(this.state), by_layer: false, field: null };
     const timed = async (draw: () => Promise<unknown>) => {
       await draw();
       const began = performance.now();

@@ -2,7 +2,7 @@
 
 import { h } from "./dom";
 import type { ModelSummary, Vec3 } from "./protocol";
-import { LOOKS, diagonal, idleReason, type Control, type Slab, type State } from "./state";
+import { LOOKS, diagonal, idleReason, isDispersion, nextField, type Control, type FieldColours, type Slab, type State } from "./state";
 import { formatNumber } from "./units";
 
 /** What the panel needs from the page. */
@@ -12,8 +12,10 @@ export interface PanelContext {
   layers: ModelSummary["layers"];
   state(): State;
   change(part: Partial<State>): void;
-  /** The density range of the current picture. */
+  /** The range of the current picture's densities or values. */
   range(): [number, number] | null;
+  /** Whether its colours are on a logarithmic scale. */
+  logarithmic(): boolean;
   act(name: Action): void;
   goTo(text: string): string | null;
 }
@@ -90,8 +92,10 @@ function logarithmicSlider(
   return { element, refresh };
 }
 
-function select(label: string, names: readonly string[], get: (s: State) => string, set: (v: string) => void): Widget {
-  const box = h("select", { change: () => set(box.value) }, ...names.map((n) => h("option", { value: n, text: n })));
+/** A menu; a choice is a name, or a value with its name. */
+function select(label: string, choices: readonly (string | [string, string])[], get: (s: State) => string, set: (v: string) => void): Widget {
+  const option = (c: string | [string, string]) => (typeof c === "string" ? h("option", { value: c, text: c }) : h("option", { value: c[0], text: c[1] }));
+  const box = h("select", { change: () => set(box.value) }, ...choices.map(option));
   return { element: h("label", { class: "row" }, label, box), refresh: (s) => (box.value = get(s)) };
 }
 
@@ -143,12 +147,14 @@ function styleSection(context: PanelContext): Widget {
     },
   };
   const white = checkbox("White background", (s) => s.white, (on) => context.change({ white: on }));
-  const colormap = select("Colour map", context.about.colormaps, (s) => s.colormap, (v) => context.change({ colormap: v }));
+  const maps = context.about.colormaps;
+  const colormap = select("Colour map", maps, (s) => s.colormap, (v) => context.change({ colormap: v }));
   const ends = [0, 1].map((k) => h("input", {
-    type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Lowest density of the colour map" : "Highest density of the colour map",
+    type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Lowest value of the colour map" : "Highest value of the colour map",
     change: () => {
       const range = ends.map((e) => Number(e.value)) as [number, number];
-      if (range[0] > 0 && range[1] > range[0] && Number.isFinite(range[1])) context.change({ range });
+      const shows = context.logarithmic() ? range[0] > 0 : Number.isFinite(range[0]);
+      if (shows && range[1] > range[0] && Number.isFinite(range[1])) context.change({ range });
     },
   }));
   const range: Widget = {
@@ -162,7 +168,35 @@ function styleSection(context: PanelContext): Widget {
   };
   const hold = checkbox("Fixed range", (s) => s.range !== null, (on) => context.change({ range: on ? context.range() : null }));
   const of = (control: Control, part: Widget) => hiddenWhenIdle(context, control, part);
-  return section("Style", true, of("look", look), of("exposure", exposure), white, of("range", colormap), of("range", range), of("range", hold));
+  const ofField = (part: Partial<FieldColours>) => {
+    const { field } = context.state();
+    // Another scale or another motion has another range.
+    if (field) context.change({ field: { ...field, ...part }, ...("scale" in part || "bulk" in part ? { range: null } : {}) });
+  };
+  const fieldRows = [
+    of("bulk", checkbox("Subtract bulk motion", (s) => s.field?.bulk ?? false, (bulk) => ofField({ bulk }))),
+    of("field", checkbox("Brightness from surface density, hue from field", (s) => s.field?.shade ?? false, (shade) => ofField({ shade }))),
+    of("field", select("Scale", [["", "automatic"], "linear", ["log", "logarithmic"], "signed"], (s) => s.field?.scale ?? "",
+      (scale) => ofField({ scale: scale as FieldColours["scale"] }))),
+    of("field", select("Colour map", [["", "automatic"], ...maps], (s) => s.field?.colormap ?? "", (v) => ofField({ colormap: v }))),
+  ];
+  return section("Style", true, colourBy(context), of("look", look), of("exposure", exposure), ...fieldRows, white, of("density", colormap),
+    of("range", range), of("range", hold));
+}
+
+/** The menu of what colours the picture: the style, or a map of a field. */
+function colourBy(context: PanelContext): Widget {
+  const groups = context.about.fields.map(({ name, unit, maps }) =>
+    h("optgroup", { label: unit ? `${name} (${unit})` : name }, ...maps.map((m) =>
+      h("option", { value: m.name, text: isDispersion(m.name) ? `${name} dispersion` : m.title, title: m.title }))));
+  const box = h("select", {
+    id: "colour-by",
+    change: () => {
+      context.change({ field: nextField(box.value, context.state(), context.about), range: null });
+    },
+  }, h("option", { value: "", text: "density or brightness" }), ...groups);
+  const element = h("label", { class: "row wide", hidden: groups.length === 0 }, "Colour by", box);
+  return { element, refresh: (s) => (box.value = s.field?.name ?? "") };
 }
 
 /** Label and tooltip of each style. */

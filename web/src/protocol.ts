@@ -48,7 +48,17 @@ export interface ModelSummary {
   adds_up: boolean;
   /** As the command prints them; `length` is empty if unknown. */
   units: { length: string; mass: string; surface: string; number: string; density: string };
+  fields: FieldSummary[];
   certified: [[number, number], [number, number]] | null;
+}
+
+/** A field and its maps, by the names that `render --field` takes; `unit` is empty if unknown. */
+export interface FieldSummary {
+  name: string;
+  unit: string;
+  vector: boolean;
+  maps: { name: string; title: string; unit: string }[];
+  place_units: [string, string];
 }
 
 export interface Size { width: number; height: number }
@@ -68,12 +78,23 @@ export type ToneStyle = "paraview" | "paraview-no-fxaa" | "expected";
 
 export interface PlaneColours {
   look: ToneStyle | null; white: boolean; colormap: string; range: [number, number] | null;
-  exposure: number; by_layer: boolean;
+  exposure: number; by_layer: boolean; field: FieldRequest | null;
 }
+
+export const SCALES = ["linear", "log", "signed"] as const;
+export type ValueScale = (typeof SCALES)[number];
+
+/** A map of a field; an empty `scale` is the one that suits the values. */
+export interface FieldRequest { name: string; bulk: boolean; scale: ValueScale | ""; shade: boolean }
+
+/** The answer to "picture"; `scale` and `without`, titles of layers without values, are those of a field. */
+export interface PictureAnswer { range: [number, number] | null; scale?: ValueScale; without?: string[] }
 
 export interface ProbeHit {
   position: Vec3; in_box: Vec3; gaussian: number; layer: string; count: number; mass: number | null;
   deviations: Vec3; number_density: number; density: number | null;
+  /** Of a scalar one number, of a vector x, y, z and along the line of sight; none where nothing has the field. */
+  fields: { name: string; mean: number[]; dispersion: number[] }[];
 }
 
 export interface StrokePlanes {
@@ -89,10 +110,10 @@ export interface OpenedModel { about: ModelSummary; decoded: number }
 export type EngineQuery =
   | { ask: "decode"; model: number }
   | { ask: "picture"; model: number; scene: Scene; paint: PlaneColours }
-  | { ask: "values"; model: number; scene: Scene; style: "depth" | "density" }
+  | { ask: "values"; model: number; scene: Scene; style: "depth" | "density"; field?: FieldRequest }
   | { ask: "strokes"; model: number; scene: Scene; style: "depth" | "density" }
   | { ask: "tone"; model: number; opacity: number; radius_pixels: number }
-  | { ask: "colors"; model: number; name: string; white: boolean }
+  | { ask: "colors"; model: number; name: string; white: boolean; scale?: ValueScale }
   | { ask: "window"; model: number; scene: Scene }
   | { ask: "probe"; model: number; scene: Scene; pixel: [number, number] }
   | { ask: "sphere"; model: number; center: Vec3; radius: number; layers?: boolean[]; clip?: Bounds }

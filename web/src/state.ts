@@ -1,18 +1,25 @@
 // The state of the page: everything that a link restores.
 
 import { FOV, add, axes, cameraOf, center, dot, length, orbitOf, scaled, type Orbit } from "./camera";
-import type { ModelSummary, Bounds, Camera, ToneStyle, PlaneColours, Scene, Size, Vec3 } from "./protocol";
+import { SCALES, type ModelSummary, type Bounds, type Camera, type FieldRequest, type ToneStyle, type PlaneColours, type Scene, type Size, type Vec3 } from "./protocol";
 
 export const LOOKS = ["density", "paraview", "expected"] as const;
 export interface Slab { axis: "x" | "y" | "z" | "view"; middle: number; thickness: number }
+
+/** A field that colours the picture; an empty colour map is that of the scale. */
+export interface FieldColours extends FieldRequest { colormap: string }
 
 export interface State {
   orbit: Orbit;
   radius: number;
   opacity: number;
   look: (typeof LOOKS)[number];
+  /** Drawn instead of the style. */
+  field: FieldColours | null;
   exposure: number;
+  /** Of densities. */
   colormap: string;
+  /** Of densities or of the field. */
   range: [number, number] | null;
   white: boolean;
   /** Names of the layers that are not drawn. */
@@ -31,7 +38,7 @@ export function initialState(about: ModelSummary, orbit: Orbit): State {
   const m = about.metadata;
   return {
     orbit, radius: m.default_radius, opacity: m.default_opacity,
-    look: about.adds_up ? "density" : "paraview", exposure: 0,
+    look: about.adds_up ? "density" : "paraview", field: null, exposure: 0,
     colormap: "inferno", range: null, white: false, hidden: [], byLayer: false, slab: null,
     clip: null, images: false, box: false, axes: true, scale: true,
   };
@@ -39,7 +46,7 @@ export function initialState(about: ModelSummary, orbit: Orbit): State {
 
 /** View settings from the command; each replaces a default of `initialState`. */
 export interface Opening {
-  style?: State["look"]; colormap?: string; range?: [number, number]; white?: boolean; color_by_layer?: boolean;
+  style?: State["look"]; field?: string; colormap?: string; range?: [number, number]; white?: boolean; color_by_layer?: boolean;
   /** Names of the layers that are drawn. */
   layers?: string[];
   radius?: number; opacity?: number;
@@ -53,6 +60,7 @@ export interface Opening {
 export function withOpening(o: Opening, usual: State, about: ModelSummary): State {
   const s = o.views === undefined ? usual : fromViewsFile(JSON.stringify(o.views), usual, about);
   const { orbit } = s;
+  const field = mapOf(o.field, about) ? fieldColours(o.field!) : s.field;
   return {
     ...s,
     orbit: {
@@ -60,28 +68,60 @@ export function withOpening(o: Opening, usual: State, about: ModelSummary): Stat
       elevation: o.elevation ?? orbit.elevation, distance: orbit.distance * (o.distance ?? 1),
       orthographic: o.orthographic ?? orbit.orthographic,
     },
-    look: o.style ?? s.look, colormap: o.colormap ?? s.colormap, range: o.range ?? s.range, white: o.white ?? s.white,
+    look: o.style ?? s.look, field, colormap: o.colormap ?? s.colormap, white: o.white ?? s.white,
+    // The range of a field that the model lacks says nothing of densities.
+    range: o.field && !field ? s.range : o.range ?? s.range,
     byLayer: o.color_by_layer ?? s.byLayer, radius: o.radius ?? s.radius, opacity: o.opacity ?? s.opacity,
     hidden: o.layers ? about.layers.map((l) => l.name).filter((n) => !o.layers!.includes(n)) : s.hidden,
   };
 }
 
+/** A field in its default colours. */
+export const fieldColours = (name: string): FieldColours => ({ name, bulk: false, scale: "", shade: false, colormap: "" });
+
+/** Is a map one of dispersions, of which nothing is subtracted? */
+export const isDispersion = (name: string): boolean => name.startsWith("dispersion.");
+
+/** The title and unit of a map of a model's field, and whether bulk motion can be subtracted; `undefined` without it. */
+export function mapOf(name: string | undefined, about: ModelSummary): { title: string; unit: string; moves: boolean } | undefined {
+  for (const { vector, maps } of about.fields) {
+    const map = maps.find((m) => m.name === name);
+    if (map) return { title: map.title, unit: map.unit, moves: vector && !isDispersion(map.name) };
+  }
+  return undefined;
+}
+
+/** The field to show next, none if `name` is empty: shading stays, and subtraction where it can. */
+export function nextField(name: string, { field }: State, about: ModelSummary): FieldColours | null {
+  if (name === "") return null;
+  return { ...fieldColours(name), shade: field?.shade ?? false, bulk: (field?.bulk && mapOf(name, about)?.moves) ?? false };
+}
+
+/** Whether colours show values: those of a field, or densities. */
+export const hasColorBar = (s: State): boolean => s.field !== null || s.look === "density";
+
 /** Controls that have no effect in some states. */
-export type Control = "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
+export type Control = "field" | "bulk" | "density" | "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
 
 /** Why a control has no effect now; `null` if it has one. */
 export function idleReason(control: Control, s: State, about: ModelSummary, layers: number): string | null {
-  const density = s.look === "density";
+  const shown = s.field ? "a field" : s.look === "density" ? "the density style" : null;
+  const other = s.field ? "colour by density or brightness" : "choose another style";
   switch (control) {
-    case "look": return about.adds_up ? null : "an alpha-blend model has only this style";
+    case "field": return s.field ? null : about.fields.length > 0 ? "choose a field first" : "the model has no fields";
+    case "bulk": return mapOf(s.field?.name, about)?.moves ? null : "only components of vectors have bulk motion";
+    case "density": return s.field === null && s.look === "density" ? null : "the picture does not show densities";
+    case "look":
+      if (s.field) return "a field has no style: colour by density or brightness first";
+      return about.adds_up ? null : "an alpha-blend model has only this style";
     case "colormap": return about.adds_up ? null : "an alpha-blend model has no surface density to colour";
-    case "range": return density ? null : "only the density style has a range";
+    case "range": return hasColorBar(s) ? null : "only the density style and fields have a range";
     case "radius": case "opacity": case "exposure":
-      return density ? `the density style has no ${control}: choose another style` : null;
+      return shown ? `${shown} has no ${control}: ${other}` : null;
     case "byLayer":
       if (layers < 2) return "the model has only one layer";
       if (!about.adds_up) return "an alpha-blend model has no layer colours";
-      return density ? "the density style has no layer colours: choose another style" : null;
+      return shown ? `${shown} has no layer colours: ${other}` : null;
     case "images":
       if (!about.adds_up) return "an alpha-blend model has no periodic images";
       return about.metadata.cell?.periodic.includes(true) ? null : "the box is not periodic";
@@ -126,8 +166,8 @@ function clipOf(s: State, about: ModelSummary): Bounds | null {
 
 export function paintOf(s: State): PlaneColours {
   return {
-    look: s.look === "density" ? null : (s.look as ToneStyle), white: s.white, colormap: s.colormap, exposure: s.exposure,
-    range: s.range, by_layer: s.byLayer,
+    look: s.look === "density" ? null : (s.look as ToneStyle), white: s.white, colormap: s.field ? s.field.colormap : s.colormap,
+    exposure: s.exposure, range: s.range, by_layer: s.byLayer, field: s.field,
   };
 }
 
@@ -148,7 +188,16 @@ export function toLink(s: State): string {
   if (!s.axes) p.set("axes", "0");
   if (!s.scale) p.set("scale", "0");
   if (s.exposure !== 0) p.set("exposure", numberText(s.exposure));
-  if (s.look === "density") p.set("colormap", s.colormap);
+  if (s.field) {
+    const { name, bulk, scale, shade, colormap } = s.field;
+    p.set("field", name);
+    if (bulk) p.set("bulk", "1");
+    if (scale) p.set("values", scale);
+    if (shade) p.set("shade", "1");
+    if (colormap) p.set("colormap", colormap);
+  } else if (s.look === "density") {
+    p.set("colormap", s.colormap);
+  }
   if (s.range) p.set("range", s.range.map(numberText).join(","));
   s.hidden.forEach((name) => p.append("hidden", name));
   if (s.slab) p.set("slab", `${s.slab.axis},${numberText(s.slab.middle)},${numberText(s.slab.thickness)}`);
@@ -182,9 +231,17 @@ export function fromLink(text: string, s: State): State {
   one("exposure", -8, 8, (v) => (next.exposure = v));
   const look = LOOKS.find((l) => l === p.get("look"));
   if (look) next.look = look;
-  const colormap = p.get("colormap");
-  if (colormap && /^[a-z]+$/.test(colormap)) next.colormap = colormap;
+  const colormap = /^[a-z]+$/.exec(p.get("colormap") ?? "")?.[0];
+  const field = p.get("field");
+  if (field) {
+    const scale = SCALES.find((v) => v === p.get("values")) ?? "";
+    next.field = { name: field, bulk: p.get("bulk") === "1", scale, shade: p.get("shade") === "1", colormap: colormap ?? "" };
+  } else if (colormap) {
+    next.colormap = colormap;
+  }
   if (p.has("at")) {
+    if (!field) next.field = null;
+    next.range = null;
     next.orbit.orthographic = p.get("orthographic") === "1";
     next.white = p.get("white") === "1";
     next.byLayer = p.get("bylayer") === "1";
@@ -194,7 +251,7 @@ export function fromLink(text: string, s: State): State {
     next.scale = p.get("scale") !== "0";
   }
   const range = parseNumbers(p.get("range"), 2);
-  if (range && range[0] > 0 && range[1] > range[0]) next.range = range as [number, number];
+  if (range && (next.field || range[0] > 0) && range[1] > range[0]) next.range = range as [number, number];
   next.hidden = p.getAll("hidden");
   const [axis, ...slab] = (p.get("slab") ?? "").split(",");
   const of = parseNumbers(slab.join(","), 2);

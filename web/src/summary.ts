@@ -20,6 +20,7 @@ export function summaryTable(name: string, about: ModelSummary, size: number, ve
     ["Size", formatBytes(size)], ["Extent", `${extent} ${lengthUnit(about).replaceAll(" ", "\u00a0")}`],
   ];
   if (about.mass !== null) rows.push(["Mass", `${formatNumber(about.mass, 4)} ${u.mass}`]);
+  if (about.fields.length > 0) rows.push(["Fields", about.fields.map((f) => (f.unit ? `${f.name} (${f.unit})` : f.name)).join(", ")]);
   if (m.scale_factor !== null) rows.push(["Redshift", formatNumber(1 / m.scale_factor - 1)]);
   if (m.time !== null) rows.push(["Time", formatNumber(m.time)]);
   rows.push(["Law", m.law.replaceAll("_", " ")], ["Made by", `particlegs ${m.tool_version}`]);
@@ -42,4 +43,18 @@ export function probeText(seen: ProbeHit, about: ModelSummary): string {
   const density = seen.density !== null ? `${formatNumber(seen.density)} ${u.density}` : `${formatNumber(seen.number_density)} ${u.number}`;
   const layer = about.layers.length > 1 ? `, layer ${seen.layer}` : "";
   return `at (${at})${length ? ` ${length}` : ""}${layer}: density ${density}; Gaussian #${seen.gaussian} with ${formatWhole(seen.count)} particles`;
+}
+
+/** Describes each field at a point. */
+export function probeFieldsTexts(seen: ProbeHit, about: ModelSummary): string[] {
+  return seen.fields.map(({ name, mean, dispersion }) => {
+    if (mean.length === 0) return `${name}: no values here`;
+    const units = about.fields.find((f) => f.name === name)?.place_units ?? ["", ""];
+    const of = (values: number[], unit: string) => {
+      const [x, y, z, sight] = values.map((v) => formatNumber(v));
+      return `${y === undefined ? x : `(${x}, ${y}, ${z}), along the line of sight ${sight}`}${unit ? ` ${unit}` : ""}`;
+    };
+    if (dispersion.length === 0) return `${name}: ${of(mean, units[0])}`;
+    return `${name}: mean ${of(mean, units[0])}; dispersion ${of(dispersion, units[1])}`;
+  });
 }

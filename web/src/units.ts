@@ -39,6 +39,18 @@ export function roundBelow(v: number): number {
   return (v >= 5 * base ? 5 : v >= 2 * base ? 2 : 1) * base;
 }
 
+/** Ticks of an even axis, at most six intervals of 1, 2 or 5 times a power of ten, and their labels. */
+export function evenTicks(lo: number, hi: number): [number, string][] {
+  const least = (hi - lo) / 6;
+  const power = 10 ** Math.floor(Math.log10(least));
+  const step = power * ([1, 2, 5].find((f) => f * power >= least) ?? 10);
+  const figures = Math.ceil(Math.log10(Math.max(Math.abs(lo), Math.abs(hi)) / step)) + 1;
+  const first = Math.ceil(lo / step - 1e-9);
+  const count = Math.floor(hi / step + 1e-9) - first + 1;
+  return Array.from({ length: count }, (_, i) => (first + i) * step)
+    .map((v) => [v, formatNumber(v, Math.max(1, Math.min(15, figures)))]);
+}
+
 /** Ticks of a logarithmic axis. */
 export function logTicks(lo: number, hi: number): number[] {
   const fronts = Math.log10(hi / lo) > 2.5 ? [1] : [1, 2, 5];

@@ -5,8 +5,8 @@ use crate::drawing::ViewContent;
 use crate::drawing::field_colors::FieldLegend;
 use clap::Args;
 use particlegs_pipeline::model::{Model, Quantity};
-use particlegs_pipeline::picture::{Colormap, Plane, Size, ValueScale};
-use particlegs_pipeline::render::{FieldMap, FieldQuery, FieldWeight, MapComponent, mean_vector};
+use particlegs_pipeline::picture::{Colormap, ValueScale};
+use particlegs_pipeline::render::{FieldMap, FieldQuery, FieldWeight, MapComponent, first_means, mean_vector};
 use particlegs_pipeline::{Error, Result};
 
 #[derive(Args, Clone, Debug)]
@@ -55,16 +55,10 @@ pub struct FieldSource<'a> {
 impl FieldArgs {
     /// The field of this name, in a model.
     pub fn of_model(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
-        let samples = |name: &str| {
-            let own = model.blocks().filter_map(|b| b.gaussians.fields.get(name));
-            own.flat_map(|f| (0..f.len()).map(|i| f.value_at(0, i, [0.0; 3]) as f32)).collect()
-        };
         let (quantities, length) = (&model.metadata.fields, model.metadata.units.length_text());
-        self.choice(
-            name,
-            &FieldSource { quantities, length, mean: &|name| mean_vector(model, name), samples: &samples },
-            map,
-        )
+        let (mean, samples) =
+            (|name: &str| mean_vector(&model.layers, name), |name: &str| first_means(&model.layers, name));
+        self.choice(name, &FieldSource { quantities, length, mean: &mean, samples: &samples }, map)
     }
 
     pub fn choice(&self, name: &str, source: &FieldSource<'_>, map: Option<Colormap>) -> Result<FieldChoice> {
@@ -86,13 +80,7 @@ impl FieldArgs {
                 numbers => vector(numbers)?,
             };
         }
-        let scale = self.scale.unwrap_or_else(|| {
-            let data = if query.dispersion { Vec::new() } else { (source.samples)(&query.name) };
-            let size = Size { width: data.len(), height: 1 };
-            // Charges have both signs.
-            let signed = query.is_signed() || query.per_area && data.iter().any(|v| *v < 0.0);
-            ValueScale::suited(&Plane { size, data }, signed)
-        });
+        let scale = self.scale.unwrap_or_else(|| query.scale(|| (source.samples)(&query.name)));
         let unit = query.unit(source.quantities, source.length);
         let legend = FieldLegend { title: query.title(), unit, scale, map };
         Ok(FieldChoice { query, legend, shade: self.shade })

@@ -107,9 +107,11 @@ impl PageArgs {
         }
         if let Some(path) = &self.like {
             let (told, set) = PictureProvenance::read(path, context)?;
+            opening.field = told.field.clone().filter(|_| opening.style.is_none());
             let style = || PageStyle::from_name(&told.style).ok();
             opening.style = opening.style.or_else(style);
-            opening.range = opening.range.or(told.range.filter(|_| opening.style == Some(PageStyle::Density)));
+            let same = opening.style == Some(PageStyle::Density) && opening.field == told.field;
+            opening.range = opening.range.or(told.range.filter(|_| same));
             opening.colormap = opening.colormap.or_else(|| told.colormap.and_then(|name| name.parse().ok()));
             opening.white = opening.white.or(told.background.map(|name| name == "white"));
             opening.color_by_layer |= told.color_by_layer;
@@ -147,6 +149,7 @@ impl PageArgs {
         };
         Ok(PageOpening {
             style: self.style,
+            field: None,
             colormap: dials.colormap,
             range: range_of(dials.range.as_deref())?,
             white: self.background.map(|b| b == Background::White),

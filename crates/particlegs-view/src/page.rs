@@ -61,10 +61,13 @@ particlegs_pipeline::named_values! {
 pub struct PageOpening {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub style: Option<PageStyle>,
+    /// A field to show instead, as `render --field` takes it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
     /// Colour map of densities.
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "name_of", deserialize_with = "named")]
     pub colormap: Option<Colormap>,
-    /// Densities of the first and the last colour.
+    /// Densities, or values of the field, of the first and the last colour.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
     /// Whether the background is white.

@@ -1,8 +1,9 @@
 //! A summary of a model for the page.
 
 use particlegs_core::codec::FileInfo;
-use particlegs_core::model::{LawKind, Metadata, hex, species_title};
+use particlegs_core::model::{LawKind, Metadata, Quantity, QuantityKind, hex, species_title};
 use particlegs_core::picture::{Colormap, Rgb8, journal_unit};
+use particlegs_core::render::FieldQuery;
 use serde::Serialize;
 
 /// A model's summary, read without its Gaussians.
@@ -23,6 +24,7 @@ pub(crate) struct ModelSummary<'a> {
     /// Whether it can be drawn by adding footprints, which the GPU renderer does.
     adds_up: bool,
     units: SummaryUnits,
+    fields: Vec<FieldSummary>,
     /// Lowest and highest radius and opacity of the certificate's pictures.
     certified: Option<[[f64; 2]; 2]>,
 }
@@ -49,6 +51,52 @@ impl SummaryUnits {
             surface: per(mass, 2),
             number: per("particles", 3),
             density: per(mass, 3),
+        }
+    }
+}
+
+/// A field, and the maps of it that the page offers.
+#[derive(Serialize)]
+struct FieldSummary {
+    name: String,
+    /// As the command prints it; empty if unknown.
+    unit: String,
+    vector: bool,
+    maps: Vec<FieldMapSummary>,
+    /// Units of the mean and of the dispersion at a place.
+    place_units: [String; 2],
+}
+
+#[derive(Serialize)]
+struct FieldMapSummary {
+    /// As `render --field` takes it.
+    name: String,
+    title: String,
+    unit: String,
+}
+
+impl FieldSummary {
+    /// By the unit of length.
+    fn new(q: &Quantity, length: Option<&str>) -> Self {
+        let vector = q.kind == QuantityKind::Vector;
+        let mut names = FieldQuery::names(q);
+        // Along the line of sight first.
+        names.rotate_right(1);
+        names.push(format!("dispersion.{}", names[0]));
+        let map = |name: String| {
+            let own = std::slice::from_ref(q);
+            let query = FieldQuery::new(&name, own).ok()?;
+            Some(FieldMapSummary { name, title: query.title(), unit: journal_unit(&query.unit(own, length)) })
+        };
+        let unit = q.unit.as_ref().map_or(String::new(), |u| journal_unit(&u.text));
+        let of_volume = || length.map_or(String::new(), |length| journal_unit(&format!("{unit} / ({length})^3")));
+        let of_dispersion = if q.logarithmic { "dex".into() } else { unit.clone() };
+        FieldSummary {
+            name: q.name.clone(),
+            place_units: [if q.extensive { of_volume() } else { unit.clone() }, of_dispersion],
+            unit,
+            vector,
+            maps: names.into_iter().filter_map(map).collect(),
         }
     }
 }
@@ -84,6 +132,12 @@ impl<'a> ModelSummary<'a> {
             layers,
             adds_up: info.metadata.law == LawKind::OpticalDepth,
             units: SummaryUnits::new(&info.metadata, info.mass().is_some()),
+            fields: info
+                .metadata
+                .fields
+                .iter()
+                .map(|q| FieldSummary::new(q, info.metadata.units.length_text()))
+                .collect(),
             certified: certified(info),
         }
     }

@@ -3,7 +3,7 @@
 //! Balakrishnan 1994, section 13.10.1). Edges are soft where a Gaussian is wider than the box.
 
 use particlegs_core::math::{Sym3, each_axis, normal_share};
-use particlegs_core::model::{Mixture, Model};
+use particlegs_core::model::{FieldMoments, Mixture, Model};
 use particlegs_core::space::Bounds;
 use std::cell::{Cell, RefCell};
 
@@ -24,7 +24,7 @@ pub(crate) fn clipped(model: &Model, bounds: &Bounds) -> (Model, Vec<usize>) {
 }
 
 fn inside(m: &Mixture, bounds: &Bounds, mut keep: impl FnMut(usize)) -> Mixture {
-    let mut kept = Mixture::new(m.masses().is_some());
+    let mut kept = Mixture { fields: m.fields.map(FieldMoments::emptied), ..Mixture::new(m.masses().is_some()) };
     for i in 0..m.len() {
         let (mut mean, mut cov, mut share) = (m.mean_of(i), m.cov_of(i), 1.0);
         for axis in 0..3 {
@@ -36,6 +36,10 @@ fn inside(m: &Mixture, bounds: &Bounds, mut keep: impl FnMut(usize)) -> Mixture 
         if share >= LEAST {
             keep(i);
             kept.push(mean, cov, m.count[i] * share, m.mass_of(i) * share);
+            let moved = each_axis(|k| mean[k] - m.mean[k][i]);
+            for ((_, own), (_, field)) in kept.fields.iter_mut().zip(m.fields.iter()) {
+                own.push_moved(field, i, moved);
+            }
         }
     }
     kept
@@ -116,5 +120,20 @@ mod tests {
         };
         assert!((part(-50.0, 0.5) + part(0.5, 50.0) - 10.0).abs() < 1e-5);
         assert_eq!(part(20.0, 50.0), 0.0);
+    }
+
+    #[test]
+    fn what_is_cut_keeps_its_field_at_every_place() {
+        let mut m = Mixture::new(false);
+        m.push([0.0; 3], Sym3([1.0, 0.3, 0.0, 1.0, 0.0, 1.0]), 10.0, 10.0);
+        let mut field = FieldMoments::new(1);
+        field.mean[0].push(5.0);
+        field.slope[0].iter_mut().zip([2.0, -1.0, 0.5]).for_each(|(s, v)| s.push(v));
+        field.spread[0].push(3.0);
+        m.fields.set("t", field.clone());
+        let found = inside(&m, &Bounds { min: [0.5, -9.0, -9.0], max: [9.0; 3] }, |_| ());
+        let (own, mean) = (found.fields.get("t").unwrap(), found.mean_of(0));
+        assert!(mean[0] > 0.5 && own.mean[0][0] == field.mean_at(0, 0, mean) && own.mean[0][0] > 5.9, "{mean:?}");
+        assert_eq!((&own.slope, &own.spread), (&field.slope, &field.spread));
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::about::ModelSummary;
 use crate::answer::EngineResponse;
+use crate::field::FieldValues;
 use crate::opened::LoadedModel;
 use crate::picture::{PlaneRenderer, UNLIT, bytes, check};
 use crate::probe;
@@ -11,11 +12,11 @@ use particlegs_core::camera::base_distance;
 use particlegs_core::codec::Decoder;
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
-use particlegs_core::picture::{Colormap, DensityColors, Gray8, Size, masked_psnr};
+use particlegs_core::picture::{Colormap, DensityColors, Gray8, Size, ValueColors, ValueScale, masked_psnr};
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::splat::Response;
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, NamedValue, Result};
 use serde_json::json;
 
 /// The models in the order of opening, and the renderer.
@@ -31,7 +32,7 @@ impl SceneRequest {
         self.layers.as_ref().is_none_or(|l| l.get(layer).copied().unwrap_or(true))
     }
 
-    fn scene<'a>(&self, model: &'a Model, shown: &dyn Fn(usize) -> bool) -> Scene<'a> {
+    pub(crate) fn scene<'a>(&self, model: &'a Model, shown: &dyn Fn(usize) -> bool) -> Scene<'a> {
         Scene::from_layers(model, shown).repeated(self.shifts(model))
     }
 
@@ -85,7 +86,12 @@ impl Engine {
         match what {
             QueryKind::Decode => EngineResponse::new(&json!({ "decoded": opened.step()? })),
             QueryKind::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
-            QueryKind::Values { scene, style } => {
+            QueryKind::Values { scene, field: Some(field), .. } => {
+                check(scene.size)?;
+                let map = FieldValues::new(opened, &scene, &field)?;
+                EngineResponse::with(&json!({ "range": map.range() }), bytes(&map.values))
+            }
+            QueryKind::Values { scene, style, field: None } => {
                 check(scene.size)?;
                 let model = opened.shown(&scene)?;
                 let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
@@ -98,7 +104,13 @@ impl Engine {
                 strokes(model, |l| scene.shows(l), &lenses, scene.size, style == PlaneStyle::Density)
             }
             QueryKind::Tone { opacity, radius_pixels } => tone(opacity, radius_pixels),
-            QueryKind::Colors { name, white } => {
+            QueryKind::Colors { name, scale: Some(scale), .. } => {
+                let scale = ValueScale::from_name(&scale).map_err(Error::argument)?;
+                let colors = ValueColors { scale, range: UNLIT, map: name.parse().ok() };
+                let all: Vec<[u8; 3]> = (0..=255).map(|i| colors.at(i as f32 / 255.0)).collect();
+                EngineResponse::with(&json!({}), all.concat())
+            }
+            QueryKind::Colors { name, white, scale: None } => {
                 let map: Colormap = name.parse().map_err(Error::argument)?;
                 EngineResponse::with(&json!({}), DensityColors::new(map, white, UNLIT).all().concat())
             }
@@ -155,6 +167,10 @@ fn picture(
     paint: &PlaneColours,
 ) -> Result<EngineResponse> {
     check(of.size)?;
+    if let Some(field) = &paint.field {
+        let (pixels, bar) = FieldValues::new(opened, of, field)?.picture(paint);
+        return EngineResponse::with(&bar, pixels);
+    }
     let model = opened.shown(of)?;
     let (pixels, range) = painter.picture(model, |shown| of.scene(model, shown), of, paint)?;
     EngineResponse::with(&json!({ "range": range }), pixels)

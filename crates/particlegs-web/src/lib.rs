@@ -9,6 +9,7 @@ mod answer;
 mod clip;
 mod coarse;
 mod engine;
+mod field;
 mod opened;
 mod picture;
 mod probe;

@@ -1,8 +1,8 @@
 //! The Gaussian under the pointer, and the contents of a sphere.
 
 use particlegs_core::camera::Camera;
-use particlegs_core::math::{GaussianInSphere, Rules, Sym3, each_axis};
-use particlegs_core::model::{Mixture, Model};
+use particlegs_core::math::{GaussianInSphere, Rules, Sym3, dot, each_axis, norm};
+use particlegs_core::model::{Mixture, Model, Quantity, QuantityKind};
 use particlegs_core::picture::Size;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::project::{CameraGaussian, project};
@@ -26,6 +26,18 @@ pub(crate) struct ProbeHit {
     /// Densities of the whole model at the position, per world unit cubed.
     number_density: f64,
     density: Option<f64>,
+    /// The model's fields at the position.
+    fields: Vec<FieldAtPlace>,
+}
+
+/// A field at a place (docs/law/fields.md): of a scalar one number, of a vector x, y, z and along the line of sight; of a
+/// sum, such as a charge, how much there is in a unit of volume, without a dispersion.
+#[derive(Serialize)]
+struct FieldAtPlace {
+    name: String,
+    /// Empty where there is no mass that has the field.
+    mean: Vec<f64>,
+    dispersion: Vec<f64>,
 }
 
 /// An optical depth that is invisible at any opacity.
@@ -111,7 +123,10 @@ pub(crate) fn seen(
     let to = inverse.apply(each_axis(|k| mean[k] - from[k]));
     let t = (0..3).map(|k| along[k] * to[k]).sum::<f64>() / inverse.quadratic(along);
     let in_box = each_axis(|k| from[k] + t * along[k]);
-    let [number_density, density] = densities(model, shown, in_box);
+    let near = weights(model, shown, in_box);
+    let number_density = near.iter().fold(0.0, |sum, (p, value)| sum + p.m.count[p.i] * value);
+    let density = near.iter().fold(0.0, |sum, (p, value)| sum + p.unit * p.m.mass_of(p.i) * value);
+    let sight = along.map(|v| v / norm(along));
     let known = model.has_masses();
     Some(ProbeHit {
         position: each_axis(|k| in_box[k] + shift[k]),
@@ -123,26 +138,59 @@ pub(crate) fn seen(
         deviations: deviations(&cov),
         number_density,
         density: known.then_some(density),
+        fields: model.metadata.fields.iter().map(|q| field(q, &near, in_box, sight)).collect(),
     })
 }
 
-/// Number and mass density at a point, per world unit cubed.
-fn densities(model: &Model, shown: &dyn Fn(usize) -> bool, at: [f64; 3]) -> [f64; 2] {
-    let mut sums = [0.0; 2];
-    for (_, p) in places(model, shown) {
+/// The Gaussians that reach a point, and their normal densities there, per world unit cubed.
+fn weights<'a>(model: &'a Model, shown: &'a dyn Fn(usize) -> bool, at: [f64; 3]) -> Vec<(GaussianRef<'a>, f64)> {
+    let near = places(model, shown).filter_map(|(_, p)| {
         let (mean, cov) = (p.m.mean_of(p.i), p.m.cov_of(p.i));
         let offset = each_axis(|k| at[k] - mean[k]);
         let square: f64 = offset.iter().map(|v| v * v).sum();
         if square > 60.0 * cov.trace() {
-            continue;
+            return None;
         }
-        let Some(inverse) = invertible(cov, 0.0) else { continue };
+        let inverse = invertible(cov, 0.0)?;
         let peak = inverse.det().max(0.0).sqrt() / (2.0 * std::f64::consts::PI).sqrt().powi(3);
-        let value = peak * (-0.5 * inverse.quadratic(offset)).exp();
-        sums[0] += p.m.count[p.i] * value;
-        sums[1] += p.unit * p.m.mass_of(p.i) * value;
+        Some((p, peak * (-0.5 * inverse.quadratic(offset)).exp()))
+    });
+    near.collect()
+}
+
+/// A field at a point: `near` are the Gaussians and their normal densities there.
+fn field(q: &Quantity, near: &[(GaussianRef<'_>, f64)], at: [f64; 3], sight: [f64; 3]) -> FieldAtPlace {
+    let directions: &[[f64; 3]] = match q.kind {
+        QuantityKind::Vector => &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], sight],
+        _ => &[[1.0, 0.0, 0.0]],
+    };
+    let (mut total, mut sums, mut values) = (0.0, vec![[0.0; 2]; directions.len()], 0.0);
+    for (p, value) in near {
+        let Some(field) = p.m.fields.get(&q.name) else { continue };
+        let unit = if q.extensive { 1.0 } else { p.unit };
+        let weight = unit * p.m.mass_of(p.i) * value;
+        let from_mean = each_axis(|a| at[a] - p.m.mean[a][p.i]);
+        let own = each_axis(|k| if k < field.components() { field.mean_at(k, p.i, from_mean) } else { 0.0 });
+        values += weight * field.value_at(0, p.i, from_mean);
+        let spread = Sym3(std::array::from_fn(|c| field.spread.get(c).map_or(0.0, |s| s[p.i])));
+        total += weight;
+        for (direction, [sum, squares]) in directions.iter().zip(&mut sums) {
+            let mean = dot(*direction, own);
+            *sum += weight * mean;
+            *squares += weight * (mean * mean + spread.quadratic(*direction));
+        }
     }
-    sums
+    let known = if total > 0.0 { sums } else { Vec::new() };
+    let mean: Vec<f64> = known.iter().map(|[sum, _]| sum / total).collect();
+    let unit = if q.logarithmic { std::f64::consts::LN_10 } else { 1.0 };
+    let dispersion = |([_, squares], m): (&[f64; 2], &f64)| (squares / total - m * m).max(0.0).sqrt() / unit;
+    let dispersion: Vec<f64> = known.iter().zip(&mean).map(dispersion).collect();
+    let name = q.name.clone();
+    match (q.extensive, q.logarithmic && total > 0.0) {
+        (true, _) => FieldAtPlace { name, mean: mean.iter().map(|m| total * m).collect(), dispersion: Vec::new() },
+        (_, true) => FieldAtPlace { name, mean: vec![values / total], dispersion },
+        _ => FieldAtPlace { name, mean, dispersion },
+    }
 }
 
 /// The contents of the sphere of `radius` about `center`, world units.

@@ -24,14 +24,14 @@ pub(crate) enum QueryKind {
     Decode,
     /// A picture: RGBA, four bytes per pixel.
     Picture { scene: SceneRequest, paint: PlaneColours },
-    /// Optical depths or surface densities, as f32.
-    Values { scene: SceneRequest, style: PlaneStyle },
+    /// Optical depths or surface densities, or values of a field, as f32.
+    Values { scene: SceneRequest, style: PlaneStyle, field: Option<FieldRequest> },
     /// The footprints of all Gaussians for the GPU, 8 f32 each.
     Strokes { scene: SceneRequest, style: PlaneStyle },
     /// The tone curve of a view: 1153 f32 levels.
     Tone { opacity: f64, radius_pixels: f64 },
-    /// The 256 RGB triples of core's `DensityColors`.
-    Colors { name: String, white: bool },
+    /// The 256 RGB triples of core's `DensityColors`; with a `scale` those of a field's values.
+    Colors { name: String, white: bool, scale: Option<String> },
     /// The window in which an orthographic view shows the whole box.
     Window { scene: SceneRequest },
     /// The Gaussian seen at a pixel.
@@ -83,14 +83,29 @@ pub(crate) struct PlaneColours {
     /// A style; `None` = surface density.
     pub look: Option<ToneStyle>,
     pub white: bool,
-    /// The colour map of density.
+    /// The colour map of density or of a field, whose scale has its own if this is empty.
     pub colormap: String,
-    /// Densities of the first and the last colour; automatic by default.
+    /// A field that is drawn instead of a style.
+    pub field: Option<FieldRequest>,
+    /// Values of the first and the last colour; automatic by default.
     pub range: Option<[f64; 2]>,
     /// Stops by which grey levels are brightened.
     pub exposure: f32,
     /// Whether each layer has its own colour.
     pub by_layer: bool,
+}
+
+/// A field to draw, as `render` draws it.
+#[derive(Clone, Deserialize)]
+pub(crate) struct FieldRequest {
+    /// Its name, as `render --field` takes it.
+    pub name: String,
+    /// Whether the mean motion of all drawn particles is subtracted from a vector.
+    pub bulk: bool,
+    /// The scale of its colours; what suits the values if empty.
+    pub scale: String,
+    /// Whether surface density shades the colours.
+    pub shade: bool,
 }
 
 impl SceneRequest {

@@ -1,12 +1,12 @@
 //! Compares the engine's answers with the library, and checks the errors for invalid queries.
 
-use particlegs_core::camera::{Camera, Projection, View, base_distance, spherical_camera};
-use particlegs_core::codec::{self, Precision};
+use particlegs_core::camera::{Camera, DensityView, Projection, View, base_distance, spherical_camera};
+use particlegs_core::codec::{self, FieldPrecision, Precision, StoredSection};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
-use particlegs_core::model::{Block, Layer, Model};
-use particlegs_core::picture::{Gray8, Size, masked_psnr};
-use particlegs_core::render::{Scene, draw};
+use particlegs_core::model::{Block, FieldMoments, Layer, Metadata, Model, Quantity, QuantityKind, Unit};
+use particlegs_core::picture::{Gray8, Size, ValueColors, ValueScale, masked_psnr};
+use particlegs_core::render::{FieldQuery, Scene, draw, field_map, mean_vector};
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::splat::ToneStyle;
 use particlegs_web::{Engine, EngineResponse};
@@ -223,4 +223,130 @@ fn what_is_seen_is_named_as_in_the_file() {
         }
     }
     assert!(named > 3, "{named}");
+}
+
+/// The fixture with a second layer of other particles, and a velocity that only the first has.
+fn with_velocity() -> (Model, Vec<u8>) {
+    let mut model = codec::decode(MODEL, "the model").unwrap();
+    let mut other = Layer { name: "stars".into(), ..model.layers[0].clone() };
+    other.content.truncate(1);
+    other.content[0].gaussians.mean[0].iter_mut().for_each(|x| *x += 1.0);
+    model.layers.push(other);
+    model.metadata.count += model.layers[1].count();
+    model.metadata.mass *= 2.0;
+    let unit = Some(Unit { text: "km/s".into(), si: None });
+    let velocity = Quantity {
+        name: "velocity".into(),
+        kind: QuantityKind::Vector,
+        unit,
+        bytes: 12,
+        by_mass: false,
+        logarithmic: false,
+        extensive: false,
+    };
+    let fields = vec![velocity];
+    let file = codec::encode(&model, &Precision::BALANCED).unwrap();
+    let mut layers = codec::coded_layers(&file, "the model").unwrap();
+    let decoded = codec::decode(&file, "the model").unwrap();
+    for (block, stored) in decoded.layers[0].content.iter().zip(&mut layers[0].content) {
+        let (m, mut field) = (&block.gaussians, FieldMoments::new(3));
+        field.range = vec![[-1e3, 1e3]; 3];
+        for i in 0..m.len() {
+            let mean = m.mean_of(i);
+            let values = [100.0 * mean[1].sin() + 40.0, 50.0 * mean[0].cos(), 80.0 * mean[2].sin()];
+            (0..3).for_each(|k| field.mean[k].push(values[k]));
+            (0..3).for_each(|k| (0..3).for_each(|a| field.slope[k][a].push(if k == a { 5.0 } else { 0.0 })));
+            [900.0, 0.0, 0.0, 400.0, 0.0, 100.0].into_iter().zip(&mut field.spread).for_each(|(v, s)| s.push(v));
+        }
+        let sum = |k: usize| (0..m.len()).map(|i| m.count[i] * field.mean[k][i]).sum::<f64>();
+        let sums = [sum(0), sum(1), sum(2)];
+        let bytes = codec::encode_field((0, &fields[0]), &field, m, &sums, &FieldPrecision::default());
+        stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
+    }
+    let file = codec::assemble(&Metadata { fields, ..decoded.metadata }, None, layers).unwrap();
+    (codec::decode(&file, "the model").unwrap(), file)
+}
+
+#[test]
+fn its_maps_of_a_field_are_the_renderers_and_name_layers_without_it() {
+    let (model, file) = with_velocity();
+    let (mut engine, view, mut scene) = opened();
+    let opened: Value = serde_json::from_str(&engine.open(file).json).unwrap();
+    assert_eq!(opened["about"]["fields"][0]["maps"][0]["name"], "velocity.los", "{opened}");
+    assert_eq!(opened["about"]["fields"][0]["unit"], "km s⁻¹");
+    let mut query = FieldQuery::new("velocity.los", &model.metadata.fields).unwrap();
+    query.bulk = mean_vector(&model.layers, "velocity");
+    let density = DensityView::of_view(&view, &model.metadata.bounds);
+    let map = field_map(&Scene::new(&model), &query, &density, SIZE, &Context::SILENT).unwrap();
+    let range = ValueScale::Signed.range(&map.mean).unwrap();
+    let colors = ValueColors { scale: ValueScale::Signed, range, map: None };
+    let wanted = colors.image(&map.mean, Some(&map.density), true).data;
+    let field = json!({ "name": "velocity.los", "bulk": true, "scale": "", "shade": true });
+    let paint = json!({ "white": true, "field": field });
+    let asked = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
+    let answer = ask(&mut engine, &asked);
+    let said: Value = serde_json::from_str(&answer.json).unwrap();
+    assert_eq!(said, json!({ "range": range, "scale": "signed", "without": ["stars"] }));
+    assert!(answer.numbers.chunks_exact(4).zip(&wanted).all(|(a, b)| a[..3] == *b));
+    let asked = json!({ "ask": "values", "model": 1, "scene": scene, "style": "density", "field": field });
+    let values = |answer: &EngineResponse| -> Vec<f32> {
+        answer.numbers.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect()
+    };
+    let same = |a: &f32, b: &f32| a.to_bits() == b.to_bits();
+    assert!(values(&ask(&mut engine, &asked)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
+    // A box around all changes nothing; layers without the field are the background.
+    scene["clip"] = json!({ "min": [-1e9, -1e9, -1e9], "max": [1e9, 1e9, 1e9] });
+    let asked = json!({ "ask": "values", "model": 1, "scene": scene, "style": "density", "field": field });
+    assert!(values(&ask(&mut engine, &asked)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
+    scene["layers"] = json!([false, true]);
+    let asked = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
+    assert!(ask(&mut engine, &asked).numbers.iter().all(|v| *v == 255));
+    let unknown = json!({ "white": true, "field": { "name": "heat", "bulk": false, "scale": "", "shade": false } });
+    let asked = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": unknown });
+    assert!(error(&ask(&mut engine, &asked)).contains("no field `heat`"));
+}
+
+/// Against the law at a place (docs/law/fields.md).
+#[test]
+fn a_probe_gives_the_fields_mean_and_dispersion() {
+    let (model, file) = with_velocity();
+    let (mut engine, _, mut scene) = opened();
+    engine.open(file);
+    let mut probe = |scene: &Value| -> Value {
+        let seen = |pixel: [u32; 2]| -> Value {
+            let asked = json!({ "ask": "probe", "model": 1, "scene": scene, "pixel": pixel });
+            serde_json::from_str(&ask(&mut engine, &asked).json).unwrap()
+        };
+        (0..64)
+            .flat_map(|x| (0..48).map(move |y| [x, y]))
+            .map(seen)
+            .find(|seen| seen["number_density"].as_f64() > Some(1e-3))
+            .unwrap()
+    };
+    scene["layers"] = json!([true, false]);
+    let seen = probe(&scene);
+    let at = each_axis(|k| seen["in_box"][k].as_f64().unwrap());
+    let (mut total, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for block in &model.layers[0].content {
+        let (m, field) = (&block.gaussians, block.gaussians.fields.get("velocity").unwrap());
+        for i in 0..m.len() {
+            let offset = each_axis(|k| at[k] - m.mean[k][i]);
+            let Some(inverse) = m.cov_of(i).inverse() else { continue };
+            let weight = m.count[i] * inverse.det().sqrt() * (-0.5 * inverse.quadratic(offset)).exp();
+            let value = field.mean_at(0, i, offset);
+            total += weight;
+            sum += weight * value;
+            squares += weight * (value * value + field.spread[0][i]);
+        }
+    }
+    let (mean, own) = (sum / total, &seen["fields"][0]);
+    let near = |a: &Value, b: f64| (a.as_f64().unwrap() / b - 1.0).abs() < 1e-6;
+    assert!(
+        near(&own["mean"][0], mean) && near(&own["dispersion"][0], (squares / total - mean * mean).sqrt()),
+        "{own}"
+    );
+    let of = |what: &str| own[what].as_array().unwrap().len();
+    assert!(own["name"] == "velocity" && of("mean") == 4 && of("dispersion") == 4);
+    scene["layers"] = json!([false, true]);
+    assert_eq!(probe(&scene)["fields"][0]["mean"], json!([]));
 }

@@ -67,6 +67,21 @@ impl FieldMoments {
         }
     }
 
+    /// For the same particles, without Gaussians.
+    pub fn emptied(&self) -> Self {
+        FieldMoments { range: self.range.clone(), ..self.same_kind() }
+    }
+
+    /// Adds Gaussian `i` of another's after its mean position changed by `moved`: the field follows its slope.
+    pub fn push_moved(&mut self, other: &FieldMoments, i: usize, moved: [f64; 3]) {
+        for (own, others) in self.columns_mut().zip(other.columns()) {
+            own.push(others[i]);
+        }
+        for (c, own) in self.mean.iter_mut().enumerate() {
+            own.last_mut().into_iter().for_each(|mean| *mean = other.mean_at(c, i, moved));
+        }
+    }
+
     /// All columns: means, slopes, spreads, of a logarithmic field the excess.
     pub fn columns(&self) -> impl Iterator<Item = &Vec<f64>> {
         self.mean.iter().chain(self.slope.iter().flatten()).chain(&self.spread).chain(&self.excess)

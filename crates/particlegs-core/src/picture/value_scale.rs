@@ -1,7 +1,9 @@
 //! Values of a field as colours: on a linear, a logarithmic or a signed scale.
 
+use super::Rgb8;
 use super::colormap::{Colormap, cool_to_warm};
 use super::plane::Plane;
+use crate::parallel;
 
 crate::named_values! {
     /// How values lie along the colours.
@@ -12,6 +14,9 @@ crate::named_values! {
         Signed = "signed": "In equal steps, symmetric about zero, blue below and red above",
     }
 }
+
+/// The darkest that shading makes a colour.
+const DARKEST: f32 = 0.06;
 
 /// A positive field over a wider range gets a logarithmic scale.
 const WIDE: f64 = 30.0;
@@ -99,6 +104,28 @@ impl ValueColors {
         };
         self.at(share.clamp(0.0, 1.0) as f32)
     }
+
+    /// A picture of values. Those that are not numbers have the background's colour, and colours come near it where there
+    /// is little `shade`.
+    pub fn image(&self, values: &Plane, shade: Option<&Plane>, white: bool) -> Rgb8 {
+        let shades = shade.map(|s| (s, s.log_range().unwrap_or([1.0, 10.0])));
+        let background = if white { [255; 3] } else { [0; 3] };
+        let data = parallel::map_range(values.data.len(), |i| {
+            let value = f64::from(values.data[i]);
+            if value.is_nan() {
+                return background;
+            }
+            let color = self.of(value);
+            let Some((shade, [lo, hi])) = &shades else { return color };
+            let bright = (libm::log(f64::from(shade.data[i]) / lo) / libm::log(hi / lo)) as f32;
+            let bright = if bright.is_nan() { DARKEST } else { bright.clamp(DARKEST, 1.0) };
+            [0, 1, 2].map(|k| {
+                let (from, to) = (f32::from(background[k]), f32::from(color[k]));
+                (from + (to - from) * bright).round() as u8
+            })
+        });
+        Rgb8 { size: values.size, data }
+    }
 }
 
 #[cfg(test)]
@@ -122,5 +149,17 @@ mod tests {
         let one = plane(vec![5.0; 10]);
         assert!(ValueScale::Linear.range(&one).is_some_and(|[lo, hi]| lo < 5.0 && 5.0 < hi));
         assert_eq!(ValueScale::Linear.range(&plane(vec![f32::NAN; 3])), None);
+    }
+
+    #[test]
+    fn places_without_mass_have_the_colour_of_the_background() {
+        let colors = ValueColors { scale: ValueScale::Signed, range: [-2.0, 2.0], map: None };
+        let of = |shade| colors.image(&plane(vec![f32::NAN, -2.0, 0.0, 2.0]), shade, true).data;
+        let [empty, blue, middle, red] = of(None)[..] else { panic!("four pixels") };
+        assert!(
+            empty == [255; 3] && blue[2] > 180 && blue[0] < 80 && middle == [221; 3] && red[0] > 170 && red[2] < 50
+        );
+        let shaded = of(Some(&plane(vec![1.0, 1e-9, 1.0, 10.0])));
+        assert!(shaded[1][0] > 230, "{:?}", shaded[1]);
     }
 }

@@ -1,6 +1,7 @@
 //! What a map of a field shows: `temperature`, `velocity.los`, `dispersion.los`.
 
-use crate::model::{Mixture, Model, Quantity, QuantityKind};
+use crate::model::{Block, Layer, Mixture, Quantity, QuantityKind};
+use crate::picture::{Plane, Size, ValueScale};
 use crate::{Error, Hint, Result};
 
 /// Which number of a field is mapped.
@@ -154,12 +155,28 @@ impl FieldQuery {
     pub fn is_signed(&self) -> bool {
         !self.dispersion && self.component != MapComponent::Scalar
     }
+
+    /// The scale that suits the field, of some of its `values`.
+    pub fn scale(&self, values: impl FnOnce() -> Vec<f32>) -> ValueScale {
+        let data = if self.dispersion { Vec::new() } else { values() };
+        let size = Size { width: data.len(), height: 1 };
+        // Charges have both signs.
+        let signed = self.is_signed() || self.per_area && data.iter().any(|v| *v < 0.0);
+        ValueScale::suited(&Plane { size, data }, signed)
+    }
 }
 
-/// The mean of a vector field over all of a model's particles that have it, weighted as maps are; 0 without it.
-pub fn mean_vector(model: &Model, name: &str) -> [f64; 3] {
+/// The mean values of a field's first component in all Gaussians of some layers: values to choose a scale by.
+pub fn first_means<'a>(layers: impl IntoIterator<Item = &'a Layer<Vec<Block>>>, name: &str) -> Vec<f32> {
+    let blocks = layers.into_iter().flat_map(|l| &l.content);
+    let fields = blocks.filter_map(|b| b.gaussians.fields.get(name));
+    fields.flat_map(|f| (0..f.len()).map(|i| f.value_at(0, i, [0.0; 3]) as f32)).collect()
+}
+
+/// The mean of a vector field over all particles of some layers that have it, weighted as maps are; 0 without it.
+pub fn mean_vector<'a>(layers: impl IntoIterator<Item = &'a Layer<Vec<Block>>>, name: &str) -> [f64; 3] {
     let (mut sum, mut total) = ([0.0; 3], 0.0);
-    for layer in &model.layers {
+    for layer in layers {
         let unit = layer.mass.unit_or_one();
         let mut add = |m: &Mixture| {
             let Some(field) = m.fields.get(name).filter(|f| f.components() == 3) else { return };

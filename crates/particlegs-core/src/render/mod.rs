@@ -43,7 +43,7 @@ mod tests;
 
 pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
 pub use field_map::{FieldMap, field_map};
-pub use field_query::{FieldQuery, FieldWeight, MapComponent, mean_vector};
+pub use field_query::{FieldQuery, FieldWeight, MapComponent, first_means, mean_vector};
 pub use renderer::Renderer;
 pub use scene::Scene;
 pub use scratch::Scratch;
