@@ -143,6 +143,14 @@ class Model:
     def density_grid(
         self, cells: int, layers: Optional[Sequence[str]] = None, threads: Optional[int] = None
     ) -> tuple[NDArray[np.float64], list[float], list[float], float]: ...
+    def field_grid(
+        self,
+        field: str,
+        dispersion: bool,
+        cells: int,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+    ) -> tuple[NDArray[np.float64], list[float], list[float]]: ...
     def at(
         self,
         points: NDArray[np.float64],

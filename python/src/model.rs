@@ -326,6 +326,20 @@ impl Model {
         density::grid(py, &*self.only(layers.as_deref())?, cells, threads)
     }
 
+    /// A field in cells, means or dispersions: values, origin, cell edges.
+    #[pyo3(signature = (field, dispersion, cells, layers=None, threads=None))]
+    fn field_grid<'py>(
+        &self,
+        py: Python<'py>,
+        field: &str,
+        dispersion: bool,
+        cells: usize,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {
+        density::field_grid(py, &*self.only(layers.as_deref())?, (field, dispersion), cells, threads)
+    }
+
     /// Density at points.
     #[pyo3(signature = (points, layers=None, threads=None))]
     fn at<'py>(

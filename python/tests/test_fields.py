@@ -49,6 +49,23 @@ def test_maps_have_the_mean_along_the_line_of_sight(model):
     assert np.nanmax(np.abs(along)) < 200.0
 
 
+def test_grids_of_fields_keep_their_sums(model, tmp_path):
+    rho, velocity = model.density_grid(32), model.grid("velocity", 32)
+    assert velocity.shape == (*rho.shape, 3) and velocity.field == "velocity" and np.isnan(velocity.outside)
+    points = np.array([velocity.origin]) + (np.argwhere(rho > 0.1 * rho.max()) + 0.5) * velocity.spacing
+    inside = velocity[rho > 0.1 * rho.max()]
+    np.testing.assert_allclose(inside, model.at(points, "velocity"), atol=20.0)
+    sums = np.nansum(np.asarray(velocity) * np.asarray(rho)[..., None], axis=(0, 1, 2)) / rho.sum()
+    own = model.recover(20_000).fields["velocity"].mean(axis=0)
+    np.testing.assert_allclose(sums, own, atol=3.0)
+    assert np.nanmin(model.grid("dispersion.temperature", 16)) >= 0
+    with pytest.raises(pg.InputError, match="no field 'entropy'"):
+        model.grid("entropy")
+    assert model.export(tmp_path / "g.vti", cells=8, fields=["velocity"]) > 0
+    with pytest.raises(pg.InputError, match="not to .npy"):
+        model.export(tmp_path / "g.npy", cells=8, fields=["velocity"])
+
+
 def test_recovered_particles_have_fields(model, tmp_path):
     drawn = model.recover(seed=1)
     assert drawn.fields["velocity"].shape == (len(drawn), 3) and drawn.fields["temperature"].shape == (len(drawn),)

@@ -212,3 +212,53 @@ fn exported_gaussians_have_their_fields() {
     let [_, said] = dir.runs("export m.pgs -o density.npy --grid 8");
     assert!(said.contains("the fields: velocity, temperature") || dir.text("density.json").contains("the fields:"));
 }
+
+/// The numbers of a VTI's arrays, after the underscore that they begin behind.
+fn appended(bytes: &[u8], name: &str) -> Vec<f64> {
+    let begin = bytes.windows(15).position(|w| w == b"encoding=\"raw\">").unwrap() + 16;
+    let head = String::from_utf8_lossy(&bytes[..begin]).into_owned();
+    let line = head.lines().find(|l| l.contains(&format!("Name=\"{name}\"")) && l.contains("appended")).unwrap();
+    let offset: usize = line.split("offset=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+    let from = begin + offset;
+    let length = u64::from_le_bytes(bytes[from..from + 8].try_into().unwrap()) as usize;
+    bytes[from + 8..][..length].as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
+}
+
+#[test]
+fn grids_have_the_means_of_fields_in_their_cells() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    dir.runs("compress snap -o m.pgs --gaussians 60 --certificate none --fields all");
+    let vti = dir.makes("export m.pgs -o g.vti --grid 40 --fields all -q");
+    let report = dir.says("export m.pgs -o g.fits --grid 12 --fields Temperature,velocity");
+    assert_eq!(report["grid"]["fields"][0]["name"], "temperature");
+    let told = String::from_utf8_lossy(&vti).into_owned();
+    assert!(told.contains("Name=\"velocity\" NumberOfComponents=\"3\"") && !told.contains("the fields:"));
+    let density = appended(&vti, "density");
+    // What cells have adds up to what particles have, but for the thousandth that lies beyond the open grid.
+    let mut dispersions = appended(&vti, "dispersion_velocity").into_iter().filter(|v| v.is_finite());
+    assert!(dispersions.all(|v| (0.0..200.0).contains(&v)));
+    let velocity = appended(&vti, "velocity");
+    let was = sums(&dir.at("snap"), &["vx", "vy", "vz"]);
+    let total: f64 = density.iter().sum();
+    for k in 0..3 {
+        let of = |i: usize| density[i] * velocity[3 * i + k];
+        let mean = (0..density.len()).map(of).filter(|v| v.is_finite()).sum::<f64>() / total;
+        assert!((mean - was[k] / COUNT as f64).abs() < 1.0, "{k}: {mean} {}", was[k] / COUNT as f64);
+    }
+    let fits = dir.bytes("g.fits");
+    let cards: Vec<&[u8]> = fits.chunks(80).collect();
+    let names = cards.iter().filter(|c| c.starts_with(b"EXTNAME")).map(|c| String::from_utf8_lossy(&c[11..35]));
+    let names: Vec<String> = names.map(|n| n.trim().trim_matches('\'').trim().to_string()).collect();
+    let axes = ["x", "y", "z"].map(|k| [format!("velocity_{k}"), format!("dispersion_velocity_{k}")]);
+    let expected = ["temperature".to_string(), "dispersion_temperature".to_string()];
+    assert_eq!(names, [&expected[..], axes.as_flattened()].concat());
+    for (options, what) in [
+        ("-o no.vti --fields entropy", "the model has no field `entropy`"),
+        ("-o no.npy --fields velocity", "fields on a grid are written to .vti and .fits"),
+    ] {
+        dir.fails(&format!("export m.pgs {options}"), 2, what);
+    }
+    dir.runs("compress snap -o plain.pgs --gaussians 60 --certificate none");
+    dir.fails("export plain.pgs -o no.vti --fields all", 2, "the model has no fields");
+}

@@ -1,7 +1,8 @@
 //! Products and lengths of vectors in space.
 
+/// The product of two vectors.
 #[inline(always)]
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

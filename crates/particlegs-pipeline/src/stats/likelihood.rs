@@ -142,11 +142,20 @@ impl Domain {
 
 /// A field at points: NaN where no Gaussian that has it reaches.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FieldAtPoints {
+pub struct MeanAndDispersion<T = f64> {
     /// Means weighted by the Gaussians' densities, a column for each component, in the field's unit.
-    pub mean: Vec<Vec<f64>>,
+    pub mean: Vec<Vec<T>>,
     /// Root mean squares of what single particles differ from them.
-    pub dispersion: Vec<Vec<f64>>,
+    pub dispersion: Vec<Vec<T>>,
+}
+
+/// The mixtures of a model that have a field, the mass that a weight of 1 stands for in each, and the field.
+pub(super) fn field_parts<'a>(model: &'a Model, name: &str) -> Result<Vec<(f64, &'a Mixture, &'a FieldMoments)>> {
+    let parts: Vec<_> = mixtures(model).filter_map(|(unit, m)| Some((unit, m, m.fields.get(name)?))).collect();
+    match parts.is_empty() {
+        true => Err(Error::argument(format!("the model has no field `{name}`"))),
+        false => Ok(parts),
+    }
 }
 
 impl Domain {
@@ -158,15 +167,12 @@ impl Domain {
         name: &str,
         places: &[[f64; 3]],
         context: &Context<'_>,
-    ) -> Result<FieldAtPoints> {
+    ) -> Result<MeanAndDispersion> {
         if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(Error::argument(format!("point {i} is not finite")));
         }
-        let parts: Vec<(f64, &Mixture, &FieldMoments)> =
-            mixtures(model).filter_map(|(unit, m)| Some((unit, m, m.fields.get(name)?))).collect();
-        let Some(components) = parts.first().map(|p| p.2.components()) else {
-            return Err(Error::argument(format!("the model has no field `{name}`")));
-        };
+        let parts = field_parts(model, name)?;
+        let components = parts[0].2.components();
         let width = 1 + 2 * components;
         let gaussians: Vec<(GaussianDensity, &FieldMoments, usize)> = parts
             .iter()
@@ -175,7 +181,7 @@ impl Domain {
             })
             .collect();
         let empty = vec![vec![f64::NAN; places.len()]; components];
-        let mut out = FieldAtPoints { mean: empty.clone(), dispersion: empty };
+        let mut out = MeanAndDispersion { mean: empty.clone(), dispersion: empty };
         let local: Vec<[f64; 3]> = places.iter().map(|p| self.local(*p)).collect();
         for (first, local) in (0..).step_by(FIELDS_AT_ONCE).zip(local.chunks(FIELDS_AT_ONCE)) {
             let points = PointGrid::new(local, self, 0.0)?;
