@@ -649,7 +649,7 @@ class Model:
         color : {"grey", "layer", "density"}
             Colour of splats.
         fields : sequence of str, optional
-            Fields to add to a density grid (``.vti``, ``.fits``): mean and dispersion in each cell; ``"all"`` means every one.
+            Fields to add to a density grid (``.vti``, ``.fits``), or ``"all"``: mean and dispersion in each cell.
         overwrite : bool
             Replace an existing file.
 

@@ -38,6 +38,14 @@ def test_fields_at_points_follow_the_particles(model):
     np.testing.assert_allclose(dispersion, 10.0, rtol=0.3)
 
 
+def test_gaussians_have_moments_of_fields(model):
+    gaussians, velocity = model.gaussians, model.gaussians.fields["velocity"]
+    n = len(gaussians)
+    assert [v.shape for v in velocity] == [(n, 3), (n, 3, 3), (n, 3, 3)]
+    assert [v.shape for v in gaussians.fields["temperature"]] == [(n,), (n, 3), (n,)]
+    np.testing.assert_allclose(np.average(velocity.means, axis=0, weights=gaussians.counts), flow()[1].mean(axis=0))
+
+
 def test_maps_have_the_mean_along_the_line_of_sight(model):
     seen = model.map("velocity.x", center=[0.0, 0.0, 0.0], width=12.0, shape=(40, 60))
     assert seen.shape == (40, 60)
@@ -62,7 +70,7 @@ def test_grids_of_fields_keep_their_sums(model, tmp_path):
     with pytest.raises(pg.InputError, match="no field 'entropy'"):
         model.grid("entropy")
     assert model.export(tmp_path / "g.vti", cells=8, fields=["velocity"]) > 0
-    with pytest.raises(pg.InputError, match="not to .npy"):
+    with pytest.raises(pg.InputError, match=r"not to \.npy"):
         model.export(tmp_path / "g.npy", cells=8, fields=["velocity"])
 
 

@@ -17,6 +17,7 @@ mod splats;
 mod vti;
 
 pub use colors::{ColorBy, Coloring};
+pub use gaussians::{FieldNumbers, LayerGaussian, all as all_gaussians};
 pub use grid::{Cells, Density, FieldGrid, density_unit, fields_named};
 pub use kind::{Group, Kind};
 pub use notes::Notes;

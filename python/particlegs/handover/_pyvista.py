@@ -116,8 +116,8 @@ def grid_to_pyvista(grid: Grid) -> Any:
     Returns
     -------
     pyvista.ImageData
-        The grid, with ``density`` (or the field) as cell data and units as field data. To draw volumes and contours, use
-        ``image.cell_data_to_point_data()``.
+        The grid, with ``density`` (or the field) as cell data and units as field data. To draw volumes and contours,
+        use ``image.cell_data_to_point_data()``.
     """
     pyvista = needed("pyvista")
     image = pyvista.ImageData(dimensions=np.array(grid.shape[:3]) + 1, spacing=grid.spacing, origin=grid.origin)
