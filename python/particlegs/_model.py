@@ -546,10 +546,19 @@ class Model:
         given = (ratio, _coerce.bytes_of(size), gaussians)
         return Model._of(_particlegs.simplify(self._native, *given, threads, _coerce.progress(progress)))
 
-    def merge(self, *others: Model, threads: Optional[int] = None, progress: Progress = None) -> Model:
-        """Merges this model with others, such as parts of a box. Their coded blocks are copied unchanged."""
+    def merge(
+        self,
+        *others: Model,
+        fields: Optional[Names] = None,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> Model:
+        """Merges this model with others, such as parts of a box. Their coded blocks are copied unchanged.
+
+        `fields` names the fields to keep, which all must have; by default all, if the models have the same.
+        """
         parts = [self._native, *(other._native for other in others)]
-        return Model._of(_particlegs.merge(parts, threads, _coerce.progress(progress)))
+        return Model._of(_particlegs.merge(parts, _coerce.names(fields), threads, _coerce.progress(progress)))
 
     def eval(
         self,

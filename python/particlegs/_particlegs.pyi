@@ -210,7 +210,12 @@ def simplify(
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> Model: ...
-def merge(models: Sequence[Model], threads: Optional[int] = None, progress: _Progress = None) -> Model: ...
+def merge(
+    models: Sequence[Model],
+    fields: Optional[Sequence[str]] = None,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> Model: ...
 def evaluate(
     model: Model,
     snapshot: Snapshot,

@@ -43,17 +43,18 @@ pub fn simplify(
 
 /// Merges models; their coded blocks are copied.
 #[pyfunction]
-#[pyo3(signature = (models, threads=None, progress=None))]
+#[pyo3(signature = (models, fields=None, threads=None, progress=None))]
 pub fn merge(
     py: Python<'_>,
     models: Vec<Py<Model>>,
+    fields: Option<Vec<String>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
     let parts: Vec<&Model> = models.iter().map(|m| m.get()).collect();
     let name = parts.first().map_or("merged", |m| m.called());
     made(py, name, WorkOptions { threads, progress }, |progress| {
-        let mut merge = Merge::default();
+        let mut merge = fields.map_or_else(Merge::default, Merge::with_fields);
         parts.iter().try_for_each(|part| merge.add(part.bytes(), part.called(), progress))?;
         merge.finish()
     })

@@ -262,3 +262,38 @@ fn grids_have_the_means_of_fields_in_their_cells() {
     dir.runs("compress snap -o plain.pgs --gaussians 60 --certificate none");
     dir.fails("export plain.pgs -o no.vti --fields all", 2, "the model has no fields");
 }
+
+#[test]
+fn parts_with_different_fields_are_merged_by_the_common_ones() {
+    let dir = TestFolder::new();
+    ["west", "east"].iter().for_each(|name| snapshot(&dir.at(name)));
+    // The same cloud elsewhere.
+    let moved: Vec<f32> = read(&dir.at("east"), "xx").iter().map(|x| *x as f32 + 20.0).collect();
+    write(&dir.at("east"), "xx", &moved);
+    let fit = "--gaussians 30 --certificate none --quiet";
+    dir.runs(&format!("compress west -o w.pgs {fit} --fields temperature,velocity"));
+    dir.runs(&format!("compress east -o e.pgs {fit} --fields velocity"));
+    dir.runs(&format!("compress east -o none.pgs {fit}"));
+    for (parts, what, hint) in [
+        ("w.pgs e.pgs", "e.pgs: the model has no field `temperature`, which w.pgs has", "`--fields velocity`"),
+        ("e.pgs w.pgs", "w.pgs: the model has the field `temperature`, which e.pgs lacks", "`--fields velocity`"),
+        ("w.pgs none.pgs", "none.pgs: the model has no field `temperature`", "`--fields none`"),
+    ] {
+        dir.fails(&format!("merge {parts} -o no.pgs"), 3, what);
+        let told = dir.command(&format!("merge {parts} -o no.pgs")).output().unwrap().stderr;
+        assert!(String::from_utf8_lossy(&told).contains(hint), "{parts}");
+    }
+    dir.fails("merge w.pgs e.pgs --fields temperature -o no.pgs", 3, "e.pgs: the model has no field `temperature`");
+    let merged = dir.makes("merge w.pgs e.pgs --fields velocity -o m.pgs -q");
+    assert_eq!(merged, dir.makes("merge e.pgs w.pgs --fields VELOCITY -o again.pgs -q"));
+    let (west, east, both) = (dir.model("w.pgs"), dir.model("e.pgs"), dir.model("m.pgs"));
+    assert_eq!(both.metadata.fields, east.metadata.fields);
+    let own = |model: &particlegs_pipeline::model::Model| {
+        let field = |g: &particlegs_pipeline::model::Mixture| g.fields.get("velocity").unwrap().clone();
+        model.blocks().map(|b| field(&b.gaussians)).collect::<Vec<_>>()
+    };
+    assert_eq!(own(&both), [own(&west), own(&east)].concat());
+    assert!(both.blocks().all(|b| b.gaussians.fields.get("temperature").is_none()));
+    dir.runs("merge w.pgs none.pgs --fields none -o plain.pgs");
+    assert!(dir.model("plain.pgs").metadata.fields.is_empty());
+}
