@@ -297,3 +297,55 @@ fn parts_with_different_fields_are_merged_by_the_common_ones() {
     dir.runs("merge w.pgs none.pgs --fields none -o plain.pgs");
     assert!(dir.model("plain.pgs").metadata.fields.is_empty());
 }
+
+/// The file of a job is that of `compress`.
+fn same_by_job(dir: &TestFolder, input: &str, job: &str, options: &str) {
+    let direct = dir.makes(&format!("compress {input} -o direct.pgs {options} --quiet --force"));
+    let blocks = dir.says(&format!("plan {input} -o {job} {options}"))["blocks"].as_u64().unwrap();
+    dir.runs(&format!("scatter {job} --quiet"));
+    (0..blocks).rev().for_each(|block| drop(dir.runs(&format!("block {job} {block} --quiet"))));
+    assert_eq!(dir.makes(&format!("merge {job} -o merged.pgs --quiet --force")), direct, "{input}");
+}
+
+#[test]
+fn a_job_gives_the_fields_that_compress_gives() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    // Masses weigh the means.
+    write(&dir.at("snap"), "ww", &(0..COUNT).map(|i| 1.0 + (i % 5) as f32).collect::<Vec<_>>());
+    let options = "--blocks 3 --effort fast --gaussians 60 --fields velocity,temperature";
+    same_by_job(&dir, "snap", "job", options);
+    // A block is a model with its own fields.
+    assert!(dir.model("job/blocks/00001.pgs").blocks().all(|b| b.gaussians.fields.get("velocity").is_some()));
+    dir.runs("verify job");
+    // Text has float64.
+    let columns = ["xx", "yy", "zz", "vx"].map(|name| read(&dir.at("snap"), name));
+    let rows =
+        (0..COUNT).map(|i| format!("{},{},{},{}\n", columns[0][i], columns[1][i], columns[2][i], columns[3][i] / 3.0));
+    dir.write("rows.csv", "x,y,z,vx\n".to_string() + &rows.collect::<String>());
+    same_by_job(&dir, "rows.csv", "text", "--blocks 2 --effort fast --gaussians 40 --fields vx --certificate none");
+}
+
+#[test]
+fn fields_go_through_the_buckets_of_a_job() {
+    let dir = TestFolder::new();
+    let n = 140_000u64;
+    std::fs::create_dir(dir.at("snap")).unwrap();
+    // Shuffled along x, so that blocks need buckets.
+    let along = |from: u64, step: u64| (0..n).map(|i| ((i * step + from) % n) as f32).collect::<Vec<_>>();
+    for (name, column) in
+        [("xx", along(0, 7919)), ("yy", along(5, 104_729)), ("zz", along(9, 31)), ("heat", along(0, 15_838))]
+    {
+        write(&dir.at("snap"), name, &column);
+    }
+    let options = "--blocks 3 --effort fast --gaussians 60 --fields heat --certificate none";
+    same_by_job(&dir, "snap", "job", options);
+    assert!(dir.says("plan snap -o again --blocks 3 --fields heat")["scatter_bytes"].as_u64() == Some(16 * n));
+    let mut cold = along(0, 15_838);
+    cold[70_077] = f32::INFINITY;
+    write(&dir.at("snap"), "heat", &cold);
+    dir.fails("scatter again", 2, "particle 70077 has the value inf in field `heat`");
+    std::fs::rename(dir.at("snap/heat.f32"), dir.at("snap/cold.f32")).unwrap();
+    dir.fails("scatter again", 3, "its field `heat` is different");
+    dir.fails("plan snap -o no --blocks 2 --fields entropy", 2, "the snapshot has no field `entropy`");
+}

@@ -11,25 +11,46 @@ use crate::{Error, Hint, Result};
 
 /// The name that stands for all fields of real numbers.
 const ALL: &str = "all";
+/// Fields of a model file at most (docs/format.md, section 2).
+pub(crate) const MOST_FIELDS: usize = 256;
 
 /// Which fields of a snapshot a model gets.
 pub struct FieldSelection<'a> {
     particles: &'a Particles,
     sources: &'a [LayerFields],
-    /// What the model's metadata lists.
-    quantities: Vec<Quantity>,
-    /// For each layer of the particles: a quantity's place in the list, and where its values come from.
-    layers: Vec<Vec<(usize, FieldColumns)>>,
-    /// Names of the snapshot's fields that the model omits.
-    omitted: Vec<String>,
-    notes: Vec<String>,
+    plan: FieldPlan,
 }
 
-impl<'a> FieldSelection<'a> {
-    /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of real
-    /// numbers, one or three a particle. A layer that lacks a field has none; a name that no layer has is an error, and so
-    /// are two layers that differ in a field's unit or kind.
-    pub fn new(names: &[String], particles: &'a Particles, sources: &'a [LayerFields], law: LawKind) -> Result<Self> {
+/// Fields that a model gets, and where the layers have them.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct FieldPlan {
+    /// What the model's metadata lists.
+    pub quantities: Vec<Quantity>,
+    /// For each layer of the particles: a quantity's place in the list, and where its values come from.
+    pub layers: Vec<Vec<(usize, FieldColumns)>>,
+    /// Names of the snapshot's fields that the model omits.
+    #[serde(skip)]
+    pub omitted: Vec<String>,
+    /// How values were converted, for people.
+    #[serde(skip)]
+    pub notes: Vec<String>,
+}
+
+impl FieldPlan {
+    /// No fields?
+    pub fn is_empty(&self) -> bool {
+        self.quantities.is_empty()
+    }
+
+    /// Finds fields by their names among `sources`, those of each of so many `layers`; `listed` are all that the snapshot
+    /// has.
+    pub fn new(
+        names: &[String],
+        (sources, layers): (&[LayerFields], usize),
+        listed: &[String],
+        by_mass: bool,
+        law: LawKind,
+    ) -> Result<Self> {
         if law != LawKind::OpticalDepth {
             return Err(Error::argument_with(
                 "models of the alpha-blend law cannot store fields",
@@ -39,7 +60,7 @@ impl<'a> FieldSelection<'a> {
                     .option("fields", ""),
             ));
         }
-        if sources.len() != particles.layers().len() {
+        if sources.len() != layers {
             return Err(Error::argument_with(
                 "fields cannot be read from this selection of particles",
                 "compress all particles of the chosen types, or convert the selection to a file first",
@@ -55,16 +76,8 @@ impl<'a> FieldSelection<'a> {
                 }
             });
         }
-        let mut selection = FieldSelection {
-            particles,
-            sources,
-            quantities: Vec::new(),
-            layers: Vec::new(),
-            omitted: Vec::new(),
-            notes: Vec::new(),
-        };
-        selection.layers.resize_with(sources.len(), Vec::new);
-        let by_mass = particles.weights().is_some();
+        let mut plan = FieldPlan::default();
+        plan.layers.resize_with(sources.len(), Vec::new);
         let mut used: Vec<String> = Vec::new();
         for name in &wanted {
             let mut found: Vec<(usize, FieldColumns)> = Vec::new();
@@ -90,41 +103,57 @@ impl<'a> FieldSelection<'a> {
             let kind = if first.columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
             let unit = first.unit.clone().map(|text| Unit { text, si: None });
             let bytes = 4 * first.columns.len() as u16;
-            let place = selection.quantities.len();
-            selection.quantities.push(Quantity { name: name.clone(), kind, unit, bytes, by_mass });
+            let place = plan.quantities.len();
+            plan.quantities.push(Quantity { name: name.clone(), kind, unit, bytes, by_mass });
             for (layer, columns) in found {
                 used.extend(columns.sources.clone());
-                selection.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
-                selection.layers[layer].push((place, columns));
+                plan.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
+                plan.layers[layer].push((place, columns));
             }
         }
-        if selection.quantities.len() > MOST {
+        if plan.quantities.len() > MOST_FIELDS {
             return Err(Error::argument(format!(
-                "a model can store {MOST} fields, not {}",
-                selection.quantities.len()
+                "a model can store {MOST_FIELDS} fields, not {}",
+                plan.quantities.len()
             )));
         }
-        selection.notes.dedup();
+        plan.notes.dedup();
         let is_omitted = |name: &&String| !used.contains(name);
-        selection.omitted = particles.meta.fields.iter().filter(is_omitted).cloned().collect();
-        Ok(selection)
+        plan.omitted = listed.iter().filter(is_omitted).cloned().collect();
+        Ok(plan)
+    }
+}
+
+impl<'a> FieldSelection<'a> {
+    /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of real
+    /// numbers. A layer that lacks a field has none; a name that no layer has is an error, and so are two layers that
+    /// differ in a field's unit or kind.
+    pub fn new(names: &[String], particles: &'a Particles, sources: &'a [LayerFields], law: LawKind) -> Result<Self> {
+        let (layers, by_mass) = (particles.layers().len(), particles.weights().is_some());
+        let plan = FieldPlan::new(names, (sources, layers), &particles.meta.fields, by_mass, law)?;
+        Ok(FieldSelection { particles, sources, plan })
+    }
+
+    /// Of particles whose fields were planned.
+    pub(crate) fn planned(plan: FieldPlan, particles: &'a Particles, sources: &'a [LayerFields]) -> Self {
+        FieldSelection { particles, sources, plan }
     }
 
     /// Names of the snapshot's fields that the model omits.
     pub fn omitted(&self) -> &[String] {
-        &self.omitted
+        &self.plan.omitted
     }
 
     /// What the fields are, in the order of their names.
     pub fn quantities(&self) -> &[Quantity] {
-        &self.quantities
+        &self.plan.quantities
     }
 
     /// The values of field `number` of all particles.
     pub fn values(&self, number: usize) -> Result<FieldValues> {
-        let components = self.quantities[number].component_names().len();
+        let components = self.plan.quantities[number].component_names().len();
         let mut columns = vec![vec![f32::NAN; self.particles.len()]; components];
-        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
+        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.plan.layers) {
             let Some((_, from)) = chosen.iter().find(|(n, _)| *n == number) else { continue };
             let mut run = Vec::new();
             for (id, start) in layer.content.clone().step_by(RUN).enumerate() {
@@ -140,7 +169,7 @@ impl<'a> FieldSelection<'a> {
 
     /// How values were converted, for people.
     pub fn notes(&self) -> &[String] {
-        &self.notes
+        &self.plan.notes
     }
 
     /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
@@ -151,13 +180,13 @@ impl<'a> FieldSelection<'a> {
         precision: &FieldPrecision,
         context: &Context<'_>,
     ) -> Result<Vec<u8>> {
-        let metadata = crate::model::Metadata { fields: self.quantities.clone(), ..model.metadata.clone() };
+        let metadata = crate::model::Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
-        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
+        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.plan.layers) {
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
             let fields: Vec<(&str, usize)> =
-                chosen.iter().map(|(n, columns)| (&self.quantities[*n].name[..], columns.columns.len())).collect();
+                chosen.iter().map(|(n, columns)| (&self.plan.quantities[*n].name[..], columns.columns.len())).collect();
             let read = |run: u64, out: &mut Vec<Vec<f64>>| {
                 let mut all = Vec::new();
                 source.read(run, &mut all)?;
@@ -179,6 +208,3 @@ impl<'a> FieldSelection<'a> {
         codec::assemble(&metadata, model.certificate.as_ref(), coded)
     }
 }
-
-/// Fields of a model file at most (docs/format.md, section 2).
-const MOST: usize = 256;

@@ -34,6 +34,7 @@ pub use certify::certify;
 pub use checkpoint::Checkpoint;
 pub(crate) use executor::{BlockStore, do_block};
 pub use fields::FieldSelection;
+pub(crate) use fields::{FieldPlan, MOST_FIELDS};
 pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::MemoryLoad;
 pub use options::Options;

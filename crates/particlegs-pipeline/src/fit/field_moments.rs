@@ -87,11 +87,16 @@ fn check_finite(fields: &[(&str, usize)], values: &[Vec<f64>], first: usize) -> 
     let names = fields.iter().flat_map(|&(name, c)| std::iter::repeat_n(name, c));
     for (name, values) in names.zip(values) {
         if let Some(i) = values.iter().position(|v| !v.is_finite()) {
-            let what = format!("particle {} has the value {} in field `{name}`", first + i, values[i]);
-            return Err(Error::argument_with(what, "leave the field out, or remove the particle from the file"));
+            return Err(value_fault(name, first + i, values[i]));
         }
     }
     Ok(())
+}
+
+/// A value that is no number.
+pub(crate) fn value_fault(field: &str, particle: usize, value: f64) -> Error {
+    let what = format!("particle {particle} has the value {value} in field `{field}`");
+    Error::argument_with(what, "leave the field out, or remove the particle from the file")
 }
 
 /// What a block's particles sum to, Gaussian by Gaussian.

@@ -85,7 +85,7 @@ pub struct LayerFields {
 }
 
 /// A field as a user names it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct FieldColumns {
     /// Unit as text, where the source says.
     pub unit: Option<String>,
@@ -93,6 +93,8 @@ pub(crate) struct FieldColumns {
     pub columns: Vec<usize>,
     /// The names that the source has for it.
     pub sources: Vec<String>,
+    /// Do values need more digits than a float32 has?
+    pub wide: bool,
     /// What values are multiplied by to be in `unit`.
     pub factor: f64,
     /// Where that comes from, for people.
@@ -197,16 +199,15 @@ impl LayerFields {
         let mut found = FieldColumns::default();
         for name in names {
             let mut first = 0;
-            let place = |f: &SourceField| {
+            let (field, columns) = self.fields.iter().find_map(|f| {
                 let own = first..first + f.components as usize;
                 first = own.end;
-                let is_it = f.name.eq_ignore_ascii_case(name);
-                is_it.then(|| (f.name.clone(), f.unit.clone(), own, f.peculiar.clone()))
-            };
-            let (source, unit, columns, peculiar) = self.fields.iter().find_map(place)?;
-            found.sources.push(source);
-            (found.unit, found.factor) = (unit, 1.0);
-            if let Some((factor, why)) = peculiar {
+                f.name.eq_ignore_ascii_case(name).then_some((f, own))
+            })?;
+            found.sources.push(field.name.clone());
+            found.wide |= field.number != Number::F32;
+            (found.unit, found.factor) = (field.unit.clone(), 1.0);
+            if let Some((factor, why)) = field.peculiar.clone() {
                 (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(why));
             }
             found.columns.extend(columns);
