@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Fields to store as well, such as velocity, or `all`, as for `compress`.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fields: Vec<String>,
-    /// Print a script for a workflow engine.
+    /// Print a workflow script.
     ///
     /// The summary is then printed on standard error.
     #[arg(long, value_enum, value_name = "ENGINE")]

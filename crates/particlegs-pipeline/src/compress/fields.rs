@@ -1,6 +1,7 @@
 //! Fields added to a model file: gathered from the particles for the Gaussians that the file decodes to. Blocks of
 //! positions keep their bytes.
 
+use super::CompressedModel;
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::gather;
@@ -172,14 +173,18 @@ impl<'a> FieldSelection<'a> {
         &self.plan.notes
     }
 
+    /// A model that was made of the particles, with the fields.
+    pub fn add_to_model(&self, done: CompressedModel, context: &Context<'_>) -> Result<CompressedModel> {
+        const PLACE: &str = "the file just coded";
+        let bytes = self.add_to(&done.bytes, &done.model, context)?;
+        let model = codec::decode_with(&bytes, PLACE, context)?;
+        let raw_bytes = done.raw_bytes + codec::read_info(&bytes, PLACE)?.raw_field_bytes();
+        Ok(CompressedModel { bytes, model, raw_bytes, ..done })
+    }
+
     /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
-    pub fn add_to(
-        &self,
-        bytes: &[u8],
-        model: &Model,
-        precision: &FieldPrecision,
-        context: &Context<'_>,
-    ) -> Result<Vec<u8>> {
+    pub(crate) fn add_to(&self, bytes: &[u8], model: &Model, context: &Context<'_>) -> Result<Vec<u8>> {
+        let precision = &FieldPrecision::default();
         let metadata = crate::model::Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
         for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.plan.layers) {

@@ -26,6 +26,7 @@ mod setup;
 mod simplify;
 mod size;
 mod thickness;
+mod total_size;
 
 pub use crate::model::Target;
 pub(crate) use block::{BlockParticles, CodedBlock};
@@ -43,3 +44,4 @@ pub use run::{CompressedModel, Compression, compress};
 pub(crate) use setup::{BlockSetup, StopPolicy};
 pub use simplify::simplify;
 pub(crate) use size::SizeOutcome;
+pub use total_size::compress_to_total;

@@ -3,7 +3,7 @@
 
 use super::manifest::Job;
 use crate::Result;
-use crate::codec::{self, FieldPrecision};
+use crate::codec;
 use crate::compress::{FieldPlan, FieldSelection, MOST_FIELDS};
 use crate::context::Context;
 use crate::fit::value_fault;
@@ -102,7 +102,7 @@ impl Job {
             sources.push(LayerFields::from_columns(fields, values));
         }
         let model = codec::decode_with(&bytes, "the block just coded", context)?;
-        FieldSelection::planned(plan, particles, &sources).add_to(&bytes, &model, &FieldPrecision::default(), context)
+        FieldSelection::planned(plan, particles, &sources).add_to(&bytes, &model, context)
     }
 }
 
