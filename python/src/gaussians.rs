@@ -16,11 +16,11 @@ pub struct Gaussians {
     /// Opacities and grey levels for the alpha-blend law.
     opacities: Option<[Vec<f64>; 2]>,
     layers: Vec<(String, usize, usize)>,
-    fields: Vec<FieldColumns>,
+    fields: Vec<FieldArrays>,
 }
 
 /// What all Gaussians have of a field; NaN in layers without it.
-struct FieldColumns {
+struct FieldArrays {
     name: String,
     components: usize,
     means: Vec<f64>,
@@ -59,15 +59,15 @@ impl Gaussians {
             opacities: (opacities[0].len() == counts.len() && !counts.is_empty()).then_some(opacities),
             counts,
             layers,
-            fields: model.metadata.fields.iter().map(|q| FieldColumns::new(model, q)).collect(),
+            fields: model.metadata.fields.iter().map(|q| FieldArrays::new(model, q)).collect(),
         }
     }
 }
 
-impl FieldColumns {
+impl FieldArrays {
     fn new(model: &Model, quantity: &Quantity) -> Self {
         let (name, components) = (quantity.name.clone(), quantity.component_names().len());
-        let mut all = FieldColumns { name, components, means: Vec::new(), slopes: Vec::new(), covariances: Vec::new() };
+        let mut all = FieldArrays { name, components, means: Vec::new(), slopes: Vec::new(), covariances: Vec::new() };
         for g in all_gaussians(model) {
             let FieldNumbers { mean, slope, spread } = g.field(quantity);
             all.means.extend(mean);
@@ -78,7 +78,7 @@ impl FieldColumns {
     }
 }
 
-type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+type MomentArray<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 #[pymethods]
 impl Gaussians {
@@ -118,9 +118,11 @@ impl Gaussians {
 
     /// Names, means, slopes and covariances (variances of a scalar) of fields.
     #[getter]
-    fn fields<'py>(slf: &Bound<'py, Self>) -> PyResult<Vec<(String, Array<'py>, Array<'py>, Array<'py>)>> {
+    fn fields<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<Vec<(String, MomentArray<'py>, MomentArray<'py>, MomentArray<'py>)>> {
         let n = slf.get().counts.len();
-        let of = |f: &FieldColumns| {
+        let of = |f: &FieldArrays| {
             let [means, slopes, covariances]: [&[usize]; 3] = match f.components {
                 1 => [&[n], &[n, 3], &[n]],
                 _ => [&[n, 3], &[n, 3, 3], &[n, 3, 3]],

@@ -367,6 +367,6 @@ fn positions_and_fields_meet_a_size_together() {
     let size = command.split("--size ").nth(1).unwrap().split(' ').next().unwrap();
     assert_eq!(dir.makes(&format!("compress snap -o again.pgs {options} --size {size}")), dir.bytes("t9000.pgs"));
     dir.fails(&format!("compress snap -o no.pgs {options} --size-total 500"), 5, "no file of at most 500 bytes");
-    dir.fails("compress snap -o no.pgs --size-total 5kB", 2, "--fields");
+    dir.fails("compress snap -o no.pgs --size-total 5kB", 2, "required arguments were not provided");
     dir.fails(&format!("compress snap -o no.pgs {options} --size-total 5kB --ratio 3"), 2, "cannot be used with");
 }
