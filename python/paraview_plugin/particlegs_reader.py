@@ -179,6 +179,32 @@ def annotate(data: vtkDataObject, facts: Mapping[str, object]) -> None:
             data.GetFieldData().AddArray(column(name, numbers))
 
 
+def free_name(data: vtkDataObject, name: str) -> str:
+    """Give a name for an array of a field that no other point or cell data have."""
+    taken = data.GetPointData().HasArray(name) or data.GetCellData().HasArray(name)
+    return f"field_{name}" if taken else name
+
+
+def add_field(data: vtkDataObject, field: str, values: Iterable[np.ndarray], unit: str | None) -> None:
+    """Add a field to point data, or to the cell data of an image, with its unit as field data.
+
+    Parameters
+    ----------
+    data : vtkDataObject
+    field : str
+        Its name.
+    values : two ndarrays, (n,) or (n, 3)
+        Means and dispersions.
+    unit : str or None
+        Unit of both.
+    """
+    name = free_name(data, field)
+    to = data.GetCellData() if isinstance(data, vtkImageData) else data.GetPointData()
+    for label, numbers in zip((name, f"dispersion_{name}"), values):
+        to.AddArray(column(label, numbers, "XYZ" if numbers.ndim == 2 else ()))
+    annotate(data, {f"{name}_unit": unit})
+
+
 def facts_of(model: Model) -> dict[str, object]:
     """List the field data that every output has."""
     return {
@@ -238,6 +264,15 @@ def square_roots(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.einsum("nik,nk,njk->nij", axes, deviations, axes), deviations[:, ::-1]
 
 
+def has_field(model: Model, name: str, layers: list[str] | None) -> bool:
+    """Tell whether any of the layers has a field."""
+    gaussians = model.gaussians
+    means = gaussians.fields[name].means
+    return any(
+        np.isfinite(means[rows]).any() for layer, rows in gaussians.layers.items() if layers is None or layer in layers
+    )
+
+
 def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlockDataSet:
     """Make a block of points for each layer, with a point for each Gaussian.
 
@@ -251,7 +286,8 @@ def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlock
     -------
     vtkMultiBlockDataSet
         Named blocks with the point data `counts`, `masses` (if known), `covariance` (`SYMMETRIC`), `sqrt_covariance`
-        (`TENSOR`, the active tensors), `standard_deviations` and `number_density` at the mean.
+        (`TENSOR`, the active tensors), `standard_deviations`, `number_density` at the mean, and of each field its mean
+        there, by its name, and its `dispersion_NAME` over the Gaussian; vectors have three components.
     """
     gaussians = model.gaussians
     blocks = vtkMultiBlockDataSet()
@@ -273,6 +309,14 @@ def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlock
         of_points.AddArray(column("standard_deviations", deviations, ("1", "2", "3")))
         volumes = (2.0 * np.pi) ** 1.5 * deviations.prod(axis=1)
         of_points.AddArray(column("number_density", counts / np.maximum(volumes, LEAST_VOLUME)))
+        for field, moments in gaussians.fields.items():
+            means, slopes, spreads = (values[rows] for values in moments)
+            # One more axis for the components of a vector.
+            shape = covariances if means.ndim == 1 else covariances[:, None]
+            own = spreads if means.ndim == 1 else np.diagonal(spreads, axis1=1, axis2=2)
+            # Of all particles of the Gaussian: the change across it counts.
+            variances = np.einsum("...i,...ij,...j->...", slopes, shape, slopes) + own
+            add_field(block, field, (means, np.sqrt(variances)), model.fields[field].unit)
         of_points.SetActiveScalars("counts")
         of_points.SetActiveTensors("sqrt_covariance")
         index = blocks.GetNumberOfBlocks()
@@ -293,8 +337,8 @@ def particles_of(snapshot: Snapshot, facts: Mapping[str, object]) -> vtkPolyData
     Returns
     -------
     vtkPolyData
-        Vertices with the point data `masses` and `weights` (if known), and `layer` if there are several; float64 if
-        the origin is not 0.
+        Vertices with the point data `masses` and `weights` (if known), fields, and `layer` if there are several;
+        float64 if the origin is not 0.
     """
     positions = snapshot.positions
     if np.any(snapshot.origin):
@@ -304,6 +348,8 @@ def particles_of(snapshot: Snapshot, facts: Mapping[str, object]) -> vtkPolyData
     for name, values in (("masses", snapshot.masses), ("weights", snapshot.weights)):
         if values is not None:
             of_points.AddArray(column(name, np.broadcast_to(values, len(positions))))
+    for name, values in snapshot.fields.items():
+        of_points.AddArray(column(free_name(data, name), values, "XYZ" if values.ndim == 2 else ()))
     if len(snapshot.layers) > 1:
         layer = np.zeros(len(positions), dtype=np.int32)
         for number, rows in enumerate(snapshot.layers.values()):
@@ -336,7 +382,7 @@ def contrast_of(values: np.ndarray) -> np.ndarray:
     return np.log10(np.clip(values / mean, low, max(most, 1.01 * low)))
 
 
-def density_of(grid: Grid, facts: Mapping[str, object]) -> vtkImageData:
+def density_of(grid: Grid, facts: Mapping[str, object], fields: Iterable[tuple[Grid, Grid]] = ()) -> vtkImageData:
     """Make an image with the cell data `density` (averages over cells, float64) and `contrast`, which is shown.
 
     Parameters
@@ -345,6 +391,8 @@ def density_of(grid: Grid, facts: Mapping[str, object]) -> vtkImageData:
         Indexed [i, j, k] along x, y, z.
     facts : mapping
         Other field data; see `annotate`.
+    fields : iterable of two particlegs.Grid
+        Means and dispersions of fields in the same cells.
 
     Returns
     -------
@@ -361,6 +409,10 @@ def density_of(grid: Grid, facts: Mapping[str, object]) -> vtkImageData:
     image.GetCellData().SetScalars(column("contrast", contrast_of(values).ravel(order="F")))
     total = float(values.sum() * np.prod(grid.spacing))
     annotate(image, {**facts, "unit": grid.unit, "total": total})
+    for mean, dispersion in fields:
+        # x is the fastest; the components of a vector stay together.
+        both = (np.moveaxis(np.asarray(v), (0, 1, 2), (2, 1, 0)).reshape(-1, *v.shape[3:]) for v in (mean, dispersion))
+        add_field(image, str(mean.field), both, mean.unit or None)
     return image
 
 
@@ -416,13 +468,18 @@ PROPERTIES = """
   <IntRangeDomain name="range" min="1" max="4096"/>
   <Documentation>Number of cells along the longest edge of the grid.</Documentation>
 </IntVectorProperty>
+<IntVectorProperty name="ComputeFields" label="Compute Fields" command="SetComputeFields"
+    number_of_elements="1" default_values="0">
+  <BooleanDomain name="bool"/>
+  <Documentation>Add mean and dispersion of every field, such as velocity, to the first output.</Documentation>
+</IntVectorProperty>
 <Property name="Refresh" command="Refresh" panel_visibility="never"/>
 <PropertyGroup label="Recovered Particles (synthetic)">
   <Property name="RecoverParticles"/><Property name="NumberOfParticles"/><Property name="Method"/>
   <Property name="Seed"/>
 </PropertyGroup>
 <PropertyGroup label="Density">
-  <Property name="ComputeDensity"/><Property name="Resolution"/>
+  <Property name="ComputeDensity"/><Property name="Resolution"/><Property name="ComputeFields"/>
 </PropertyGroup>
 """.format(methods="".join(f'<Entry value="{i}" text="{name}"/>' for i, name in enumerate(METHODS)))
 
@@ -458,6 +515,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             "seed": 42,
             "density": True,
             "cells": 128,
+            "fields": False,
         }
         self._layers = vtkDataArraySelection()
         self._layers.AddObserver(vtkCommand.ModifiedEvent, self._layers_changed)
@@ -501,6 +559,10 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
     def SetResolution(self, cells: int) -> None:
         """Set the number of cells along the longest edge."""
         self._set("cells", int(cells))
+
+    def SetComputeFields(self, compute: int) -> None:
+        """Add fields to the density's cells, or not."""
+        self._set("fields", bool(compute))
 
     def Refresh(self) -> None:
         """Read the file again if it has changed."""
@@ -583,7 +645,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         layers = [name for name in chosen if self._layers.ArrayIsEnabled(name)]
         o = self._options
         depends = {
-            DENSITY: (o["density"], o["cells"]),
+            DENSITY: (o["density"], o["cells"], o["fields"]),
             PARTICLES: (o["recover"], o["number"], o["method"], o["seed"]),
             GAUSSIANS: (),
         }[port]
@@ -611,11 +673,16 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
                 o["number"] or None, method, seed=o["seed"], layers=layers, progress=self._progress
             )
             words = f"drawn from the model {model.name} by method {method}, seed {o['seed']}: not simulated"
-            return particles_of(snapshot, {"SYNTHETIC": words, **facts_of(model)})
+            units = {f"{name}_unit": field.unit for name, field in model.fields.items()}
+            return particles_of(snapshot, {"SYNTHETIC": words, **units, **facts_of(model)})
         # Alpha-blend models have opacities, not masses.
         if not o["density"] or model.law == "alpha-blend":
             return vtkImageData()
-        return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model))
+        here = [name for name in (model.fields if o["fields"] else ()) if has_field(model, name, layers)]
+        fields = (
+            tuple(model.grid(of, o["cells"], layers=layers) for of in (name, f"dispersion.{name}")) for name in here
+        )
+        return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model), fields)
 
     def _progress(self, _phase: str, done: int, total: int) -> None:
         if total > 0:

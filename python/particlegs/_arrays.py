@@ -182,9 +182,11 @@ class Grid(_Placed):
         Value of h in the units, if known.
     outside : float
         Mass (or number of particles) beyond open edges of the grid; 0 for a periodic box.
+    field : str or None
+        Name of the field, if the values are not densities.
     """
 
-    _names = ("origin", "spacing", "unit", "length_unit", "periodic", "hubble", "outside")
+    _names = ("origin", "spacing", "unit", "length_unit", "periodic", "hubble", "outside", "field")
 
     origin: Three
     spacing: Three
@@ -193,6 +195,7 @@ class Grid(_Placed):
     periodic: tuple[bool, bool, bool]
     hubble: Optional[float]
     outside: float
+    field: Optional[str]
 
     to_astropy = handover.to_astropy
     to_pyvista = handover.grid_to_pyvista

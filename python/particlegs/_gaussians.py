@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import NamedTuple, Optional
 
 from . import _particlegs, handover
 from ._types import Float64
+
+
+class FieldMoments(NamedTuple):
+    """What each Gaussian has of a field; NaN in layers without it."""
+
+    means: Float64
+    """Means, (n,), or (n, 3) for a vector."""
+    slopes: Float64
+    """Change along x, y and z, (n, 3), or (n, 3, 3) with the component second; the field's unit over a world unit."""
+    covariances: Float64
+    """Covariances about the mean plus slope, (n, 3, 3); variances (n,) for a scalar."""
 
 
 class Gaussians:
@@ -23,6 +34,8 @@ class Gaussians:
         Mass of each, in the model's unit; None if masses are unknown.
     opacities, grey_levels : numpy.ndarray, float64, shape (n,), or None
         Only for alpha-blend models.
+    fields : dict of str to FieldMoments
+        Means, slopes and covariances of fields.
     layers : dict of str to slice
         The Gaussians of each layer.
     """
@@ -64,6 +77,11 @@ class Gaussians:
     def grey_levels(self) -> Optional[Float64]:
         """Grey levels of an alpha-blend model, (n,); None for others."""
         return self._native.grey_levels
+
+    @property
+    def fields(self) -> dict[str, FieldMoments]:
+        """Means, slopes and covariances of fields, by name."""
+        return {name: FieldMoments(*numbers) for name, *numbers in self._native.fields}
 
     @property
     def layers(self) -> dict[str, slice]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
@@ -405,7 +406,52 @@ class Model:
             periodic=self.periodic,
             hubble=self.metadata["hubble"],
             outside=outside,
+            field=None,
         )
+
+    def grid(
+        self, field: str, cells: int = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None
+    ) -> Grid:
+        """Mean of a field over each cell of the grid of `density_grid`, weighted by density.
+
+        Parameters
+        ----------
+        field : str
+            A field's name, such as ``"velocity"``, or its dispersion: ``"dispersion.velocity"``.
+        cells : int
+            Cells along the longest edge of the box (or of the bounds if nothing is periodic).
+        layers : sequence of str, optional
+            Layers to include; all by default. Layers without the field add nothing.
+        threads : int, optional
+            Number of threads; the values do not depend on it.
+
+        Returns
+        -------
+        Grid
+            float64, shape (nx, ny, nz), or (nx, ny, nz, 3) for a vector; NaN where no Gaussian with the field reaches.
+            `Grid.outside` is NaN.
+        """
+        name, dispersion = self._field(field)
+        values, origin, spacing = self._native.field_grid(name, dispersion, cells, _coerce.names(layers), threads)
+        return Grid._of(
+            values,
+            origin=tuple(origin),
+            spacing=tuple(spacing),
+            unit=self.fields[name].unit or "",
+            length_unit=self.length_unit,
+            periodic=self.periodic,
+            hubble=self.metadata["hubble"],
+            outside=math.nan,
+            field=name,
+        )
+
+    def _field(self, field: str) -> tuple[str, bool]:
+        """Split the name of a field, or of its dispersion."""
+        name = field.removeprefix("dispersion.")
+        if name not in self.fields:
+            there = ", ".join(self.fields) or "none"
+            raise InputError(f"the model has no field {name!r}; its fields: {there}")
+        return name, name != field
 
     def at(
         self,
@@ -437,11 +483,7 @@ class Model:
         """
         names = _coerce.names(layers)
         if field is not None:
-            name = field.removeprefix("dispersion.")
-            if name not in self.fields:
-                there = ", ".join(self.fields) or "none"
-                raise InputError(f"the model has no field {name!r}; its fields: {there}")
-            dispersion = name != field
+            name, dispersion = self._field(field)
             return self._native.field_at(name, _coerce.points(points, self.length_unit), dispersion, names, threads)
         return self._native.at(_coerce.points(points, self.length_unit), names, threads)
 
@@ -505,10 +547,19 @@ class Model:
         given = (ratio, _coerce.bytes_of(size), gaussians)
         return Model._of(_particlegs.simplify(self._native, *given, threads, _coerce.progress(progress)))
 
-    def merge(self, *others: Model, threads: Optional[int] = None, progress: Progress = None) -> Model:
-        """Merges this model with others, such as parts of a box. Their coded blocks are copied unchanged."""
+    def merge(
+        self,
+        *others: Model,
+        fields: Optional[Names] = None,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> Model:
+        """Merges this model with others, such as parts of a box. Their coded blocks are copied unchanged.
+
+        `fields` names the fields to keep, which all must have; by default all, if the models have the same.
+        """
         parts = [self._native, *(other._native for other in others)]
-        return Model._of(_particlegs.merge(parts, threads, _coerce.progress(progress)))
+        return Model._of(_particlegs.merge(parts, _coerce.names(fields), threads, _coerce.progress(progress)))
 
     def eval(
         self,
@@ -585,6 +636,7 @@ class Model:
         radius: Optional[float] = None,
         opacity: Optional[float] = None,
         color: str = "grey",
+        fields: Optional[Names] = None,
         overwrite: bool = False,
         threads: Optional[int] = None,
         progress: Progress = None,
@@ -606,6 +658,8 @@ class Model:
             Particle radius and opacity for splats; the model's by default.
         color : {"grey", "layer", "density"}
             Colour of splats.
+        fields : sequence of str, optional
+            Fields to add to a density grid (``.vti``, ``.fits``), or ``"all"``: mean and dispersion in each cell.
         overwrite : bool
             Replace an existing file.
 
@@ -621,6 +675,7 @@ class Model:
             "radius": radius,
             "opacity": opacity,
             "color": color,
+            "fields": _coerce.names(fields) or [],
             "overwrite": overwrite,
         }
         return _particlegs.export(self._native, os.fspath(path), asked, threads, _coerce.progress(progress))

@@ -82,6 +82,8 @@ class Gaussians:
     @property
     def grey_levels(self) -> Optional[NDArray[np.float64]]: ...
     @property
+    def fields(self) -> list[tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]: ...
+    @property
     def layer_ranges(self) -> list[tuple[str, int, int]]: ...
 
 @disjoint_base
@@ -143,6 +145,14 @@ class Model:
     def density_grid(
         self, cells: int, layers: Optional[Sequence[str]] = None, threads: Optional[int] = None
     ) -> tuple[NDArray[np.float64], list[float], list[float], float]: ...
+    def field_grid(
+        self,
+        field: str,
+        dispersion: bool,
+        cells: int,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+    ) -> tuple[NDArray[np.float64], list[float], list[float]]: ...
     def at(
         self,
         points: NDArray[np.float64],
@@ -201,7 +211,12 @@ def simplify(
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> Model: ...
-def merge(models: Sequence[Model], threads: Optional[int] = None, progress: _Progress = None) -> Model: ...
+def merge(
+    models: Sequence[Model],
+    fields: Optional[Sequence[str]] = None,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> Model: ...
 def evaluate(
     model: Model,
     snapshot: Snapshot,

@@ -6,7 +6,6 @@ use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::codec::{self, FieldPrecision};
 use particlegs_pipeline::compress::{FieldSelection, Options, Target, compress as run};
 use particlegs_pipeline::model::{CertificateLevel, Goal, GoalKind, LawKind, Layer};
 use particlegs_pipeline::particles::{LayerFields, Number, Particles, SourceField, Storage};
@@ -172,12 +171,11 @@ pub fn compress(
             true => None,
             false => Some(FieldSelection::new(&names, Default::default(), particles, &sources, options.law())?),
         };
-        let mut made = run(particles, &options, &mut NoCheckpoints, progress)?;
-        if let Some(selection) = selection {
-            made.bytes = selection.add_to(&made.bytes, &made.model, &FieldPrecision::default(), progress)?;
-            made.model = codec::decode_with(&made.bytes, "the file just coded", progress)?;
+        let made = run(particles, &options, &mut NoCheckpoints, progress)?;
+        match selection {
+            None => Ok(made),
+            Some(selection) => selection.add_to_model(made, progress),
         }
-        Ok(made)
     })?;
     // The warning points to the line that calls the package.
     const CALLER: i32 = 2;

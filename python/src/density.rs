@@ -1,4 +1,4 @@
-//! Densities of a model, in cells or at points.
+//! Densities and fields of a model, in cells or at points.
 
 use crate::arrays;
 use crate::errors::InputError;
@@ -7,7 +7,7 @@ use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs_export::{Cells, Density};
 use particlegs_pipeline::model::{LawKind, Mass, Model};
-use particlegs_pipeline::stats::Domain;
+use particlegs_pipeline::stats::{Domain, field_in_cells};
 use pyo3::prelude::*;
 
 /// Refuses models without densities, and layers that cannot be added.
@@ -40,6 +40,27 @@ pub fn grid<'py>(
     let array = ArrayD::from_shape_vec(IxDyn(&density.grid.cells), values);
     let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
     Ok((array, density.grid.min, density.grid.side, density.outside))
+}
+
+/// Means (or dispersions) of a field over cells: values with a last axis of 3 for a vector, origin, cell edges.
+pub fn field_grid<'py>(
+    py: Python<'py>,
+    model: &Model,
+    (field, dispersion): (&str, bool),
+    cells: usize,
+    threads: Option<usize>,
+) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {
+    let (grid, found) = WorkOptions::quietly(threads).run(py, |progress| {
+        let grid = Cells::Along(cells).over_model(model)?;
+        Ok((grid, field_in_cells(model, field, &grid, progress)?))
+    })?;
+    let columns = if dispersion { found.dispersion } else { found.mean };
+    let values = (0..grid.len()).flat_map(|i| columns.iter().map(move |c| f64::from(c[i]))).collect();
+    let components = Some(columns.len()).filter(|n| *n > 1);
+    let shape: Vec<usize> = grid.cells.into_iter().chain(components).collect();
+    let array = ArrayD::from_shape_vec(IxDyn(&shape), values);
+    let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
+    Ok((array, grid.min, grid.side))
 }
 
 /// Means (or dispersions) of a field at points: (n,) of a scalar, (n, 3) of a vector.

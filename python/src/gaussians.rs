@@ -2,7 +2,8 @@
 
 use crate::snapshot::view;
 use numpy::PyArrayDyn;
-use particlegs_pipeline::model::{Mixture, Model};
+use particlegs_export::{FieldNumbers, all_gaussians};
+use particlegs_pipeline::model::{Mixture, Model, Quantity};
 use pyo3::prelude::*;
 
 /// Columns of all Gaussians, layer by layer and block by block.
@@ -15,6 +16,16 @@ pub struct Gaussians {
     /// Opacities and grey levels for the alpha-blend law.
     opacities: Option<[Vec<f64>; 2]>,
     layers: Vec<(String, usize, usize)>,
+    fields: Vec<FieldArrays>,
+}
+
+/// What all Gaussians have of a field; NaN in layers without it.
+struct FieldArrays {
+    name: String,
+    components: usize,
+    means: Vec<f64>,
+    slopes: Vec<f64>,
+    covariances: Vec<f64>,
 }
 
 impl Gaussians {
@@ -48,9 +59,26 @@ impl Gaussians {
             opacities: (opacities[0].len() == counts.len() && !counts.is_empty()).then_some(opacities),
             counts,
             layers,
+            fields: model.metadata.fields.iter().map(|q| FieldArrays::new(model, q)).collect(),
         }
     }
 }
+
+impl FieldArrays {
+    fn new(model: &Model, quantity: &Quantity) -> Self {
+        let (name, components) = (quantity.name.clone(), quantity.component_names().len());
+        let mut all = FieldArrays { name, components, means: Vec::new(), slopes: Vec::new(), covariances: Vec::new() };
+        for g in all_gaussians(model) {
+            let FieldNumbers { mean, slope, spread } = g.field(quantity);
+            all.means.extend(mean);
+            all.slopes.extend(slope);
+            all.covariances.extend(spread);
+        }
+        all
+    }
+}
+
+type MomentArray<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 #[pymethods]
 impl Gaussians {
@@ -86,6 +114,27 @@ impl Gaussians {
     #[getter]
     fn grey_levels<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f64>>>> {
         slf.get().opacities.as_ref().map(|[_, grey]| column(slf, grey)).transpose()
+    }
+
+    /// Names, means, slopes and covariances (variances of a scalar) of fields.
+    #[getter]
+    fn fields<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<Vec<(String, MomentArray<'py>, MomentArray<'py>, MomentArray<'py>)>> {
+        let n = slf.get().counts.len();
+        let of = |f: &FieldArrays| {
+            let [means, slopes, covariances]: [&[usize]; 3] = match f.components {
+                1 => [&[n], &[n, 3], &[n]],
+                _ => [&[n, 3], &[n, 3, 3], &[n, 3, 3]],
+            };
+            Ok((
+                f.name.clone(),
+                view(slf.as_any(), &f.means, means)?,
+                view(slf.as_any(), &f.slopes, slopes)?,
+                view(slf.as_any(), &f.covariances, covariances)?,
+            ))
+        };
+        slf.get().fields.iter().map(of).collect()
     }
 
     #[getter]

@@ -269,7 +269,7 @@ impl Model {
         let shown = self.shown(layers.as_deref())?;
         let mut query = FieldQuery::new(field, &self.model.metadata.fields).or_raise()?;
         if subtract_mean {
-            query.bulk = mean_vector(&self.model, &query.name);
+            query.bulk = mean_vector(&self.model.layers, &query.name);
         }
         query.bulk = bulk.unwrap_or(query.bulk);
         let scene = Scene::from_layers(&self.model, |l| shown[l]);
@@ -323,6 +323,20 @@ impl Model {
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
         density::grid(py, &*self.only(layers.as_deref())?, cells, threads)
+    }
+
+    /// A field in cells, means or dispersions: values, origin, cell edges.
+    #[pyo3(signature = (field, dispersion, cells, layers=None, threads=None))]
+    fn field_grid<'py>(
+        &self,
+        py: Python<'py>,
+        field: &str,
+        dispersion: bool,
+        cells: usize,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {
+        density::field_grid(py, &*self.only(layers.as_deref())?, (field, dispersion), cells, threads)
     }
 
     /// Density at points.

@@ -4,7 +4,7 @@ use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats};
+use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named};
 use particlegs_export::{write_as_splats, write_density, write_gaussians};
 use particlegs_files::output::write_bytes;
 use particlegs_pipeline::codec::{self, Merge};
@@ -43,17 +43,18 @@ pub fn simplify(
 
 /// Merges models; their coded blocks are copied.
 #[pyfunction]
-#[pyo3(signature = (models, threads=None, progress=None))]
+#[pyo3(signature = (models, fields=None, threads=None, progress=None))]
 pub fn merge(
     py: Python<'_>,
     models: Vec<Py<Model>>,
+    fields: Option<Vec<String>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
     let parts: Vec<&Model> = models.iter().map(|m| m.get()).collect();
     let name = parts.first().map_or("merged", |m| m.called());
     made(py, name, WorkOptions { threads, progress }, |progress| {
-        let mut merge = Merge::default();
+        let mut merge = fields.map_or_else(Merge::default, Merge::with_fields);
         parts.iter().try_for_each(|part| merge.add(part.bytes(), part.called(), progress))?;
         merge.finish()
     })
@@ -161,6 +162,7 @@ pub struct ExportOptions {
     opacity: Option<f64>,
     color: String,
     overwrite: bool,
+    fields: Vec<String>,
 }
 
 /// Exports a model; returns the number of bytes.
@@ -182,7 +184,8 @@ pub fn export(
         None => model.inner().clone(),
         Some(names) => model.inner().clone().only(names).or_raise()?,
     };
-    let mut notes = Notes::new(kind, &shown, model.called());
+    let fields = fields_named(kind, &shown, &asked.fields).or_raise()?;
+    let mut notes = Notes::new(kind, &shown, model.called(), &fields);
     WorkOptions { threads, progress }.run(py, |progress| match kind.group() {
         Group::Page if asked.layers.is_some() => {
             Err(particlegs_pipeline::Error::argument("an exported page contains all layers: leave layers= out"))
@@ -206,7 +209,8 @@ pub fn export(
             write_as_splats(kind, &splats, coloring.colors.as_deref(), &notes, &path, progress)
         }
         Group::Grid => {
-            let density = Density::new(&shown, asked.cells.map_or_else(Cells::default, Cells::Along), progress)?;
+            let mut density = Density::new(&shown, asked.cells.map_or_else(Cells::default, Cells::Along), progress)?;
+            density.add_fields(&shown, fields, progress)?;
             notes.set("density", json!({ "unit": density.unit, "total": density.total, "outside": density.outside }));
             write_density(kind, &density, &notes, &path, progress)
         }

@@ -38,6 +38,14 @@ def test_fields_at_points_follow_the_particles(model):
     np.testing.assert_allclose(dispersion, 10.0, rtol=0.3)
 
 
+def test_gaussians_have_moments_of_fields(model):
+    gaussians, velocity = model.gaussians, model.gaussians.fields["velocity"]
+    n = len(gaussians)
+    assert [v.shape for v in velocity] == [(n, 3), (n, 3, 3), (n, 3, 3)]
+    assert [v.shape for v in gaussians.fields["temperature"]] == [(n,), (n, 3), (n,)]
+    np.testing.assert_allclose(np.average(velocity.means, axis=0, weights=gaussians.counts), flow()[1].mean(axis=0))
+
+
 def test_maps_have_the_mean_along_the_line_of_sight(model):
     seen = model.map("velocity.x", center=[0.0, 0.0, 0.0], width=12.0, shape=(40, 60))
     assert seen.shape == (40, 60)
@@ -47,6 +55,23 @@ def test_maps_have_the_mean_along_the_line_of_sight(model):
     np.testing.assert_allclose(moving, seen + 150.0, rtol=1e-5, atol=1e-3)
     along = model.map("velocity.los", center=[0.0, 0.0, 0.0], width=12.0, shape=(40, 40), axis="x", bulk="mean")
     assert np.nanmax(np.abs(along)) < 200.0
+
+
+def test_grids_of_fields_keep_their_sums(model, tmp_path):
+    rho, velocity = model.density_grid(32), model.grid("velocity", 32)
+    assert velocity.shape == (*rho.shape, 3) and velocity.field == "velocity" and np.isnan(velocity.outside)
+    points = np.array([velocity.origin]) + (np.argwhere(rho > 0.1 * rho.max()) + 0.5) * velocity.spacing
+    inside = velocity[rho > 0.1 * rho.max()]
+    np.testing.assert_allclose(inside, model.at(points, "velocity"), atol=20.0)
+    sums = np.nansum(np.asarray(velocity) * np.asarray(rho)[..., None], axis=(0, 1, 2)) / rho.sum()
+    own = model.recover(20_000).fields["velocity"].mean(axis=0)
+    np.testing.assert_allclose(sums, own, atol=3.0)
+    assert np.nanmin(model.grid("dispersion.temperature", 16)) >= 0
+    with pytest.raises(pg.InputError, match="no field 'entropy'"):
+        model.grid("entropy")
+    assert model.export(tmp_path / "g.vti", cells=8, fields=["velocity"]) > 0
+    with pytest.raises(pg.InputError, match=r"not to \.npy"):
+        model.export(tmp_path / "g.npy", cells=8, fields=["velocity"])
 
 
 def test_recovered_particles_have_fields(model, tmp_path):

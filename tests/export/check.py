@@ -175,6 +175,15 @@ def grids(z):
         factor = WCS(head).wcs.cunit[0].to(length.removesuffix("/h")) if known else 1.0
         close("FITS first cell", first * factor, (origin + side / 2) * by_h, 1e-9)
         close("FITS values", data.T * by_h**3 / mass, values, 1e-6)
+        # Fields: the same in both, with sums of the Gaussians' own where no Gaussian lies beyond the grid.
+        for field in [f["name"] for f in INFO["kept"] if f["name"] not in ("positions", "masses")]:
+            for kind in (field, f"dispersion_{field}"):
+                array = vtk_to_numpy(image.GetCellData().GetArray(kind))
+                components = array.reshape(len(array), -1).T
+                names = [kind] if len(components) == 1 else [f"{kind}_{axis}" for axis in "xyz"]
+                for name, own in zip(names, components):
+                    np.testing.assert_array_equal(hdus[name].data.ravel(), own)
+                    assert WCS(hdus[name].header).wcs.crval[0] == WCS(head).wcs.crval[0]
 
 
 def main():

@@ -31,7 +31,7 @@ trap 'rm -rf "$work"' EXIT
 # The sample; layers and masses without a unit; splats of the other law.
 "$particlegs" compress samples/nbody64 -o "$work/sample.pgs" --effort fast --ratio 100 --certificate none --quiet >/dev/null
 "$particlegs" compress crates/particlegs-formats/tests/fixtures/species.hdf5 -o "$work/layers.pgs" --gaussians 20 \
-    --length-unit kpc --certificate none --quiet >/dev/null
+    --length-unit kpc --fields all --certificate none --quiet >/dev/null
 cp crates/particlegs-pipeline/tests/fixtures/format-1.0-alpha.pgs "$work/alpha.pgs"
 
 # The newest Node resolves packages from where a script lies.
@@ -43,7 +43,11 @@ for model in sample layers alpha; do
     for kind in $kinds; do
         more=''
         case $kind in
-        npy | vti | fits) more='--grid 40' ;;
+        npy) more='--grid 40' ;;
+        vti | fits)
+            more='--grid 40'
+            if [ "$model" = layers ]; then more+=' --fields all'; fi
+            ;;
         ply | glb | gltf) if [ "$model" = layers ]; then more='--color layer'; fi ;;
         esac
         # shellcheck disable=SC2086

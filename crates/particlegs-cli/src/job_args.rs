@@ -52,26 +52,32 @@ impl JobSnapshot {
     }
 
     /// Opens the snapshot; also returns whether tasks can reopen it and read any part. Data that cannot be read in
-    /// place goes to `storage`.
-    pub fn source(&self, storage: &Storage, context: &CommandContext) -> Result<(LayeredParticles, bool)> {
-        match self.particles.choice(self.seed)?.read_later(&self.paths, context)? {
-            Some(layered) => Ok((layered, true)),
-            None => Ok((LayeredParticles::from_particles(&self.selected(storage, context)?), false)),
+    /// place goes to `storage`. Layers come with their fields if they are wanted.
+    pub fn source(
+        &self,
+        storage: &Storage,
+        with_fields: bool,
+        context: &CommandContext,
+    ) -> Result<(LayeredParticles, bool)> {
+        let mut choice = self.particles.choice(self.seed)?;
+        if let Some(layered) = choice.read_later(&self.paths, with_fields, context)? {
+            return Ok((layered, true));
         }
+        let (particles, fields) = match with_fields {
+            false => (choice.read(&self.paths, storage, context)?, Vec::new()),
+            true => choice.read_fields(&self.paths, storage, context)?,
+        };
+        Ok((LayeredParticles::from_particles(&particles).with_fields(fields), false))
     }
 
     /// The snapshot of a job, to be read in parts; `plan` printed its notes.
-    pub fn layered(&self, context: &CommandContext) -> Result<LayeredParticles> {
-        Ok(context.told_before(|| self.source(&Storage::Memory, context))?.0)
+    pub fn layered(&self, job: &Job, context: &CommandContext) -> Result<LayeredParticles> {
+        Ok(context.told_before(|| self.source(&Storage::Memory, job.has_fields(), context))?.0)
     }
 
     /// The particles of a job; `plan` printed their notes.
     pub fn particles(&self, context: &CommandContext) -> Result<Particles> {
-        context.told_before(|| self.selected(&Storage::Memory, context))
-    }
-
-    fn selected(&self, storage: &Storage, context: &CommandContext) -> Result<Particles> {
-        self.particles.read(&self.paths, self.seed, storage, context)
+        context.told_before(|| self.particles.read(&self.paths, self.seed, &Storage::Memory, context))
     }
 }
 

@@ -6,7 +6,7 @@ use particlegs_pipeline::compress::Target;
 use particlegs_pipeline::model::{Goal, GoalKind};
 use particlegs_pipeline::{Error, Result};
 
-const HEADING: &str = "Target (choose one)";
+pub const HEADING: &str = "Target (choose one)";
 
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]

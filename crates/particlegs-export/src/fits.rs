@@ -1,11 +1,12 @@
-//! Density as a FITS cube (FITS Standard 4.0): one primary array of float32, x fastest, with linear world
-//! coordinates.
+//! Density as a FITS cube (FITS Standard 4.0): a primary array of float32, x fastest, with linear world coordinates, and
+//! an image extension like it for the mean and the dispersion of each component of each field.
 
 use super::notes::ascii;
-use super::{Density, Notes, written};
+use super::{Density, FieldGrid, Notes, written};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Dimension, Unit};
+use particlegs_pipeline::stats::Grid;
 use std::path::Path;
 
 /// Bytes of a card, and of a block of cards or numbers.
@@ -58,15 +59,55 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
     let scale = UnitScale::from_notes(notes);
     let head = head(density, notes, &scale);
     let by = scale.mass / scale.length.powi(3);
+    let mut cubes = vec![(head, &density.values, by)];
+    for field in &density.fields {
+        for (k, name) in field.quantity.component_names().iter().enumerate() {
+            let mean = field_head(density, &scale, field, ("mean", name));
+            let dispersion = field_head(density, &scale, field, ("dispersion", &format!("dispersion_{name}")));
+            cubes.extend([(mean, &field.values.mean[k], 1.0), (dispersion, &field.values.dispersion[k], 1.0)]);
+        }
+    }
     let bytes = 4 * density.values.len() as u64;
-    written(out, head.len() as u64 + bytes.next_multiple_of(BLOCK), context, |sink| {
-        sink.put(&head)?;
-        density.for_each_run(|run| {
-            sink.check()?;
-            sink.put(&run.iter().flat_map(|v| ((f64::from(*v) * by) as f32).to_be_bytes()).collect::<Vec<u8>>())
-        })?;
-        sink.put(&vec![0; (bytes.next_multiple_of(BLOCK) - bytes) as usize])
+    let whole: u64 = cubes.iter().map(|(head, ..)| head.len() as u64 + bytes.next_multiple_of(BLOCK)).sum();
+    written(out, whole, context, |sink| {
+        for (head, values, by) in &cubes {
+            sink.put(head)?;
+            density.for_each_run(&[values], |run| {
+                sink.check()?;
+                sink.put(&run.iter().flat_map(|v| ((f64::from(*v) * by) as f32).to_be_bytes()).collect::<Vec<u8>>())
+            })?;
+            sink.put(&vec![0; (bytes.next_multiple_of(BLOCK) - bytes) as usize])?;
+        }
+        Ok(())
     })
+}
+
+/// The cards of an extension that holds the means or the dispersions of a component of a field.
+fn field_head(density: &Density, scale: &UnitScale, field: &FieldGrid, (what, name): (&str, &str)) -> Vec<u8> {
+    let mut head = FitsHeader(Vec::new());
+    head.text("XTENSION", "IMAGE", "FITS Standard 4.0");
+    head.axes(&density.grid.cells);
+    head.card("PCOUNT", "0", "");
+    head.card("GCOUNT", "1", "");
+    head.text("EXTNAME", name, "");
+    match field.unit().map(|unit| (unit, standard_unit(unit))) {
+        Some((_, Some(unit))) => head.text("BUNIT", &unit, ""),
+        Some((unit, None)) => head.text("FLDUNIT", unit, "unit of the field"),
+        None => {}
+    }
+    let weights = if field.quantity.by_mass { "mass" } else { "number of particles" };
+    head.text("BTYPE", &format!("{what}, weighted by {weights}"), "over each cell");
+    head.coordinates(&density.grid, scale);
+    head.whole()
+}
+
+/// A unit such as `km/s` as the standard writes it, if it knows all its parts.
+fn standard_unit(unit: &str) -> Option<String> {
+    let known =
+        |part: &&str| SAME.split(' ').chain(["s", "K", "J", "erg", "yr", "Myr", "Gyr"]).any(|same| same == *part);
+    let mut parts = unit.split('/');
+    let first = parts.next().filter(known)?;
+    parts.try_fold(first.to_string(), |all, part| known(&part).then(|| format!("{all} {part}-1")))
 }
 
 /// All cards, to a whole number of blocks.
@@ -74,10 +115,9 @@ fn head(density: &Density, notes: &Notes, scale: &UnitScale) -> Vec<u8> {
     let grid = &density.grid;
     let mut head = FitsHeader(Vec::new());
     head.card("SIMPLE", "T", "FITS Standard 4.0");
-    head.card("BITPIX", "-32", "float32");
-    head.card("NAXIS", "3", "x, y and z; x is the fastest");
-    for (k, n) in grid.cells.iter().enumerate() {
-        head.card(&format!("NAXIS{}", k + 1), &n.to_string(), "cells");
+    head.axes(&grid.cells);
+    if !density.fields.is_empty() {
+        head.card("EXTEND", "T", "fields follow");
     }
     match &scale.density_unit {
         Some(unit) => head.text("BUNIT", unit, ""),
@@ -85,16 +125,7 @@ fn head(density: &Density, notes: &Notes, scale: &UnitScale) -> Vec<u8> {
     }
     let of = notes.text("weights").map_or_else(String::new, |name| format!(" of {name}"));
     head.text("BTYPE", &format!("density{of}"), "mean of each cell");
-    for (k, axis) in ["X", "Y", "Z"].iter().enumerate() {
-        let n = k + 1;
-        head.text(&format!("CTYPE{n}"), axis, "linear");
-        head.card(&format!("CRPIX{n}"), "1.0", "centre of the first cell");
-        head.number(&format!("CRVAL{n}"), (grid.min[k] + 0.5 * grid.side[k]) * scale.length, "its coordinate");
-        head.number(&format!("CDELT{n}"), grid.side[k] * scale.length, "edge of a cell");
-        if let Some(unit) = scale.length_unit {
-            head.text(&format!("CUNIT{n}"), unit, "");
-        }
-    }
+    head.coordinates(grid, scale);
     let length = scale.length_unit.or(notes.text("length_unit"));
     head.text("LENUNIT", length.unwrap_or("not stated"), "unit of length");
     head.number("TOTAL", density.total * scale.mass, "mass or number in all cells");
@@ -126,6 +157,29 @@ impl FitsHeader {
     fn card(&mut self, name: &str, value: &str, comment: &str) {
         let comment = if comment.is_empty() { String::new() } else { format!(" / {comment}") };
         self.push(&format!("{name:<8}= {value:>20}{comment}"));
+    }
+
+    /// What the array is.
+    fn axes(&mut self, cells: &[usize; 3]) {
+        self.card("BITPIX", "-32", "float32");
+        self.card("NAXIS", "3", "x, y and z; x is the fastest");
+        for (k, n) in cells.iter().enumerate() {
+            self.card(&format!("NAXIS{}", k + 1), &n.to_string(), "cells");
+        }
+    }
+
+    /// Where its cells are.
+    fn coordinates(&mut self, grid: &Grid, scale: &UnitScale) {
+        for (k, axis) in ["X", "Y", "Z"].iter().enumerate() {
+            let n = k + 1;
+            self.text(&format!("CTYPE{n}"), axis, "linear");
+            self.card(&format!("CRPIX{n}"), "1.0", "centre of the first cell");
+            self.number(&format!("CRVAL{n}"), (grid.min[k] + 0.5 * grid.side[k]) * scale.length, "its coordinate");
+            self.number(&format!("CDELT{n}"), grid.side[k] * scale.length, "edge of a cell");
+            if let Some(unit) = scale.length_unit {
+                self.text(&format!("CUNIT{n}"), unit, "");
+            }
+        }
     }
 
     fn number(&mut self, name: &str, value: f64, comment: &str) {
@@ -203,6 +257,12 @@ mod tests {
         let object = String::from_utf8_lossy(cards[0]);
         assert_eq!(object.matches('\'').count() % 2, 0, "{object}");
         assert!(cards[1].starts_with(b"COMMENT word") && cards.iter().any(|c| c.starts_with(b"END ")));
+    }
+
+    #[test]
+    fn units_of_fields_are_the_standards_or_none() {
+        let all = [("km/s", Some("km s-1")), ("K", Some("K")), ("kpc/h", None), ("10^10 Msun", None), ("", None)];
+        all.iter().for_each(|(unit, known)| assert_eq!(standard_unit(unit).as_deref(), *known, "{unit}"));
     }
 
     #[test]

@@ -1,9 +1,10 @@
-//! A model's density on a grid, integrated over its cells.
+//! A model's density on a grid, integrated over its cells, and the means of its fields over them.
 
+use super::Kind;
 use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Metadata, Model};
-use particlegs_pipeline::stats::{Assignment, Domain, Grid, Subject, deposit};
-use particlegs_pipeline::{Error, Result};
+use particlegs_pipeline::model::{Metadata, Model, Quantity};
+use particlegs_pipeline::stats::{Assignment, Domain, Grid, MeanAndDispersion, Subject, deposit, field_in_cells};
+use particlegs_pipeline::{Error, Hint, Result};
 
 /// Cells along an axis at most.
 const MOST: usize = 65_536;
@@ -25,6 +26,13 @@ impl Default for Cells {
 }
 
 impl Cells {
+    /// The grid over a model's periodic box, or its bounds where it has none or a tilted one.
+    pub fn over_model(self, model: &Model) -> Result<Grid> {
+        // Grids of files are upright: a tilted box lies open in its bounds.
+        let domain = Some(Domain::from_model(model)).filter(|d| !d.is_tilted());
+        self.over(&domain.unwrap_or_else(|| Domain::new(&model.metadata.bounds, None)))
+    }
+
     /// The grid over a domain. Cells of a given length become as long as divides the box.
     fn over(self, domain: &Domain) -> Result<Grid> {
         match self {
@@ -52,20 +60,63 @@ pub struct Density {
     pub total: f64,
     /// What lies beyond the open edges of the grid.
     pub outside: f64,
+    /// Means over the cells, weighted by density.
+    pub fields: Vec<FieldGrid>,
+}
+
+/// A field in the cells of a density: NaN where no Gaussian that has it reaches.
+pub struct FieldGrid {
+    pub quantity: Quantity,
+    pub values: MeanAndDispersion<f32>,
+}
+
+impl FieldGrid {
+    /// The field's unit, if it is known.
+    pub fn unit(&self) -> Option<&str> {
+        self.quantity.unit.as_ref().map(|u| &u.text[..])
+    }
+}
+
+/// The fields of a model, by names in upper or lower case, for the cells of a file of this kind; `all` means every one.
+pub fn fields_named(kind: Kind, model: &Model, names: &[String]) -> Result<Vec<Quantity>> {
+    if !names.is_empty() && !kind.has_fields_in_cells() {
+        let what = format!("fields on a grid are written to .vti and .fits, not to .{}", kind.ending());
+        return Err(Error::argument_with(what, ".npz and .csv contain the fields of the Gaussians anyway"));
+    }
+    let there = &model.metadata.fields;
+    let mut found: Vec<Quantity> = Vec::new();
+    for name in names {
+        let own = there.iter().filter(|q| name == "all" || q.name.eq_ignore_ascii_case(name));
+        let before = found.len();
+        found.extend(own.cloned());
+        if found.len() == before {
+            return Err(match there.is_empty() {
+                true => {
+                    let hint = Hint::from("compress the snapshot again with ").option("fields", "NAME");
+                    Error::argument_with("the model has no fields", hint)
+                }
+                false => {
+                    let names: Vec<&str> = there.iter().map(|q| &q.name[..]).collect();
+                    let hint = format!("its fields: {}", names.join(", "));
+                    Error::argument_with(format!("the model has no field `{name}`"), hint)
+                }
+            });
+        }
+    }
+    let mut named = std::collections::BTreeSet::new();
+    found.retain(|q| named.insert(q.name.clone()));
+    Ok(found)
 }
 
 impl Density {
-    /// Of all layers of a model, over its periodic box, or its bounds where it has none or a tilted one.
+    /// Of all layers of a model.
     pub fn new(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs_pipeline::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
             let what = "some layers have masses and others do not, so they cannot be added";
             return Err(Error::argument_with(what, "choose only layers with masses, or only layers without"));
         }
-        // Grids of files are upright: a tilted box lies open in its bounds.
-        let domain = Some(Domain::from_model(model)).filter(|d| !d.is_tilted());
-        let domain = domain.unwrap_or_else(|| Domain::new(&model.metadata.bounds, None));
-        let grid = cells.over(&domain)?;
+        let grid = cells.over_model(model)?;
         let subject = Subject::Model(model);
         context.begin("density", 0);
         let field = deposit(subject, &grid, Assignment::Ngp, 0.0, context)?;
@@ -83,27 +134,47 @@ impl Density {
             unit: density_unit(&model.metadata, model.has_masses(), 3),
             total,
             outside: field.outside,
+            fields: Vec::new(),
         })
     }
 
-    /// Runs of values with x fastest, as VTK and FITS have them, some planes across z at a time.
-    pub fn for_each_run(&self, mut write: impl FnMut(&[f32]) -> std::io::Result<()>) -> std::io::Result<()> {
+    /// Adds fields of the same model.
+    pub fn add_fields(&mut self, model: &Model, fields: Vec<Quantity>, context: &Context<'_>) -> Result<()> {
+        for quantity in fields {
+            context.begin(&format!("field {}", quantity.name), 0);
+            let values = field_in_cells(model, &quantity.name, &self.grid, context)?;
+            context.end();
+            self.fields.push(FieldGrid { quantity, values });
+        }
+        Ok(())
+    }
+
+    /// Runs of values with x fastest, as VTK and FITS have them, some planes across z at a time; of several columns cell
+    /// by cell.
+    pub fn for_each_run(
+        &self,
+        columns: &[&[f32]],
+        mut write: impl FnMut(&[f32]) -> std::io::Result<()>,
+    ) -> std::io::Result<()> {
         /// Values held at once, where a plane has no more.
         const HELD: usize = 1 << 22;
         let [nx, ny, nz] = self.grid.cells;
-        let planes = (HELD / (nx * ny)).clamp(1, nz);
-        let mut run = vec![0f32; planes * nx * ny];
+        let width = columns.len();
+        let planes = (HELD / (nx * ny * width)).clamp(1, nz);
+        let mut run = vec![0f32; planes * nx * ny * width];
         for first in (0..nz).step_by(planes) {
             let number = planes.min(nz - first);
             for i in 0..nx {
                 for j in 0..ny {
                     let row = (i * ny + j) * nz + first;
-                    for (k, v) in self.values[row..row + number].iter().enumerate() {
-                        run[(k * ny + j) * nx + i] = *v;
+                    for (c, column) in columns.iter().enumerate() {
+                        for (k, v) in column[row..row + number].iter().enumerate() {
+                            run[((k * ny + j) * nx + i) * width + c] = *v;
+                        }
                     }
                 }
             }
-            write(&run[..number * nx * ny])?;
+            write(&run[..number * nx * ny * width])?;
         }
         Ok(())
     }

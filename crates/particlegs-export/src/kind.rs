@@ -53,6 +53,11 @@ impl Kind {
         }
     }
 
+    /// Does a file of density have room for fields?
+    pub fn has_fields_in_cells(self) -> bool {
+        matches!(self, Kind::Vti | Kind::Fits)
+    }
+
     /// The format that an output's ending means, or the one that is asked for.
     pub fn for_output(out: &Path, asked: Option<Kind>) -> Result<Kind> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());

@@ -17,7 +17,8 @@ mod splats;
 mod vti;
 
 pub use colors::{ColorBy, Coloring};
-pub use grid::{Cells, Density, density_unit};
+pub use gaussians::{FieldNumbers, LayerGaussian, all as all_gaussians};
+pub use grid::{Cells, Density, FieldGrid, density_unit, fields_named};
 pub use kind::{Group, Kind};
 pub use notes::Notes;
 pub use splats::{Faint, as_splats};

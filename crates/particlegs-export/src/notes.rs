@@ -2,7 +2,7 @@
 
 use super::{Group, Kind};
 use particlegs_pipeline::camera::Normalisation;
-use particlegs_pipeline::model::{LawKind, Model};
+use particlegs_pipeline::model::{LawKind, Model, Quantity};
 use serde_json::{Map, Value, json};
 
 pub struct Notes {
@@ -15,10 +15,12 @@ pub struct Notes {
 }
 
 impl Notes {
-    pub fn new(kind: Kind, model: &Model, name: &str) -> Notes {
+    /// Of a file whose cells get these `fields`.
+    pub fn new(kind: Kind, model: &Model, name: &str, fields: &[Quantity]) -> Notes {
         let m = &model.metadata;
         let lost = lost(kind, m.law).iter().map(|s| s.to_string());
-        let names: Vec<&str> = m.fields.iter().map(|q| &q.name[..]).collect();
+        let omitted = m.fields.iter().filter(|q| !fields.contains(q));
+        let names: Vec<&str> = omitted.map(|q| &q.name[..]).collect();
         let without_fields = match (names.is_empty(), kind) {
             (true, _) | (_, Kind::Npz | Kind::Html) => None,
             (_, Kind::Csv) => Some("slopes of fields, and covariances of vectors".to_string()),

@@ -109,16 +109,21 @@ impl Choice {
 
     /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
     /// for streams, and where particles are dropped, selected, converted or sorted by mass ([`Choice::read`] does those).
-    /// Values are not checked.
-    pub fn read_later(&self, paths: &[PathBuf], context: &Context<'_>) -> Result<Option<LayeredParticles>> {
+    /// Values are not checked. The layers come with their fields if they are wanted.
+    pub fn read_later(
+        &self,
+        paths: &[PathBuf],
+        with_fields: bool,
+        context: &Context<'_>,
+    ) -> Result<Option<LayeredParticles>> {
         let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
         let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }
-        let mut source = match SpeciesData::open(paths, self, context, false)? {
-            SpeciesData::InPlace(particles, _) => LayeredParticles::from_particles(&particles),
-            SpeciesData::Readers(layers, _) => layers,
+        let mut source = match SpeciesData::open(paths, self, context, with_fields)? {
+            SpeciesData::InPlace(particles, fields) => LayeredParticles::from_particles(&particles).with_fields(fields),
+            SpeciesData::Readers(layers, fields) => layers.with_fields(fields),
         };
         say(&self.state(&mut source.meta)?, context);
         Ok(source.random_access().then_some(source))

@@ -29,6 +29,19 @@ def sample(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def flow(folder: Path) -> Path:
+    """Make a model of two clouds that fall towards each other along x, with temperatures."""
+    random = np.random.default_rng(3)
+    side = np.where(np.arange(4000) % 2 == 0, 1.0, -1.0)
+    points = random.normal(size=(4000, 3)) * 0.5 + side[:, None] * (2.0, 0.0, 0.0)
+    velocities = random.normal(size=(4000, 3)) * (10.0, 5.0, 20.0) + side[:, None] * (-150.0, 0.0, 0.0)
+    fields = {"velocity": velocities, "temperature": 1e4 + 1e3 * points[:, 1]}
+    path = folder / "flow.pgs"
+    particlegs.compress(particlegs.Snapshot(points), gaussians=10, certificate="none", fields=fields).save(path)
+    return path
+
+
+@pytest.fixture(scope="session")
 def cloud(folder: Path) -> Path:
     """Make a model of a turned ellipsoidal cloud far from the origin, with masses and one Gaussian."""
     random = np.random.default_rng(7)

@@ -161,6 +161,35 @@ def test_density_is_the_packages(sample: Path) -> None:
     assert image.GetFieldData().GetAbstractArray("unit").GetValue(0) == grid.unit
 
 
+def test_fields_are_vectors_and_scalars_of_every_output(flow: Path) -> None:
+    """Means and dispersions of Gaussians and of cells, and the values of particles."""
+    model = particlegs.read(flow)
+    reader = reader_of(flow, RecoverParticles=1, Resolution=16, ComputeFields=1)
+    block = output(reader, GAUSSIANS).GetBlock(0)
+    velocity = block.GetPointData().GetArray("velocity")
+    assert [velocity.GetComponentName(i) for i in range(3)] == ["X", "Y", "Z"]
+    np.testing.assert_array_equal(vtk_to_numpy(velocity), model.gaussians.fields["velocity"].means)
+    counts = array(block, "counts")
+    dispersion = np.sqrt(np.average(array(block, "dispersion_velocity") ** 2, axis=0, weights=counts))
+    np.testing.assert_allclose(dispersion, (10.0, 5.0, 20.0), rtol=0.15)
+    # Of temperature all of the dispersion is the change along y.
+    rms = np.sqrt(
+        np.average(
+            (array(block, "temperature") - 1e4) ** 2 + array(block, "dispersion_temperature") ** 2, weights=counts
+        )
+    )
+    assert rms == pytest.approx(500.0, rel=0.1)
+    particles = output(reader, PARTICLES)
+    assert array(particles, "velocity").shape == (4000, 3)
+    np.testing.assert_array_equal(array(particles, "temperature"), model.recover().fields["temperature"])
+    image = output(reader, DENSITY)
+    cells = vtk_to_numpy(image.GetCellData().GetArray("velocity"))
+    grid = np.asarray(model.grid("velocity", 16))
+    np.testing.assert_array_equal(cells.reshape(*grid.shape[2::-1], 3).transpose(2, 1, 0, 3), grid)
+    assert image.GetCellData().GetScalars().GetName() == "contrast"
+    assert image.GetCellData().GetArray("dispersion_temperature").GetNumberOfComponents() == 1
+
+
 def test_grids_of_boxes_that_are_no_cubes(cloud: Path) -> None:
     """The announced extent equals that of the data, along every axis."""
     grid = particlegs.read(cloud).density_grid(20)

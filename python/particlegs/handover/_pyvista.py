@@ -111,18 +111,21 @@ def gaussians_to_pyvista(gaussians: Gaussians) -> Any:
 
 
 def grid_to_pyvista(grid: Grid) -> Any:
-    """Converts the density to PyVista.
+    """Converts the values to PyVista.
 
     Returns
     -------
     pyvista.ImageData
-        The grid, with ``density`` as cell data and units as field data. To draw volumes and contours, use
-        ``image.cell_data_to_point_data()``.
+        The grid, with ``density`` (or the field) as cell data and units as field data. To draw volumes and contours,
+        use ``image.cell_data_to_point_data()``.
     """
     pyvista = needed("pyvista")
-    image = pyvista.ImageData(dimensions=np.array(grid.shape) + 1, spacing=grid.spacing, origin=grid.origin)
-    image.cell_data["density"] = np.asarray(grid).ravel(order="F")
-    image.field_data["density_unit"] = [grid.unit]
+    image = pyvista.ImageData(dimensions=np.array(grid.shape[:3]) + 1, spacing=grid.spacing, origin=grid.origin)
+    name = grid.field or "density"
+    # x is the fastest; a vector's components stay together.
+    values = np.moveaxis(np.asarray(grid), (0, 1, 2), (2, 1, 0))
+    image.cell_data[name] = values.reshape(-1, *grid.shape[3:])
+    image.field_data[f"{name}_unit"] = [grid.unit]
     if grid.length_unit is not None:
         image.field_data["length_unit"] = [grid.length_unit]
     return image

@@ -144,6 +144,8 @@ def grid_to_yt(grid: Grid, **options: Any) -> Any:
     InputError
         If yt does not know a unit, or a unit contains h and its value is unknown.
     """
+    if grid.field is not None:
+        raise InputError(f"only densities are converted to yt, not the field {grid.field}")
     yt = needed("yt")
     above = above_and_below(grid.unit)[0]
     field, mass = ("number_density", "1") if above == "particles" else ("density", "code_mass")

@@ -37,7 +37,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.job, snapshot.paths(), false)?;
     context.finishes_its_steps();
-    let report = job.block(block, || snapshot.layered(&context), &context);
+    let report = job.block(block, || snapshot.layered(&job, &context), &context);
     let report = report.map_err(|e| task_error(e, &a.job, &format!("block {block}")))?;
     let how = match report.continued {
         None => "was already done".to_string(),

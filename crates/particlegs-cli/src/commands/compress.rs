@@ -8,16 +8,15 @@ use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
-use crate::target_args::parse_bytes;
+use crate::target_args::{HEADING, parse_bytes};
 use clap::{Args, ValueHint};
 use particlegs_files::output;
 use particlegs_pipeline::checkpoint::CheckpointStore;
-use particlegs_pipeline::codec::FieldPrecision;
-use particlegs_pipeline::compress::{CompressedModel, Compression, FieldSelection, Options};
+use particlegs_pipeline::compress::{CompressedModel, Compression, FieldSelection, Options, Target, compress_to_total};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::{Particles, StarFormingGas, Storage};
-use particlegs_pipeline::{Result, codec};
+use particlegs_pipeline::{Error, Result, codec};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -34,6 +33,7 @@ Examples:
   particlegs compress snapshot/ -o snapshot.pgs
   particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --effort fast
   particlegs compress x.f32 y.f32 z.f32 -o snapshot.pgs --size 11MB
+  particlegs compress snapshot/ -o snapshot.pgs --size-total 11MB --fields velocity
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
   particlegs compress snapshot/ -o snapshot.pgs --max-pk-error 1% --k-max 2
   particlegs compress snapshot/ -o snapshot.pgs --min-correlation 0.999 --cell 1
@@ -65,6 +65,12 @@ pub struct Arguments {
     /// Such gas follows an effective equation of state in many simulations, so its internal energy is not thermal.
     #[arg(long, display_order = LATER, value_name = "keep|drop|K", hide_short_help = true, requires = "fields", default_value = "keep", hide_default_value = true)]
     star_forming: StarFormingGas,
+    /// File size to reach with fields, such as 11MB.
+    ///
+    /// --size speaks of positions and masses alone. Up to six fits are made, until the file with its
+    /// fields has 98 % of SIZE, but no more than SIZE.
+    #[arg(long, help_heading = HEADING, value_name = "SIZE", group = "TargetArgs", requires = "fields", hide_short_help = true)]
+    size_total: Option<String>,
     /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
@@ -118,6 +124,13 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
+    let total = a.size_total.as_deref().map(parse_bytes).transpose()?;
+    if let Some(total) = total {
+        if options.training.is_some() {
+            return Err(Error::argument("--size-total has no effect with --train: a model is trained at one size"));
+        }
+        options.target = Target::Size(total).check()?;
+    }
     let context = a.common.clone().start()?;
     let start = Instant::now();
     options.limits = a.run.limits(start, a.scratch_folder())?;
@@ -151,14 +164,14 @@ pub fn run(a: Arguments) -> Result<()> {
         None => None,
     };
     let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
-        let mut done = planned.run(pieces, context)?;
-        if !a.fields.is_empty() {
-            let fields = FieldSelection::new(&a.fields, a.star_forming, &particles, &sources, done.model.metadata.law)?;
-            done.bytes = fields.add_to(&done.bytes, &done.model, &FieldPrecision::default(), context)?;
-            done.model = codec::decode_with(&done.bytes, "the file just coded", context)?;
-            done.raw_bytes += codec::read_info(&done.bytes, "the file just coded")?.raw_field_bytes();
+        if a.fields.is_empty() {
+            return planned.run(pieces, context);
         }
-        Ok(done)
+        let fields = FieldSelection::new(&a.fields, a.star_forming, &particles, &sources, options.law())?;
+        match total {
+            None => fields.add_to_model(planned.run(pieces, context)?, context),
+            Some(total) => compress_to_total(&particles, &options, &fields, total, context),
+        }
     };
     let done = a.run.run(a.output(), &context, checkpoint, work)?;
     let seconds = start.elapsed().as_secs_f64();

@@ -7,11 +7,12 @@ use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
 use particlegs_export::{
-    Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, write_as_splats, write_density, write_gaussians,
+    Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density,
+    write_gaussians,
 };
 use particlegs_files::input::name_of;
 use particlegs_files::output::{is_stream, write_bytes};
-use particlegs_pipeline::model::{LawKind, Model};
+use particlegs_pipeline::model::{LawKind, Model, Quantity};
 use particlegs_pipeline::{Error, Result, codec};
 use particlegs_view::page::{ModelFile, offline};
 use serde_json::{Value, json};
@@ -45,6 +46,7 @@ Examples:
   particlegs export M.pgs -o splats.ply --opacity 0.5 --color density --colormap viridis
   particlegs export M.pgs -o density.npy --grid 256           # and density.json beside it
   particlegs export M.pgs -o density.vti --cell 0.5           # for ParaView
+  particlegs export M.pgs -o density.vti --fields velocity    # with its mean and dispersion in each cell
   particlegs export M.pgs -o density.fits --layer dm
   particlegs export M.pgs -o gaussians.npz                    # means, covariances, counts, masses
   particlegs export M.pgs -o - --kind csv | head
@@ -99,6 +101,12 @@ struct GridArgs {
     /// Edge of a cell in world units, rounded so that cells fill the box.
     #[arg(long, value_name = "SIZE")]
     cell: Option<f64>,
+    /// Fields to add, or `all`: mean and dispersion in each cell (.vti, .fits).
+    ///
+    /// Means are over the cell, weighted by density, as the density is the mean over the cell. They are NaN where no
+    /// Gaussian with the field reaches. A vector has three components. `info` lists the fields.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    fields: Vec<String>,
 }
 
 /// What was written: its size, a description, and further keys of the report.
@@ -127,12 +135,13 @@ pub fn run(a: Arguments) -> Result<()> {
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     let whole = a.layers == ["all"] || kind.group() == Group::Page;
     let model = if whole { model } else { model.only(&a.layers)? };
-    let notes = Notes::new(kind, &model, &name);
+    let fields = fields_named(kind, &model, &a.grid.fields)?;
+    let notes = Notes::new(kind, &model, &name, &fields);
     let (gaussians, lost) = (model.gaussians(), notes.lost.clone());
     let mut export = Export { a: &a, kind, kept, notes, context: &context };
     let (bytes, what, more) = match kind.group() {
         Group::Splats => export.splats(model)?,
-        Group::Grid => export.grid(&model)?,
+        Group::Grid => export.grid(&model, fields)?,
         Group::Page => {
             let bytes = export.page(ModelFile { name: &name, bytes: &bytes }, &model)?;
             (bytes, format!("a page of {gaussians} Gaussians"), json!({}))
@@ -202,7 +211,7 @@ impl Export<'_> {
         Ok((bytes, format!("{} splats", splats.gaussians()), json!({ "splats": report })))
     }
 
-    fn grid(&mut self, model: &Model) -> Result<ExportSummary> {
+    fn grid(&mut self, model: &Model, fields: Vec<Quantity>) -> Result<ExportSummary> {
         let (a, context) = (self.a, self.context);
         if model.metadata.law == LawKind::AlphaBlend {
             let what = "an alpha-blend model has no density: its splats hold opacities, not masses";
@@ -219,11 +228,13 @@ impl Export<'_> {
             (Some(n), None) => Cells::Along(n),
             (None, None) => Cells::default(),
         };
-        let density = Density::new(model, cells, context)?;
+        let mut density = Density::new(model, cells, context)?;
+        density.add_fields(model, fields, context)?;
         let (grid, unit, total, outside) = (&density.grid, &density.unit, density.total, density.outside);
         let report = json!({
             "cells": grid.cells, "origin": grid.min, "cell": grid.side, "periodic": grid.periodic, "unit": unit,
             "total": total, "outside": outside,
+            "fields": density.fields.iter().map(|f| json!({ "name": f.quantity.name, "unit": f.unit() })).collect::<Value>(),
         });
         self.notes.set("density", report.clone());
         self.notes.say(format!("{total} in all cells, {outside} beyond them; unit of density: {unit}"));

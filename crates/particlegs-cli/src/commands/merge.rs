@@ -9,10 +9,10 @@ use crate::outputs::ForceArgs;
 use crate::text_wrap::counted;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
-use particlegs_pipeline::Result;
 use particlegs_pipeline::codec::{self, Merge};
 use particlegs_pipeline::job::Job;
 use particlegs_pipeline::model::{CertificateLevel, LawKind};
+use particlegs_pipeline::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -28,6 +28,7 @@ A job folder gives the same file as `compress`, measured against the snapshot.
 
 Examples:
   particlegs merge west.pgs east.pgs -o whole.pgs
+  particlegs merge west.pgs east.pgs --fields velocity -o whole.pgs    # if they have different fields
   particlegs merge job -o whole.pgs
   particlegs merge blocks/*.pgs -o whole.pgs && particlegs verify whole.pgs snapshot/")]
 pub struct Arguments {
@@ -40,6 +41,9 @@ pub struct Arguments {
     /// How much to measure of a job's file against its snapshot [default: as planned].
     #[arg(long, value_name = "LEVEL", value_parser = named::<CertificateLevel>())]
     certificate: Option<CertificateLevel>,
+    /// Fields to keep, which all parts must have; `none` keeps none [default: all, if the parts have the same].
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    fields: Vec<String>,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
@@ -54,7 +58,7 @@ pub fn run(a: Arguments) -> Result<()> {
         parts => {
             context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
             let kept = context.writes(&a.output, &outputs::MODEL)?;
-            (merge_files(parts, &context)?, parts.len(), kept)
+            (merge_files(parts, &a.fields, &context)?, parts.len(), kept)
         }
     };
     context.check()?;
@@ -96,8 +100,12 @@ pub fn run(a: Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-fn merge_files(parts: &[PathBuf], context: &CommandContext) -> Result<Vec<u8>> {
-    let mut merge = Merge::default();
+fn merge_files(parts: &[PathBuf], fields: &[String], context: &CommandContext) -> Result<Vec<u8>> {
+    let mut merge = match fields {
+        [] => Merge::default(),
+        [none] if none == "none" => Merge::with_fields(Vec::new()),
+        names => Merge::with_fields(names.to_vec()),
+    };
     context.begin("merging", parts.len() as u64);
     for part in parts {
         context.check()?;
@@ -110,6 +118,10 @@ fn merge_files(parts: &[PathBuf], context: &CommandContext) -> Result<Vec<u8>> {
 
 /// The file of a job, the number of its blocks, and whether the model exists already.
 fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(Vec<u8>, usize, bool)> {
+    if !a.fields.is_empty() {
+        let hint = "`plan --fields` chooses the fields of a job";
+        return Err(Error::argument_with("--fields has no effect on a job folder", hint));
+    }
     let job = Job::open(folder)?;
     let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;

@@ -47,7 +47,10 @@ pub struct Arguments {
     /// Memory limit of a task, such as 4GiB [default with `auto`: 4GiB].
     #[arg(long, value_name = "SIZE")]
     memory: Option<String>,
-    /// Print a script for a workflow engine.
+    /// Fields to store as well, such as velocity, or `all`, as for `compress`.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    fields: Vec<String>,
+    /// Print a workflow script.
     ///
     /// The summary is then printed on standard error.
     #[arg(long, value_enum, value_name = "ENGINE")]
@@ -67,6 +70,9 @@ pub fn run(a: Arguments) -> Result<()> {
         return crate::report::line(text.trim_end());
     }
     let mut options = a.fit.options(&a.particles, a.common.seed)?;
+    if !a.fields.is_empty() {
+        options.read.insert("fields".into(), a.fields.join(","));
+    }
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = match a.blocks.as_str() {
         "auto" => None,
@@ -91,8 +97,15 @@ pub fn run(a: Arguments) -> Result<()> {
     // The plan itself checks the content of the folder; here it only must not be an input.
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
-    let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), &context)?;
-    let task = Task { reopened, options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
+    let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), !a.fields.is_empty(), &context)?;
+    let task = Task {
+        reopened,
+        options: &options,
+        fields: &a.fields,
+        snapshot: named,
+        place: &snapshot.place(),
+        replace: a.force.force,
+    };
     let job = Job::plan(source, &task, &a.output, &context)?;
     context.notes(job.notes());
     let folder = a.output.display();

@@ -38,7 +38,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.finishes_its_steps();
     let mut done = 0;
     for chunk in chunks.clone() {
-        let scattered = context.check().and_then(|()| job.scatter(|| snapshot.layered(&context), chunk, &context));
+        let scattered =
+            context.check().and_then(|()| job.scatter(|| snapshot.layered(&job, &context), chunk, &context));
         done += u64::from(scattered.map_err(|e| task_error(e, &a.job, &format!("chunk {chunk}")))?);
     }
     let all = chunks.end - chunks.start;

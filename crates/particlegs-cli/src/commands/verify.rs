@@ -233,7 +233,7 @@ fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     let job = Job::open(&a.model)?;
     let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.model, snapshot.paths(), false)?;
-    job.verify(Some(snapshot.layered(context)?), context)?;
+    job.verify(Some(snapshot.layered(&job, context)?), context)?;
     let status = job.status()?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(

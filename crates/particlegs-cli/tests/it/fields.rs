@@ -310,3 +310,161 @@ fn sums_such_as_charges_are_drawn_per_area_and_recovered() {
     }
     dir.fails("render m.pgs --field dispersion.q -o d.png", 2, "it has no dispersion");
 }
+
+/// The numbers of a VTI's arrays, after the underscore that they begin behind.
+fn appended(bytes: &[u8], name: &str) -> Vec<f64> {
+    let begin = bytes.windows(15).position(|w| w == b"encoding=\"raw\">").unwrap() + 16;
+    let head = String::from_utf8_lossy(&bytes[..begin]).into_owned();
+    let line = head.lines().find(|l| l.contains(&format!("Name=\"{name}\"")) && l.contains("appended")).unwrap();
+    let offset: usize = line.split("offset=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+    let from = begin + offset;
+    let length = u64::from_le_bytes(bytes[from..from + 8].try_into().unwrap()) as usize;
+    bytes[from + 8..][..length].as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
+}
+
+#[test]
+fn grids_have_the_means_of_fields_in_their_cells() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    dir.runs("compress snap -o m.pgs --gaussians 60 --certificate none --fields all");
+    let vti = dir.makes("export m.pgs -o g.vti --grid 40 --fields all -q");
+    let report = dir.says("export m.pgs -o g.fits --grid 12 --fields Temperature,velocity");
+    assert_eq!(report["grid"]["fields"][0]["name"], "temperature");
+    let told = String::from_utf8_lossy(&vti).into_owned();
+    assert!(told.contains("Name=\"velocity\" NumberOfComponents=\"3\"") && !told.contains("the fields:"));
+    let density = appended(&vti, "density");
+    // What cells have adds up to what particles have, but for the thousandth that lies beyond the open grid.
+    let mut dispersions = appended(&vti, "dispersion_velocity").into_iter().filter(|v| v.is_finite());
+    assert!(dispersions.all(|v| (0.0..200.0).contains(&v)));
+    let velocity = appended(&vti, "velocity");
+    let was = sums(&dir.at("snap"), &["vx", "vy", "vz"]);
+    let total: f64 = density.iter().sum();
+    for k in 0..3 {
+        let of = |i: usize| density[i] * velocity[3 * i + k];
+        let mean = (0..density.len()).map(of).filter(|v| v.is_finite()).sum::<f64>() / total;
+        assert!((mean - was[k] / COUNT as f64).abs() < 1.0, "{k}: {mean} {}", was[k] / COUNT as f64);
+    }
+    let fits = dir.bytes("g.fits");
+    let cards: Vec<&[u8]> = fits.chunks(80).collect();
+    let names = cards.iter().filter(|c| c.starts_with(b"EXTNAME")).map(|c| String::from_utf8_lossy(&c[11..35]));
+    let names: Vec<String> = names.map(|n| n.trim().trim_matches('\'').trim().to_string()).collect();
+    let axes = ["x", "y", "z"].map(|k| [format!("velocity_{k}"), format!("dispersion_velocity_{k}")]);
+    let expected = ["temperature".to_string(), "dispersion_temperature".to_string()];
+    assert_eq!(names, [&expected[..], axes.as_flattened()].concat());
+    for (options, what) in [
+        ("-o no.vti --fields entropy", "the model has no field `entropy`"),
+        ("-o no.npy --fields velocity", "fields on a grid are written to .vti and .fits"),
+    ] {
+        dir.fails(&format!("export m.pgs {options}"), 2, what);
+    }
+    dir.runs("compress snap -o plain.pgs --gaussians 60 --certificate none");
+    dir.fails("export plain.pgs -o no.vti --fields all", 2, "the model has no fields");
+}
+
+#[test]
+fn parts_with_different_fields_are_merged_by_the_common_ones() {
+    let dir = TestFolder::new();
+    ["west", "east"].iter().for_each(|name| snapshot(&dir.at(name)));
+    // The same cloud elsewhere.
+    let moved: Vec<f32> = read(&dir.at("east"), "xx").iter().map(|x| *x as f32 + 20.0).collect();
+    write(&dir.at("east"), "xx", &moved);
+    let fit = "--gaussians 30 --certificate none --quiet";
+    dir.runs(&format!("compress west -o w.pgs {fit} --fields temperature,velocity"));
+    dir.runs(&format!("compress east -o e.pgs {fit} --fields velocity"));
+    dir.runs(&format!("compress east -o none.pgs {fit}"));
+    for (parts, what, hint) in [
+        ("w.pgs e.pgs", "e.pgs: the model has no field `temperature`, which w.pgs has", "`--fields velocity`"),
+        ("e.pgs w.pgs", "w.pgs: the model has the field `temperature`, which e.pgs lacks", "`--fields velocity`"),
+        ("w.pgs none.pgs", "none.pgs: the model has no field `temperature`", "`--fields none`"),
+    ] {
+        dir.fails(&format!("merge {parts} -o no.pgs"), 3, what);
+        let told = dir.command(&format!("merge {parts} -o no.pgs")).output().unwrap().stderr;
+        assert!(String::from_utf8_lossy(&told).contains(hint), "{parts}");
+    }
+    dir.fails("merge w.pgs e.pgs --fields temperature -o no.pgs", 3, "e.pgs: the model has no field `temperature`");
+    let merged = dir.makes("merge w.pgs e.pgs --fields velocity -o m.pgs -q");
+    assert_eq!(merged, dir.makes("merge e.pgs w.pgs --fields VELOCITY -o again.pgs -q"));
+    let (west, east, both) = (dir.model("w.pgs"), dir.model("e.pgs"), dir.model("m.pgs"));
+    assert_eq!(both.metadata.fields, east.metadata.fields);
+    let own = |model: &particlegs_pipeline::model::Model| {
+        let field = |g: &particlegs_pipeline::model::Mixture| g.fields.get("velocity").unwrap().clone();
+        model.blocks().map(|b| field(&b.gaussians)).collect::<Vec<_>>()
+    };
+    assert_eq!(own(&both), [own(&west), own(&east)].concat());
+    assert!(both.blocks().all(|b| b.gaussians.fields.get("temperature").is_none()));
+    dir.runs("merge w.pgs none.pgs --fields none -o plain.pgs");
+    assert!(dir.model("plain.pgs").metadata.fields.is_empty());
+}
+
+/// The file of a job is that of `compress`.
+fn same_by_job(dir: &TestFolder, input: &str, job: &str, options: &str) {
+    let direct = dir.makes(&format!("compress {input} -o direct.pgs {options} --quiet --force"));
+    let blocks = dir.says(&format!("plan {input} -o {job} {options}"))["blocks"].as_u64().unwrap();
+    dir.runs(&format!("scatter {job} --quiet"));
+    (0..blocks).rev().for_each(|block| drop(dir.runs(&format!("block {job} {block} --quiet"))));
+    assert_eq!(dir.makes(&format!("merge {job} -o merged.pgs --quiet --force")), direct, "{input}");
+}
+
+#[test]
+fn a_job_gives_the_fields_that_compress_gives() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    // Masses weigh the means.
+    write(&dir.at("snap"), "ww", &(0..COUNT).map(|i| 1.0 + (i % 5) as f32).collect::<Vec<_>>());
+    let options = "--blocks 3 --effort fast --gaussians 60 --fields velocity,temperature";
+    same_by_job(&dir, "snap", "job", options);
+    // A block is a model with its own fields.
+    assert!(dir.model("job/blocks/00001.pgs").blocks().all(|b| b.gaussians.fields.get("velocity").is_some()));
+    dir.runs("verify job");
+    // Text has float64.
+    let columns = ["xx", "yy", "zz", "vx"].map(|name| read(&dir.at("snap"), name));
+    let rows =
+        (0..COUNT).map(|i| format!("{},{},{},{}\n", columns[0][i], columns[1][i], columns[2][i], columns[3][i] / 3.0));
+    dir.write("rows.csv", "x,y,z,vx\n".to_string() + &rows.collect::<String>());
+    same_by_job(&dir, "rows.csv", "text", "--blocks 2 --effort fast --gaussians 40 --fields vx --certificate none");
+}
+
+#[test]
+fn fields_go_through_the_buckets_of_a_job() {
+    let dir = TestFolder::new();
+    let n = 140_000u64;
+    std::fs::create_dir(dir.at("snap")).unwrap();
+    // Shuffled along x, so that blocks need buckets.
+    let along = |from: u64, step: u64| (0..n).map(|i| ((i * step + from) % n) as f32).collect::<Vec<_>>();
+    for (name, column) in
+        [("xx", along(0, 7919)), ("yy", along(5, 104_729)), ("zz", along(9, 31)), ("heat", along(0, 15_838))]
+    {
+        write(&dir.at("snap"), name, &column);
+    }
+    let options = "--blocks 3 --effort fast --gaussians 60 --fields heat --certificate none";
+    same_by_job(&dir, "snap", "job", options);
+    assert!(dir.says("plan snap -o again --blocks 3 --fields heat")["scatter_bytes"].as_u64() == Some(16 * n));
+    let mut cold = along(0, 15_838);
+    cold[70_077] = f32::INFINITY;
+    write(&dir.at("snap"), "heat", &cold);
+    dir.fails("scatter again", 2, "particle 70077 has the value inf in field `heat`");
+    std::fs::rename(dir.at("snap/heat.f32"), dir.at("snap/cold.f32")).unwrap();
+    dir.fails("scatter again", 3, "its field `heat` is different");
+    dir.fails("plan snap -o no --blocks 2 --fields entropy", 2, "the snapshot has no field `entropy`");
+}
+
+#[test]
+fn positions_and_fields_meet_a_size_together() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    let options = "--effort fast --certificate none --fields velocity,temperature";
+    for total in [4000, 9000] {
+        let report = dir.says(&format!("compress snap -o t{total}.pgs {options} --size-total {total}"));
+        let bytes = dir.bytes(&format!("t{total}.pgs")).len();
+        assert_eq!(report["model_bytes"], bytes);
+        assert!((total * 95 / 100..=total).contains(&bytes), "{total}: {bytes}");
+    }
+    // The file says the size of its positions, which gives it again.
+    let info = dir.says("info t9000.pgs");
+    let command = info["metadata"]["command"].as_str().unwrap().to_string();
+    let size = command.split("--size ").nth(1).unwrap().split(' ').next().unwrap();
+    assert_eq!(dir.makes(&format!("compress snap -o again.pgs {options} --size {size}")), dir.bytes("t9000.pgs"));
+    dir.fails(&format!("compress snap -o no.pgs {options} --size-total 500"), 5, "no file of at most 500 bytes");
+    dir.fails("compress snap -o no.pgs --size-total 5kB", 2, "required arguments were not provided");
+    dir.fails(&format!("compress snap -o no.pgs {options} --size-total 5kB --ratio 3"), 2, "cannot be used with");
+}

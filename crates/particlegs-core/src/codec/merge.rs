@@ -5,16 +5,16 @@
 //! metadata is either equal in all parts, or computed anew from the blocks, or combined by an
 //! operation that is associative, commutative and takes a value with itself to itself.
 
-use super::container::survives_merging;
+use super::container::{FIELD, survives_merging};
 use super::decode::check;
 use super::file::{CodedFile, CodedLayer, StoredSection, order_key};
 use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::context::Context;
 use crate::hash;
-use crate::model::{Dimension, Metadata, Unit, Units};
+use crate::model::{Dimension, Metadata, Quantity, Unit, Units};
 use crate::splat::DEFAULT_OPACITY;
-use crate::{Error, Result};
+use crate::{Error, Hint, Result};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Ends a text that stands for several: what all begin with.
@@ -23,6 +23,8 @@ const SEVERAL: char = '*';
 /// Parts being merged: [`Merge::add`] one after the other, in any order, then [`Merge::finish`].
 #[derive(Default)]
 pub struct Merge {
+    /// Names of the fields that are kept; `None` = all, which every part must have.
+    fields: Option<Vec<String>>,
     /// What all parts so far say, combined; and the first part's place, for refusals.
     known: Option<(Metadata, String)>,
     layers: BTreeMap<String, MergedLayer>,
@@ -43,6 +45,11 @@ struct MergedLayer {
 }
 
 impl Merge {
+    /// Keeps these fields alone, which every part must have.
+    pub fn with_fields(names: Vec<String>) -> Merge {
+        Merge { fields: Some(names), ..Merge::default() }
+    }
+
     /// Adds a model file's blocks. `place` names it in errors.
     pub fn add(&mut self, bytes: &[u8], place: &str, context: &Context<'_>) -> Result<()> {
         // A copy of the blocks now, and another when the file is put together.
@@ -50,7 +57,10 @@ impl Merge {
         context.require_memory("the merge", self.bytes + bytes.len() as u64)?;
         // What is copied is read first: a block that cannot be decoded must not spread.
         check(bytes, place, context)?;
-        let CodedFile { mut metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
+        let CodedFile { mut metadata, network, sections, mut layers } = CodedFile::read(bytes, place)?;
+        if let Some(names) = &self.fields {
+            keep_fields(names, &mut metadata.fields, &mut layers, place)?;
+        }
         let (kept, lost): (Vec<_>, Vec<_>) = sections.into_iter().partition(|s| survives_merging(s.tag));
         self.sections.extend(kept);
         lost.iter()
@@ -113,6 +123,65 @@ impl Merge {
         let sections = self.sections.into_iter().collect();
         CodedFile { metadata, network, sections, layers }.write(None)
     }
+}
+
+/// Keeps the fields of these names, in their order.
+fn keep_fields(names: &[String], fields: &mut Vec<Quantity>, layers: &mut [CodedLayer], place: &str) -> Result<()> {
+    let mut kept: Vec<usize> = Vec::new();
+    for name in names {
+        let Some(number) = fields.iter().position(|q| q.name.eq_ignore_ascii_case(name)) else {
+            let hint = match fields.is_empty() {
+                true => "it has none".to_string(),
+                false => format!("its fields: {}", list(fields.iter())),
+            };
+            return Err(Error::input_with(place, format!("the model has no field `{name}`"), hint));
+        };
+        if !kept.contains(&number) {
+            kept.push(number);
+        }
+    }
+    *fields = kept.iter().map(|&number| fields[number].clone()).collect();
+    let place_of = |s: &StoredSection| kept.iter().position(|k| s.bytes.first() == Some(&(*k as u8)));
+    for block in layers.iter_mut().flat_map(|l| &mut l.content) {
+        block.sections.retain(|s| s.tag != FIELD || place_of(s).is_some());
+        for section in block.sections.iter_mut().filter(|s| s.tag == FIELD) {
+            // A section of a field begins with its number.
+            let number = place_of(section).unwrap_or_default();
+            section.bytes[0] = number as u8;
+        }
+        block.sections.sort_by_key(|s| (s.tag, (s.tag == FIELD).then(|| s.bytes[0])));
+    }
+    Ok(())
+}
+
+fn list<'a>(fields: impl Iterator<Item = &'a Quantity>) -> String {
+    fields.map(|q| &q.name[..]).collect::<Vec<_>>().join(", ")
+}
+
+/// Parts must have the same fields.
+fn refuse_other_fields(a: &[Quantity], b: &[Quantity], first: &str, place: &str) -> Result<()> {
+    let lacks = |own: &[Quantity], q: &Quantity| own.iter().all(|o| o.name != q.name);
+    let common: Vec<&Quantity> = a.iter().filter(|q| b.contains(q)).collect();
+    let hint = match common.is_empty() {
+        true => Hint::from("merge them without fields by ").option("fields", "none"),
+        false => Hint::from("merge the fields that all parts have by ")
+            .option("fields", common.iter().map(|q| &q.name[..]).collect::<Vec<_>>().join(",")),
+    };
+    let unit = |q: &Quantity| q.unit.as_ref().map_or("no unit".to_string(), |u| format!("unit `{}`", u.text));
+    let weights = |q: &Quantity| if q.by_mass { "mass" } else { "number" };
+    let said = |q: &Quantity| format!("a {} with {}, weighted by {}", q.kind.name(), unit(q), weights(q));
+    let what = if let Some(q) = a.iter().find(|q| lacks(b, q)) {
+        format!("the model has no field `{}`, which {first} has", q.name)
+    } else if let Some(q) = b.iter().find(|q| lacks(a, q)) {
+        format!("the model has the field `{}`, which {first} lacks", q.name)
+    } else if let Some((p, q)) = a.iter().find_map(|p| b.iter().find(|q| p.name == q.name && p != *q).map(|q| (p, q))) {
+        format!("field `{}` is {}, but in {first} it is {}", q.name, said(q), said(p))
+    } else if a != b {
+        format!("the fields are in another order than in {first}")
+    } else {
+        return Ok(());
+    };
+    Err(Error::input_with(place, what, hint))
 }
 
 /// The first block of a file: they come in order.
@@ -233,6 +302,7 @@ pub fn source_statements(m: &Metadata) -> Vec<(&'static str, [String; 2])> {
 
 /// Parts must speak of one space and one time.
 fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result<()> {
+    refuse_other_fields(&a.fields, &b.fields, first, place)?;
     let mut pairs = source_statements(a).into_iter().zip(source_statements(b));
     match pairs.find(|(x, y)| x.1[0] != y.1[0]) {
         None => Ok(()),

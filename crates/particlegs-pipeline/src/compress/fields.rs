@@ -1,6 +1,7 @@
 //! Fields added to a model file: gathered from the particles for the Gaussians that the file decodes to. Blocks of
 //! positions keep their bytes.
 
+use super::CompressedModel;
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::{FieldShape, gather};
@@ -11,29 +12,46 @@ use crate::{Error, Hint, Result};
 
 /// The name that stands for all fields of real numbers.
 const ALL: &str = "all";
+/// A positive scalar whose values differ by this factor is described by its logarithms.
+const DECADES: f64 = 100.0;
+/// Fields of a model file at most (docs/format.md, section 2).
+pub(crate) const MOST_FIELDS: usize = 256;
 
 /// Which fields of a snapshot a model gets.
 pub struct FieldSelection<'a> {
     pub(super) particles: &'a Particles,
     sources: &'a [LayerFields],
-    /// What the model's metadata lists.
-    quantities: Vec<Quantity>,
-    /// For each layer of the particles: a quantity's place in the list, and where its values come from.
-    layers: Vec<Vec<(usize, FieldColumns)>>,
-    /// Names of the snapshot's fields that the model omits.
-    omitted: Vec<String>,
-    notes: Vec<String>,
+    plan: FieldPlan,
 }
 
-impl<'a> FieldSelection<'a> {
-    /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of real
-    /// numbers, one or three a particle. `star_forming` is for temperatures that are computed from energies. A layer that lacks a field has none; a name that no layer has is an error, and so
-    /// are two layers that differ in a field's unit or kind.
+/// Fields that a model gets, and where the layers have them.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct FieldPlan {
+    /// What the model's metadata lists.
+    pub quantities: Vec<Quantity>,
+    /// For each layer of the particles: a quantity's place in the list, and where its values come from.
+    pub layers: Vec<Vec<(usize, FieldColumns)>>,
+    /// Names of the snapshot's fields that the model omits.
+    #[serde(skip)]
+    pub omitted: Vec<String>,
+    /// How values were converted, for people.
+    #[serde(skip)]
+    pub notes: Vec<String>,
+}
+
+impl FieldPlan {
+    /// No fields?
+    pub fn is_empty(&self) -> bool {
+        self.quantities.is_empty()
+    }
+
+    /// Finds fields by their names among `sources`, those of each of the layers of such `counts`; `listed` are all that the
+    /// snapshot has. `star_forming` is for temperatures that are computed from energies.
     pub fn new(
-        names: &[String],
-        star_forming: StarFormingGas,
-        particles: &'a Particles,
-        sources: &'a [LayerFields],
+        (names, star_forming): (&[String], StarFormingGas),
+        (sources, counts): (&[LayerFields], &[u64]),
+        listed: &[String],
+        by_mass: bool,
         law: LawKind,
     ) -> Result<Self> {
         if law != LawKind::OpticalDepth {
@@ -45,7 +63,7 @@ impl<'a> FieldSelection<'a> {
                     .option("fields", ""),
             ));
         }
-        if sources.len() != particles.layers().len() {
+        if sources.len() != counts.len() {
             return Err(Error::argument_with(
                 "fields cannot be read from this selection of particles",
                 "compress all particles of the chosen types, or convert the selection to a file first",
@@ -61,16 +79,8 @@ impl<'a> FieldSelection<'a> {
                 }
             });
         }
-        let mut selection = FieldSelection {
-            particles,
-            sources,
-            quantities: Vec::new(),
-            layers: Vec::new(),
-            omitted: Vec::new(),
-            notes: Vec::new(),
-        };
-        selection.layers.resize_with(sources.len(), Vec::new);
-        let by_mass = particles.weights().is_some();
+        let mut plan = FieldPlan::default();
+        plan.layers.resize_with(sources.len(), Vec::new);
         let mut used: Vec<String> = Vec::new();
         for name in &wanted {
             let mut found: Vec<(usize, FieldColumns)> = Vec::new();
@@ -96,44 +106,67 @@ impl<'a> FieldSelection<'a> {
             let kind = if first.columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
             let unit = first.unit.clone().map(|text| Unit { text, si: None });
             let bytes = 4 * first.columns.len() as u16;
-            let place = selection.quantities.len();
+            let place = plan.quantities.len();
             let extensive = kind == QuantityKind::Scalar && is_sum(name);
-            let logarithmic = kind == QuantityKind::Scalar && !extensive && spans_decades(particles, sources, &found)?;
+            let logarithmic = kind == QuantityKind::Scalar && !extensive && spans_decades(sources, counts, &found)?;
             let own = name.clone();
-            selection.quantities.push(Quantity { name: own, kind, unit, bytes, by_mass, logarithmic, extensive });
+            plan.quantities.push(Quantity { name: own, kind, unit, bytes, by_mass, logarithmic, extensive });
             for (layer, columns) in found {
                 used.extend(columns.sources.clone());
-                selection.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
-                selection.layers[layer].push((place, columns));
+                plan.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
+                plan.layers[layer].push((place, columns));
             }
         }
-        if selection.quantities.len() > MOST {
+        if plan.quantities.len() > MOST_FIELDS {
             return Err(Error::argument(format!(
-                "a model can store {MOST} fields, not {}",
-                selection.quantities.len()
+                "a model can store {MOST_FIELDS} fields, not {}",
+                plan.quantities.len()
             )));
         }
-        selection.notes.dedup();
+        plan.notes.dedup();
         let is_omitted = |name: &&String| !used.contains(name);
-        selection.omitted = particles.meta.fields.iter().filter(is_omitted).cloned().collect();
-        Ok(selection)
+        plan.omitted = listed.iter().filter(is_omitted).cloned().collect();
+        Ok(plan)
+    }
+}
+
+impl<'a> FieldSelection<'a> {
+    /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of real
+    /// numbers. `star_forming` is for temperatures that are computed from energies. A layer that lacks a field has none; a
+    /// name that no layer has is an error, and so are two layers that differ in a field's unit or kind.
+    pub fn new(
+        names: &[String],
+        star_forming: StarFormingGas,
+        particles: &'a Particles,
+        sources: &'a [LayerFields],
+        law: LawKind,
+    ) -> Result<Self> {
+        let by_mass = particles.weights().is_some();
+        let counts: Vec<u64> = particles.layers().iter().map(|l| l.content.len() as u64).collect();
+        let plan = FieldPlan::new((names, star_forming), (sources, &counts), &particles.meta.fields, by_mass, law)?;
+        Ok(FieldSelection { particles, sources, plan })
+    }
+
+    /// Of particles whose fields were planned.
+    pub(crate) fn planned(plan: FieldPlan, particles: &'a Particles, sources: &'a [LayerFields]) -> Self {
+        FieldSelection { particles, sources, plan }
     }
 
     /// Names of the snapshot's fields that the model omits.
     pub fn omitted(&self) -> &[String] {
-        &self.omitted
+        &self.plan.omitted
     }
 
     /// What the fields are, in the order of their names.
     pub fn quantities(&self) -> &[Quantity] {
-        &self.quantities
+        &self.plan.quantities
     }
 
     /// The values of field `number` of all particles.
     pub fn values(&self, number: usize) -> Result<FieldValues> {
-        let components = self.quantities[number].component_names().len();
+        let components = self.plan.quantities[number].component_names().len();
         let mut columns = vec![vec![f32::NAN; self.particles.len()]; components];
-        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.layers) {
+        for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.plan.layers) {
             let Some((_, from)) = chosen.iter().find(|(n, _)| *n == number) else { continue };
             let mut run = Vec::new();
             for (id, start) in layer.content.clone().step_by(RUN).enumerate() {
@@ -144,26 +177,26 @@ impl<'a> FieldSelection<'a> {
                 }
             }
         }
-        Ok(FieldValues { columns, logarithmic: self.quantities[number].logarithmic })
+        Ok(FieldValues { columns, logarithmic: self.plan.quantities[number].logarithmic })
     }
 
     /// The places of a layer's fields in the list.
     pub(super) fn numbers(&self, layer: usize) -> Vec<usize> {
-        self.layers[layer].iter().map(|f| f.0).collect()
+        self.plan.layers[layer].iter().map(|f| f.0).collect()
     }
 
     /// What is gathered of them.
     pub(super) fn shapes(&self, layer: usize) -> Vec<FieldShape<'_>> {
         let shape = |(n, columns): &(usize, FieldColumns)| FieldShape {
-            may_lack: columns.may_lack(),
-            ..FieldShape::new(&self.quantities[*n])
+            may_lack: columns.may_lack,
+            ..FieldShape::new(&self.plan.quantities[*n])
         };
-        self.layers[layer].iter().map(shape).collect()
+        self.plan.layers[layer].iter().map(shape).collect()
     }
 
     /// Reads their values in a run of the layer's particles, as [`gather`] wants them.
     pub(super) fn read(&self, layer: usize, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
-        let (chosen, own) = (&self.layers[layer], self.particles.of_layer(&self.particles.layers()[layer]));
+        let (chosen, own) = (&self.plan.layers[layer], self.particles.of_layer(&self.particles.layers()[layer]));
         let mut all = Vec::new();
         self.sources[layer].read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut all)?;
         let mut buffer = ChunkBuffer::default();
@@ -171,10 +204,10 @@ impl<'a> FieldSelection<'a> {
         let chunk = own.chunk(first..own.len().min(first + RUN), &mut buffer);
         let over_weight = |(i, v): (usize, f64)| v / chunk.weight.map_or(1.0, |w| f64::from(w[i]));
         for (n, columns) in chosen {
-            if self.quantities[*n].logarithmic {
+            if self.plan.quantities[*n].logarithmic {
                 out.push(columns.values(&all, 0).map(f64::ln).collect());
             }
-            match self.quantities[*n].extensive {
+            match self.plan.quantities[*n].extensive {
                 true => out.push(columns.values(&all, 0).enumerate().map(over_weight).collect()),
                 false => out.extend((0..columns.columns.len()).map(|k| columns.values(&all, k).collect())),
             }
@@ -184,21 +217,24 @@ impl<'a> FieldSelection<'a> {
 
     /// How values were converted, for people.
     pub fn notes(&self) -> &[String] {
-        &self.notes
+        &self.plan.notes
     }
 
-    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file; its certificate,
-    /// where there is one that is not a sum of blocks, has [`FieldSelection::agreement`].
-    pub fn add_to(
-        &self,
-        bytes: &[u8],
-        model: &Model,
-        precision: &FieldPrecision,
-        context: &Context<'_>,
-    ) -> Result<Vec<u8>> {
-        let metadata = crate::model::Metadata { fields: self.quantities.clone(), ..model.metadata.clone() };
+    /// A model that was made of the particles, with the fields.
+    pub fn add_to_model(&self, done: CompressedModel, context: &Context<'_>) -> Result<CompressedModel> {
+        const PLACE: &str = "the file just coded";
+        let bytes = self.add_to(&done.bytes, &done.model, context)?;
+        let model = codec::decode_with(&bytes, PLACE, context)?;
+        let raw_bytes = done.raw_bytes + codec::read_info(&bytes, PLACE)?.raw_field_bytes();
+        Ok(CompressedModel { bytes, model, raw_bytes, ..done })
+    }
+
+    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
+    pub(crate) fn add_to(&self, bytes: &[u8], model: &Model, context: &Context<'_>) -> Result<Vec<u8>> {
+        let precision = &FieldPrecision::default();
+        let metadata = crate::model::Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
-        for (index, (layer, chosen)) in self.particles.layers().iter().zip(&self.layers).enumerate() {
+        for (index, (layer, chosen)) in self.particles.layers().iter().zip(&self.plan.layers).enumerate() {
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
             let read = |run: u64, out: &mut Vec<Vec<f64>>| self.read(index, run, out);
@@ -206,8 +242,13 @@ impl<'a> FieldSelection<'a> {
             let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
             for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
                 for ((n, _), f) in chosen.iter().zip(fields) {
-                    let of = (*n as u8, &self.quantities[*n]);
-                    let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, precision);
+                    let bytes = codec::encode_field(
+                        (*n as u8, &self.plan.quantities[*n]),
+                        &f.moments,
+                        &block.gaussians,
+                        &f.sums,
+                        precision,
+                    );
                     stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
                 }
             }
@@ -230,13 +271,13 @@ fn is_sum(name: &str) -> bool {
 }
 
 /// Are all values of a field positive, and does the largest have [`DECADES`] times the least?
-fn spans_decades(particles: &Particles, sources: &[LayerFields], found: &[(usize, FieldColumns)]) -> Result<bool> {
+fn spans_decades(sources: &[LayerFields], counts: &[u64], found: &[(usize, FieldColumns)]) -> Result<bool> {
     let (mut least, mut largest) = (f64::INFINITY, 0.0f64);
     let mut run = Vec::new();
     for (layer, columns) in found {
-        for id in 0..particles.layers()[*layer].content.len().div_ceil(RUN) {
-            sources[*layer].read_some(id as u64, |c| columns.needs(c), &mut run)?;
-            for v in columns.values(&run, 0).filter(|v| !(columns.may_lack() && v.is_nan())) {
+        for id in 0..counts[*layer].div_ceil(RUN as u64) {
+            sources[*layer].read_some(id, |c| columns.needs(c), &mut run)?;
+            for v in columns.values(&run, 0).filter(|v| !(columns.may_lack && v.is_nan())) {
                 if v.is_nan() || v <= 0.0 {
                     return Ok(false);
                 }
@@ -246,8 +287,3 @@ fn spans_decades(particles: &Particles, sources: &[LayerFields], found: &[(usize
     }
     Ok(largest.is_finite() && largest >= DECADES * least)
 }
-
-/// A positive scalar whose values differ by this factor is described by its logarithms.
-const DECADES: f64 = 100.0;
-/// Fields of a model file at most (docs/format.md, section 2).
-const MOST: usize = 256;

@@ -30,6 +30,8 @@ pub(crate) struct MemoryLoad {
     pub copies: u64,
     /// A block is measured by its own task.
     pub measuring: bool,
+    /// Bytes that fields of all particles take while blocks are fitted.
+    pub fields: u64,
 }
 
 impl MemoryLoad {
@@ -76,7 +78,7 @@ impl MemoryLoad {
         let share = |n: u64| (n as f64 / blocks.max(1) as f64 * 1.01) as u64;
         let gaussians = self.gaussians();
         let refining = REFINING.min(60 * share(self.count));
-        let fit = self.copies * share(self.raw_bytes) + GAUSSIAN * share(gaussians) + refining;
+        let fit = self.copies * share(self.raw_bytes) + share(self.fields) + GAUSSIAN * share(gaussians) + refining;
         let measured = if self.measuring { share(self.raw_bytes) + DECODED * share(gaussians) + MEASURED } else { 0 };
         BASE + fit.max(measured)
     }
@@ -106,6 +108,7 @@ mod tests {
             effort: Effort::Default,
             copies: 1,
             measuring: false,
+            fields: 0,
         };
         let blocks = [16u64, 4, 2, 1].map(|gib| load(290.0).blocks_within(gib << 30).unwrap());
         assert_eq!(blocks[0], 1);

@@ -88,7 +88,7 @@ impl Options {
     /// block's.
     pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> MemoryLoad {
         let measuring = self.certificate == CertificateLevel::Blocks;
-        MemoryLoad { count, raw_bytes, target: self.target, effort: self.effort, copies, measuring }
+        MemoryLoad { count, raw_bytes, target: self.target, effort: self.effort, copies, measuring, fields: 0 }
     }
 }
 

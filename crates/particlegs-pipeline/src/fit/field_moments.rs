@@ -123,11 +123,16 @@ fn check_finite(fields: &[FieldShape<'_>], values: &[Vec<f64>], first: usize) ->
     for (field, values) in shapes.zip(values) {
         let is_wrong = |v: &f64| !(v.is_finite() || field.may_lack && v.is_nan());
         if let Some(i) = values.iter().position(is_wrong) {
-            let what = format!("particle {} has the value {} in field `{}`", first + i, values[i], field.name);
-            return Err(Error::argument_with(what, "leave the field out, or remove the particle from the file"));
+            return Err(value_fault(field.name, first + i, values[i]));
         }
     }
     Ok(())
+}
+
+/// A value that is no number.
+pub(crate) fn value_fault(field: &str, particle: usize, value: f64) -> Error {
+    let what = format!("particle {particle} has the value {value} in field `{field}`");
+    Error::argument_with(what, "leave the field out, or remove the particle from the file")
 }
 
 /// The means of fields at places, by the Gaussians of the blocks that they were gathered for.

@@ -34,6 +34,7 @@ mod transmittance;
 pub use crate::model::Effort;
 pub use effort::{FitOptions, fit};
 pub(crate) use effort::{Fitter, memory_needed};
+pub(crate) use field_moments::value_fault;
 pub use field_moments::{BlockField, FieldMeans, FieldShape, gather};
 pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};

@@ -1,5 +1,6 @@
 //! One block of a job: read, fitted, coded, written.
 
+use super::fields::FieldBits;
 use super::manifest::Job;
 use crate::compress::{
     BlockParticles, BlockSetup, BlockStore, Checkpoint, CodedBlock, SizeOutcome, StopPolicy, do_block,
@@ -59,7 +60,7 @@ impl Job {
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
         {
             if !self.is_measured(block) {
-                let particles = self.gather(block, source, context)?;
+                let (particles, _) = self.gather(block, source, context)?;
                 self.measure(block, &codec::read_file(&self.block_path(block, "pgs"), context)?, &particles, context)?;
             }
             return Ok(report);
@@ -104,30 +105,34 @@ impl Job {
 struct JobFolder<'a, F> {
     job: &'a Job,
     source: Option<F>,
-    /// What is read of the block, to be measured on.
-    particles: Option<Particles>,
+    /// What is read of the block, to be measured on and for its fields.
+    particles: Option<(Particles, FieldBits)>,
     report: Option<BlockReport>,
 }
 
 impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
     fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles> {
         let source = self.source.take().ok_or_else(|| Error::argument("the snapshot was opened a second time"))?;
-        let particles = self.job.gather(block, source, context)?;
+        let (particles, fields) = self.job.gather(block, source, context)?;
         if particles.is_empty() {
             return Err(Error::input(&self.job.folder, format!("block {block} has no particles")));
         }
         let own = BlockParticles::new(&particles, self.job.manifest.plan.metadata.law);
         // Columns are shared, not copied.
-        self.particles = Some(particles);
+        self.particles = Some((particles, fields));
         Ok(own)
     }
 
     fn keep(&mut self, block: u32, coded: CodedBlock, context: &Context<'_>) -> Result<()> {
         let job = self.job;
-        let bytes = job.manifest.plan.block_file(&coded)?;
+        let mut bytes = job.manifest.plan.block_file(&coded)?;
         codec::check(&bytes, "the block just coded", context)?;
+        let particles = self.particles.take();
+        if let Some((particles, fields)) = &particles {
+            bytes = job.with_fields(bytes, particles, fields, context)?;
+        }
         output::write_bytes(&job.block_path(block, "pgs"), &bytes)?;
-        if let Some(particles) = self.particles.take() {
+        if let Some((particles, _)) = particles {
             job.measure(block, &bytes, &particles, context)?;
         }
         let info = codec::read_info(&bytes, "the block just coded")?;

@@ -2,8 +2,8 @@
 //!
 //! Little-endian: a head (magic, the plan's id, u64 chunk, u64 length of the file, CRC-32 of these); for
 //! each block an entry (u64 offset of its particles, for each layer u64 particles, u32 CRC-32 of their
-//! bytes, CRC-32 of the entry); then the particles, block after block, layer after layer: x, y, z and,
-//! where the layer has them, weights, as f32 columns. One block is read without the others.
+//! bytes, CRC-32 of the entry); then the particles, block after block, layer after layer: x, y, z, and
+//! where the layer has them weights and fields, as f32 columns. One block is read without the others.
 
 use super::manifest::Job;
 use crate::{Error, Result};
@@ -21,8 +21,8 @@ fn entry_bytes(job: &Job) -> usize {
 
 /// Bytes of particles, by layer.
 fn particle_bytes(job: &Job, counts: &[u64]) -> Option<u64> {
-    let mut layers = counts.iter().zip(&job.manifest.plan.layers);
-    layers.try_fold(0u64, |n, (c, l)| c.checked_mul(4 * l.mass.columns() as u64)?.checked_add(n))
+    let mut layers = counts.iter().enumerate();
+    layers.try_fold(0u64, |n, (l, c)| c.checked_mul(4 * job.columns(l) as u64)?.checked_add(n))
 }
 
 /// A run's particles sorted by block.
@@ -31,8 +31,8 @@ pub(super) struct SortedRun {
     pub layer: usize,
     /// Blocks that have particles here, rising, and how many.
     pub blocks: Vec<(u32, u32)>,
-    /// x, y, z, weights (empty where there are none).
-    pub columns: [Vec<f32>; 4],
+    /// x, y, z, weights, fields.
+    pub columns: Vec<Vec<f32>>,
 }
 
 /// The chunk's bucket file, from its runs in order.
@@ -115,12 +115,11 @@ fn columns(
     pieces: &[RunPiece],
     mut to: impl FnMut(&[u8]) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
-    for k in 0..4 {
+    // All of one layer.
+    let width = pieces.first().map_or(0, |p| runs[p.run].columns.len());
+    for k in 0..width {
         for p in pieces {
-            let column = &runs[p.run].columns[k];
-            if !column.is_empty() {
-                to(bytemuck::cast_slice(&column[p.start..p.end]))?;
-            }
+            to(bytemuck::cast_slice(&runs[p.run].columns[k][p.start..p.end]))?;
         }
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! A block's particles, from buckets or from the snapshot where it lies.
 
 use super::bucket::Buckets;
+use super::fields::FieldBits;
 use super::manifest::Job;
 use crate::context::Context;
 use crate::model::Layer;
@@ -10,13 +11,13 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 impl Job {
-    /// The particles of block `block`; `source` opens the snapshot where that is needed.
+    /// The particles of block `block`, with their fields; `source` opens the snapshot where that is needed.
     pub(super) fn gather(
         &self,
         block: u32,
         source: impl FnOnce() -> Result<LayeredParticles>,
         context: &Context<'_>,
-    ) -> Result<Particles> {
+    ) -> Result<(Particles, FieldBits)> {
         match self.manifest.chunks {
             0 => self.gather_in_place(block, &self.as_planned(source()?)?, context),
             chunks => self.gather_buckets(block, chunks, context),
@@ -24,7 +25,7 @@ impl Job {
     }
 
     /// From the buckets of all chunks.
-    fn gather_buckets(&self, block: u32, chunks: u64, context: &Context<'_>) -> Result<Particles> {
+    fn gather_buckets(&self, block: u32, chunks: u64, context: &Context<'_>) -> Result<(Particles, FieldBits)> {
         let layers = self.manifest.plan.layers.len();
         // One file open at a time: there may be more chunks than a process may have files.
         let entries = (0..chunks).map(|c| Buckets::open(self, c)?.entry(block)).collect::<Result<Vec<_>>>()?;
@@ -44,7 +45,7 @@ impl Job {
             let values = Buckets::open(self, chunk)?.read(entry)?;
             let mut rest = &values[..];
             for (layer, &n) in entry.counts.iter().enumerate() {
-                let (own, after) = rest.split_at(self.manifest.plan.layers[layer].mass.columns() * n as usize);
+                let (own, after) = rest.split_at(self.columns(layer) * n as usize);
                 particles.push(layer, own);
                 rest = after;
             }
@@ -53,7 +54,12 @@ impl Job {
     }
 
     /// From the runs that reach into the block.
-    fn gather_in_place(&self, block: u32, source: &LayeredParticles, context: &Context<'_>) -> Result<Particles> {
+    fn gather_in_place(
+        &self,
+        block: u32,
+        source: &LayeredParticles,
+        context: &Context<'_>,
+    ) -> Result<(Particles, FieldBits)> {
         let (starts, tree) = (&self.starts, &self.manifest.plan.tree);
         let inside = |run: &u64| {
             let r = &self.runs[*run as usize];
@@ -67,7 +73,8 @@ impl Job {
                 layer.read(source.origin, stretch, context, &|run, chunk| {
                     self.check_run(index, run, &chunk)?;
                     if let Ok(place) = runs.binary_search(&run) {
-                        *found[place].lock().unwrap_or_else(|e| e.into_inner()) = self.pick(block, &chunk);
+                        *found[place].lock().unwrap_or_else(|e| e.into_inner()) =
+                            self.pick(block, source, (index, run), &chunk)?;
                     }
                     Ok(())
                 })?;
@@ -75,8 +82,7 @@ impl Job {
             layers
                 .push(found.into_iter().map(|f| f.into_inner().unwrap_or_else(|e| e.into_inner())).collect::<Vec<_>>());
         }
-        let width = |l: usize| self.manifest.plan.layers[l].mass.columns();
-        let count = |(l, runs): (usize, &Vec<Vec<f32>>)| runs.iter().map(|r| (r.len() / width(l)) as u64).sum();
+        let count = |(l, runs): (usize, &Vec<Vec<f32>>)| runs.iter().map(|r| (r.len() / self.columns(l)) as u64).sum();
         let counts: Vec<u64> = layers.iter().enumerate().map(count).collect();
         let mut particles = BlockGatherer::new(self, &counts)?;
         for (layer, runs) in layers.into_iter().enumerate() {
@@ -86,11 +92,19 @@ impl Job {
     }
 
     /// The particles of a chunk that lie in a block, column after column.
-    fn pick(&self, block: u32, chunk: &Chunk<'_>) -> Vec<f32> {
-        let own: Vec<usize> =
-            self.manifest.plan.tree.blocks_of(chunk).enumerate().filter(|b| b.1 == block).map(|b| b.0).collect();
+    fn pick(
+        &self,
+        block: u32,
+        source: &LayeredParticles,
+        (layer, run): (usize, u64),
+        chunk: &Chunk<'_>,
+    ) -> Result<Vec<f32>> {
+        let blocks = self.manifest.plan.tree.blocks_of(chunk);
+        let own: Vec<u32> = (0..).zip(blocks).filter(|b| b.1 == block).map(|b| b.0).collect();
         let columns = chunk.position.into_iter().chain(chunk.weight);
-        columns.flat_map(|c| own.iter().map(|&i| c[i])).collect()
+        let mut picked: Vec<f32> = columns.flat_map(|c| own.iter().map(|&i| c[i as usize])).collect();
+        picked.extend(self.field_bits(source, layer, run, &own)?.into_iter().flatten());
+        Ok(picked)
     }
 }
 
@@ -113,6 +127,7 @@ struct BlockGatherer<'a> {
     /// Where each layer lies, and how much of it is filled.
     layers: Vec<Layer<Range<usize>>>,
     filled: Vec<usize>,
+    fields: FieldBits,
 }
 
 impl<'a> BlockGatherer<'a> {
@@ -128,22 +143,28 @@ impl<'a> BlockGatherer<'a> {
             l.with(end - n as usize..end)
         };
         let layers: Vec<_> = layers.iter().zip(counts).map(place).collect();
-        Ok(BlockGatherer { job, columns, filled: vec![0; layers.len()], layers })
+        let fields = (0..layers.len()).map(|l| vec![Vec::new(); job.manifest.fields.columns(l)]).collect();
+        Ok(BlockGatherer { job, columns, filled: vec![0; layers.len()], layers, fields })
     }
 
     /// Appends particles of a layer, column after column.
     fn push(&mut self, layer: usize, values: &[f32]) {
         let start = self.layers[layer].content.start + self.filled[layer];
-        let n = values.len() / self.job.manifest.plan.layers[layer].mass.columns();
+        let own = self.job.manifest.plan.layers[layer].mass.columns();
+        let n = values.len() / self.job.columns(layer);
+        let (values, fields) = values.split_at(own * n);
+        for (column, values) in self.fields[layer].iter_mut().zip(fields.chunks_exact(n.max(1))) {
+            column.extend_from_slice(values);
+        }
         for (column, values) in self.columns.iter_mut().zip(values.chunks_exact(n.max(1))) {
             column[start..start + n].copy_from_slice(values);
         }
         self.filled[layer] += n;
     }
 
-    fn finish(self) -> Result<Particles> {
+    fn finish(self) -> Result<(Particles, FieldBits)> {
         let meta = SnapshotMeta { name: self.job.manifest.plan.metadata.source.clone(), ..SnapshotMeta::default() };
         let particles = Particles::from_buffers(self.columns, self.job.manifest.origin, meta, self.layers)?;
-        particles.checked(&self.job.folder.display().to_string(), None)
+        Ok((particles.checked(&self.job.folder.display().to_string(), None)?, self.fields))
     }
 }

@@ -3,7 +3,7 @@
 use super::runs;
 use crate::blocks::RunScan;
 use crate::codec::MOST_LAYERS;
-use crate::compress::CompressionPlan;
+use crate::compress::{CompressionPlan, FieldPlan};
 use crate::model::{CertificateLevel, Metadata};
 use crate::particles::{LayeredParticles, RUN};
 use crate::{Error, Hint, Result};
@@ -31,6 +31,9 @@ pub(super) struct Manifest {
     /// How the snapshot is opened: the caller's own.
     pub snapshot: serde_json::Value,
     pub plan: CompressionPlan,
+    /// Fields that the file gets.
+    #[serde(default, skip_serializing_if = "FieldPlan::is_empty")]
+    pub fields: FieldPlan,
     /// What positions are relative to.
     pub origin: [f64; 3],
     /// Runs that are bucketed together.
@@ -82,6 +85,7 @@ impl Manifest {
                 positive(m.default_radius) && m.default_opacity > 0.0 && m.default_opacity <= 1.0,
                 "the radius or the opacity is wrong",
             ),
+            (self.fields.is_sound(plan.layers.len()), "its fields are wrong"),
             (plan.recipe().target.check().is_ok(), "the target is wrong"),
             (plan.training.as_ref().is_none_or(|t| t.check().is_ok()), "the training configuration is wrong"),
         ];
@@ -178,9 +182,20 @@ impl Job {
         self.manifest.chunks
     }
 
+    /// Does the file get fields?
+    pub fn has_fields(&self) -> bool {
+        !self.manifest.fields.is_empty()
+    }
+
+    /// Bytes of the fields of all particles, as they wait in buckets.
+    pub(super) fn field_bytes(&self) -> u64 {
+        let layers = self.manifest.plan.layers.iter().enumerate();
+        layers.map(|(l, layer)| layer.content * 4 * self.manifest.fields.columns(l) as u64).sum()
+    }
+
     /// Bytes that its chunks take together.
     pub fn scatter_bytes(&self) -> u64 {
-        if self.manifest.chunks > 0 { self.manifest.plan.column_bytes() } else { 0 }
+        if self.manifest.chunks > 0 { self.manifest.plan.column_bytes() + self.field_bytes() } else { 0 }
     }
 
     /// Bytes of memory that a task may take, where the plan says.
@@ -207,6 +222,7 @@ impl Job {
             }
             layer.layer.mass = planned.mass;
         }
+        self.check_fields(&source)?;
         Ok(source)
     }
 

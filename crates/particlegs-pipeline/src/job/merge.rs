@@ -1,12 +1,13 @@
 //! The job's file from its blocks' files.
 
 use super::manifest::Job;
+use crate::codec::{self, StoredBlock, StoredSection};
 use crate::compress::{CodedBlock, DecodedFile};
 use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::score::CertificateInput;
-use crate::{Error, Hint, Result, codec};
+use crate::{Error, Hint, Result};
 use std::fmt::Display;
 
 impl Job {
@@ -31,6 +32,8 @@ impl Job {
             context.advance(1);
         }
         context.end();
+        // The file is measured without fields, which are added to it then.
+        let sections = stored(&mut blocks).map(|b| std::mem::take(&mut b.sections)).collect();
         plan.judge(&blocks)?.iter().for_each(|note| context.message(&format!("note: {note}")));
         let add = |n: u64, b: &CodedBlock| Ok::<_, Error>(n.saturating_add(codec::sums(&b.layers)?.0));
         let (count, planned) = (blocks.iter().try_fold(0, add)?, plan.metadata.count);
@@ -49,13 +52,31 @@ impl Job {
                 let particles = particles.ok_or_else(needed)?;
                 let measure =
                     CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
-                return Ok(DecodedFile::new(file, Some(measure), context)?.bytes);
+                let bytes = DecodedFile::new(file, Some(measure), context)?.bytes;
+                return self.with_sections(bytes, blocks, sections);
             }
         };
         // Looked at block by block, in less memory than the whole model takes.
-        let bytes = file(certificate.as_ref())?;
+        let bytes = self.with_sections(file(certificate.as_ref())?, blocks, sections)?;
         codec::check(&bytes, "the merged file", context)?;
         Ok(bytes)
+    }
+
+    /// The file with what was taken from its blocks.
+    fn with_sections(
+        &self,
+        bytes: Vec<u8>,
+        mut blocks: Vec<CodedBlock>,
+        sections: Vec<Vec<StoredSection>>,
+    ) -> Result<Vec<u8>> {
+        if !self.has_fields() {
+            return Ok(bytes);
+        }
+        stored(&mut blocks).zip(sections).for_each(|(block, own)| block.sections = own);
+        let mut plan = self.manifest.plan.clone();
+        plan.metadata.fields.clone_from(&self.manifest.fields.quantities);
+        // As the file has it, rounded.
+        plan.file(&blocks, codec::read_info(&bytes, "the merged file")?.certificate.as_ref())
     }
 
     /// Are all blocks done?
@@ -105,6 +126,11 @@ impl Job {
         }
         Ok(missing)
     }
+}
+
+/// The blocks of all layers.
+fn stored(blocks: &mut [CodedBlock]) -> impl Iterator<Item = &mut StoredBlock> {
+    blocks.iter_mut().flat_map(|b| &mut b.layers).flat_map(|l| &mut l.content)
 }
 
 /// The first few of some numbers.

@@ -2,7 +2,7 @@
 //!
 //! [`Job::plan`] passes over the snapshot once and writes a manifest: what is asked for, the cuts, the
 //! hash of every run of particles. Where runs lie scattered over the blocks, [`Job::scatter`] copies
-//! chunks of the snapshot into buckets, one file a chunk (`bucket`); where they are together already,
+//! chunks of the snapshot into buckets, one file a chunk (`bucket`), with the values of their fields (`fields`); where they are together already,
 //! blocks read them where they are (`gather`). [`Job::block`] fits a block and writes a model file of
 //! its own, with a checkpoint on the way, and where the plan says so what it measured of it (`sums`); [`Job::merge`] puts the file together: the same bytes as
 //! [`crate::compress::compress`] gives, whatever ran where and in what order.
@@ -11,6 +11,7 @@
 
 mod block;
 mod bucket;
+mod fields;
 mod gather;
 mod manifest;
 mod memory;

@@ -2,12 +2,12 @@
 
 use super::bucket::Buckets;
 use super::manifest::{FORM, Job, Manifest, VERSION};
-use super::memory::{BUCKETED, COPIES};
+use super::memory::{COPIES, bucketed_run};
 use super::runs;
 use crate::blocks::{KdTree, SnapshotScan};
-use crate::compress::{CompressionPlan, Options};
+use crate::compress::{CompressionPlan, FieldPlan, MemoryLoad, Options};
 use crate::context::Context;
-use crate::particles::{LayeredParticles, RUN};
+use crate::particles::{LayeredParticles, StarFormingGas};
 use crate::{Error, Hint, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
@@ -20,6 +20,8 @@ pub struct Task<'a> {
     pub reopened: bool,
     /// As for [`crate::compress::compress`]; the memory is that of a task.
     pub options: &'a Options,
+    /// Fields that the file gets, by name.
+    pub fields: &'a [String],
     /// How the snapshot is opened again: the caller's own.
     pub snapshot: serde_json::Value,
     /// How errors name it.
@@ -47,18 +49,32 @@ impl Job {
             return Err(Error::argument_with(what, hint.words(" accepts a quality target")));
         }
         check_folder(folder)?;
-        let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
+        let mut fields = FieldPlan::default();
+        if !task.fields.is_empty() {
+            let counts: Vec<u64> = source.layers.iter().map(|l| l.layer.content).collect();
+            let (names, layers) = ((task.fields, StarFormingGas::Keep), (&source.fields[..], &counts[..]));
+            fields = FieldPlan::new(names, layers, &source.meta.fields, false, task.options.law())?;
+            source.meta.fields.clone_from(&fields.omitted);
+        }
+        let load = MemoryLoad {
+            fields: fields.bytes(source.layers.iter().map(|l| l.layer.content)),
+            ..task.options.load(source.count(), source.raw_bytes(), COPIES)
+        };
+        let blocks = task.options.tasks_of(&load, MEMORY)?;
         let mut scan = SnapshotScan::new(&source, task.place, blocks != 1, context)?;
         scan.settle(&mut source);
-        let plan = CompressionPlan::new(task.options, &source, &scan, blocks, context)?;
+        fields.quantities.iter_mut().for_each(|q| q.by_mass = source.has_weights());
+        let mut plan = CompressionPlan::new(task.options, &source, &scan, blocks, context)?;
+        plan.notes.splice(0..0, std::mem::take(&mut fields.notes));
         let (runs, memory) = (scan.runs.len() as u64, task.options.memory);
-        let within = memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
+        let within = memory.map_or(MOST_RUNS, |m| (m / bucketed_run(&fields)).max(1));
         let chunk_runs = runs.div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
         let scattered = !task.reopened || reads(&plan.tree, &scan) > READ_AGAIN;
         let manifest = Manifest {
             particlegs_job: VERSION,
             snapshot: task.snapshot.clone(),
             plan,
+            fields,
             origin: source.origin,
             chunk_runs,
             chunks: if scattered { runs.div_ceil(chunk_runs) } else { 0 },
@@ -84,7 +100,7 @@ fn write(job: &Job, source: Option<&LayeredParticles>, text: &str, context: &Con
     make_folder(&folder.join("scatter"))?;
     runs::write(&folder.join("runs.bin"), &job.id, &job.runs)?;
     if let Some(source) = source {
-        output::check_space_in(folder, source.raw_bytes())?;
+        output::check_space_in(folder, job.scatter_bytes())?;
         (0..job.manifest.chunks).try_for_each(|c| match Buckets::open(job, c) {
             Ok(_) => Ok(()),
             Err(_) => job.bucket(source, c, context),

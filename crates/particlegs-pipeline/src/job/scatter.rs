@@ -40,7 +40,7 @@ impl Job {
             source.layers[layer].read(source.origin, runs, context, &|run, chunk| {
                 self.check_run(layer, run, &chunk)?;
                 let place = &sorted[(self.starts[layer] + run - first) as usize];
-                *place.lock().unwrap_or_else(|e| e.into_inner()) = self.sort(layer, &chunk);
+                *place.lock().unwrap_or_else(|e| e.into_inner()) = self.sort(source, (layer, run), &chunk)?;
                 Ok(())
             })?;
         }
@@ -64,14 +64,15 @@ impl Job {
     }
 
     /// A run's particles sorted by block; order is kept within.
-    fn sort(&self, layer: usize, chunk: &Chunk<'_>) -> SortedRun {
+    fn sort(&self, source: &LayeredParticles, (layer, run): (usize, u64), chunk: &Chunk<'_>) -> Result<SortedRun> {
         let blocks: Vec<u32> = self.manifest.plan.tree.blocks_of(chunk).collect();
         let mut order: Vec<u32> = (0..blocks.len() as u32).collect();
         order.sort_by_key(|&i| blocks[i as usize]);
         let pick = |c: &[f32]| order.iter().map(|&i| c[i as usize]).collect::<Vec<f32>>();
-        let [x, y, z] = chunk.position.map(pick);
+        let mut columns: Vec<Vec<f32>> = chunk.position.into_iter().chain(chunk.weight).map(pick).collect();
+        columns.extend(self.field_bits(source, layer, run, &order)?);
         let same = order.chunk_by(|&a, &b| blocks[a as usize] == blocks[b as usize]);
         let counts = same.map(|run| (blocks[run[0] as usize], run.len() as u32)).collect();
-        SortedRun { layer, blocks: counts, columns: [x, y, z, chunk.weight.map_or_else(Vec::new, pick)] }
+        Ok(SortedRun { layer, blocks: counts, columns })
     }
 }

@@ -95,7 +95,7 @@ pub struct LayerFields {
 }
 
 /// A field as a user names it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct FieldColumns {
     /// Unit as text, where the source says.
     pub unit: Option<String>,
@@ -103,16 +103,20 @@ pub(crate) struct FieldColumns {
     pub columns: Vec<usize>,
     /// The names that the source has for it.
     pub sources: Vec<String>,
+    /// Do values need more digits than a float32 has?
+    pub wide: bool,
     /// What values are multiplied by to be in `unit`.
     pub factor: f64,
     /// Where that comes from, for people.
     pub note: Option<String>,
     /// Of temperatures that are computed from the one column.
     pub temperature: Option<GasTemperature>,
+    /// May particles lack a value (NaN)?
+    pub may_lack: bool,
 }
 
 impl FieldColumns {
-    /// Component `k` of the particles of a run, whose columns these are; NaN where [`FieldColumns::may_lack`] them.
+    /// Component `k` of the particles of a run, whose columns these are; NaN where they lack them.
     pub fn values<'a>(&'a self, run: &'a [Vec<f64>], k: usize) -> impl Iterator<Item = f64> + 'a {
         run[self.columns[k]].iter().enumerate().map(move |(i, v)| match &self.temperature {
             Some(gas) => gas.of(self.factor * v, run, i),
@@ -120,20 +124,20 @@ impl FieldColumns {
         })
     }
 
+    /// What temperature star-forming gas has.
+    pub fn star_forming(&self) -> StarFormingGas {
+        self.temperature.as_ref().map_or(StarFormingGas::Keep, |t| t.star_forming)
+    }
+
     /// Is this column of a run needed?
     pub fn needs(&self, column: usize) -> bool {
         let of_gas = self.temperature.as_ref().is_some_and(|t| [t.electrons, t.star_formation].contains(&Some(column)));
         of_gas || self.columns.contains(&column)
     }
-
-    /// May particles lack a value?
-    pub fn may_lack(&self) -> bool {
-        self.temperature.as_ref().is_some_and(|t| t.star_formation.is_some() && t.star_forming == StarFormingGas::Omit)
-    }
 }
 
 /// Temperatures from specific energies.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct GasTemperature {
     /// Column of electrons over hydrogen nuclei; without it the gas is fully ionised.
     electrons: Option<usize>,
@@ -143,7 +147,7 @@ pub(crate) struct GasTemperature {
 }
 
 /// What temperature star-forming gas has, whose energy stands for an effective equation of state.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum StarFormingGas {
     /// That of its energy.
     #[default]
@@ -309,16 +313,15 @@ impl LayerFields {
         let mut found = FieldColumns::default();
         for name in names {
             let mut first = 0;
-            let place = |f: &SourceField| {
+            let (field, columns) = self.fields.iter().find_map(|f| {
                 let own = first..first + f.components as usize;
                 first = own.end;
-                let is_it = f.name.eq_ignore_ascii_case(name);
-                is_it.then(|| (f.name.clone(), f.unit.clone(), own, f.physical.clone().filter(|_| f.components == 3)))
-            };
-            let (source, unit, columns, physical) = self.fields.iter().find_map(place)?;
-            found.sources.push(source);
-            (found.unit, found.factor) = (unit, 1.0);
-            if let Some(PhysicalUnit { factor, note }) = physical {
+                f.name.eq_ignore_ascii_case(name).then_some((f, own))
+            })?;
+            found.sources.push(field.name.clone());
+            found.wide |= field.number != Number::F32;
+            (found.unit, found.factor) = (field.unit.clone(), 1.0);
+            if let Some(PhysicalUnit { factor, note }) = field.physical.clone().filter(|_| field.components == 3) {
                 (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(note));
             }
             found.columns.extend(columns);
@@ -353,6 +356,7 @@ impl LayerFields {
         let sources = sources.into_iter().flatten().flat_map(|c| c.sources.clone()).collect();
         let first = |c: &Option<FieldColumns>| c.as_ref().map(|c| c.columns[0]);
         let (electrons, star_formation) = (first(&electrons), first(&star_formation));
+        let may_lack = star_formation.is_some() && star_forming == StarFormingGas::Omit;
         let temperature = Some(GasTemperature { electrons, star_formation, star_forming });
         let factor = unit.factor;
         Some(FieldColumns {
@@ -362,6 +366,8 @@ impl LayerFields {
             factor,
             note: Some(note),
             temperature,
+            may_lack,
+            wide: true,
         })
     }
 

@@ -1,6 +1,6 @@
 //! The layers of a snapshot, read run by run as if they were in memory.
 
-use super::{Chunk, ChunkBuffer, Particles, RUN, SnapshotMeta, SnapshotReader};
+use super::{Chunk, ChunkBuffer, LayerFields, Particles, RUN, SnapshotMeta, SnapshotReader};
 use crate::context::Context;
 use crate::model::{Layer, Mass};
 use crate::{Error, Result};
@@ -17,6 +17,8 @@ pub struct LayeredParticles {
     pub origin: [f64; 3],
     /// The layers, none of them empty.
     pub(crate) layers: Vec<ReadLayer>,
+    /// Their fields, where they were asked for and can be read.
+    pub(crate) fields: Vec<LayerFields>,
 }
 
 pub(crate) struct ReadLayer {
@@ -44,7 +46,7 @@ impl LayeredParticles {
             let layer = Layer { name, mass: Mass::new(weighted, particle_mass), content: reader.count() };
             ReadLayer { layer, reader }
         });
-        Ok(LayeredParticles { meta, origin, layers: layers.collect() })
+        Ok(LayeredParticles { meta, origin, layers: layers.collect(), fields: Vec::new() })
     }
 
     /// Particles in memory or mapped.
@@ -54,7 +56,12 @@ impl LayeredParticles {
             reader: Arc::new(particles.of_layer(l)),
         };
         let layers = particles.layers().iter().map(layer).filter(|l| l.layer.content > 0).collect();
-        LayeredParticles { meta: particles.meta.clone(), origin: particles.origin, layers }
+        LayeredParticles { meta: particles.meta.clone(), origin: particles.origin, layers, fields: Vec::new() }
+    }
+
+    /// With the fields of each layer; empty where they cannot be read.
+    pub fn with_fields(self, fields: Vec<LayerFields>) -> Self {
+        LayeredParticles { fields, ..self }
     }
 
     /// Number of particles.
@@ -68,7 +75,7 @@ impl LayeredParticles {
     }
 
     /// Are there weights in the columns of all?
-    pub(super) fn has_weights(&self) -> bool {
+    pub(crate) fn has_weights(&self) -> bool {
         let mass = |l: &ReadLayer| l.layer.mass;
         self.layers.iter().any(|l| mass(l).is_weighted() || mass(l).unit() != mass(&self.layers[0]).unit())
     }

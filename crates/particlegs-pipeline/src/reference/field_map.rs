@@ -7,7 +7,7 @@ use crate::particles::{Column, Particles};
 use crate::picture::Size;
 use crate::render::{FieldMap, FieldQuery, FieldWeight, MapComponent};
 use crate::{Error, Result, parallel};
-use particlegs_core::math::each_axis;
+use particlegs_core::math::{dot, each_axis};
 use particlegs_files::memory::require;
 
 /// Values of a field of all particles, in their order: a column for each component; NaN where there is none.
@@ -71,10 +71,6 @@ impl Reference<'_> {
         }
         Ok(FieldMap { mean: first, dispersion: second, density })
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The number of each particle that a query asks for.

@@ -94,7 +94,7 @@ pub(crate) fn deposit_steps(subject: Subject<'_>, grid: &Grid) -> u64 {
 }
 
 /// Planes that a task owns when Gaussians are deposited.
-fn model_planes(grid: &Grid) -> usize {
+pub(super) fn model_planes(grid: &Grid) -> usize {
     grid.cells[0].div_ceil(MODEL_SLABS).max(MODEL_PLANES)
 }
 

@@ -6,6 +6,7 @@
 //! grid resolves the Gaussian, the density at the cells' centres is closer and faster (`resolved`).
 
 use super::Grid;
+use super::field_cells::CellQuantity;
 use super::resolved::ResolvedGaussian;
 use super::slab::{FLATTEST, SMALLEST, Slab};
 use crate::math::{Eigen, Sym3};
@@ -25,11 +26,22 @@ pub(crate) struct DepositScratch {
 
 impl DepositScratch {
     pub fn add(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], cov: &Sym3, mass: f64) {
+        self.add_quantity(slab, mean, cov, (mass, &()));
+    }
+
+    /// Adds a Gaussian's mass and what it carries.
+    pub fn add_quantity<Q: CellQuantity>(
+        &mut self,
+        slab: &mut Slab<'_, Q::Sum>,
+        mean: [f64; 3],
+        cov: &Sym3,
+        (mass, quantity): (f64, &Q),
+    ) {
         let g = slab.grid;
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);
         let diagonal = [cov.0[0], cov.0[3], cov.0[5]].map(|v| v.max(0.0).sqrt());
         if diagonal.iter().all(|s| *s <= SMALLEST * cell) {
-            return self.add_straight(slab, mean, diagonal, mass);
+            return self.add_straight(slab, mean, diagonal, (mass, quantity));
         }
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt());
@@ -37,7 +49,7 @@ impl DepositScratch {
         let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
         let thick = eigen.values.map(|v| v.max(kernel * kernel));
         let cov = if deviation[2] < kernel { &Sym3::from_eigen(&Eigen { values: thick, ..eigen }) } else { cov };
-        if let Some(resolved) = ResolvedGaussian::new(g, mean, cov, kernel, mass) {
+        if let Some(resolved) = ResolvedGaussian::new(g, mean, cov, kernel, (mass, quantity)) {
             return resolved.add_to(slab);
         }
         for k in 0..3 {
@@ -45,19 +57,29 @@ impl DepositScratch {
         }
         let nodes = std::mem::take(&mut self.nodes);
         let v = &eigen.vectors;
+        let inverse = cov.inverse().unwrap_or_default();
+        let quantity = quantity.widened(&inverse, [1.0; 3]);
         for &(a, wa) in &nodes[0] {
             for &(b, wb) in &nodes[1] {
                 for &(c, wc) in &nodes[2] {
+                    let from_mean: [f64; 3] = each_axis(|k| a * v[0][k] + b * v[1][k] + c * v[2][k]);
                     let at = each_axis(|k| mean[k] + a * v[0][k] + b * v[1][k] + c * v[2][k]);
-                    self.add_straight(slab, at, [kernel; 3], mass * wa * wb * wc);
+                    let own = quantity.part(from_mean, kernel);
+                    self.add_straight(slab, at, [kernel; 3], (mass * wa * wb * wc, &own));
                 }
             }
         }
         self.nodes = nodes;
     }
 
-    /// Adds a Gaussian whose axes are the grid's: exact.
-    fn add_straight(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], deviation: [f64; 3], mass: f64) {
+    /// Adds a Gaussian whose axes are the grid's: exact, but what it carries is the same all over it.
+    fn add_straight<Q: CellQuantity>(
+        &mut self,
+        slab: &mut Slab<'_, Q::Sum>,
+        mean: [f64; 3],
+        deviation: [f64; 3],
+        (mass, quantity): (f64, &Q),
+    ) {
         let (g, planes, cells) = (slab.grid, &slab.planes, &mut *slab.cells);
         if !touches(g, planes, mean[0], deviation[0]) {
             return;
@@ -75,7 +97,7 @@ impl DepositScratch {
             for &(j, wj) in y {
                 let row = g.index([i - planes.start, j, 0]);
                 for &(k, wk) in z {
-                    cells[row + k] += mass * wi * wj * wk;
+                    quantity.add(&mut cells[row + k], mass * wi * wj * wk, [0.0; 3]);
                 }
             }
         }

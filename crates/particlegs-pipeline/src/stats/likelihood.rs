@@ -142,11 +142,27 @@ impl Domain {
 
 /// A field at points: NaN where no Gaussian that has it reaches.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FieldAtPoints {
+pub struct MeanAndDispersion<T = f64> {
     /// Means weighted by the Gaussians' densities, a column for each component, in the field's unit.
-    pub mean: Vec<Vec<f64>>,
+    pub mean: Vec<Vec<T>>,
     /// Root mean squares of what single particles differ from them; of a logarithmic field of decimal logarithms (dex).
-    pub dispersion: Vec<Vec<f64>>,
+    pub dispersion: Vec<Vec<T>>,
+}
+
+/// The mixtures of a model that have a field, the mass that a weight of 1 stands for in each (1 where values are over
+/// weights), and the field.
+pub(super) fn field_parts<'a>(model: &'a Model, name: &str) -> Result<Vec<(f64, &'a Mixture, &'a FieldMoments)>> {
+    let unit = |mass: f64| if is_sum(model, name) { 1.0 } else { mass };
+    let parts: Vec<_> = mixtures(model).filter_map(|(mass, m)| Some((unit(mass), m, m.fields.get(name)?))).collect();
+    match parts.is_empty() {
+        true => Err(Error::argument(format!("the model has no field `{name}`"))),
+        false => Ok(parts),
+    }
+}
+
+/// Is a field of a model a sum, such as a charge?
+pub(super) fn is_sum(model: &Model, name: &str) -> bool {
+    model.metadata.fields.iter().any(|q| q.name == name && q.extensive)
 }
 
 impl Domain {
@@ -158,19 +174,13 @@ impl Domain {
         name: &str,
         places: &[[f64; 3]],
         context: &Context<'_>,
-    ) -> Result<FieldAtPoints> {
+    ) -> Result<MeanAndDispersion> {
         if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(Error::argument(format!("point {i} is not finite")));
         }
-        // Values of sums are over the particles' own weights.
-        let is_sum = model.metadata.fields.iter().any(|q| q.name == name && q.extensive);
-        let parts: Vec<(f64, &Mixture, &FieldMoments)> = mixtures(model)
-            .filter_map(|(unit, m)| Some((if is_sum { 1.0 } else { unit }, m, m.fields.get(name)?)))
-            .collect();
-        let Some(components) = parts.first().map(|p| p.2.components()) else {
-            return Err(Error::argument(format!("the model has no field `{name}`")));
-        };
-        let logarithmic = parts.iter().any(|p| p.2.excess.is_some());
+        let (parts, is_sum) = (field_parts(model, name)?, is_sum(model, name));
+        let components = parts[0].2.components();
+        let logarithmic = parts[0].2.excess.is_some();
         let width = 1 + 2 * components + usize::from(logarithmic);
         let unit = if logarithmic { std::f64::consts::LN_10 } else { 1.0 };
         let gaussians: Vec<(GaussianDensity, &FieldMoments, usize)> = parts
@@ -180,7 +190,7 @@ impl Domain {
             })
             .collect();
         let empty = vec![vec![f64::NAN; places.len()]; components];
-        let mut out = FieldAtPoints { mean: empty.clone(), dispersion: empty };
+        let mut out = MeanAndDispersion { mean: empty.clone(), dispersion: empty };
         let local: Vec<[f64; 3]> = places.iter().map(|p| self.local(*p)).collect();
         for (first, local) in (0..).step_by(FIELDS_AT_ONCE).zip(local.chunks(FIELDS_AT_ONCE)) {
             let points = PointGrid::new(local, self, 0.0)?;

@@ -1,7 +1,7 @@
 //! Floor 4: what recovered particles, or a mixture itself, are good for, in numbers.
 //!
 //! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a
-//! [`Grid`] (`deposit`, `gaussian`, `resolved`), compared cell by cell (`density`) and transformed (`transform`)
+//! [`Grid`] (`deposit`, `gaussian`, `resolved`; fields by `field_cells`), compared cell by cell (`density`) and transformed (`transform`)
 //! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
 //! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
 //! their cores (`aperture`); in zooms of the finest particles (`linking`); groups are compared by size (`sizes`); nearest neighbours use the particles' tree (`neighbours`).
@@ -16,6 +16,7 @@ mod compare;
 mod density;
 mod deposit;
 mod dispersion;
+mod field_cells;
 mod gaussian;
 mod grid;
 mod groups;
@@ -54,12 +55,13 @@ pub use density::{DensityComparison, DensityPdf};
 pub use deposit::{Field, deposit};
 pub(crate) use deposit::{deposit_bytes, deposit_steps};
 pub use dispersion::HaloDispersions;
+pub use field_cells::field_in_cells;
 pub(crate) use gaussian::DepositScratch;
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
 pub use haloes::HaloProfiles;
 pub(crate) use likelihood::likelihood;
-pub use likelihood::{FieldAtPoints, Likelihood};
+pub use likelihood::{Likelihood, MeanAndDispersion};
 pub(crate) use linking::LinkedParticles;
 pub use moments::AxisMoments;
 pub use multipoles::{MultipoleShell, Multipoles};

@@ -6,6 +6,7 @@
 //! divided, and what the parts hold is added up.
 
 use super::Grid;
+use super::field_cells::CellQuantity;
 use super::slab::Slab;
 use crate::math::Sym3;
 use particlegs_core::math::each_axis;
@@ -24,7 +25,7 @@ const MOST_HALVINGS: u32 = 3;
 const MOST_PARTS: f64 = 4e6;
 
 /// A Gaussian in units of cells, or of the parts that they are divided into.
-pub(super) struct ResolvedGaussian {
+pub(super) struct ResolvedGaussian<Q> {
     /// The grid of the parts.
     fine: Grid,
     /// Parts of a cell along an axis, as a power of two.
@@ -41,11 +42,13 @@ pub(super) struct ResolvedGaussian {
     peak: f64,
     /// Ratios of neighbours along z have this ratio from one cell to the next.
     step: f64,
+    /// What its mass carries, by distances in parts.
+    quantity: Q,
 }
 
-impl ResolvedGaussian {
+impl<Q: CellQuantity> ResolvedGaussian<Q> {
     /// `None` where the smallest parts are too coarse for it, or it is many boxes wide.
-    pub fn new(grid: &Grid, mean: [f64; 3], cov: &Sym3, smallest: f64, mass: f64) -> Option<Self> {
+    pub fn new(grid: &Grid, mean: [f64; 3], cov: &Sym3, smallest: f64, (mass, quantity): (f64, &Q)) -> Option<Self> {
         let coarsest = grid.side[0].max(grid.side[1]).max(grid.side[2]);
         let enough = |h: &u32| smallest * f64::from(1u32 << h) >= FINEST * coarsest * (1.0 - 1e-9);
         let halvings = (0..=MOST_HALVINGS).find(enough)?;
@@ -71,7 +74,7 @@ impl ResolvedGaussian {
                 middle[k] = middle[k].rem_euclid(n);
             }
             // Wider than the box it is folded many times, which is not for here. Neither is what is no number.
-            if !(half[k] <= n && middle[k].abs() < 1e9) {
+            if !(half[k] <= n * Q::WIDEST && middle[k].abs() < 1e9) {
                 return None;
             }
         }
@@ -94,11 +97,12 @@ impl ResolvedGaussian {
             half: half[0],
             peak,
             step: (-zz).exp(),
+            quantity: quantity.widened(&inverse, g.side),
         })
     }
 
     /// Adds what lies in a slab.
-    pub fn add_to(&self, slab: &mut Slab<'_>) {
+    pub fn add_to(&self, slab: &mut Slab<'_, Q::Sum>) {
         let (g, planes, held) = (&self.fine, &slab.planes, &mut *slab.cells);
         let [.., xz, _, yz, zz] = self.inverse.0;
         let [pxx, pxy, pyy] = self.projected;
@@ -121,13 +125,13 @@ impl ResolvedGaussian {
                 let middle = self.mean[2] - (xz * dx + yz * dy) / zz;
                 let row = slab.grid.index([plane - planes.start, line >> self.halvings, 0]);
                 let row = &mut held[row..row + slab.grid.cells[2]];
-                self.add_row(row, middle, ((most - least) / zz).sqrt(), least);
+                self.add_row(row, [dx, dy, middle], ((most - least) / zz).sqrt(), least);
             }
         }
     }
 
-    /// One row along z about `middle`, where the exponent is -`least` / 2.
-    fn add_row(&self, row: &mut [f64], middle: f64, half: f64, least: f64) {
+    /// One row along z, `dx` and `dy` from the mean, about `middle`, where the exponent is -`least` / 2.
+    fn add_row(&self, row: &mut [Q::Sum], [dx, dy, middle]: [f64; 3], half: f64, least: f64) {
         let (zz, count) = (self.inverse.0[5], self.fine.cells[2]);
         let (run, n) = (cells(middle, half), count as i64);
         let run = if self.fine.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
@@ -138,8 +142,9 @@ impl ResolvedGaussian {
         let mut value = self.peak * (-0.5 * (least + zz * dz * dz)).exp();
         let mut ratio = (-zz * (dz + 0.5)).exp();
         let mut k = run.start.rem_euclid(n) as usize;
-        for _ in run {
-            row[k >> self.halvings] += value;
+        for part in run {
+            let from_mean = [dx, dy, part as f64 + 0.5 - self.mean[2]];
+            self.quantity.add(&mut row[k >> self.halvings], value, from_mean);
             (value, ratio) = (value * ratio, ratio * self.step);
             k = if k + 1 == count { 0 } else { k + 1 };
         }

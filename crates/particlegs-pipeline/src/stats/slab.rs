@@ -10,16 +10,16 @@ pub(super) const SMALLEST: f64 = 0.1;
 pub(super) const FLATTEST: f64 = 1.0 / 16.0;
 
 /// Some planes of a grid across x, and what their cells hold.
-pub(crate) struct Slab<'a> {
+pub(crate) struct Slab<'a, S = f64> {
     pub(crate) grid: &'a Grid,
     /// Which of its planes.
     pub(crate) planes: Range<usize>,
     /// The cells of those planes alone.
-    pub(crate) cells: &'a mut [f64],
+    pub(crate) cells: &'a mut [S],
 }
 
-impl<'a> Slab<'a> {
-    pub(crate) fn whole(grid: &'a Grid, cells: &'a mut [f64]) -> Self {
+impl<'a, S> Slab<'a, S> {
+    pub(crate) fn whole(grid: &'a Grid, cells: &'a mut [S]) -> Self {
         Slab { grid, planes: 0..grid.cells[0], cells }
     }
 
