@@ -193,10 +193,10 @@ def add_field(data: vtkDataObject, field: str, values: Iterable[np.ndarray], uni
     data : vtkDataObject
     field : str
         Its name.
-    values : two ndarrays, (n,) or (n, 3)
-        Means and dispersions.
+    values : one or two ndarrays, (n,) or (n, 3)
+        Means and dispersions; of a sum over particles its totals alone.
     unit : str or None
-        Unit of both.
+        Unit of the means. Dispersions of logarithmic fields are in dex.
     """
     name = free_name(data, field)
     to = data.GetCellData() if isinstance(data, vtkImageData) else data.GetPointData()
@@ -316,7 +316,10 @@ def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlock
             own = spreads if means.ndim == 1 else np.diagonal(spreads, axis1=1, axis2=2)
             # Of all particles of the Gaussian: the change across it counts.
             variances = np.einsum("...i,...ij,...j->...", slopes, shape, slopes) + own
-            add_field(block, field, (means, np.sqrt(variances)), model.fields[field].unit)
+            kind = model.fields[field].kind
+            scale = np.log(10.0) if kind == "logarithmic" else 1.0
+            values = (means,) if kind == "sum" else (means, np.sqrt(variances) / scale)
+            add_field(block, field, values, model.fields[field].unit)
         of_points.SetActiveScalars("counts")
         of_points.SetActiveTensors("sqrt_covariance")
         index = blocks.GetNumberOfBlocks()
@@ -409,10 +412,10 @@ def density_of(grid: Grid, facts: Mapping[str, object], fields: Iterable[tuple[G
     image.GetCellData().SetScalars(column("contrast", contrast_of(values).ravel(order="F")))
     total = float(values.sum() * np.prod(grid.spacing))
     annotate(image, {**facts, "unit": grid.unit, "total": total})
-    for mean, dispersion in fields:
+    for grids in fields:
         # x is the fastest; the components of a vector stay together.
-        both = (np.moveaxis(np.asarray(v), (0, 1, 2), (2, 1, 0)).reshape(-1, *v.shape[3:]) for v in (mean, dispersion))
-        add_field(image, str(mean.field), both, mean.unit or None)
+        values = (np.moveaxis(np.asarray(v), (0, 1, 2), (2, 1, 0)).reshape(-1, *v.shape[3:]) for v in grids)
+        add_field(image, str(grids[0].field), values, grids[0].unit or None)
     return image
 
 
@@ -679,9 +682,8 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         if not o["density"] or model.law == "alpha-blend":
             return vtkImageData()
         here = [name for name in (model.fields if o["fields"] else ()) if has_field(model, name, layers)]
-        fields = (
-            tuple(model.grid(of, o["cells"], layers=layers) for of in (name, f"dispersion.{name}")) for name in here
-        )
+        of = lambda name: (name,) if model.fields[name].kind == "sum" else (name, f"dispersion.{name}")
+        fields = (tuple(model.grid(n, o["cells"], layers=layers) for n in of(name)) for name in here)
         return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model), fields)
 
     def _progress(self, _phase: str, done: int, total: int) -> None:

@@ -437,7 +437,7 @@ class Model:
             values,
             origin=tuple(origin),
             spacing=tuple(spacing),
-            unit=self.fields[name].unit or "",
+            unit=self._native.field_unit(name, dispersion) or "",
             length_unit=self.length_unit,
             periodic=self.periodic,
             hubble=self.metadata["hubble"],
@@ -451,6 +451,8 @@ class Model:
         if name not in self.fields:
             there = ", ".join(self.fields) or "none"
             raise InputError(f"the model has no field {name!r}; its fields: {there}")
+        if name != field and self.fields[name].kind == "sum":
+            raise InputError(f"{name!r} is a sum over particles and has no dispersion")
         return name, name != field
 
     def at(

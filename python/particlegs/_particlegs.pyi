@@ -145,6 +145,7 @@ class Model:
     def density_grid(
         self, cells: int, layers: Optional[Sequence[str]] = None, threads: Optional[int] = None
     ) -> tuple[NDArray[np.float64], list[float], list[float], float]: ...
+    def field_unit(self, field: str, dispersion: bool) -> Optional[str]: ...
     def field_grid(
         self,
         field: str,

@@ -286,7 +286,7 @@ impl Model {
     fn fields(&self) -> Vec<(String, &'static str, Option<String>, &'static str)> {
         let of = |q: &Quantity| {
             let unit = q.unit.as_ref().map(|u| u.text.clone());
-            (q.name.clone(), q.kind.name(), unit, if q.by_mass { "mass" } else { "count" })
+            (q.name.clone(), kind_of(q), unit, if q.by_mass { "mass" } else { "count" })
         };
         self.model.metadata.fields.iter().map(of).collect()
     }
@@ -323,6 +323,12 @@ impl Model {
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
         density::grid(py, &*self.only(layers.as_deref())?, cells, threads)
+    }
+
+    /// Unit of a field's mean, or of its dispersion, at places and in cells.
+    fn field_unit(&self, field: &str, dispersion: bool) -> Option<String> {
+        let q = self.model.metadata.fields.iter().find(|q| q.name == field)?;
+        if dispersion { q.dispersion_unit() } else { q.place_unit(self.model.metadata.units.length_text()) }
     }
 
     /// A field in cells, means or dispersions: values, origin, cell edges.
@@ -395,5 +401,14 @@ impl Model {
     #[getter]
     fn is_alpha_blend(&self) -> bool {
         self.model.metadata.law == LawKind::AlphaBlend
+    }
+}
+
+/// What a field is, in Python.
+fn kind_of(q: &Quantity) -> &'static str {
+    match (q.extensive, q.logarithmic) {
+        (true, _) => "sum",
+        (_, true) => "logarithmic",
+        _ => q.kind.name(),
     }
 }

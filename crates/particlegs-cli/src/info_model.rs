@@ -140,7 +140,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("raw data", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
     for (field, line) in m.fields.iter().zip(info.describe_fields()) {
         let by = if field.by_mass { "mass" } else { "count" };
-        row("field", format!("{line}; {}, weighted by {by}", field.kind.name()));
+        row("field", format!("{line}; {}, weighted by {by}", field.describe_kind()));
     }
     row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
     row("command", m.recipe.to_string());

@@ -2,7 +2,7 @@
 //! an image extension like it for the mean and the dispersion of each component of each field.
 
 use super::notes::ascii;
-use super::{Density, FieldGrid, Notes, written};
+use super::{Density, Notes, written};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Dimension, Unit};
@@ -62,9 +62,16 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
     let mut cubes = vec![(head, &density.values, by)];
     for field in &density.fields {
         for (k, name) in field.quantity.component_names().iter().enumerate() {
-            let mean = field_head(density, &scale, field, ("mean", name));
-            let dispersion = field_head(density, &scale, field, ("dispersion", &format!("dispersion_{name}")));
-            cubes.extend([(mean, &field.values.mean[k], 1.0), (dispersion, &field.values.dispersion[k], 1.0)]);
+            let by = if field.quantity.by_mass { "mass" } else { "number of particles" };
+            let what =
+                if field.quantity.extensive { "sum per volume".into() } else { format!("mean, weighted by {by}") };
+            let head = field_head(density, &scale, field.unit.as_deref(), (&what, name));
+            cubes.push((head, &field.values.mean[k], 1.0));
+            if let Some((columns, unit)) = field.dispersion() {
+                let (what, name) = (format!("dispersion, weighted by {by}"), format!("dispersion_{name}"));
+                let head = field_head(density, &scale, unit.as_deref(), (&what, &name));
+                cubes.push((head, &columns[k], 1.0));
+            }
         }
     }
     let bytes = 4 * density.values.len() as u64;
@@ -83,20 +90,19 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
 }
 
 /// The cards of an extension that holds the means or the dispersions of a component of a field.
-fn field_head(density: &Density, scale: &UnitScale, field: &FieldGrid, (what, name): (&str, &str)) -> Vec<u8> {
+fn field_head(density: &Density, scale: &UnitScale, unit: Option<&str>, (what, name): (&str, &str)) -> Vec<u8> {
     let mut head = FitsHeader(Vec::new());
     head.text("XTENSION", "IMAGE", "FITS Standard 4.0");
     head.axes(&density.grid.cells);
     head.card("PCOUNT", "0", "");
     head.card("GCOUNT", "1", "");
     head.text("EXTNAME", name, "");
-    match field.unit().map(|unit| (unit, standard_unit(unit))) {
+    match unit.map(|unit| (unit, standard_unit(unit))) {
         Some((_, Some(unit))) => head.text("BUNIT", &unit, ""),
         Some((unit, None)) => head.text("FLDUNIT", unit, "unit of the field"),
         None => {}
     }
-    let weights = if field.quantity.by_mass { "mass" } else { "number of particles" };
-    head.text("BTYPE", &format!("{what}, weighted by {weights}"), "over each cell");
+    head.text("BTYPE", what, "over each cell");
     head.coordinates(&density.grid, scale);
     head.whole()
 }

@@ -17,7 +17,8 @@ impl LayerGaussian<'_> {
     }
 
     /// The numbers of a field: means of its values, slopes (x, y, z of each component), and the variance or the rows of the
-    /// covariance, the latter two of natural logarithms where it is logarithmic; NaN where the layer lacks it.
+    /// covariance, the latter two of natural logarithms where it is logarithmic; of a sum its totals and their
+    /// slopes, without a variance; NaN where the layer lacks it.
     pub fn field(&self, q: &Quantity) -> FieldNumbers {
         let components = q.component_names().len();
         let Some(f) = self.of.fields.get(&q.name) else {
@@ -31,11 +32,18 @@ impl LayerGaussian<'_> {
             1 => vec![f.spread[0][self.i]],
             _ => Sym3(std::array::from_fn(|k| f.spread[k][self.i])).rows().as_flattened().to_vec(),
         };
-        FieldNumbers {
-            mean: (0..components).map(|k| f.overall_value(k, self.i, &self.of.cov_of(self.i))).collect(),
-            slope: f.slope.iter().flatten().map(|c| c[self.i]).collect(),
-            spread,
+        let mean = (0..components).map(|k| f.overall_value(k, self.i, &self.of.cov_of(self.i)));
+        let slope = f.slope.iter().flatten().map(|c| c[self.i]);
+        if q.extensive {
+            let weight = self.of.mass_of(self.i);
+            let of = |v: f64| weight * v;
+            return FieldNumbers {
+                mean: mean.map(of).collect(),
+                slope: slope.map(of).collect(),
+                spread: vec![f64::NAN],
+            };
         }
+        FieldNumbers { mean: mean.collect(), slope: slope.collect(), spread }
     }
 
     pub fn splat(&self) -> [f64; 2] {

@@ -67,13 +67,15 @@ pub struct Density {
 /// A field in the cells of a density: NaN where no Gaussian that has it reaches.
 pub struct FieldGrid {
     pub quantity: Quantity,
+    /// The unit of the means, if it is known.
+    pub unit: Option<String>,
     pub values: MeanAndDispersion<f32>,
 }
 
 impl FieldGrid {
-    /// The field's unit, if it is known.
-    pub fn unit(&self) -> Option<&str> {
-        self.quantity.unit.as_ref().map(|u| &u.text[..])
+    /// The dispersions with their unit, if that is known; a sum has none.
+    pub fn dispersion(&self) -> Option<(&[Vec<f32>], Option<String>)> {
+        (!self.quantity.extensive).then(|| (&self.values.dispersion[..], self.quantity.dispersion_unit()))
     }
 }
 
@@ -144,7 +146,8 @@ impl Density {
             context.begin(&format!("field {}", quantity.name), 0);
             let values = field_in_cells(model, &quantity.name, &self.grid, context)?;
             context.end();
-            self.fields.push(FieldGrid { quantity, values });
+            let unit = quantity.place_unit(model.metadata.units.length_text());
+            self.fields.push(FieldGrid { quantity, unit, values });
         }
         Ok(())
     }

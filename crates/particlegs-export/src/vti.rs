@@ -34,7 +34,7 @@ const LENGTH: u64 = 8;
 /// An array of the cells, of one column or three.
 struct CellArray<'a> {
     name: String,
-    unit: Option<&'a str>,
+    unit: Option<String>,
     columns: &'a [Vec<f32>],
 }
 
@@ -48,11 +48,13 @@ impl CellArray<'_> {
 fn arrays(density: &Density) -> Vec<CellArray<'_>> {
     let mut all = vec![CellArray { name: "density".into(), unit: None, columns: from_ref(&density.values) }];
     for field in &density.fields {
-        let (name, unit) = (&field.quantity.name, field.unit());
+        let (name, unit) = (&field.quantity.name, field.unit.clone());
         // The name of the first array is taken.
         let name = if name == "density" { "field_density" } else { name };
         all.push(CellArray { name: name.into(), unit, columns: &field.values.mean });
-        all.push(CellArray { name: format!("dispersion_{name}"), unit, columns: &field.values.dispersion });
+        if let Some((columns, unit)) = field.dispersion() {
+            all.push(CellArray { name: format!("dispersion_{name}"), unit, columns });
+        }
     }
     all
 }
@@ -68,7 +70,7 @@ fn text(density: &Density, arrays: &[CellArray<'_>], notes: &Notes, xml: &mut St
     writeln!(xml, "    <FieldData>")?;
     string(xml, "unit", &density.unit)?;
     for array in arrays.iter().filter(|a| a.name != "density") {
-        string(xml, &format!("{}_unit", array.name), array.unit.unwrap_or("not stated"))?;
+        string(xml, &format!("{}_unit", array.name), array.unit.as_deref().unwrap_or("not stated"))?;
     }
     string(xml, "length_unit", notes.text("length_unit").unwrap_or("not stated"))?;
     string(xml, "notes", &notes.lines().join("\n"))?;

@@ -89,11 +89,10 @@ impl FieldSummary {
             Some(FieldMapSummary { name, title: query.title(), unit: journal_unit(&query.unit(own, length)) })
         };
         let unit = q.unit.as_ref().map_or(String::new(), |u| journal_unit(&u.text));
-        let of_volume = || length.map_or(String::new(), |length| journal_unit(&format!("{unit} / ({length})^3")));
-        let of_dispersion = if q.logarithmic { "dex".into() } else { unit.clone() };
+        let place_units = [q.place_unit(length), q.dispersion_unit()];
         FieldSummary {
             name: q.name.clone(),
-            place_units: [if q.extensive { of_volume() } else { unit.clone() }, of_dispersion],
+            place_units: place_units.map(|u| u.map_or(String::new(), |u| journal_unit(&u))),
             unit,
             vector,
             maps: names.into_iter().filter_map(map).collect(),

@@ -10,7 +10,7 @@ use particlegs_core::{NamedValue, Result};
 use serde::Serialize;
 
 /// A map of a field.
-pub(crate) struct FieldValues {
+pub(crate) struct FieldPicture {
     /// NaN where there is no mass.
     pub values: Plane,
     pub shade: Option<Plane>,
@@ -27,9 +27,9 @@ pub(crate) struct FieldBar {
     without: Vec<String>,
 }
 
-impl FieldValues {
+impl FieldPicture {
     /// Maps a field of the drawn layers.
-    pub(crate) fn new(opened: &mut LoadedModel, of: &SceneRequest, field: &FieldRequest) -> Result<FieldValues> {
+    pub(crate) fn new(opened: &mut LoadedModel, of: &SceneRequest, field: &FieldRequest) -> Result<FieldPicture> {
         let whole = &opened.full()?.model;
         let mut query = FieldQuery::new(&field.name, &whole.metadata.fields)?;
         let layers = || whole.layers.iter().enumerate().filter(|(place, _)| of.shows(*place)).map(|(_, layer)| layer);
@@ -44,11 +44,11 @@ impl FieldValues {
         let scene = of.scene(model, &|layer| of.shows(layer));
         if scene.parts().all(|m| m.fields.get(&query.name).is_none()) {
             let values = Plane { size: of.size, data: vec![f32::NAN; of.size.pixels()] };
-            return Ok(FieldValues { values, shade: None, scale, without });
+            return Ok(FieldPicture { values, shade: None, scale, without });
         }
         let map = field_map(&scene, &query, &of.density_view(scene.bounds())?, of.size, &Context::SILENT)?;
         let values = map.wanted(&query).clone();
-        Ok(FieldValues { values, shade: field.shade.then_some(map.density), scale, without })
+        Ok(FieldPicture { values, shade: field.shade.then_some(map.density), scale, without })
     }
 
     /// The range of the values, if they have one.

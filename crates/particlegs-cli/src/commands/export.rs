@@ -234,7 +234,7 @@ impl Export<'_> {
         let report = json!({
             "cells": grid.cells, "origin": grid.min, "cell": grid.side, "periodic": grid.periodic, "unit": unit,
             "total": total, "outside": outside,
-            "fields": density.fields.iter().map(|f| json!({ "name": f.quantity.name, "unit": f.unit() })).collect::<Value>(),
+            "fields": density.fields.iter().map(|f| json!({ "name": f.quantity.name, "unit": f.unit })).collect::<Value>(),
         });
         self.notes.set("density", report.clone());
         self.notes.say(format!("{total} in all cells, {outside} beyond them; unit of density: {unit}"));

@@ -108,6 +108,29 @@ impl Quantity {
             _ => vec![self.name.clone()],
         }
     }
+
+    /// The unit of its mean at a place, by the unit of length; of a sum that of how much there is in a unit of volume.
+    pub fn place_unit(&self, length: Option<&str>) -> Option<String> {
+        let own = self.unit.as_ref().map(|u| u.text.clone());
+        match self.extensive {
+            true => length.map(|length| format!("{} / ({length})^3", own.as_deref().unwrap_or("1"))),
+            false => own,
+        }
+    }
+
+    /// The unit of its dispersion. A sum has none.
+    pub fn dispersion_unit(&self) -> Option<String> {
+        if self.logarithmic { Some("dex".into()) } else { self.unit.as_ref().map(|u| u.text.clone()) }
+    }
+
+    /// What its values are, in a word or two.
+    pub fn describe_kind(&self) -> &'static str {
+        match (self.extensive, self.logarithmic) {
+            (true, _) => "sum",
+            (_, true) => "scalar by its logarithm",
+            _ => self.kind.name(),
+        }
+    }
 }
 
 crate::named_values! {
