@@ -274,7 +274,7 @@ impl Model {
         let shown = self.shown(layers.as_deref())?;
         let mut query = FieldQuery::new(field, &self.model.metadata.fields).or_raise()?;
         if subtract_mean {
-            query.bulk = mean_vector(&self.model, &query.name);
+            query.bulk = mean_vector(&self.model.layers, &query.name);
         }
         query.bulk = bulk.unwrap_or(query.bulk);
         let scene = Scene::from_layers(&self.model, |l| shown[l]);
