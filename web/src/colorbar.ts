@@ -15,9 +15,9 @@ export interface BarContent {
 
 /** Where values lie along a bar, from 0 to 1, and their labels. */
 function ticksOf({ range: [lo, hi], logarithmic }: BarContent): [number, string][] {
-  return logarithmic
-    ? logTicks(lo, hi).map((v) => [Math.log(v / lo) / Math.log(hi / lo), formatNumber(v, 2)])
-    : evenTicks(lo, hi).map(([v, text]) => [(v - lo) / (hi - lo), text]);
+  const share = (v: number) => (logarithmic ? Math.log(v / lo) / Math.log(hi / lo) : (v - lo) / (hi - lo));
+  const ticks: [number, string][] = logarithmic && hi / lo > 10 ? logTicks(lo, hi).map((v) => [v, formatNumber(v, 2)]) : evenTicks(lo, hi);
+  return ticks.map(([v, text]) => [share(v), text]);
 }
 
 export class ColorBar {

@@ -86,7 +86,7 @@ export class Comparison {
     const pane = panes[0];
     const scene = sceneOf(state, pane.about, picture.size);
     const density = picture.densities !== null;
-    const range = pane.range ?? [1, 10];
+    const range = pane.answerFor(state)?.range ?? [1, 10];
     const paint = { ...paintOf(state), white: false, exposure: 0, by_layer: false };
     const model = density
       ? new Float32Array((await pane.values(scene, "density")).numbers)

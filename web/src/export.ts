@@ -18,11 +18,11 @@ const SIZES: [string, Size][] = [
 const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
 
 /** Texts for the PNG: the view settings, as `render --like` reads them, and the link. */
-function pngTexts(page: Page, size: Size): Record<string, string> {
+function pngTexts(page: Page, size: Size, range: [number, number] | null): Record<string, string> {
   const { state: s, panes: [pane], setup: { version } } = page;
   const shown = hasColorBar(s);
-  const field = s.field && { field: s.field.name, range: s.range ?? pane.range, unit: mapOf(s.field.name, pane.about)?.unit };
-  const density = { colormap: s.colormap, range: s.range ?? pane.range, unit: pane.about.units.surface };
+  const field = s.field && { field: s.field.name, range, unit: mapOf(s.field.name, pane.about)?.unit };
+  const density = { colormap: s.colormap, range, unit: pane.about.units.surface };
   const provenance = {
     particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: shown ? "density" : s.look,
     layers: s.hidden.length > 0 ? pane.about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n)) : [],
@@ -41,16 +41,16 @@ interface Annotations { lines: boolean; bar: boolean }
 async function renderPng(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
   const pane = page.panes[0];
   state = { ...state, orbit: asWide(state.orbit, pane.size, size) };
-  const range = state.range ?? pane.range;
-  const { numbers } = await pane.picture(sceneOf(state, pane.about, size), paintOf({ ...state, range }));
+  const range = state.range ?? pane.answerFor(state)?.range ?? null;
+  const { json, numbers } = await pane.picture(sceneOf(state, pane.about, size), paintOf({ ...state, range }));
   const canvas = canvasOf(numbers, size);
   if (lines) {
     const over = new OffscreenCanvas(size.width, size.height);
     drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marker);
     canvas.getContext("2d")!.drawImage(over, 0, 0);
   }
-  const content = bar ? await pane.bar(state, range) : null;
-  return encodePng(content ? withColorBar(canvas, content, state.white) : canvas, pngTexts({ ...page, state }, size));
+  const content = bar ? await pane.bar(state, json) : null;
+  return encodePng(content ? withColorBar(canvas, content, state.white) : canvas, pngTexts({ ...page, state }, size, json.range));
 }
 
 export async function exportPng(page: Page): Promise<void> {
@@ -131,7 +131,7 @@ export function commandFor(page: Page): string {
     parts.push(`--style ${s.look}`);
     if (s.look === "density") parts.push(`--colormap ${s.colormap}`);
   }
-  const range = hasColorBar(s) && (s.range ?? page.panes[0].range);
+  const range = hasColorBar(s) && (s.range ?? page.panes[0].answerFor(s)?.range);
   if (range) parts.push(`--range=${range.map((v) => Number(v.toPrecision(6))).join(",")}`);
   const shown = about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n));
   if (shown.length < about.layers.length) parts.push(`--layer ${shellQuote(shown.join(","))}`);

@@ -56,7 +56,7 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
       const names = ["", ...fields.flatMap((f) => f.maps.map((m) => m.name))];
       if (fields.length === 0) return page.say("the model has no fields");
       const name = next(names, page.state.field?.name ?? "");
-      page.change({ field: nextField(name, page.state, page.panes[0].about), range: null });
+      page.change({ field: nextField(name, page.state), range: null });
     }),
     key(["m"], "m", "next colour map", unlessIdle("colormap", () => {
       const { colormaps } = page.panes[0].about;

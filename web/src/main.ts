@@ -12,7 +12,7 @@ import { panel, preset, parseTarget, type Action, type PanelContext } from "./pa
 import type { ProbeHit, Setup, Vec3 } from "./protocol";
 import { EngineClient } from "./engine";
 import { Comparison } from "./compare";
-import { cameraFor, fromLink, hasColorBar, initialState, mapOf, withOpening, paintOf, sceneOf, toLink, type State } from "./state";
+import { cameraFor, fromLink, hasColorBar, initialState, mapOf, withOpening, paintOf, sceneOf, toLink, withKnownField, type State } from "./state";
 import { copyCommand, copyLink, exportNpy, exportPng, exportTurn, exportViews, importViews } from "./export";
 import { lengthUnit, formatNumber, formatWhole } from "./units";
 
@@ -84,8 +84,8 @@ async function start(): Promise<void> {
   page.state = fromLink(location.hash.slice(1), page.state);
   const compare = setup.truth ? new Comparison(page, setup.truth) : null;
   const context: PanelContext = {
-    about, layers: named, state: () => page.state, change, range: () => panes[0].range, act, goTo,
-    logarithmic: () => !page.state.field || (page.state.field.scale || panes[0].scale) === "log",
+    about, layers: named, state: () => page.state, change, range: rangeNow, act, goTo,
+    logarithmic: () => !page.state.field || panes[0].answerFor(page.state)?.scale === "log",
   };
   const controls = panel(context);
   controls.element.append(...panes.map((p, i) => summaryTable(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
@@ -94,6 +94,11 @@ async function start(): Promise<void> {
   keys = keyBindings(page, act, (which) => change({ orbit: preset(page.state, which) }));
   listenToKeys(keys);
 
+  /** The range of the state, or of the last picture. */
+  function rangeNow(): [number, number] | null {
+    return page.state.range ?? panes[0].answerFor(page.state)?.range ?? null;
+  }
+
   /** Draws all panes with the range of the first, which the colour bar shows. */
   function showAll(): void {
     panes[0].show(page.state);
@@ -101,13 +106,13 @@ async function start(): Promise<void> {
   }
 
   function showOthers(): void {
-    const [first] = panes;
+    const first = panes[0].answerFor(page.state);
     const { field } = page.state;
     const own = mapOf(field?.name, about);
     for (const p of panes.slice(1)) {
-      const same = !own || mapOf(field?.name, p.about)?.unit === own.unit;
-      const lacks = same ? "" : `${p.name} has no ${own.title} ${own.unit ? `in ${own.unit}` : "without a unit"}`;
-      p.show({ ...page.state, field: field && { ...field, scale: field.scale || first.scale }, range: page.state.range ?? first.range }, lacks);
+      const map = mapOf(field?.name, p.about);
+      const lacks = !own || map?.unit === own.unit ? "" : map ? `${p.name} has the field in another unit` : `${p.name} has no ${own.title}`;
+      p.show({ ...page.state, field: field && { ...field, scale: first?.scale ?? field.scale }, range: rangeNow() }, lacks);
     }
   }
 
@@ -117,7 +122,7 @@ async function start(): Promise<void> {
     if (!about.colormaps.includes(page.state.colormap)) page.state.colormap = "inferno";
     // Alpha-blend models have only this style.
     if (!panes.every((p) => p.about.adds_up)) page.state.look = "paraview";
-    if (page.state.field && !mapOf(page.state.field.name, about)) page.state.field = page.state.range = null;
+    page.state = withKnownField(page.state, about);
     document.body.classList.toggle("white", page.state.white);
     showAll();
     controls.refresh(page.state);
@@ -246,7 +251,7 @@ async function start(): Promise<void> {
     if (full) document.documentElement.dataset.full = String(Number(document.documentElement.dataset.full ?? 0) + 1);
     const shared = panes[1]?.shownRange;
     if (full && shared !== undefined && hasColorBar(page.state) && String(shared) !== String(pane.range)) showOthers();
-    const content = await pane.bar(page.state);
+    const content = await pane.lastBar();
     if (content) bar.show(content);
     else bar.hide();
     if (content && full) controls.refresh(page.state);

@@ -27,10 +27,8 @@ export class Pane {
   readonly overlay = h("canvas", { class: "overlay", "aria-hidden": "true" });
   readonly cpu = h("canvas", { class: "picture" });
   readonly gpu = h("canvas", { class: "picture", hidden: true });
-  /** The range of the last full picture's densities or values; of values also the scale, and the layers without any. */
+  /** The range of the last full picture's densities or values. */
   range: [number, number] | null = null;
-  scale: ValueScale | "" = "";
-  private without: string[] = [];
   private label = h("div", { class: "pane-name", "aria-hidden": "true" });
   /** The processor to use, and the one that drew the last picture. */
   by: Processor = "CPU";
@@ -45,7 +43,8 @@ export class Pane {
 
   private state: State | null = null;
   private lacks = "";
-  private ranged = "";
+  /** What was drawn last, and the engine's answer. */
+  private last: { state: State; answer: PictureAnswer } | null = null;
   private changed = 0;
   private drawn = -1;
   private busy = false;
@@ -91,7 +90,7 @@ export class Pane {
     return { width: Math.max(16, Math.round(clientWidth * ratio)), height: Math.max(16, Math.round(clientHeight * ratio)) };
   }
 
-  /** Draws a state as soon as possible; nothing of a field that the model lacks, as `lacks` says. */
+  /** Draws a state as soon as possible; nothing if `lacks` says why the model has no such field. */
   show(state: State, lacks = ""): void {
     const first = this.state === null;
     this.lacks = lacks;
@@ -182,10 +181,8 @@ export class Pane {
       }
     }
     if (!gpu) answer = await this.drawOnCpu(scene, paint);
-    if (coarse === 1 || !this.range || this.ranged !== this.rangedBy(state)) this.range = answer.range;
-    this.ranged = this.rangedBy(state);
-    this.scale = answer.scale ?? "";
-    this.without = answer.without ?? [];
+    if (coarse === 1 || !this.range || !this.answerFor(state)) this.range = answer.range;
+    this.last = { state, answer: { ...answer, range: this.range } };
     this.gpu.hidden = !gpu;
     this.cpu.hidden = !!gpu;
     this.drew = gpu ? "GPU" : "CPU";
@@ -197,9 +194,10 @@ export class Pane {
     }
   }
 
-  /** What a range belongs to: it says nothing of another field, or of densities. */
-  private rangedBy({ look, field }: State): string {
-    return field ? `${field.name} ${field.bulk} ${field.scale}` : look;
+  /** The answer to the last picture, with its range, if that showed the same field or style as a state. */
+  answerFor(state: State): PictureAnswer | null {
+    const shown = ({ look, field }: State) => (field ? `${field.name} ${field.bulk} ${field.scale}` : look);
+    return this.last && shown(this.last.state) === shown(state) ? this.last.answer : null;
   }
 
   private async drawOnCpu(scene: Scene, paint: PlaneColours): Promise<PictureAnswer> {
@@ -295,20 +293,24 @@ export class Pane {
     return this.tone;
   }
 
-  /** What the colour bar of the last picture shows; `null` if it has none. */
-  async bar(s: State, range = this.range): Promise<BarContent | null> {
+  /** What the colour bar of the last picture shows. */
+  lastBar(): Promise<BarContent | null> {
+    return this.last ? this.bar(this.last.state, this.last.answer) : Promise.resolve(null);
+  }
+
+  /** What the colour bar of a picture shows; `null` if it has none. */
+  async bar(s: State, { range, scale, without = [] }: PictureAnswer): Promise<BarContent | null> {
     if (!range || !hasColorBar(s)) return null;
     if (!s.field) {
       const colors = (await this.mapColors(s.colormap, s.white)).subarray(3 * LOWEST);
       return { title: `Σ (${this.about.units.surface})`, note: "", range, logarithmic: true, colors };
     }
     const map = mapOf(s.field.name, this.about);
-    const scale = s.field.scale || this.scale;
     if (!map || !scale) return null;
     const unit = map.unit ? ` (${map.unit})` : "";
     const bulk = s.field.bulk && map.moves ? ", bulk motion subtracted" : "";
     const note = [
-      this.without.length > 0 ? `no values: ${this.without.join(", ")}` : "", s.field.shade ? "brightness: surface density" : "",
+      without.length > 0 ? `no values: ${without.join(", ")}` : "", s.field.shade ? "brightness: surface density" : "",
     ].filter((t) => t).join("; ");
     const colors = await this.mapColors(s.field.colormap, s.white, scale);
     return { title: `${map.title}${bulk}${unit}`, note, range, logarithmic: scale === "log", colors };

@@ -147,8 +147,14 @@ function styleSection(context: PanelContext): Widget {
     },
   };
   const white = checkbox("White background", (s) => s.white, (on) => context.change({ white: on }));
-  const maps = context.about.colormaps;
-  const colormap = select("Colour map", maps, (s) => s.colormap, (v) => context.change({ colormap: v }));
+  const colormap = select("Colour map", [["", "automatic"], ...context.about.colormaps], (s) => s.field?.colormap ?? s.colormap,
+    (v) => (context.state().field ? ofField({ colormap: v }) : context.change({ colormap: v })));
+  // Densities have no automatic map.
+  const automatic = colormap.element.querySelector("option")!;
+  const map: Widget = { ...colormap, refresh: (s) => {
+    automatic.hidden = !s.field;
+    colormap.refresh(s);
+  } };
   const ends = [0, 1].map((k) => h("input", {
     type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Lowest value of the colour map" : "Highest value of the colour map",
     change: () => {
@@ -159,8 +165,8 @@ function styleSection(context: PanelContext): Widget {
   }));
   const range: Widget = {
     element: h("div", { class: "row" }, "Range", h("span", { class: "pair" }, ...ends)),
-    refresh: (s) => {
-      const now = s.range ?? context.range();
+    refresh: () => {
+      const now = context.range();
       ends.forEach((e, k) => {
         if (document.activeElement !== e) e.value = now ? String(Number(now[k].toPrecision(3))) : "";
       });
@@ -178,9 +184,8 @@ function styleSection(context: PanelContext): Widget {
     of("field", checkbox("Brightness from surface density, hue from field", (s) => s.field?.shade ?? false, (shade) => ofField({ shade }))),
     of("field", select("Scale", [["", "automatic"], "linear", ["log", "logarithmic"], "signed"], (s) => s.field?.scale ?? "",
       (scale) => ofField({ scale: scale as FieldColours["scale"] }))),
-    of("field", select("Colour map", [["", "automatic"], ...maps], (s) => s.field?.colormap ?? "", (v) => ofField({ colormap: v }))),
   ];
-  return section("Style", true, colourBy(context), of("look", look), of("exposure", exposure), ...fieldRows, white, of("density", colormap),
+  return section("Style", true, colourBy(context), of("look", look), of("exposure", exposure), ...fieldRows, white, of("range", map),
     of("range", range), of("range", hold));
 }
 
@@ -191,9 +196,7 @@ function colourBy(context: PanelContext): Widget {
       h("option", { value: m.name, text: isDispersion(m.name) ? `${name} dispersion` : m.title, title: m.title }))));
   const box = h("select", {
     id: "colour-by",
-    change: () => {
-      context.change({ field: nextField(box.value, context.state(), context.about), range: null });
-    },
+    change: () => context.change({ field: nextField(box.value, context.state()), range: null }),
   }, h("option", { value: "", text: "density or brightness" }), ...groups);
   const element = h("label", { class: "row wide", hidden: groups.length === 0 }, "Colour by", box);
   return { element, refresh: (s) => (box.value = s.field?.name ?? "") };

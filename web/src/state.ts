@@ -91,17 +91,26 @@ export function mapOf(name: string | undefined, about: ModelSummary): { title: s
   return undefined;
 }
 
-/** The field to show next, none if `name` is empty: shading stays, and subtraction where it can. */
-export function nextField(name: string, { field }: State, about: ModelSummary): FieldColours | null {
+/** The field to show next, none if `name` is empty: shading and subtraction stay. */
+export function nextField(name: string, { field }: State): FieldColours | null {
   if (name === "") return null;
-  return { ...fieldColours(name), shade: field?.shade ?? false, bulk: (field?.bulk && mapOf(name, about)?.moves) ?? false };
+  return { ...fieldColours(name), shade: field?.shade ?? false, bulk: field?.bulk ?? false };
+}
+
+/** A state without a field that the model lacks, and without what the field or the program does not have. */
+export function withKnownField(s: State, about: ModelSummary): State {
+  if (!s.field) return s;
+  const map = mapOf(s.field.name, about);
+  if (!map) return { ...s, field: null, range: null };
+  const { bulk, colormap } = s.field;
+  return { ...s, field: { ...s.field, bulk: bulk && map.moves, colormap: about.colormaps.includes(colormap) ? colormap : "" } };
 }
 
 /** Whether colours show values: those of a field, or densities. */
 export const hasColorBar = (s: State): boolean => s.field !== null || s.look === "density";
 
 /** Controls that have no effect in some states. */
-export type Control = "field" | "bulk" | "density" | "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
+export type Control = "field" | "bulk" | "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
 
 /** Why a control has no effect now; `null` if it has one. */
 export function idleReason(control: Control, s: State, about: ModelSummary, layers: number): string | null {
@@ -110,7 +119,6 @@ export function idleReason(control: Control, s: State, about: ModelSummary, laye
   switch (control) {
     case "field": return s.field ? null : about.fields.length > 0 ? "choose a field first" : "the model has no fields";
     case "bulk": return mapOf(s.field?.name, about)?.moves ? null : "only components of vectors have bulk motion";
-    case "density": return s.field === null && s.look === "density" ? null : "the picture does not show densities";
     case "look":
       if (s.field) return "a field has no style: colour by density or brightness first";
       return about.adds_up ? null : "an alpha-blend model has only this style";

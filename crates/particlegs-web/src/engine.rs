@@ -2,7 +2,7 @@
 
 use crate::about::ModelSummary;
 use crate::answer::EngineResponse;
-use crate::field::FieldPicture;
+use crate::field::FieldPlane;
 use crate::opened::LoadedModel;
 use crate::picture::{PlaneRenderer, UNLIT, bytes, check};
 use crate::probe;
@@ -88,7 +88,7 @@ impl Engine {
             QueryKind::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
             QueryKind::Values { scene, field: Some(field), .. } => {
                 check(scene.size)?;
-                let map = FieldPicture::new(opened, &scene, &field)?;
+                let map = FieldPlane::new(opened, &scene, &field)?;
                 EngineResponse::with(&json!({ "range": map.range() }), bytes(&map.values))
             }
             QueryKind::Values { scene, style, field: None } => {
@@ -168,7 +168,7 @@ fn picture(
 ) -> Result<EngineResponse> {
     check(of.size)?;
     if let Some(field) = &paint.field {
-        let (pixels, bar) = FieldPicture::new(opened, of, field)?.picture(paint);
+        let (pixels, bar) = FieldPlane::new(opened, of, field)?.picture(paint);
         return EngineResponse::with(&bar, pixels);
     }
     let model = opened.shown(of)?;

@@ -9,8 +9,12 @@ use particlegs_core::render::{FieldQuery, MapComponent, field_map, first_means, 
 use particlegs_core::{NamedValue, Result};
 use serde::Serialize;
 
+/// Models of more Gaussians are mapped in motion by joined ones. Of fewer, pairs would be joined to lines that show beside
+/// the mass, and no faster.
+const MOST: usize = 250_000;
+
 /// A map of a field.
-pub(crate) struct FieldPicture {
+pub(crate) struct FieldPlane {
     /// NaN where there is no mass.
     pub values: Plane,
     pub shade: Option<Plane>,
@@ -27,9 +31,9 @@ pub(crate) struct FieldBar {
     without: Vec<String>,
 }
 
-impl FieldPicture {
+impl FieldPlane {
     /// Maps a field of the drawn layers.
-    pub(crate) fn new(opened: &mut LoadedModel, of: &SceneRequest, field: &FieldRequest) -> Result<FieldPicture> {
+    pub(crate) fn new(opened: &mut LoadedModel, of: &SceneRequest, field: &FieldRequest) -> Result<FieldPlane> {
         let whole = &opened.full()?.model;
         let mut query = FieldQuery::new(&field.name, &whole.metadata.fields)?;
         let layers = || whole.layers.iter().enumerate().filter(|(place, _)| of.shows(*place)).map(|(_, layer)| layer);
@@ -40,15 +44,16 @@ impl FieldPicture {
         let scale = chosen.unwrap_or_else(|| query.scale(|| first_means(layers(), &query.name)));
         let without = layers().filter(|l| l.content.iter().all(|b| b.gaussians.fields.get(&query.name).is_none()));
         let without: Vec<String> = without.map(|l| species_title(&l.name)).collect();
+        let of = &SceneRequest { coarse: of.coarse && whole.gaussians() > MOST, ..of.clone() };
         let model: &Model = opened.shown(of)?;
         let scene = of.scene(model, &|layer| of.shows(layer));
         if scene.parts().all(|m| m.fields.get(&query.name).is_none()) {
             let values = Plane { size: of.size, data: vec![f32::NAN; of.size.pixels()] };
-            return Ok(FieldPicture { values, shade: None, scale, without });
+            return Ok(FieldPlane { values, shade: None, scale, without });
         }
         let map = field_map(&scene, &query, &of.density_view(scene.bounds())?, of.size, &Context::SILENT)?;
         let values = map.wanted(&query).clone();
-        Ok(FieldPicture { values, shade: field.shade.then_some(map.density), scale, without })
+        Ok(FieldPlane { values, shade: field.shade.then_some(map.density), scale, without })
     }
 
     /// The range of the values, if they have one.
