@@ -5,6 +5,7 @@ use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Metadata, Model, Quantity};
 use particlegs_pipeline::stats::{Assignment, Domain, Grid, MeanAndDispersion, Subject, deposit, field_in_cells};
 use particlegs_pipeline::{Error, Hint, Result};
+use std::collections::BTreeSet;
 
 /// Cells along an axis at most.
 const MOST: usize = 65_536;
@@ -85,12 +86,14 @@ pub fn fields_named(kind: Kind, model: &Model, names: &[String]) -> Result<Vec<Q
         let what = format!("fields on a grid are written to .vti and .fits, not to .{}", kind.ending());
         return Err(Error::argument_with(what, ".npz and .csv contain the fields of the Gaussians anyway"));
     }
-    let there = &model.metadata.fields;
+    // Not those that only other layers have.
+    let is_there = |q: &&Quantity| model.blocks().any(|b| b.gaussians.fields.get(&q.name).is_some());
+    let there: Vec<&Quantity> = model.metadata.fields.iter().filter(is_there).collect();
     let mut found: Vec<Quantity> = Vec::new();
     for name in names {
         let own = there.iter().filter(|q| name == "all" || q.name.eq_ignore_ascii_case(name));
         let before = found.len();
-        found.extend(own.cloned());
+        found.extend(own.copied().cloned());
         if found.len() == before {
             return Err(match there.is_empty() {
                 true => {
@@ -105,7 +108,7 @@ pub fn fields_named(kind: Kind, model: &Model, names: &[String]) -> Result<Vec<Q
             });
         }
     }
-    let mut named = std::collections::BTreeSet::new();
+    let mut named = BTreeSet::new();
     found.retain(|q| named.insert(q.name.clone()));
     Ok(found)
 }
