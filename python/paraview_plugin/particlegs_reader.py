@@ -682,8 +682,9 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         if not o["density"] or model.law == "alpha-blend":
             return vtkImageData()
         here = [name for name in (model.fields if o["fields"] else ()) if has_field(model, name, layers)]
-        of = lambda name: (name,) if model.fields[name].kind == "sum" else (name, f"dispersion.{name}")
-        fields = (tuple(model.grid(n, o["cells"], layers=layers) for n in of(name)) for name in here)
+        # A sum over particles has no dispersion.
+        what = ((n,) if model.fields[n].kind == "sum" else (n, f"dispersion.{n}") for n in here)
+        fields = (tuple(model.grid(n, o["cells"], layers=layers) for n in names) for names in what)
         return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model), fields)
 
     def _progress(self, _phase: str, done: int, total: int) -> None:

@@ -128,7 +128,7 @@ class Field(NamedTuple):
     """A field that a model has."""
 
     kind: str
-    """``"scalar"``, ``"vector"``, ``"logarithmic"`` (a positive scalar over decades) or ``"sum"`` (such as a charge)."""
+    """``"scalar"``, ``"vector"``, ``"logarithmic"`` (a positive scalar over decades) or ``"sum"`` (a charge)."""
     unit: Optional[str]
     """Its unit, where it is known."""
     weighting: str
