@@ -93,7 +93,7 @@ test("a click shows mean and dispersion of each field", async () => {
   const [velocity, temperature] = ["velocity", "temperature"].map((name) => lines.find((l) => l.startsWith(name)));
   const number = "−?[\\d.]+(?: × 10.+)?";
   assert.match(velocity, new RegExp(`^velocity: mean \\(${number}, ${number}, ${number}\\), along the line of sight ${number}; dispersion \\(`));
-  assert.match(temperature, new RegExp(`^temperature: mean ${number}; dispersion ${number}$`));
+  assert.match(temperature, new RegExp(`^temperature: mean ${number}; dispersion ${number} dex$`));
   // z is along the line of sight here, towards the observer.
   const [, z, sight] = new RegExp(`mean \\(.*, (${number})\\), along the line of sight (${number});`).exec(velocity).map((t) => Number(t.replace("−", "-")));
   assert.ok(z > 20 && z < 320 && Math.abs(sight + z) < 0.2 * z, velocity);
