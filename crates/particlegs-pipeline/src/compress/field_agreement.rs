@@ -45,7 +45,7 @@ impl FieldCells {
 }
 
 impl FieldSelection<'_> {
-    /// Gathers the first fields from a random half of the particles, as [`FieldSelection::add_to`] does from all, for the
+    /// Gathers the first fields from a random half of the particles, as [`FieldSelection::add_to_model`] does from all, for the
     /// Gaussians of a `model` that was made of all, and compares with the other half: means in cells, whose sampling noise
     /// is independent in the halves. `None` without fields.
     pub fn agreement(&self, model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<FieldAgreements>> {
