@@ -136,7 +136,7 @@ pub(crate) fn value_fault(field: &str, particle: usize, value: f64) -> Error {
 }
 
 /// The means of fields at places, by the Gaussians of the blocks that they were gathered for.
-pub struct FieldMeans<'a> {
+pub(crate) struct FieldMeans<'a> {
     blocks: &'a [Block],
     bounds: Vec<Bounds>,
     assignments: Vec<SoftAssignment>,
