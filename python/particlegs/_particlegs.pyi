@@ -200,7 +200,7 @@ def stats(
     truth: Union[Snapshot, Model],
     other: Union[Snapshot, Model],
     asked: _Asked,
-    fields: list[list[tuple[str, Optional[str], Any]]] = ...,
+    fields: Sequence[Sequence[tuple[str, Optional[str], Any]]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> str: ...
