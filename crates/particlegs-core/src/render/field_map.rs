@@ -44,8 +44,8 @@ impl FieldMap {
     }
 }
 
-/// Maps a field of a scene; of a sum, such as a charge, per world unit squared. Parts without it add nothing; an error where none has it. Masses weigh where particles have
-/// weights or masses of their own, else numbers of particles.
+/// Maps a field of a scene; of a sum, such as a charge, per world unit squared. Parts without it add nothing; an error where
+/// none has it. Means are weighted as the query says.
 pub fn field_map(
     scene: &Scene,
     query: &FieldQuery,

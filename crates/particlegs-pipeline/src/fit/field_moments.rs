@@ -426,7 +426,8 @@ impl FieldSums {
         let rows = || self.rows.chunks_exact(self.width());
         let products = components * (components + 1) / 2;
         // Means over all, for Gaussians without particles, and the mean spread.
-        let total: f64 = rows().map(|r| r[1]).sum();
+        // Where no particle has a value, all moments are 0.
+        let total = rows().map(|r| r[1]).sum::<f64>().max(f64::MIN_POSITIVE);
         let overall: Vec<f64> = (0..components).map(|a| rows().map(|r| r[at + a]).sum::<f64>() / total).collect();
         let mut spreads = vec![0.0; products];
         let mut out = if self.logarithmic { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
