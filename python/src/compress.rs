@@ -160,6 +160,7 @@ pub fn compress(
         read.insert("fields".into(), names.join(","));
     }
     let mut options = asked.options(&read)?;
+    options.fields = !names.is_empty();
     if let (Some(folder), Some(_)) = (scratch, options.memory) {
         options.storage = Storage::Disk(folder);
     }

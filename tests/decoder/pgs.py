@@ -85,8 +85,8 @@ def read(data):
             check(before, "order")
             if tag[:1].isupper():
                 raise Unsupported(f"section {tag}")
-            if tag == b"fiEL":
-                fields.append((number, content[4:]))
+            if tag in (b"fiEL", b"shAR"):
+                fields.append((number, tag, content[4:]))
             continue
         check(before in AFTER[tag] and (left > 0) == (tag == b"BLOK"), "order")
         before = tag
@@ -120,10 +120,19 @@ def read(data):
         check(keys == sorted(keys), "order of blocks")
     check_sums(model, is_open)
     all_blocks = [block for _, own in model["layers"] for block in own]
-    for number, content in fields:
+    species, listed = model["meta"]["species"], model["meta"]["fields"]
+    joint = [b for name, own in model["layers"] if name == "+".join(s[0] for s in species) for b in own]
+    shares = [("species=" + name, 1, 0, True) for name, *_ in species]
+    for number, tag, content in fields:
         # An open file may lack the blocks that its last sections belong to.
         if number < len(all_blocks) and all_blocks[number].whole:
-            read_field(all_blocks[number], content, model["meta"]["fields"])
+            block = all_blocks[number]
+            read_field(block, content, listed if tag == b"fiEL" else shares if block in joint else [])
+    for block in all_blocks:
+        for classes in [*classes_of(listed), *([shares] if block in joint else [])]:
+            last_class(block, [name for name, *_ in classes])
+    model["masses"] = masses_of(model)
+    separate(model, species, [name for name, *_ in shares])
     return model
 
 
@@ -176,9 +185,12 @@ def metadata(content):
     own = kept[2 if weighted else 1 :]
     traits = fields.get(32, bytes(len(own)))
     check(len(traits) == len(own) and max(traits, default=0) <= 7, "traits of fields")
-    check(all(kind != 2 or flags < 2 for (_, kind, _, _), flags in zip(own, traits)), "traits of a vector")
+    check(all(kind in (1, 3) or flags < 2 for (_, kind, _, _), flags in zip(own, traits)), "traits of a vector")
+    listed = [(name, 3 if kind == 2 else 1, flag, kind == 4) for (name, kind, _, _), flag in zip(own, traits)]
+    check(all(2 <= len(c) <= 16 for c in classes_of(listed)), "classes of a category")
     return {
-        "fields": [(name, 3 if kind == 2 else 1, flag) for (name, kind, _, _), flag in zip(own, traits)],
+        "fields": listed,
+        "species": species_of(fields[33]) if 33 in fields else [],
         "law": law,
         "particles": one(fields, 2, "<Q"),
         "mass": real(3),
@@ -195,6 +207,31 @@ def metadata(content):
         "effort": effort(fields[40]),
         "masses": masses,
     }
+
+
+def classes_of(listed):
+    """The classes of each category."""
+    found = {}
+    for at, entry in enumerate(listed):
+        if entry[3]:
+            check("=" in entry[0], "name of a class")
+            own = found.setdefault(entry[0].split("=")[0], [])
+            check(not own or own[-1] is listed[at - 1], "classes apart from each other")
+            own.append(entry)
+    return list(found.values())
+
+
+def species_of(content):
+    """(name, particles, mass of one or None) of each."""
+    found, at = [], 0
+    while at < len(content):
+        n = content[at]
+        count, mass = struct.unpack_from("<Qd", content, at + 1 + n)
+        check(count > 0 and mass >= 0 and math.isfinite(mass), "a species")
+        found.append((content[at + 1 : at + 1 + n].decode(), count, mass or None))
+        at += 17 + n
+    check(at == len(content) and 2 <= len({name for name, *_ in found}) == len(found) <= 16, "species")
+    return found
 
 
 def one(fields, tag, form):
@@ -993,7 +1030,7 @@ class Number:
 
 def read_field(block, content, known):
     check(len(content) >= 42 and content[0] < len(known), "number of a field")
-    name, components, traits = known[content[0]]
+    name, components, traits, shares = known[content[0]]
     by_mass, logarithmic = traits & 1, traits & 2
     start = 42 + 24 * components + (16 if logarithmic else 0)
     check(content[1] == components and name not in block.fields, "components of a field")
@@ -1004,6 +1041,7 @@ def read_field(block, content, known):
     reals = struct.unpack_from(f"<{3 * components}d", content, 42)
     check(all(map(math.isfinite, reals)), "sums of a field")
     check(all(reals[k] <= reals[k + 1] for k in range(components, 3 * components, 2)), "range of a field")
+    check(not shares or reals[0] >= 0 and reals[1:] == (0.0, 1.0), "range of shares")
     excess_step, excess_square, shift = struct.unpack_from("<2fd", content, start - 16) if logarithmic else (1.0, 1.0, 0.0)
     check(0 < excess_step < 1e30 and 0 < excess_square < 1e30 and abs(shift) <= 1e3, "the excess of a field")
     stream = Stream(content[start:])
@@ -1030,15 +1068,19 @@ def read_field(block, content, known):
                 bottom += w
             return (top / bottom, float(len(near)) / bottom) if near else (start, 1e30)
 
-        twice = 2.0 * components
-        error = 1.0 / math.sqrt(twice * n)
-        g = guess(floats[9], lambda j: 1.0 / (twice * float(block.counts[j])), b, logs.get)
-        logs[i] = min(max(log_spread.read(stream, *g, error), -300.0), 300.0)
-        s = sizes[i] = exp(logs[i])
-        error = s / math.sqrt(n)
+        if not shares:
+            twice = 2.0 * components
+            error = 1.0 / math.sqrt(twice * n)
+            g = guess(floats[9], lambda j: 1.0 / (twice * float(block.counts[j])), b, logs.get)
+            logs[i] = min(max(log_spread.read(stream, *g, error), -300.0), 300.0)
+            sizes[i] = exp(logs[i])
         for k in range(components):
             g = guess(floats[8], lambda j: sizes[j] * sizes[j] / float(block.counts[j]), a, lambda j: means[j][k])
+            error = (share_deviation(g[0], n) if shares else sizes[i]) / math.sqrt(n)
             means[i][k] = mean.read(stream, *g, error)
+        if shares:
+            sizes[i] = share_deviation(means[i][0], n)
+        s = sizes[i]
         error = 1.0 / math.sqrt(n)
         five = [0.0] * 5
         if components == 3:
@@ -1070,6 +1112,10 @@ def read_field(block, content, known):
             row[k] = min(max(row[k], low), high)
         if logarithmic:
             continue
+        if shares:
+            scale_shares(means, weights, reals[0])
+            spreads = [[row[0] * (1.0 - row[0])] for row in means]
+            continue
         off = (reals[k] - neumaier([w * row[k] for w, row in zip(weights, means)])) / neumaier(weights)
         for row in means:
             row[k] += off
@@ -1077,6 +1123,99 @@ def read_field(block, content, known):
     rows = [*means, *slopes, *spreads, *excesses]
     check(all(math.isfinite(v) for row in rows for v in row), "numbers of a field")
     block.fields[name] = [[*m, *sl, *sp, *c] for m, sl, sp, c in zip(means, slopes, spreads, excesses)]
+
+
+def share_deviation(share, n):
+    v = min(max(share, 0.0), 1.0)
+    return math.sqrt(max(v * (1.0 - v), 1.0 / n))
+
+
+def scale_shares(means, weights, wanted):
+    for _ in range(64):
+        total = neumaier([w * row[0] for w, row in zip(weights, means)])
+        if total == wanted:
+            break
+        for row in means:
+            row[0] = min(row[0] * (wanted / total), 1.0) if total > 0 else wanted / neumaier(weights)
+
+
+def last_class(block, names):
+    """The shares of the last class, which follow from the others'."""
+    *others, last = names
+    there = [block.fields[name] for name in others if name in block.fields]
+    check(last not in block.fields and len(there) in (0, len(others)), "shares of a category")
+    if there:
+        rows = block.fields[last] = []
+        for i, n in enumerate(block.counts):
+            share = max(1.0 - sum((rows[i][0] for rows in there), 0.0), 0.0) if n >= 1 else 0.0
+            slope = [0.0 - sum((rows[i][k] for rows in there), 0.0) for k in (1, 2, 3)]
+            rows.append([share, *slope, share * (1.0 - share)])
+
+
+# ---------------------------------------------------------------- 15. Species that share Gaussians
+
+def separate(model, species, names):
+    layers, masses = [], []
+    for (name, blocks), mass in zip(model["layers"], model["masses"]):
+        if species and name == "+".join(s[0] for s in species):
+            parts = [[Part(block, *part) for part in parts_of(block, species, names)] for block in blocks]
+            for k, (own, _, each) in enumerate(species):
+                there = [block[k] for block in parts if block[k].count > 0]
+                if there:
+                    layers.append((own, there))
+                    masses.append((0, each))
+        else:
+            layers.append((name, blocks))
+            masses.append(mass)
+    model["layers"], model["masses"] = layers, masses
+
+
+class Part:
+    """A species of a block."""
+
+    def __init__(self, block, count, counts, means, covariances, fields):
+        self.lo, self.hi, self.count, self.mass, self.counts, self.fields = block.lo, block.hi, count, float(count), counts, fields
+        self.columns = {"mean": means, "cov": covariances}
+        self.masses = self.opacities = self.greys = None
+
+
+def parts_of(block, species, names):
+    left, total = block.count, neumaier([float(count) for _, count, _ in species])
+    for k, ((_, count, _), name) in enumerate(zip(species, names)):
+        rows = block.fields.get(name)
+        weights = [float(n) * (rows[i][0] if rows else float(count) / total) for i, n in enumerate(block.counts)]
+        # Rounded to the nearest, halves away from 0.
+        own = left if k + 1 == len(species) else min(math.floor(neumaier(weights) + 0.5), left)
+        left -= own
+        if neumaier(weights) <= 0:
+            weights = [1.0] * len(weights)
+        counts, means, covariances = largest_remainder(weights, own), [], []
+        fields = {other: [] for other in block.fields if other not in names}
+        there = [i for i, n in enumerate(counts) if n > 0]
+        for i in there:
+            d = moved(rows[i][0], rows[i][1:4], block.columns["cov"][i]) if rows else [0.0] * 3
+            means.append([m + v for m, v in zip(block.columns["mean"][i], d)])
+            pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+            covariances.append([c + d[a] * d[b] * -1.0 for c, (a, b) in zip(block.columns["cov"][i], pairs)])
+            for other, values in fields.items():
+                old = block.fields[other][i]
+                n = 3 if len(old) == 18 else 1
+                slopes = [old[n + 3 * j : n + 3 * j + 3] for j in range(n)]
+                values.append([old[j] + sum((s * v for s, v in zip(slopes[j], d)), 0.0) for j in range(n)] + old[n:])
+        yield own, [counts[i] for i in there], means, covariances, fields
+
+
+def moved(share, g, cov):
+    xx, xy, xz, yy, yz, zz = cov
+    square = xx * g[0] * g[0] + yy * g[1] * g[1] + zz * g[2] * g[2]
+    square += 2.0 * (xy * g[0] * g[1] + xz * g[0] * g[2] + yz * g[1] * g[2])
+    root = math.sqrt(max(square, 0.0))
+    if root == 0 or share == 0:
+        return [0.0] * 3
+    far = root / share
+    factor = 0.9 / far if far > 0.9 else 1.0
+    along = [row[0] * g[0] + row[1] * g[1] + row[2] * g[2] for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))]
+    return [v / share * factor for v in along]
 
 
 # ---------------------------------------------------------------- what was read, to compare
@@ -1098,7 +1237,7 @@ def dump(model, out):
     print("moment", words(meta["moment"][:2]), "cosmology", words(meta["cosmology"]), file=out)
     for name, kind, size, own in meta["kept"]:
         print("kept", name, kind, size, "none" if own is None else own[0], file=out)
-    for weighted, mass in masses_of(model):
+    for weighted, mass in model["masses"]:
         print("layer's mass", weighted, words([mass]), file=out)
     print("effort", meta["effort"] or "none", file=out)
     for tag, numbers in model["cert"].items():

@@ -39,8 +39,30 @@ for name, column in columns.items():
     column.astype("<f4").tofile(folder / f"{name}.f32")
 END
 compress "$work/flow" -o "$work/fields.pgs" --effort fast --gaussians 300 --blocks 2 --fields all
+# Types that share Gaussians; a category of three values.
+"$python" - "$work" <<'END'
+import json
+import sys
+from pathlib import Path
+import numpy as np
+work, random = Path(sys.argv[1]), np.random.default_rng(2)
+place = (random.random((300, 3))[np.arange(9000) % 300] * 10 + 0.2 * random.normal(size=(9000, 3))).astype("<f4")
+kinds = np.sort(np.arange(9000) % 7 // 3)
+(work / "kinds").mkdir()
+for k, axis in enumerate("xyz"):
+    place[:, k].tofile(work / "kinds" / f"{axis}{axis}.f32")
+layers = [{"name": f"k{k}", "particles": int((kinds == k).sum()), "particle_mass": k + 1.5} for k in range(3)]
+(work / "kinds/meta.json").write_text(json.dumps({"layers": layers}))
+states = (place[:, 0] // 4 + 2 * (random.random(9000) < 0.1)).astype(int)
+rows = "".join(f"{x} {y} {z}\n" for x, y, z in place.tolist())
+(work / "states.vtk").write_text("# vtk DataFile Version 3.0\nstates\nASCII\nDATASET POLYDATA\nPOINTS 9000 float\n" + rows
+    + "POINT_DATA 9000\nSCALARS state int 1\nLOOKUP_TABLE default\n" + "\n".join(map(str, states)) + "\n")
+END
+compress "$work/kinds" -o "$work/shared.pgs" --share-gaussians yes --ratio 60
+compress "$work/kinds" -o "$work/shared-blocks.pgs" --share-gaussians yes --ratio 60 --blocks 2
+compress "$work/states.vtk" -o "$work/states.pgs" --gaussians 200 --fields state
 # Open files that end early: stages, blocks and layers are missing.
-for name in alpha blocks fields layers segments; do
+for name in alpha blocks fields layers segments shared-blocks; do
     "$python" tests/decoder/pgs.py --cut "$work/$name" "$work/$name.pgs"
 done
 

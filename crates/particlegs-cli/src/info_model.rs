@@ -12,7 +12,7 @@ use particlegs_pipeline::codec::{self, BlockInfo, FileInfo};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{
     AlphaBlend, Certificate, CertificateLevel, Effort, GoalResult, LawKind, Layer, Metadata, MetricEntry, MetricGroup,
-    MetricValue, Quantity, Recipe, VIZMAPPER_SHAPE, VizMapper, VizRanges, hex,
+    MetricValue, Quantity, Recipe, SharedSpecies, VIZMAPPER_SHAPE, VizMapper, VizRanges, hex,
 };
 use particlegs_pipeline::score::{Assessment, Grade, UseCase};
 use particlegs_pipeline::space::Cell;
@@ -49,9 +49,14 @@ pub fn is_of_recipe(path: &Path, recipe: &Recipe, context: &Context<'_>) -> Resu
     Ok(codec::read_metadata(&inputs::model(path, context)?, &name_of(path))?.recipe == *recipe)
 }
 
-fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> Value {
+fn layer_report(layer: &Layer<Vec<BlockInfo>>, shared: &[SharedSpecies]) -> Value {
     let Layer { name, mass, content } = layer;
-    json!({ "name": name, "particle_mass": mass.unit(), "weighted": mass.is_weighted(), "blocks": content })
+    let mut report =
+        json!({ "name": name, "particle_mass": mass.unit(), "weighted": mass.is_weighted(), "blocks": content });
+    if SharedSpecies::share_layer(shared, name) {
+        report["species"] = json!(shared);
+    }
+    report
 }
 
 fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
@@ -72,7 +77,7 @@ fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
         gaussians,
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
         metadata: metadata(&info.metadata, &kept),
-        layers: info.layers.iter().map(layer_report).collect(),
+        layers: info.layers.iter().map(|l| layer_report(l, &info.metadata.shared_species)).collect(),
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * AlphaBlend::PLY_BYTES,
         certificate: info.certificate.as_ref(),
@@ -155,7 +160,17 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
             (false, None) => "mass not stated".to_string(),
         };
         let blocks = counted(layer.content.len(), "block");
+        let shared = Some(&m.shared_species).filter(|s| SharedSpecies::share_layer(s, &layer.name));
+        let mass = if shared.is_some() { "which share Gaussians".into() } else { mass };
         row("layer", format!("`{}`: {count} particles, {mass}, {blocks}", layer.name));
+        for SharedSpecies { name, count, mass } in shared.into_iter().flatten() {
+            let mass = mass.map_or("mass not stated".into(), |m| format!("of {weight} {m} each"));
+            row("  species", format!("`{name}`: {count} particles, {mass}"));
+        }
+        if shared.is_some() {
+            let each = info.share_bytes as f64 / info.gaussians().max(1) as f64;
+            row("  shares", format!("{} bytes, {each:.2} per Gaussian", info.share_bytes));
+        }
         for b in &layer.content {
             let BlockInfo { count, gaussians, bytes, .. } = b;
             let each = b.bytes as f64 / f64::from(b.gaussians);

@@ -33,15 +33,13 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         files => files[0].parent().map_or_else(PathBuf::new, PathBuf::from),
     };
     let others = if paths.len() == 1 { other_columns(&folder, particles.len()) } else { Vec::new() };
+    // Masses of layers weigh particles, too.
+    let has_weights = paths.len() == 4 || folder.join("ww.f32").exists();
     let description = Description {
         format: "raw float32 columns, little-endian".into(),
         files: paths.to_vec(),
         meta: particles.meta.clone(),
-        species: particles
-            .layers()
-            .iter()
-            .map(|l| species(l, particles.weights().is_some(), &others, &particles.meta))
-            .collect(),
+        species: particles.layers().iter().map(|l| species(l, has_weights, &others, &particles.meta)).collect(),
         ..Description::default()
     };
     Ok(Box::new(RawSnapshot { description, particles, folder }))

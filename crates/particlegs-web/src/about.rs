@@ -20,7 +20,7 @@ pub(crate) struct ModelSummary<'a> {
     mass: Option<f64>,
     /// Bytes of the particles as float32 columns.
     raw_bytes: u64,
-    layers: Vec<LayerSummary<'a>>,
+    layers: Vec<LayerSummary>,
     /// Whether it can be drawn by adding footprints, which the GPU renderer does.
     adds_up: bool,
     units: SummaryUnits,
@@ -101,8 +101,8 @@ impl FieldSummary {
 }
 
 #[derive(Serialize)]
-struct LayerSummary<'a> {
-    name: &'a str,
+struct LayerSummary {
+    name: String,
     /// The name of the species for display.
     title: String,
     particles: u64,
@@ -112,14 +112,14 @@ struct LayerSummary<'a> {
 
 impl<'a> ModelSummary<'a> {
     pub(crate) fn new(info: &'a FileInfo, file: &[u8]) -> Self {
-        let layers = info.layers.iter().enumerate().map(|(place, l)| LayerSummary {
+        let raw_bytes = info.species_layers().iter().map(|l| l.content.particles * l.mass.particle_bytes()).sum();
+        let layers = info.species_layers().into_iter().enumerate().map(|(place, l)| LayerSummary {
             color: Rgb8::layer_color(place),
-            name: &l.name,
             title: species_title(&l.name),
-            particles: l.content.iter().map(|b| b.count).sum(),
-            gaussians: l.content.iter().map(|b| b.gaussians as usize).sum(),
+            name: l.name,
+            particles: l.content.particles,
+            gaussians: l.content.gaussians,
         });
-        let layers: Vec<LayerSummary<'_>> = layers.collect();
         ModelSummary {
             metadata: &info.metadata,
             blake3: hex(blake3::hash(file).as_bytes()),
@@ -127,8 +127,8 @@ impl<'a> ModelSummary<'a> {
             gaussians: info.gaussians(),
             has_masses: info.mass().is_some(),
             mass: info.mass(),
-            raw_bytes: layers.iter().zip(&info.layers).map(|(a, l)| a.particles * l.mass.particle_bytes()).sum(),
-            layers,
+            raw_bytes,
+            layers: layers.collect(),
             adds_up: info.metadata.law == LawKind::OpticalDepth,
             units: SummaryUnits::new(&info.metadata, info.mass().is_some()),
             fields: info

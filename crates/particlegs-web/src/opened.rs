@@ -5,7 +5,7 @@ use crate::coarse::{coarse, joined, run};
 use crate::question::SceneRequest;
 use particlegs_core::camera::Extent;
 use particlegs_core::codec::Decoder;
-use particlegs_core::model::{Block, Model};
+use particlegs_core::model::{Block, Layer, Model};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result};
@@ -146,11 +146,22 @@ impl ModelPreview {
         let run = run(info.gaussians(), info.metadata.law).filter(|_| decoder.pieces() > 1)?;
         let mut pieces = (0..decoder.pieces()).peekable();
         let bounds = info.metadata.bounds;
-        let layers = info.layers.iter().enumerate().map(|(place, layer)| {
-            let own = std::iter::from_fn(|| pieces.next_if(|p| decoder.layer(*p) == place));
-            let boxes = own.filter_map(|piece| decoder.so_far(piece));
-            // Drawing does not use count and mass.
-            layer.with(boxes.map(|gaussians| Block { bounds, count: 0, mass: 0.0, gaussians }).collect())
+        let stored: Vec<Layer<Vec<Block>>> = info
+            .layers
+            .iter()
+            .enumerate()
+            .map(|(place, layer)| {
+                let own = std::iter::from_fn(|| pieces.next_if(|p| decoder.layer(*p) == place));
+                let boxes = own.filter_map(|piece| decoder.so_far(piece));
+                // Drawing does not use count and mass.
+                layer.with(boxes.map(|gaussians| Block { bounds, count: 0, mass: 0.0, gaussians }).collect())
+            })
+            .collect();
+        // The first of species that share Gaussians shows all of them.
+        let mut stored = stored.into_iter().peekable();
+        let layers = info.species_layers().into_iter().map(|layer| {
+            let own = stored.next_if(|s| s.name == layer.name || s.name.starts_with(&format!("{}+", layer.name)));
+            layer.with(own.map_or_else(Vec::new, |s| s.content))
         });
         let model = Model { layers: layers.collect(), metadata: info.metadata.clone(), certificate: None };
         Some(ModelPreview { part: ClippedModel::new(model), run, read: Vec::new() })

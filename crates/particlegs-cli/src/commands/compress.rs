@@ -12,7 +12,9 @@ use crate::target_args::{HEADING, parse_bytes};
 use clap::{Args, ValueHint};
 use particlegs_files::output;
 use particlegs_pipeline::checkpoint::CheckpointStore;
-use particlegs_pipeline::compress::{CompressedModel, Compression, FieldSelection, Options, Target, compress_to_total};
+use particlegs_pipeline::compress::{
+    CompressedModel, Compression, FieldSelection, GaussianSharing, Options, Target, compress_to_total,
+};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::{Particles, StarFormingGas, Storage};
@@ -65,6 +67,11 @@ pub struct Arguments {
     /// Such gas follows an effective equation of state in many simulations, so its internal energy is not thermal.
     #[arg(long, display_order = LATER, value_name = "keep|drop|K", hide_short_help = true, requires = "fields", default_value = "keep", hide_default_value = true)]
     star_forming: StarFormingGas,
+    /// Should particle types share Gaussians, each with a share of every Gaussian?
+    ///
+    /// This saves bytes where types lie in the same places, such as the atoms of a liquid.
+    #[arg(long, display_order = LATER, value_name = "auto|yes|no", hide_short_help = true, default_value = "auto", hide_default_value = true)]
+    share_gaussians: GaussianSharing,
     /// File size to reach with fields, such as 11MB.
     ///
     /// --size speaks of positions and masses alone. Up to six fits are made, until the file with its
@@ -122,6 +129,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if a.star_forming != StarFormingGas::Keep {
         options.read.insert("star-forming".into(), a.star_forming.to_string());
     }
+    (options.sharing, options.fields) = (a.share_gaussians, !a.fields.is_empty());
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
     let total = a.size_total.as_deref().map(parse_bytes).transpose()?;

@@ -238,11 +238,14 @@ fn particle_field(
     let select = |name: &String| {
         FieldSelection::new(std::slice::from_ref(name), StarFormingGas::Keep, particles, sources, LawKind::OpticalDepth)
     };
-    let mut found = FieldQuery::candidates(name).iter().map(select).collect::<Vec<_>>();
+    let candidates = FieldQuery::candidates(name);
+    let mut found = candidates.iter().map(select).collect::<Vec<_>>();
     let at = found.iter().position(Result::is_ok).unwrap_or(0);
     let selection = found.swap_remove(at)?;
     context.notes(selection.notes());
-    let values = selection.values(0)?;
+    // A class of a category is one of several.
+    let number = selection.quantities().iter().position(|q| q.name.eq_ignore_ascii_case(&candidates[at]));
+    let values = selection.values(number.unwrap_or(0))?;
     let mean = |_: &str| {
         let of = |column: &Vec<f32>| {
             let there: Vec<f64> = column.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect();

@@ -145,7 +145,7 @@ fn store(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certific
 fn with_certificate(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<Vec<u8>> {
     let layers = codec::coded_layers(bytes, &name_of(path))?;
     let network = model.vizmapper().map(|v| &**v);
-    codec::assemble_with(&model.metadata, network, certificate, layers)
+    codec::assemble_with(&codec::read_metadata(bytes, &name_of(path))?, network, certificate, layers)
 }
 
 impl VerifyReport {

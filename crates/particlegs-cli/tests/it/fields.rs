@@ -397,7 +397,7 @@ fn parts_with_different_fields_are_merged_by_the_common_ones() {
 }
 
 /// The file of a job is that of `compress`.
-fn same_by_job(dir: &TestFolder, input: &str, job: &str, options: &str) {
+pub fn same_by_job(dir: &TestFolder, input: &str, job: &str, options: &str) {
     let direct = dir.makes(&format!("compress {input} -o direct.pgs {options} --quiet --force"));
     let blocks = dir.says(&format!("plan {input} -o {job} {options}"))["blocks"].as_u64().unwrap();
     dir.runs(&format!("scatter {job} --quiet"));

@@ -28,6 +28,7 @@ mod outputs;
 mod planner;
 mod simplify;
 mod smooth;
+mod species;
 mod stats;
 mod targets;
 mod terminal;

@@ -41,6 +41,8 @@ pub(crate) const BLOCK: Tag = *b"BLOK";
 pub(crate) const STAGE: Tag = *b"FiNE";
 /// The moments of a field of a block.
 pub const FIELD: [u8; 4] = *b"fiEL";
+/// The shares of a species in a block's Gaussians.
+pub const SHARE: [u8; 4] = *b"shAR";
 /// Where the sections lie.
 pub(crate) const INDEX: Tag = *b"iNDX";
 

@@ -1,12 +1,13 @@
 //! Model files to models, whole or piece by piece.
 
-use super::container::FIELD;
+use super::container::{FIELD, SHARE};
 use super::decoder::{self, BlockDecoder};
 use super::field::decode_field;
-use super::file::{BlockPart, FileParts, parts};
+use super::file::{BlockPart, FileParts, StoredSection, parts};
 use super::info::FileInfo;
+use super::shared_species::separated;
 use crate::context::Context;
-use crate::model::{Block, LawKind, Mixture, Model, Quantity, QuantityKind};
+use crate::model::{Block, FieldMoments, LawKind, Metadata, Mixture, Model, Quantity, QuantityKind, SharedSpecies};
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -20,6 +21,11 @@ pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
 /// asked for before they are decoded.
 pub fn decode_with(bytes: &[u8], place: &str, context: &Context<'_>) -> Result<Model> {
     Decoder::new(bytes, place, context)?.finish()
+}
+
+/// [`decode_with`], but species that share Gaussians stay in one layer, as they lie in the file.
+pub fn decode_stored(bytes: &[u8], place: &str, context: &Context<'_>) -> Result<Model> {
+    Decoder::new(bytes, place, context)?.finish_stored()
 }
 
 /// A model file on its way to its model, for who wants to see what there is of it meanwhile. Its pieces (segments of
@@ -41,8 +47,8 @@ struct PartialBlock {
     offset: usize,
     bytes: Vec<u8>,
     state: BlockState,
-    /// Sections of fields; none of a block that lacks stages.
-    fields: Vec<Vec<u8>>,
+    /// Sections of fields and shares; none of a block that lacks stages.
+    fields: Vec<StoredSection>,
 }
 
 enum BlockState {
@@ -75,8 +81,8 @@ impl<'a> Decoder<'a> {
                 } else {
                     BlockState::Coarse(decoder::part(&block.bytes, decoder::Ending::Stage).map_err(at)?)
                 };
-                let fields = block.sections.iter().filter(|s| s.tag == FIELD && block.is_whole());
-                let fields = fields.map(|s| s.bytes.to_vec()).collect();
+                let fields = block.sections.iter().filter(|s| [FIELD, SHARE].contains(&s.tag) && block.is_whole());
+                let fields = fields.map(|s| StoredSection { tag: s.tag, bytes: s.bytes.to_vec() }).collect();
                 blocks.push(PartialBlock { layer, offset: block.offset, bytes: block.bytes.to_vec(), state, fields });
             }
         }
@@ -135,8 +141,14 @@ impl<'a> Decoder<'a> {
         (!shaded).then(|| if read { decoder.read_so_far(segment) } else { decoder.boxes(segment) })
     }
 
-    /// Reads the pieces that are left, on several threads, and gives the model.
-    pub fn finish(mut self) -> Result<Model> {
+    /// Reads the pieces that are left, on several threads, and gives the model. Species that share Gaussians have a layer
+    /// each.
+    pub fn finish(self) -> Result<Model> {
+        self.finish_stored().map(separated)
+    }
+
+    /// The same with layers as they lie in the file.
+    pub(super) fn finish_stored(mut self) -> Result<Model> {
         let Decoder { place, blocks, pieces, .. } = &mut self;
         let segments = blocks.iter_mut().flat_map(|b| {
             let offset = b.offset;
@@ -145,7 +157,7 @@ impl<'a> Decoder<'a> {
         let left = segments.zip(pieces).filter(|(_, piece)| !piece.read).map(|(segment, _)| segment);
         parallel::try_for_each(left, |(offset, s)| s.read().map_err(|what| corrupt(place, offset, what)))?;
         let vizmapper = self.info.vizmapper.map(Arc::new);
-        let (quantities, place) = (&self.info.metadata.fields, &self.place);
+        let (metadata, place) = (&self.info.metadata, &self.place);
         let decoded = parallel::try_map(self.blocks, |b| {
             let mut block = match b.state {
                 BlockState::Whole(decoder) => decoder.finish(),
@@ -154,9 +166,8 @@ impl<'a> Decoder<'a> {
             if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
                 columns.vizmapper = vizmapper.clone();
             }
-            for section in &b.fields {
-                fields_of(&mut block, section, quantities).map_err(|what| corrupt(place, b.offset, what))?;
-            }
+            let shared = SharedSpecies::share_layer(&metadata.shared_species, &self.info.layers[b.layer].name);
+            fields_of(&mut block, &b.fields, metadata, shared).map_err(|what| corrupt(place, b.offset, what))?;
             Ok::<_, Error>(block)
         })?;
         let mut decoded = decoded.into_iter();
@@ -181,16 +192,60 @@ impl PartialBlock {
     }
 }
 
-/// Adds the moments of a section to its block.
-fn fields_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::result::Result<(), String> {
-    let wanted = section.first().and_then(|&n| fields.get(usize::from(n)));
-    let Some(quantity) = wanted else { return Err("a section of a field names a field that is not listed".into()) };
-    let moments = decode_field(section, &block.gaussians, quantity)?;
-    let components = if quantity.kind == QuantityKind::Vector { 3 } else { 1 };
-    if moments.components() != components || block.gaussians.fields.get(&quantity.name).is_some() {
-        return Err(format!("field `{}` is there twice or has {} components", quantity.name, moments.components()));
+/// Adds the moments of sections to their block; `shared` = its Gaussians are shared by species.
+fn fields_of(
+    block: &mut Block,
+    sections: &[StoredSection],
+    metadata: &Metadata,
+    shared: bool,
+) -> std::result::Result<(), String> {
+    let species = if shared { &metadata.shared_species[..] } else { &[] };
+    let shares: Vec<Quantity> = species.iter().map(SharedSpecies::quantity).collect();
+    for section in sections {
+        let (list, what) = if section.tag == FIELD { (&metadata.fields, "field") } else { (&shares, "species") };
+        let wanted = section.bytes.first().and_then(|&n| list.get(usize::from(n)));
+        let Some(quantity) = wanted else { return Err(format!("a section names a {what} that is not listed")) };
+        let moments = decode_field(&section.bytes, &block.gaussians, quantity)?;
+        let components = if quantity.kind == QuantityKind::Vector { 3 } else { 1 };
+        if moments.components() != components || block.gaussians.fields.get(&quantity.name).is_some() {
+            return Err(format!("field `{}` is there twice or has {} components", quantity.name, moments.components()));
+        }
+        block.gaussians.fields.set(&quantity.name, moments);
     }
-    block.gaussians.fields.set(&quantity.name, moments);
+    let shares = Some(&shares[..]).filter(|s| !s.is_empty());
+    classes(&metadata.fields).chain(shares).try_for_each(|classes| complete(&mut block.gaussians, classes))
+}
+
+/// The classes of each category in a list.
+fn classes(list: &[Quantity]) -> impl Iterator<Item = &[Quantity]> {
+    let category = |q: &Quantity| q.class().map(|(category, _)| category.to_string());
+    list.chunk_by(move |a, b| category(a).is_some() && category(a) == category(b)).filter(|c| c[0].class().is_some())
+}
+
+/// Adds the shares of the last class, which follow from the others'.
+fn complete(g: &mut Mixture, classes: &[Quantity]) -> std::result::Result<(), String> {
+    let Some((last, others)) = classes.split_last() else { return Ok(()) };
+    let there = others.iter().filter_map(|q| g.fields.get(&q.name)).count();
+    if there == 0 && g.fields.get(&last.name).is_none() {
+        return Ok(());
+    }
+    if there < others.len() || g.fields.get(&last.name).is_some() {
+        return Err(format!("the shares of `{}` do not go with those of the other classes", last.name));
+    }
+    let mut moments = FieldMoments::new(1);
+    moments.range = vec![[0.0, 1.0]];
+    for i in 0..g.len() {
+        let sum = |value: &dyn Fn(&FieldMoments) -> f64| -> f64 {
+            others.iter().filter_map(|q| g.fields.get(&q.name)).map(value).fold(0.0, |sum, v| sum + v)
+        };
+        let share = (1.0 - sum(&|f| f.mean[0][i])).max(0.0);
+        // Gaussians of no particles have zeros.
+        let share = if g.count[i] < 1.0 { 0.0 } else { share };
+        moments.mean[0].push(share);
+        (0..3).for_each(|k| moments.slope[0][k].push(0.0 - sum(&|f| f.slope[0][k][i])));
+        moments.spread[0].push(share * (1.0 - share));
+    }
+    g.fields.set(&last.name, moments);
     Ok(())
 }
 

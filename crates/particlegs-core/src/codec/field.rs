@@ -7,7 +7,7 @@ use super::sums::compensated;
 use super::symbols::Residual;
 use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
-use crate::model::{FieldMoments, Mixture, Quantity};
+use crate::model::{FieldMoments, Mixture, Quantity, QuantityKind};
 
 /// Earlier Gaussians among which the nearest are looked for, and how many of these predict.
 const WINDOW: usize = 1024;
@@ -21,6 +21,8 @@ const LARGEST_LOG: f64 = 300.0;
 /// An excess at most, and the shift of all.
 const LARGEST_EXCESS: f64 = 100.0;
 const LARGEST_SHIFT: f64 = 1e3;
+/// Times at most that shares are scaled until their sum is the particles'.
+const SHARE_ROUNDS: usize = 64;
 /// Whole numbers of steps at most.
 const MOST_STEPS: i32 = 1 << 20;
 
@@ -31,11 +33,13 @@ pub struct FieldPrecision {
     pub steps: [f32; 4],
     /// The same of a logarithmic field, and of its excess.
     pub logarithmic: [f32; 5],
+    /// Of shares: steps of means and slopes.
+    pub shares: [f32; 2],
 }
 
 impl Default for FieldPrecision {
     fn default() -> Self {
-        FieldPrecision { steps: [4.0, 2.0, 4.0, 4.0], logarithmic: [4.0, 3.0, 4.0, 12.0, 8.0] }
+        FieldPrecision { steps: [4.0, 2.0, 4.0, 4.0], logarithmic: [4.0, 3.0, 4.0, 12.0, 8.0], shares: [2.0, 4.0] }
     }
 }
 
@@ -123,6 +127,9 @@ pub fn encode_field(
     sums: &[f64],
     precision: &FieldPrecision,
 ) -> Vec<u8> {
+    let of_shares = is_share(quantity);
+    let shares = of_shares.then(|| shares_of(moments, gaussians));
+    let moments = shares.as_ref().unwrap_or(moments);
     let mut header = FieldHeader {
         field,
         steps: precision.steps,
@@ -130,12 +137,16 @@ pub fn encode_field(
         range: moments.range.clone(),
         ..statistics(moments, gaussians)
     };
+    if of_shares {
+        let [mean, slope] = precision.shares;
+        header.steps = [mean, 1.0, 1.0, slope];
+    }
     if let Some(excess) = &mut header.excess {
         let [steps @ .., step] = precision.logarithmic;
         (header.steps, excess.step) = (steps, step);
     }
     let mut writer = RansWriter::default();
-    let mut walk = FieldWalk::new(&header, gaussians);
+    let mut walk = FieldWalk::new(&header, gaussians, of_shares);
     // Every number is within the range that the walk accepts.
     let stream = walk.run(&mut writer, Some(moments)).map(|()| writer.finish()).unwrap_or_default();
     if header.excess.is_some() {
@@ -151,6 +162,27 @@ pub fn encode_field(
     [header.write(), stream].concat()
 }
 
+/// Are the values shares of particles?
+fn is_share(quantity: &Quantity) -> bool {
+    quantity.kind == QuantityKind::Category
+}
+
+/// Moments of shares with the spreads that are coded.
+fn shares_of(moments: &FieldMoments, gaussians: &Mixture) -> FieldMoments {
+    let variance = |i: usize| {
+        let s = share_deviation(moments.mean[0][i], gaussians.count[i].max(1.0));
+        s * s
+    };
+    let spread = vec![(0..gaussians.len()).map(variance).collect()];
+    FieldMoments { spread, range: vec![[0.0, 1.0]], ..moments.clone() }
+}
+
+/// The deviation that a share of `n` particles is taken to have.
+fn share_deviation(share: f64, n: f64) -> f64 {
+    let v = share.clamp(0.0, 1.0);
+    (v * (1.0 - v)).max(1.0 / n).sqrt()
+}
+
 /// What a Gaussian counts as in a field's sums.
 fn weight(g: &Mixture, i: usize, by_mass: bool) -> f64 {
     if by_mass { g.mass_of(i) } else { g.count[i] }
@@ -160,9 +192,12 @@ fn weight(g: &Mixture, i: usize, by_mass: bool) -> f64 {
 pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, quantity: &Quantity) -> Result<FieldMoments, String> {
     let mut r = WireReader::new(bytes);
     let header = FieldHeader::read(&mut r, quantity.logarithmic)?;
+    if is_share(quantity) && (header.sums[0] < 0.0 || header.range != [[0.0, 1.0]]) {
+        return Err("the shares of a class are out of range".into());
+    }
     let stream = &bytes[r.position()..];
     let mut reader = RansReader::new(stream).ok_or("a field's stream has no start")?;
-    let mut walk = FieldWalk::new(&header, gaussians);
+    let mut walk = FieldWalk::new(&header, gaussians, is_share(quantity));
     walk.run(&mut reader, None)?;
     if !reader.finished() || !reader.rest().is_empty() {
         return Err("a field's stream does not end where it should".into());
@@ -176,6 +211,7 @@ pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, quantity: &Quantit
 struct FieldWalk<'a> {
     header: &'a FieldHeader,
     gaussians: &'a Mixture,
+    of_shares: bool,
     out: FieldMoments,
     /// Logarithm of the spread, and shape numbers.
     logs: Vec<f64>,
@@ -189,7 +225,7 @@ struct FieldWalk<'a> {
 type Near = Vec<(f64, u32)>;
 
 impl<'a> FieldWalk<'a> {
-    fn new(header: &'a FieldHeader, gaussians: &'a Mixture) -> Self {
+    fn new(header: &'a FieldHeader, gaussians: &'a Mixture, of_shares: bool) -> Self {
         let (n, components) = (gaussians.len(), header.sums.len());
         let mut out = if header.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
         out.mean.iter_mut().chain(&mut out.spread).chain(&mut out.excess).for_each(|c| c.resize(n, 0.0));
@@ -200,6 +236,7 @@ impl<'a> FieldWalk<'a> {
         FieldWalk {
             header,
             gaussians,
+            of_shares,
             out,
             logs: vec![0.0; n],
             shapes: vec![[0.0; 5]; if components == 3 { n } else { 0 }],
@@ -226,29 +263,42 @@ impl<'a> FieldWalk<'a> {
             let root = n.sqrt();
             let wanted_logs = wanted.map(|w| spread_logs(w, i));
             // The spread's logarithm.
-            let error = 1.0 / (2.0 * components as f64 * n).sqrt();
-            let weights = self.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
-            let (guess, variance) = self.expected(&near, &weights, f64::from(self.header.start[1]), |j| self.logs[j]);
-            let step = log_steps * error;
-            // A mean lies within 2^18 steps of any guess.
-            let least = 0.5 * libm::log((width * width * n).max(1e-200)) - 20.0 * std::f64::consts::LN_2;
-            let target = wanted_logs.map(|w| w.0.max(least));
-            let class = class((variance + error * error) / (step * step));
-            self.logs[i] = number(c, &mut self.models[0][class], guess, step, target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
-            let spread = exp(self.logs[i]);
+            if !self.of_shares {
+                let error = 1.0 / (2.0 * components as f64 * n).sqrt();
+                let weights = self.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
+                let (guess, variance) =
+                    self.expected(&near, &weights, f64::from(self.header.start[1]), |j| self.logs[j]);
+                let step = log_steps * error;
+                // A mean lies within 2^18 steps of any guess.
+                let least = 0.5 * libm::log((width * width * n).max(1e-200)) - 20.0 * std::f64::consts::LN_2;
+                let target = wanted_logs.map(|w| w.0.max(least));
+                let class = class((variance + error * error) / (step * step));
+                self.logs[i] =
+                    number(c, &mut self.models[0][class], guess, step, target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
+            }
+            let mut spread = exp(self.logs[i]);
             // Means.
-            let error = spread / root;
             let weights = self.weights(&near, mean_change, |j, count| {
-                let s = exp(self.logs[j]);
+                let s = match self.of_shares {
+                    true => share_deviation(self.out.mean[0][j], count),
+                    false => exp(self.logs[j]),
+                };
                 s * s / count
             });
-            let step = mean_steps * error;
             for k in 0..components {
                 let start = f64::from(self.header.start[0]);
                 let (guess, variance) = self.expected(&near, &weights, start, |j| self.out.mean[k][j]);
+                if self.of_shares {
+                    spread = share_deviation(guess, n);
+                }
+                let error = spread / root;
+                let step = mean_steps * error;
                 let class = self::class((variance + error * error) / (step * step));
                 let target = wanted.map(|w| w.mean[k][i]);
                 self.out.mean[k][i] = number(c, &mut self.models[1][class], guess, step, target)?;
+            }
+            if self.of_shares {
+                spread = share_deviation(self.out.mean[0][i], n);
             }
             // The spread's shape.
             let error = 1.0 / root;
@@ -348,12 +398,33 @@ impl<'a> FieldWalk<'a> {
                 column.iter_mut().for_each(|v| *v += excess.shift);
                 continue;
             }
-            let sum = compensated(&(0..g.len()).map(|i| weight(i) * mean[i]).collect::<Vec<_>>());
+            let sum_of = |mean: &[f64]| compensated(&(0..g.len()).map(|i| weight(i) * mean[i]).collect::<Vec<_>>());
+            if self.of_shares {
+                scale_shares(mean, self.header.sums[k], total, sum_of);
+                let spread = &mut self.out.spread[0];
+                spread.iter_mut().zip(mean).for_each(|(v, share)| *v = *share * (1.0 - *share));
+                continue;
+            }
+            let sum = sum_of(mean);
             let off = (self.header.sums[k] - sum) / total;
             mean.iter_mut().for_each(|v| *v += off);
         }
         self.out.range.clone_from(&self.header.range);
         self.out
+    }
+}
+
+/// Scales shares until they sum to `wanted`, each at most 1; `total` is the sum of all particles.
+fn scale_shares(mean: &mut [f64], wanted: f64, total: f64, sum_of: impl Fn(&[f64]) -> f64) {
+    for _ in 0..SHARE_ROUNDS {
+        let sum = sum_of(mean);
+        if sum == wanted {
+            break;
+        }
+        match sum > 0.0 {
+            true => mean.iter_mut().for_each(|v| *v = (*v * (wanted / sum)).min(1.0)),
+            false => mean.fill(wanted / total),
+        }
     }
 }
 
@@ -487,7 +558,6 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
 mod tests {
     use super::*;
     use crate::math::Random;
-    use crate::model::QuantityKind;
 
     /// Gaussians along a line, with a flow that follows it.
     fn scene(n: u64, components: usize) -> (Mixture, FieldMoments) {
@@ -513,15 +583,7 @@ mod tests {
     }
 
     fn quantity(logarithmic: bool) -> Quantity {
-        Quantity {
-            name: "q".into(),
-            kind: QuantityKind::Scalar,
-            unit: None,
-            bytes: 4,
-            by_mass: false,
-            logarithmic,
-            extensive: false,
-        }
+        Quantity { logarithmic, ..Quantity::new("q", QuantityKind::Scalar) }
     }
 
     fn sums(m: &Mixture, f: &FieldMoments) -> Vec<f64> {
@@ -585,18 +647,51 @@ mod tests {
         assert!(decode_field(&bytes, &m, &quantity(false)).is_err());
     }
 
+    /// Gaussians with the shares of a species.
+    fn shares() -> (Mixture, FieldMoments) {
+        let (m, linear) = scene(400, 1);
+        let mut f = FieldMoments { range: vec![[0.0, 1.0]], ..linear };
+        for i in 0..m.len() {
+            let share = (0.5 + f.mean[0][i] / 600.0).clamp(0.0, 1.0);
+            f.mean[0][i] = (share * m.count[i]).round() / m.count[i];
+            (0..3).for_each(|k| f.slope[0][k][i] *= 0.1 * share);
+        }
+        (m, f)
+    }
+
+    #[test]
+    fn shares_come_back_within_their_errors_and_with_their_sum() {
+        let (m, f) = shares();
+        let class = Quantity::new("kind=a", QuantityKind::Category);
+        let wanted = sums(&m, &f);
+        let bytes = encode_field((0, &class), &f, &m, &wanted, &FieldPrecision::default());
+        assert!(bytes.len() < 66 + 2 * m.len(), "{} bytes", bytes.len());
+        let back = decode_field(&bytes, &m, &class).unwrap();
+        assert!((sums(&m, &back)[0] - wanted[0]).abs() < 1e-9 * wanted[0]);
+        for i in 0..m.len() {
+            let (was, is) = (f.mean[0][i], back.mean[0][i]);
+            assert!((0.0..=1.0).contains(&is) && back.spread[0][i] == is * (1.0 - is));
+            let error = share_deviation(was, m.count[i]).max(share_deviation(is, m.count[i])) / m.count[i].sqrt();
+            assert!((was - is).abs() < 2.5 * error + 0.02, "{was} {is} of {}", m.count[i]);
+        }
+        let none = FieldMoments { mean: vec![vec![0.0; m.len()]], ..f.clone() };
+        let bytes = encode_field((0, &class), &none, &m, &[0.0], &FieldPrecision::default());
+        assert!(decode_field(&bytes, &m, &class).unwrap().mean[0].iter().all(|v| *v == 0.0));
+    }
+
     #[test]
     fn damaged_sections_are_refused_or_finite() {
-        let (vectors, scalars) = (scene(60, 3), logarithms());
-        for (logarithmic, (m, f)) in [(false, vectors), (true, scalars)] {
-            let bytes = encode_field((0, &quantity(logarithmic)), &f, &m, &sums(&m, &f), &FieldPrecision::default());
+        let class = Quantity::new("kind=a", QuantityKind::Category);
+        let scenes = [(quantity(false), scene(60, 3)), (quantity(true), logarithms()), (class, shares())];
+        for (quantity, (m, f)) in scenes {
+            let bytes = encode_field((0, &quantity), &f, &m, &sums(&m, &f), &FieldPrecision::default());
             for cut in 0..bytes.len() {
-                assert!(decode_field(&bytes[..cut], &m, &quantity(logarithmic)).is_err(), "cut at {cut}");
+                assert!(decode_field(&bytes[..cut], &m, &quantity).is_err(), "cut at {cut}");
             }
             for at in 0..bytes.len() {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= 0x14;
-                if let Ok(back) = decode_field(&damaged, &m, &quantity(logarithmic)) {
+                if let Ok(back) = decode_field(&damaged, &m, &quantity) {
                     assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
                 }
             }

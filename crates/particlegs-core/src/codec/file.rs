@@ -43,6 +43,13 @@ pub struct StoredSection {
     pub bytes: Vec<u8>,
 }
 
+impl StoredSection {
+    /// Bytes that it takes in a file.
+    pub fn size(&self) -> usize {
+        self.bytes.len() + STAGE_BYTES
+    }
+}
+
 impl From<Vec<u8>> for StoredBlock {
     fn from(bytes: Vec<u8>) -> Self {
         StoredBlock { bytes, sections: Vec::new() }

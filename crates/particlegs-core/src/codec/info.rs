@@ -1,10 +1,10 @@
 //! Information about a file without its Gaussians.
 
 use super::Precision;
-use super::container::FIELD;
+use super::container::{FIELD, SHARE};
 use super::file::{BlockPart, FileParts, parts};
 use crate::Result;
-use crate::model::{Certificate, Layer, Mass, Metadata, VizMapper};
+use crate::model::{Certificate, Layer, Mass, Metadata, SharedSpecies, VizMapper};
 
 /// What a file says without its Gaussians being decoded. Of a file that lacks something ([`FileInfo::missing`]) nothing
 /// was measured: it has no certificate.
@@ -24,6 +24,8 @@ pub struct FileInfo {
     pub bytes: u64,
     /// Particles of blocks that an open file ends before.
     pub missing_particles: u64,
+    /// Bytes of the shares of species that share Gaussians.
+    pub share_bytes: u64,
     /// What there is of each of the metadata's fields.
     pub fields: Vec<FieldInfo>,
     /// Sections that this program does not know, by tag and bytes; first those of blocks.
@@ -47,6 +49,17 @@ pub struct BlockInfo {
     pub stages: [usize; 2],
     /// Quantisation steps.
     pub precision: Precision,
+}
+
+/// What a layer holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerSum {
+    /// Particles.
+    pub particles: u64,
+    /// The sum of their weights, 1 each where they have none.
+    pub mass: f64,
+    /// Gaussians, of which several species may have a share.
+    pub gaussians: usize,
 }
 
 /// Reads everything but the Gaussians; every checksum is checked.
@@ -107,9 +120,30 @@ impl FileInfo {
 
     /// Mass of all particles in the unit of mass, where it is known.
     pub fn mass(&self) -> Option<f64> {
-        let mass = |l: &Layer<Vec<BlockInfo>>| l.mass.unit_or_one() * l.content.iter().map(|b| b.mass).sum::<f64>();
-        let known = self.layers.iter().all(|l| l.mass != Mass::Unknown);
-        known.then(|| self.layers.iter().map(mass).sum())
+        let layers = self.species_layers();
+        let known = layers.iter().all(|l| l.mass != Mass::Unknown);
+        known.then(|| layers.iter().map(|l| l.mass.unit_or_one() * l.content.mass).sum())
+    }
+
+    /// The layers of the decoded model, with one for each of the species that share Gaussians.
+    pub fn species_layers(&self) -> Vec<Layer<LayerSum>> {
+        let shared = &self.metadata.shared_species;
+        let mut out = Vec::new();
+        for layer in &self.layers {
+            let gaussians = layer.content.iter().map(|b| b.gaussians as usize).sum();
+            if SharedSpecies::share_layer(shared, &layer.name) {
+                out.extend(shared.iter().map(|s| Layer {
+                    name: s.name.clone(),
+                    mass: Mass::new(false, s.mass),
+                    content: LayerSum { particles: s.count, mass: s.count as f64, gaussians },
+                }));
+                continue;
+            }
+            let particles = layer.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
+            let mass = layer.content.iter().map(|b| b.mass).sum();
+            out.push(layer.with(LayerSum { particles, mass, gaussians }));
+        }
+        out
     }
 
     pub(super) fn new(parts: FileParts<'_>, file: &[u8]) -> FileInfo {
@@ -131,7 +165,8 @@ impl FileInfo {
                 field.particles = field.particles.saturating_add(block.header.count);
             }
         }
-        let attached = attached().filter(|s| s.tag != FIELD);
+        let share_bytes = attached().filter(|s| s.tag == SHARE).map(|s| s.bytes.len() as u64).sum();
+        let attached = attached().filter(|s| ![FIELD, SHARE].contains(&s.tag));
         let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));
         let other_sections = other.collect();
         let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
@@ -143,6 +178,7 @@ impl FileInfo {
             vizmapper: parts.network.map(|n| n.1),
             bytes: file.len() as u64,
             missing_particles: parts.missing_particles,
+            share_bytes,
             fields,
             other_sections,
         }

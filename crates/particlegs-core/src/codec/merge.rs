@@ -12,7 +12,7 @@ use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::context::Context;
 use crate::hash;
-use crate::model::{Dimension, Metadata, Quantity, Unit, Units};
+use crate::model::{Dimension, Metadata, Quantity, SharedSpecies, Unit, Units};
 use crate::splat::DEFAULT_OPACITY;
 use crate::{Error, Hint, Result};
 use std::collections::{BTreeMap, BTreeSet};
@@ -129,16 +129,23 @@ impl Merge {
 fn keep_fields(names: &[String], fields: &mut Vec<Quantity>, layers: &mut [CodedLayer], place: &str) -> Result<()> {
     let mut kept: Vec<usize> = Vec::new();
     for name in names {
-        let Some(number) = fields.iter().position(|q| q.name.eq_ignore_ascii_case(name)) else {
+        let found: Vec<usize> = (0..fields.len()).filter(|&n| fields[n].is_called(name)).collect();
+        let Some(first) = found.first() else {
             let hint = match fields.is_empty() {
                 true => "it has none".to_string(),
                 false => format!("its fields: {}", list(fields.iter())),
             };
             return Err(Error::input_with(place, format!("the model has no field `{name}`"), hint));
         };
-        if !kept.contains(&number) {
-            kept.push(number);
-        }
+        // The shares of a category go together.
+        let category = fields[*first].class().map(|(own, _)| own.to_string());
+        let same = |q: &Quantity| q.class().map(|(own, _)| own) == category.as_deref();
+        let all = (0..fields.len()).filter(|&n| if category.is_some() { same(&fields[n]) } else { n == *first });
+        all.for_each(|number| {
+            if !kept.contains(&number) {
+                kept.push(number);
+            }
+        });
     }
     *fields = kept.iter().map(|&number| fields[number].clone()).collect();
     let place_of = |s: &StoredSection| kept.iter().position(|k| s.bytes.first() == Some(&(*k as u8)));
@@ -248,8 +255,15 @@ fn combined(a: Metadata, b: &Metadata) -> Metadata {
         },
         source_hash: if a.source_hash == b.source_hash { a.source_hash } else { [0; 32] },
         recipe: a.recipe.joined(&b.recipe),
+        shared_species: summed(a.shared_species, &b.shared_species),
         ..a
     }
+}
+
+/// The same species with the particles of both.
+fn summed(mut a: Vec<SharedSpecies>, b: &[SharedSpecies]) -> Vec<SharedSpecies> {
+    a.iter_mut().zip(b).for_each(|(a, b)| a.count = a.count.saturating_add(b.count));
+    a
 }
 
 /// One unit that both write, in the text that comes first.
@@ -266,6 +280,13 @@ fn common(a: &str, b: &str) -> String {
     let [p, q] = [a, b].map(|t| t.strip_suffix(SEVERAL).unwrap_or(t));
     let same = p.chars().zip(q.chars()).take_while(|(x, y)| x == y).map(|(x, _)| x);
     same.chain([SEVERAL]).collect()
+}
+
+/// Names and masses of the species that share Gaussians.
+fn species(m: &Metadata) -> Option<String> {
+    let said = |s: &SharedSpecies| format!("{} (mass {})", s.name, s.mass.map_or("unknown".into(), |m| m.to_string()));
+    let all: Vec<String> = m.shared_species.iter().map(said).collect();
+    (!all.is_empty()).then(|| all.join(", "))
 }
 
 /// What metadata says of the source's space and time, by name: what is compared of two files, and in words. Two texts of
@@ -296,6 +317,7 @@ pub fn source_statements(m: &Metadata) -> Vec<(&'static str, [String; 2])> {
         ("time", same(said(e.time))),
         ("frame", same(said(e.frame))),
         ("time step", same(said(e.step))),
+        ("list of species that share Gaussians", same(said(species(m)))),
         ("list of fields", same(said((!m.fields.is_empty()).then(|| format!("{:?}", m.fields))))),
     ]
 }

@@ -2,7 +2,9 @@
 
 use super::wire::{SectionFault, WireReader};
 use crate::math::each_axis;
-use crate::model::{Cosmology, Epoch, LawKind, Mass, Metadata, Quantity, QuantityKind, Recipe, Si, Unit, Units};
+use crate::model::{
+    Cosmology, Epoch, LawKind, Mass, Metadata, Quantity, QuantityKind, Recipe, SharedSpecies, Si, Unit, Units,
+};
 use crate::space::{Bounds, Cell};
 
 /// Longest text but the recipe.
@@ -35,6 +37,7 @@ const FRAME: u8 = 27;
 const STEP: u8 = 28;
 /// How fields are weighed.
 const TRAITS: u8 = 32;
+const SPECIES: u8 = 33;
 const RECIPE: u8 = 40;
 const TOOL: u8 = 41;
 const MASSES: u8 = 128;
@@ -102,6 +105,9 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     if traits.iter().any(|t| *t > 0) {
         field(TRAITS, &traits);
     }
+    if !m.shared_species.is_empty() {
+        field(SPECIES, &species_bytes(&m.shared_species));
+    }
     field(RECIPE, &recipe_text(&m.recipe));
     field(TOOL, text(&m.tool_version, TEXT));
     let alike = layers.windows(2).all(|w| w[0] == w[1]);
@@ -148,6 +154,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
             step: get(STEP).map(|v| exact(STEP, v).map(i64::from_le_bytes)).transpose()?,
         },
         fields: Vec::new(),
+        shared_species: get(SPECIES).map_or(Ok(Vec::new()), shared_species)?,
         // A newer program may use other words, which are unknown here.
         recipe: serde_json::from_slice(need(RECIPE)?).unwrap_or_else(|_| Recipe::unknown()),
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
@@ -169,7 +176,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
             return Err(SectionFault::Corrupt(what));
         }
         for (field, v) in m.fields.iter_mut().zip(traits) {
-            if *v > 7 || (*v > 1 && field.kind == QuantityKind::Vector) {
+            if *v > 7 || (*v > 1 && matches!(field.kind, QuantityKind::Vector | QuantityKind::Category)) {
                 return Err(SectionFault::Corrupt(format!("the traits {v} of field `{}` are not known", field.name)));
             }
             (field.by_mass, field.logarithmic, field.extensive) = (v & 1 > 0, v & 2 > 0, v & 4 > 0);
@@ -277,7 +284,57 @@ fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
                 Some(unit.ok_or_else(|| format!("`{name}` refers to unit {k}, which does not exist"))?.clone())
             }
         };
-        out.push(Quantity { name, kind, unit, bytes, by_mass: false, logarithmic: false, extensive: false });
+        out.push(Quantity { unit, bytes, ..Quantity::new(name, kind) });
+    }
+    check_classes(&out)?;
+    Ok(out)
+}
+
+/// Are the classes of categories called so, and side by side, 2 to 16 of each?
+fn check_classes(all: &[Quantity]) -> Result<(), String> {
+    let category = |q: &Quantity| q.class().map(|(category, _)| category.to_string());
+    let mut before: Vec<String> = Vec::new();
+    for classes in all.chunk_by(|a, b| category(a) == category(b)) {
+        match (classes[0].kind, category(&classes[0])) {
+            (QuantityKind::Category, None) => return Err(format!("`{}` is no class of a category", classes[0].name)),
+            (QuantityKind::Category, Some(name)) => {
+                if !(2..=SharedSpecies::MOST).contains(&classes.len()) || before.contains(&name) {
+                    return Err(format!("the classes of `{name}` are not 2 to 16 side by side"));
+                }
+                before.push(name);
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn species_bytes(all: &[SharedSpecies]) -> Vec<u8> {
+    let mut out = Vec::new();
+    for species in all {
+        let name = text(&species.name, SHORT);
+        out.push(name.len() as u8);
+        out.extend(name);
+        out.extend(species.count.to_le_bytes());
+        out.extend(species.mass.unwrap_or(0.0).to_le_bytes());
+    }
+    out
+}
+
+fn shared_species(v: &[u8]) -> Result<Vec<SharedSpecies>, String> {
+    let mut r = WireReader::new(v);
+    let mut out: Vec<SharedSpecies> = Vec::new();
+    while !r.is_done() {
+        let length = usize::from(r.u8()?);
+        let name = string(SPECIES, r.take(length)?, SHORT)?;
+        let (count, mass) = (r.u64()?, float(SPECIES, r.take(8)?)?);
+        if count == 0 || mass < 0.0 || out.iter().any(|s| s.name == name) {
+            return Err(format!("species `{name}` is listed twice, or has no particles or a negative mass"));
+        }
+        out.push(SharedSpecies { name, count, mass: Some(mass).filter(|m| *m > 0.0) });
+    }
+    if !(2..=SharedSpecies::MOST).contains(&out.len()) {
+        return Err(format!("{} species share Gaussians instead of 2 to 16", out.len()));
     }
     Ok(out)
 }
@@ -420,7 +477,8 @@ mod tests {
     prop_compose! {
         fn quantity()(name in "\\PC{0,20}", kind in 0usize..4, unit in unit(), bytes in any::<u16>(), by_mass in any::<bool>()) -> Quantity {
             let kind = QuantityKind::ALL[kind];
-            Quantity { name, kind, unit, bytes, by_mass, logarithmic: !by_mass && kind != QuantityKind::Vector, extensive: by_mass && kind != QuantityKind::Vector }
+            let plain = matches!(kind, QuantityKind::Vector | QuantityKind::Category);
+            Quantity { name, kind, unit, bytes, by_mass, logarithmic: !by_mass && !plain, extensive: by_mass && !plain }
         }
     }
 
@@ -433,6 +491,7 @@ mod tests {
             corner in -2f64..2.0,
             cell in any::<Option<[bool; 3]>>(),
             fields in proptest::collection::vec(quantity(), 0..4),
+            species in proptest::collection::btree_map("\\PC{0,20}", (1u64.., proptest::option::of(1e-9f64..1e9)), 0..4),
         ) -> Metadata {
             let [hubble, omega_matter, omega_lambda, omega_baryon, scale_factor, time_now] = numbers;
             let bounds = Bounds { min: [corner; 3], max: [corner + 1.0; 3] };
@@ -443,10 +502,27 @@ mod tests {
                 units: Units { length, mass, time, comoving },
                 cosmology: Cosmology { hubble, omega_matter, omega_lambda, omega_baryon },
                 epoch: Epoch { scale_factor, time: time_now, frame, step },
-                fields,
+                fields: with_classes(fields),
+                shared_species: species_list(species),
                 ..Metadata::new(LawKind::OpticalDepth, count, bounds)
             }
         }
+    }
+
+    /// The same with two classes in the place of each category.
+    fn with_classes(fields: Vec<Quantity>) -> Vec<Quantity> {
+        let classes = |(i, q): (usize, Quantity)| match q.kind {
+            QuantityKind::Category => {
+                ["a", "b=c"].map(|class| Quantity { name: format!("kind {i}={class}"), ..q.clone() }).to_vec()
+            }
+            _ => vec![q],
+        };
+        fields.into_iter().enumerate().flat_map(classes).collect()
+    }
+
+    fn species_list(named: std::collections::BTreeMap<String, (u64, Option<f64>)>) -> Vec<SharedSpecies> {
+        let list: Vec<_> = named.into_iter().map(|(name, (count, mass))| SharedSpecies { name, count, mass }).collect();
+        if list.len() < 2 { Vec::new() } else { list }
     }
 
     prop_compose! {

@@ -30,6 +30,7 @@ mod rans;
 #[cfg(test)]
 mod sections_tests;
 mod shape;
+mod shared_species;
 mod source;
 mod splits;
 mod streams;
@@ -41,8 +42,8 @@ mod trellis;
 mod vizmapper;
 mod wire;
 
-pub use container::{FIELD, HEAD_BYTES, is_model, other_length, promised_length};
-pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
+pub use container::{FIELD, HEAD_BYTES, SHARE, is_model, other_length, promised_length};
+pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_stored, decode_with};
 pub use encoder::Encoder;
 pub use field::{FieldPrecision, encode_field};
 pub use file::MOST_LAYERS;
@@ -50,7 +51,7 @@ pub use file::{
     CodedLayer, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode,
     file_hash, read_metadata, size_without_blocks, stored_bytes,
 };
-pub use info::{BlockInfo, FieldInfo, FileInfo, read_info};
+pub use info::{BlockInfo, FieldInfo, FileInfo, LayerSum, read_info};
 pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;

@@ -1,6 +1,6 @@
 //! What a model file says about its snapshot and its making.
 
-use super::{LawKind, Recipe, Unit, Units};
+use super::{LawKind, Recipe, SharedSpecies, Unit, Units};
 use crate::space::{Bounds, Cell};
 use crate::splat::DEFAULT_OPACITY;
 
@@ -39,6 +39,9 @@ pub struct Metadata {
     /// What was kept of the snapshot beside positions and masses; see [`Metadata::quantities`].
     #[serde(default)]
     pub fields: Vec<Quantity>,
+    /// Species that share the Gaussians of one layer, in the file's order; see [`super::Model::with_species_apart`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shared_species: Vec<SharedSpecies>,
     /// What made the model.
     pub recipe: Recipe,
     /// The program's version.
@@ -101,6 +104,22 @@ pub struct Quantity {
 }
 
 impl Quantity {
+    /// A quantity that is known by its name and kind alone.
+    pub fn new(name: impl Into<String>, kind: QuantityKind) -> Self {
+        let name = name.into();
+        Quantity { name, kind, unit: None, bytes: 0, by_mass: false, logarithmic: false, extensive: false }
+    }
+
+    /// The category and the class of `CATEGORY=CLASS`, whose values are shares.
+    pub fn class(&self) -> Option<(&str, &str)> {
+        self.name.split_once('=').filter(|_| self.kind == QuantityKind::Category)
+    }
+
+    /// Is it called `name`: is that its own name, or that of the category that it is a class of?
+    pub fn is_called(&self, name: &str) -> bool {
+        self.name.eq_ignore_ascii_case(name) || self.class().is_some_and(|(own, _)| own.eq_ignore_ascii_case(name))
+    }
+
     /// The names of its components: `velocity_x`, `velocity_y`, `velocity_z` of a vector, its own of what is one number.
     pub fn component_names(&self) -> Vec<String> {
         match self.kind {
@@ -126,6 +145,7 @@ impl Quantity {
     /// What its values are, in a word or two.
     pub fn describe_kind(&self) -> &'static str {
         match (self.extensive, self.logarithmic) {
+            _ if self.class().is_some() => "share",
             (true, _) => "sum",
             (_, true) => "scalar by its logarithm",
             _ => self.kind.name(),
@@ -170,22 +190,25 @@ impl Metadata {
             cosmology: Cosmology::default(),
             epoch: Epoch::default(),
             fields: Vec::new(),
+            shared_species: Vec::new(),
             recipe: Recipe::default(),
             tool_version: env!("CARGO_PKG_VERSION").to_string(),
         }
+    }
+
+    /// Does a file store the moments of field `number`? Those of the last class of a category follow from the others'.
+    pub fn is_stored(fields: &[Quantity], number: usize) -> bool {
+        let category = |n: usize| fields.get(n).and_then(Quantity::class).map(|(category, _)| category);
+        category(number).is_none() || category(number) == category(number + 1)
     }
 
     /// All that was kept of the snapshot: positions, masses where particles of any layer are `weighted`, and
     /// [`Metadata::fields`].
     pub fn quantities(&self, weighted: bool) -> Vec<Quantity> {
         let quantity = |name: &str, kind, unit: &Option<Unit>, bytes| Quantity {
-            name: name.into(),
-            kind,
             unit: unit.clone(),
             bytes,
-            by_mass: false,
-            logarithmic: false,
-            extensive: false,
+            ..Quantity::new(name, kind)
         };
         let mut all = vec![quantity("positions", QuantityKind::Vector, &self.units.length, 12)];
         all.extend(weighted.then(|| quantity("masses", QuantityKind::Scalar, &self.units.mass, 4)));

@@ -44,7 +44,7 @@ pub use metrics::{
 pub use mixture::{Block, Mixture, Model};
 pub use recipe::{Effort, Recipe, RecipeStep, TrainingRecipe};
 pub use science::{ScienceMetrics, ScienceSubject};
-pub use species::{is_species, species_aliases, species_title};
+pub use species::{SharedSpecies, is_species, species_aliases, species_title};
 pub use target::{DEFAULT_RATIO, Target};
 pub use unit::{Dimension, Si, Unit, Units, per_length};
 pub use vizmapper::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};

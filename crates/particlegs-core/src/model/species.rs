@@ -1,5 +1,7 @@
 //! What particle types are called: by files, as `PartType0`, and by people, as gas.
 
+use super::{Quantity, QuantityKind};
+
 /// By type, in the order of Gadget's format and those that follow it: what a legend calls it, nothing where that depends
 /// on the simulation, and names that choose it.
 const TYPES: [(&str, &[&str]); 7] = [
@@ -11,6 +13,42 @@ const TYPES: [(&str, &[&str]); 7] = [
     ("black holes", &["bh", "blackholes", "bndry"]),
     ("neutrinos", &["neutrinos"]),
 ];
+/// One of several species of particles that share the Gaussians of a layer, each with a share of them of its own.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct SharedSpecies {
+    /// Name; that of the layer is the names of all, joined by `+`.
+    pub name: String,
+    /// Its particles.
+    pub count: u64,
+    /// Mass of a particle in the snapshot's unit of mass, where it is known.
+    pub mass: Option<f64>,
+}
+
+impl SharedSpecies {
+    /// Species of a layer at most.
+    pub const MOST: usize = 16;
+
+    /// The layer of such species.
+    pub fn layer_name(all: &[SharedSpecies]) -> String {
+        all.iter().map(|s| &s.name[..]).collect::<Vec<_>>().join("+")
+    }
+
+    /// Do they share the Gaussians of the layer of this name?
+    pub fn share_layer(all: &[SharedSpecies], name: &str) -> bool {
+        !all.is_empty() && name == SharedSpecies::layer_name(all)
+    }
+
+    /// What its shares are called among the fields of the layer's Gaussians.
+    pub fn field_name(&self) -> String {
+        format!("species={}", self.name)
+    }
+
+    /// Its shares as a field.
+    pub fn quantity(&self) -> Quantity {
+        Quantity::new(self.field_name(), QuantityKind::Category)
+    }
+}
+
 const GROUP: &str = "parttype";
 
 /// Names that choose a type, its number first, in lower case.

@@ -9,7 +9,7 @@ use super::setup::BlockSetup;
 use super::size::SizeOutcome;
 use crate::Result;
 use crate::checkpoint::CheckpointStore;
-use crate::codec::{self, CodedLayer};
+use crate::codec::{self, CodedLayer, StoredBlock, StoredSection};
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
 use crate::space::Bounds;
@@ -124,7 +124,11 @@ impl CodedBlock {
 
     /// Bytes.
     pub fn size(&self) -> usize {
-        self.layers.iter().flat_map(|l| &l.content).map(|b| codec::stored_bytes(&b.bytes)).sum()
+        let bytes = |b: &StoredBlock| {
+            let sections = b.sections.iter().map(StoredSection::size);
+            codec::stored_bytes(&b.bytes) + sections.sum::<usize>()
+        };
+        self.layers.iter().flat_map(|l| &l.content).map(bytes).sum()
     }
 
     fn push(&mut self, layer: &LayerParticles, made: LayerResult) {

@@ -3,9 +3,10 @@
 use super::block::{BlockParticles, CodedBlock};
 use super::layer::Share;
 use super::plan::CompressionPlan;
-use super::size::SizeOutcome;
+use super::shared_species::SharedLayer;
+use super::size::{SizeOutcome, bytes_a_gaussian};
 use crate::codec::{self, CodedLayer};
-use crate::model::{Certificate, Metadata, Target};
+use crate::model::{Certificate, DEFAULT_RATIO, Metadata, Target};
 use crate::space::Bounds;
 use crate::{Error, Hint, Result};
 
@@ -23,6 +24,24 @@ impl CompressionPlan {
                 Ok(Share::Gaussians(((number as f64 * share).round() as u64).max(1)))
             }
             _ => Err(Error::argument("a quality target cannot be divided among blocks: use a size or a ratio")),
+        }
+    }
+
+    /// What is left of a target for the Gaussians of species that share them, and the bytes that their blocks may take with
+    /// the shares, where the target says.
+    pub(super) fn without_shares(&self, target: Target, shared: &SharedLayer) -> (Target, Option<u64>) {
+        let Some(bytes) = target.bytes(self.raw_bytes()) else { return (target, None) };
+        (Target::Size((bytes as f64 * shared.gaussians) as u64), Some(bytes.saturating_sub(self.overhead())))
+    }
+
+    /// About how many Gaussians there will be.
+    pub(super) fn gaussians(&self) -> f64 {
+        let target = self.recipe().target;
+        let bytes = target.bytes(self.raw_bytes()).map_or(self.raw_bytes() as f64 / DEFAULT_RATIO, |b| b as f64);
+        if let Target::Gaussians(number) = target {
+            number as f64
+        } else {
+            bytes / bytes_a_gaussian(self.recipe().effort)
         }
     }
 

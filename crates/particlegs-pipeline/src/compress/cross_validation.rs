@@ -1,6 +1,6 @@
 //! Models of halves of the particles, made as the file was made, for its certificate.
 
-use super::{Options, Target, compress};
+use super::{GaussianSharing, Options, Target, compress};
 use crate::Result;
 use crate::checkpoint::NoCheckpoints;
 use crate::context::Context;
@@ -47,6 +47,8 @@ fn of_scope(
         radius: (m.default_radius != default_radius).then_some(m.default_radius),
         certificate: CertificateLevel::None,
         seed,
+        sharing: GaussianSharing::of_recipe(&m.recipe),
+        fields: m.recipe.read.contains_key("fields"),
         ..Options::default()
     };
     let model_of =

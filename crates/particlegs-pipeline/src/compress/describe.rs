@@ -44,8 +44,8 @@ impl Options {
         let known = SourceFacts { count, bounds: told.bounds, source_hash };
         let asked = describe(&particles.meta, &known, self, self.blocks_of(particles)?);
         // What the hash decides, and how files are called, is not compared.
-        let (source, fields) = (told.source.clone(), told.fields.clone());
-        Ok(*told == Metadata { mass: told.mass, source, fields, ..asked })
+        let (source, fields, shared_species) = (told.source.clone(), told.fields.clone(), told.shared_species.clone());
+        Ok(*told == Metadata { mass: told.mass, source, fields, shared_species, ..asked })
     }
 
     /// Can a model file of `told` be what these options make, whatever the number of blocks that memory asks for?

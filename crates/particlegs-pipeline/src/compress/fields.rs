@@ -5,7 +5,7 @@ use super::CompressedModel;
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::{FieldShape, gather};
-use crate::model::{Certificate, LawKind, Model, Quantity, QuantityKind, Unit};
+use crate::model::{Certificate, LawKind, Metadata, Model, Quantity, QuantityKind, SharedSpecies, Unit};
 use crate::particles::{ChunkBuffer, FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use crate::reference::FieldValues;
 use crate::{Error, Hint, Result};
@@ -72,7 +72,7 @@ impl FieldPlan {
         let mut wanted: Vec<String> = Vec::new();
         for name in names {
             let all = sources.iter().flat_map(|s| s.real_fields()).collect();
-            let found = if name == ALL { all } else { vec![name.trim().to_string()] };
+            let found = if name == ALL { all } else { vec![field_name(name.trim(), sources, star_forming)] };
             found.into_iter().for_each(|name| {
                 if !wanted.contains(&name) {
                     wanted.push(name)
@@ -104,6 +104,15 @@ impl FieldPlan {
                 return Err(Error::argument_with(what, "compress one particle type at a time"));
             }
             let kind = if first.columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
+            used.extend(found.iter().flat_map(|(_, columns)| columns.sources.clone()));
+            if let Some(classes) = classes(sources, counts, &found)?.filter(|_| !is_sum(name)) {
+                plan.notes.push(format!(
+                    "{name} is a category: the model stores the share of each of its {} values",
+                    classes.len()
+                ));
+                plan.add_classes(name, &classes, found, by_mass);
+                continue;
+            }
             let unit = first.unit.clone().map(|text| Unit { text, si: None });
             let bytes = 4 * first.columns.len() as u16;
             let place = plan.quantities.len();
@@ -112,7 +121,6 @@ impl FieldPlan {
             let own = name.clone();
             plan.quantities.push(Quantity { name: own, kind, unit, bytes, by_mass, logarithmic, extensive });
             for (layer, columns) in found {
-                used.extend(columns.sources.clone());
                 plan.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
                 plan.layers[layer].push((place, columns));
             }
@@ -127,6 +135,26 @@ impl FieldPlan {
         let is_omitted = |name: &&String| !used.contains(name);
         plan.omitted = listed.iter().filter(is_omitted).cloned().collect();
         Ok(plan)
+    }
+}
+
+impl FieldPlan {
+    /// Adds the classes of a category, which the layers have where `found` says.
+    fn add_classes(&mut self, name: &str, classes: &[f64], found: Vec<(usize, FieldColumns)>, by_mass: bool) {
+        for (k, class) in classes.iter().enumerate() {
+            let place = self.quantities.len();
+            let quantity = Quantity::new(format!("{name}={class}"), QuantityKind::Category);
+            self.quantities.push(Quantity { bytes: u16::from(k == 0), by_mass, ..quantity });
+            for (layer, columns) in &found {
+                let own = FieldColumns { class: Some(*class), wide: false, ..columns.clone() };
+                self.layers[*layer].push((place, own));
+            }
+        }
+    }
+
+    /// The fields of a layer that are stored.
+    fn stored(&self, layer: usize) -> impl Iterator<Item = &(usize, FieldColumns)> {
+        self.layers[layer].iter().filter(|f| Metadata::is_stored(&self.quantities, f.0))
     }
 }
 
@@ -182,7 +210,7 @@ impl<'a> FieldSelection<'a> {
 
     /// The places of a layer's fields in the list.
     pub(super) fn numbers(&self, layer: usize) -> Vec<usize> {
-        self.plan.layers[layer].iter().map(|f| f.0).collect()
+        self.plan.stored(layer).map(|f| f.0).collect()
     }
 
     /// What is gathered of them.
@@ -191,12 +219,13 @@ impl<'a> FieldSelection<'a> {
             may_lack: columns.may_lack,
             ..FieldShape::new(&self.plan.quantities[*n])
         };
-        self.plan.layers[layer].iter().map(shape).collect()
+        self.plan.stored(layer).map(shape).collect()
     }
 
     /// Reads their values in a run of the layer's particles, as [`gather`] wants them.
     pub(super) fn read(&self, layer: usize, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
-        let (chosen, own) = (&self.plan.layers[layer], self.particles.of_layer(&self.particles.layers()[layer]));
+        let own = self.particles.of_layer(&self.particles.layers()[layer]);
+        let chosen: Vec<&(usize, FieldColumns)> = self.plan.stored(layer).collect();
         let mut all = Vec::new();
         self.sources[layer].read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut all)?;
         let mut buffer = ChunkBuffer::default();
@@ -231,17 +260,22 @@ impl<'a> FieldSelection<'a> {
 
     /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
     pub(crate) fn add_to(&self, bytes: &[u8], model: &Model, context: &Context<'_>) -> Result<Vec<u8>> {
+        let shared = codec::read_metadata(bytes, "the model")?.shared_species;
+        if !shared.is_empty() {
+            return Err(Error::argument("fields cannot be added where particle types share Gaussians"));
+        }
         let precision = &FieldPrecision::default();
-        let metadata = crate::model::Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
+        let metadata = Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
-        for (index, (layer, chosen)) in self.particles.layers().iter().zip(&self.plan.layers).enumerate() {
+        for (index, layer) in self.particles.layers().iter().enumerate() {
+            let chosen = self.numbers(index);
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
             let read = |run: u64, out: &mut Vec<Vec<f64>>| self.read(index, run, out);
             let (blocks, shapes) = (&model.layers[at].content, self.shapes(index));
             let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
             for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
-                for ((n, _), f) in chosen.iter().zip(fields) {
+                for (n, f) in chosen.iter().zip(fields) {
                     let bytes = codec::encode_field(
                         (*n as u8, &self.plan.quantities[*n]),
                         &f.moments,
@@ -268,6 +302,37 @@ fn is_sum(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     ["q", "charge", "charges", "sfr"].contains(&&name[..])
         || ["starformationrate", "luminosit", "metalmass"].iter().any(|part| name.contains(part))
+}
+
+/// The field that `name` means: the category of `CATEGORY=CLASS`.
+fn field_name(name: &str, sources: &[LayerFields], star_forming: StarFormingGas) -> String {
+    let category = name.split_once('=').map(|(category, _)| category);
+    let is_there = |name: &str| sources.iter().any(|s| s.find(name, star_forming).is_ok());
+    category.filter(|category| !is_there(name) && is_there(category)).unwrap_or(name).to_string()
+}
+
+/// The values of a field of whole numbers that has 2 to 16 of them, rising; `None` of others.
+fn classes(sources: &[LayerFields], counts: &[u64], found: &[(usize, FieldColumns)]) -> Result<Option<Vec<f64>>> {
+    let is_one = |(_, c): &(usize, FieldColumns)| c.whole && c.columns.len() == 1 && c.temperature.is_none();
+    if !found.iter().all(is_one) {
+        return Ok(None);
+    }
+    let mut values: Vec<f64> = Vec::new();
+    let mut run = Vec::new();
+    for (layer, columns) in found {
+        for id in 0..counts[*layer].div_ceil(RUN as u64) {
+            sources[*layer].read_some(id, |c| columns.needs(c), &mut run)?;
+            for v in columns.values(&run, 0) {
+                if let Err(place) = values.binary_search_by(|own| own.total_cmp(&v)) {
+                    values.insert(place, v);
+                }
+                if values.len() > SharedSpecies::MOST {
+                    return Ok(None);
+                }
+            }
+        }
+    }
+    Ok(Some(values).filter(|v| v.len() > 1))
 }
 
 /// Are all values of a field positive, and does the largest have [`DECADES`] times the least?

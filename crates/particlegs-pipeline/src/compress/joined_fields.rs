@@ -29,8 +29,9 @@ pub(super) fn join_fields(
     for (layer, stored) in model.layers.iter().zip(&mut coded) {
         let Some(own) = old.iter().find(|l| l.name == layer.name) else { continue };
         let g = &own.content.gaussians;
-        let there: Vec<(usize, &Quantity)> =
-            fields.iter().enumerate().filter(|(_, q)| g.fields.get(&q.name).is_some()).collect();
+        let is_there =
+            |(n, q): &(usize, &Quantity)| g.fields.get(&q.name).is_some() && Metadata::is_stored(&fields, *n);
+        let there: Vec<(usize, &Quantity)> = fields.iter().enumerate().filter(is_there).collect();
         if there.is_empty() {
             continue;
         }
@@ -39,8 +40,12 @@ pub(super) fn join_fields(
         let shapes: Vec<FieldShape<'_>> = there.iter().map(|(_, q)| FieldShape::new(q)).collect();
         let read = |run: u64, out: &mut Vec<Vec<f64>>| {
             let range = run as usize * RUN..points.len().min((run as usize + 1) * RUN);
-            for &FieldShape { name, components, logarithmic, .. } in &shapes {
-                out.extend((0..components).map(|k| range.clone().map(|p| value(g, name, k, p)).collect()));
+            for &FieldShape { name, components, logarithmic, share, .. } in &shapes {
+                let value = |k: usize, p: usize| {
+                    let value = value(g, name, k, if share { p - p % POINTS + p % (POINTS / 2) } else { p });
+                    if share { value.clamp(0.0, 1.0) } else { value }
+                };
+                out.extend((0..components).map(|k| range.clone().map(|p| value(k, p)).collect()));
                 if let Some(field) = g.fields.get(name).filter(|_| logarithmic) {
                     out.push(range.clone().map(|p| mean_of_values(g, field, p)).collect());
                 }

@@ -1,6 +1,7 @@
 //! What a model is to be.
 
 use super::memory::MemoryLoad;
+use super::shared_species::{self, GaussianSharing};
 use crate::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
 use crate::particles::{Particles, Storage};
 use crate::train::{Config, Limits};
@@ -33,6 +34,10 @@ pub struct Options {
     pub seed: u64,
     /// How much of the decoded model is measured and stored.
     pub certificate: CertificateLevel,
+    /// Do species share Gaussians?
+    pub sharing: GaussianSharing,
+    /// Will the model get fields? Their moments are of one species each, so that species cannot share Gaussians.
+    pub fields: bool,
     /// What is read of the snapshot, for the file's [`Recipe::read`].
     pub read: BTreeMap<String, String>,
 }
@@ -55,18 +60,28 @@ impl Options {
 
     /// What makes a model in `blocks` blocks, as its file says it.
     pub fn recipe(&self, blocks: u32) -> Recipe {
+        let mut read = self.read.clone();
+        if self.sharing != GaussianSharing::Automatic {
+            read.insert(shared_species::OPTION.into(), self.sharing.to_string());
+        }
         Recipe {
             target: self.target,
             effort: self.effort,
             seed: self.seed,
             law: self.law(),
             training: self.training.as_ref().map(Config::recipe),
-            read: self.read.clone(),
+            read,
             radius: self.radius,
             opacity: self.opacity,
             blocks,
             ..Recipe::default()
         }
+    }
+
+    /// May species share Gaussians where nothing is said about it? Blocks are fitted as those of a job, whose tasks cannot
+    /// tell.
+    pub(super) fn may_share(&self) -> bool {
+        !self.fields && self.training.is_none() && self.blocks.is_none() && self.memory.is_none()
     }
 
     /// The number of blocks in which `particles` are fitted in this process.

@@ -9,6 +9,7 @@ use super::options::Options;
 use super::plan::CompressionPlan;
 use super::search;
 use super::setup::{BlockSetup, StopPolicy};
+use super::shared_species::SharedLayer;
 use super::thickness::Thickness;
 #[cfg(doc)]
 use crate::Error;
@@ -64,6 +65,8 @@ pub struct Compression<'a> {
     options: &'a Options,
     plan: CompressionPlan,
     layer_bounds: Vec<Bounds>,
+    /// Where species share Gaussians.
+    shared: Option<SharedLayer>,
     clock: Clock,
 }
 
@@ -78,9 +81,17 @@ impl<'a> Compression<'a> {
         let mut clock = Clock::default();
         let source = LayeredParticles::from_particles(particles);
         let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, context))?;
-        let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
-        let layer_bounds = scan.layer_bounds(&source);
-        Ok(Compression { particles, options, plan, layer_bounds, clock })
+        let mut plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
+        let mut layer_bounds = scan.layer_bounds(&source);
+        let trial = (plan.gaussians(), plan.metadata.default_radius);
+        let shared = clock.time("fit", || SharedLayer::chosen(particles, options, trial, context))?;
+        if let Some(shared) = &shared {
+            plan.layers = vec![shared.layer()];
+            plan.metadata.shared_species.clone_from(&shared.species);
+            layer_bounds = vec![scan.bounds];
+            plan.notes.push("the particle types share Gaussians".into());
+        }
+        Ok(Compression { particles, options, plan, layer_bounds, shared, clock })
     }
 
     /// What a user should know before blocks are fitted, a sentence each.
@@ -96,18 +107,26 @@ impl<'a> Compression<'a> {
 
     /// Fits and codes the blocks, puts the file together and measures it.
     pub fn run(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
-        let Compression { particles, options, plan, layer_bounds, mut clock } = self;
+        let Compression { particles, options, plan, layer_bounds, shared, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
         let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, context);
         let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
         let (blocks, reached) = {
-            let divide = || InMemoryBlocks::new(particles, &plan.tree, &layer_bounds, options, context);
+            let fitted = shared.as_ref().map_or(particles, |s| &s.particles);
+            let divide = || InMemoryBlocks::new(fitted, &plan.tree, &layer_bounds, options, context);
             let mut store = clock.time("divide", divide)?;
             let setup = BlockSetup { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, context };
             let mut code = |target| -> Result<Vec<CodedBlock>> {
+                let (target, most) = match &shared {
+                    Some(shared) => plan.without_shares(target, shared),
+                    None => (target, None),
+                };
                 do_blocks(&mut store, target, setup, pieces)?;
                 let mut coded = store.take_coded();
+                if let Some(shared) = &shared {
+                    clock.time("fit", || shared.add_shares(&mut coded, most, context))?;
+                }
                 for block in &mut coded {
                     clock.append(std::mem::take(&mut block.clock));
                     trained.append(&mut block.trained);

@@ -3,7 +3,7 @@
 use super::assignment::SoftAssignment;
 use crate::context::Context;
 use crate::math::{Sym3, each_axis};
-use crate::model::{Block, FieldMoments, Mixture, Quantity};
+use crate::model::{Block, FieldMoments, Mixture, Quantity, QuantityKind};
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
@@ -21,6 +21,8 @@ const SPREAD_PRIOR: f64 = 2.0;
 const MOST_EXPLAINED_OF_LOGARITHMS: f64 = 0.25;
 /// Passes over the particles.
 const PASSES: usize = 4;
+/// Shares at least, where particles are weighed by them: a Gaussian in which few were of a class may have more.
+const LEAST_SHARE: f64 = 1e-3;
 /// A spread's variances are no smaller than this part of their sum, where values are weighed by it.
 const LEAST_SPREAD: f64 = 1e-6;
 
@@ -44,12 +46,15 @@ pub struct FieldShape<'a> {
     pub logarithmic: bool,
     /// May particles lack a value (NaN)? These count as the others' mean.
     pub may_lack: bool,
+    /// Are the values 1 for particles of a class, else 0?
+    pub share: bool,
 }
 
 impl<'a> FieldShape<'a> {
     /// What is gathered of a field.
     pub fn new(q: &'a Quantity) -> Self {
-        FieldShape { name: &q.name, components: q.component_names().len(), logarithmic: q.logarithmic, may_lack: false }
+        let (components, share) = (q.component_names().len(), q.kind == QuantityKind::Category);
+        FieldShape { name: &q.name, components, logarithmic: q.logarithmic, may_lack: false, share }
     }
 
     /// Columns of values: one for each component; of a logarithmic field the logarithm, then the value.
@@ -177,6 +182,7 @@ struct BlockFieldSums<'a> {
 struct FieldSums {
     components: usize,
     logarithmic: bool,
+    share: bool,
     /// The first of its columns.
     column: usize,
     /// A row for each Gaussian: number and weight; weighted place from the mean and its products; values, products of values
@@ -277,6 +283,13 @@ impl FieldSums {
             for (k, off) in off.iter_mut().enumerate().take(self.components) {
                 *off = value(k) - l.mean[k] - (0..3).map(|a| l.slope[k][a] * d[a]).sum::<f64>();
             }
+            if self.share {
+                // What is left of the value tells how likely the class is here.
+                let p = (value(0) - off[0]).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
+                *share = share.ln() + value(0) * p.ln() + (1.0 - value(0)) * (1.0 - p).ln();
+                largest = largest.max(*share);
+                continue;
+            }
             let square: f64 = l.inverse.apply(off).iter().zip(off).map(|(a, b)| a * b).sum();
             *share = share.ln() + l.log - 0.5 * square;
             largest = largest.max(*share);
@@ -299,6 +312,7 @@ impl<'a> BlockFieldSums<'a> {
             let mut field = FieldSums {
                 components: c,
                 logarithmic,
+                share: shape.share,
                 column,
                 rows: Vec::new(),
                 all,

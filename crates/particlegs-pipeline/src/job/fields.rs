@@ -32,9 +32,11 @@ impl Job {
     pub(super) fn check_fields(&self, source: &LayeredParticles) -> Result<()> {
         for (layer, chosen) in self.manifest.fields.layers.iter().enumerate() {
             for (number, from) in chosen {
-                let name = &self.manifest.fields.quantities[*number].name;
+                let quantity = &self.manifest.fields.quantities[*number];
+                let name = quantity.class().map_or(&quantity.name[..], |(category, _)| category);
                 let found = source.fields.get(layer).map(|f| f.find(name, from.star_forming()));
-                if !found.is_some_and(|f| f.is_ok_and(|f| f == *from)) {
+                let same = |f: FieldColumns| FieldColumns { class: from.class, wide: from.wide, ..f } == *from;
+                if !found.is_some_and(|f| f.is_ok_and(same)) {
                     return Err(self.changed(&format!("its field `{name}` is different")));
                 }
             }
@@ -96,7 +98,7 @@ impl Job {
                 let components = from.columns.len() as u32;
                 let wide = is_wide(from);
                 // Values come converted.
-                (from.factor, from.temperature) = (1.0, None);
+                (from.factor, from.temperature, from.class) = (1.0, None, None);
                 from.columns = (values.len()..values.len() + from.columns.len()).collect();
                 values.extend(own.chunks(if wide { 2 } else { 1 }).map(numbers));
                 fields.push(SourceField {

@@ -113,14 +113,21 @@ pub(crate) struct FieldColumns {
     pub temperature: Option<GasTemperature>,
     /// May particles lack a value (NaN)?
     pub may_lack: bool,
+    /// Are values whole numbers of few bits?
+    #[serde(default)]
+    pub whole: bool,
+    /// Of a class of a category: the value of its particles. Values are then 1 for these, else 0.
+    #[serde(default)]
+    pub class: Option<f64>,
 }
 
 impl FieldColumns {
     /// Component `k` of the particles of a run, whose columns these are; NaN where they lack them.
     pub fn values<'a>(&'a self, run: &'a [Vec<f64>], k: usize) -> impl Iterator<Item = f64> + 'a {
-        run[self.columns[k]].iter().enumerate().map(move |(i, v)| match &self.temperature {
-            Some(gas) => gas.of(self.factor * v, run, i),
-            None => self.factor * v,
+        run[self.columns[k]].iter().enumerate().map(move |(i, v)| match (&self.temperature, self.class) {
+            (Some(gas), _) => gas.of(self.factor * v, run, i),
+            (_, Some(class)) => f64::from(u8::from(*v == class)),
+            _ => self.factor * v,
         })
     }
 
@@ -320,6 +327,7 @@ impl LayerFields {
             })?;
             found.sources.push(field.name.clone());
             found.wide |= field.number != Number::F32;
+            found.whole = !matches!(field.number, Number::F32 | Number::F64);
             (found.unit, found.factor) = (field.unit.clone(), 1.0);
             if let Some(PhysicalUnit { factor, note }) = field.physical.clone().filter(|_| field.components == 3) {
                 (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(note));
@@ -368,6 +376,7 @@ impl LayerFields {
             temperature,
             may_lack,
             wide: true,
+            ..FieldColumns::default()
         })
     }
 

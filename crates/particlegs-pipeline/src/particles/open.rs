@@ -4,6 +4,7 @@ use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, Particles, Storage, sidecar, sidecar::Sidecar};
 use crate::{Error, Hint, Result};
 use particlegs_files::input::map_file;
+use particlegs_files::memory::require;
 use std::path::{Path, PathBuf};
 
 impl Particles {
@@ -66,7 +67,21 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
         let what = format!("the particles of its `layers` do not add up to the {} in the columns", columns[0].len());
         return Err(Error::input(&sidecar, what));
     }
-    Ok(Particles::from_column_list(columns, origin, meta, layers))
+    with_layer_masses(Particles::from_column_list(columns, origin, meta, layers))
+}
+
+/// With the masses of the layers as weights, where these differ and the files have none: all particles together are weighed
+/// by them, as those of other formats are.
+fn with_layer_masses(particles: Particles) -> Result<Particles> {
+    let layers = particles.layers();
+    let Some(masses) = layers.iter().map(|l| l.mass.unit()).collect::<Option<Vec<f64>>>() else { return Ok(particles) };
+    if particles.weights().is_some() || masses.iter().all(|m| *m == masses[0]) {
+        return Ok(particles);
+    }
+    require("the particles' masses", 4 * particles.len() as u64)?;
+    let mut weights = Vec::with_capacity(particles.len());
+    layers.iter().zip(masses).for_each(|(l, mass)| weights.extend(std::iter::repeat_n(mass as f32, l.content.len())));
+    Ok(particles.with_weights(Column::owned(weights)))
 }
 
 /// Maps a raw little-endian float32 file.
@@ -173,4 +188,28 @@ fn keep_valid(particles: &Particles, count: usize, storage: &Storage) -> Result<
         layers.push(layer.with(first..end));
     }
     Particles::from_buffers(columns, particles.origin, particles.meta.clone(), layers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_of_different_masses_weigh_their_particles() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["xx", "yy", "zz"] {
+            std::fs::write(dir.path().join(name).with_extension("f32"), [0u8; 12]).unwrap();
+        }
+        let open = |masses: [f64; 2]| {
+            let layer = |name: &str, n: usize, mass: f64| {
+                format!("{{\"name\": \"{name}\", \"particles\": {n}, \"particle_mass\": {mass}}}")
+            };
+            let text = format!("{{\"layers\": [{}, {}]}}", layer("dm", 1, masses[0]), layer("gas", 2, masses[1]));
+            std::fs::write(dir.path().join("meta.json"), text).unwrap();
+            Particles::open_raw(&[dir.path().to_path_buf()]).unwrap()
+        };
+        assert_eq!(&open([5.0, 0.5]).weights().unwrap()[..], &[5.0, 0.5, 0.5]);
+        assert!(open([5.0, 0.5]).layers().iter().all(|l| !l.mass.is_weighted()));
+        assert!(open([2.0, 2.0]).weights().is_none());
+    }
 }

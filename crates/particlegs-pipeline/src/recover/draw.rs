@@ -10,7 +10,7 @@ use super::wrap::PeriodicWrap;
 use crate::context::Level;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::FieldMoments;
-use crate::model::Metadata;
+use crate::model::{Metadata, Quantity};
 use crate::particles::Run;
 use crate::space::Bounds;
 use crate::{Error, Result};
@@ -36,6 +36,8 @@ pub(super) struct DrawRules {
     pub weighted: bool,
     /// Names of fields that are sums, whose values are over weights.
     pub extensive: Vec<String>,
+    /// The classes of each category: a field's name, and the value that its particles get.
+    pub categories: Vec<Vec<(String, f64)>>,
     pub simd: Level,
 }
 
@@ -82,6 +84,7 @@ impl DrawRules {
             mean_density: plan.total as f64 / volume,
             wrap: PeriodicWrap::new(metadata.cell.as_ref(), &metadata.bounds),
             weighted: plan.weighted(),
+            categories: categories(&metadata.fields),
             extensive: metadata.fields.iter().filter(|q| q.extensive).map(|q| q.name.clone()).collect(),
             simd,
         }
@@ -111,8 +114,16 @@ impl DrawRules {
         }
         run.fields.clear();
         for (name, field) in layer.layer.content.fields.iter() {
+            let category = self.categories.iter().find(|c| c.iter().any(|(class, _)| class == name));
+            if category.is_some_and(|c| c[0].0 != name) {
+                continue;
+            }
             // A field's draws do not depend on which other fields there are.
             let mut random = Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
+            if let Some(category) = category {
+                run.fields.push(self.draw_category(category, &stretch, &mut random, scratch));
+                continue;
+            }
             self.draw_field(field, &stretch, &mut random, scratch, &mut run.fields);
             if !self.extensive.iter().any(|own| own == name) {
                 continue;
@@ -219,6 +230,37 @@ impl DrawRules {
         }
     }
 
+    /// A category's column: for each particle the value of a class, by the shares at its place.
+    fn draw_category(
+        &self,
+        classes: &[(String, f64)],
+        stretch: &ParticleRun<'_>,
+        random: &mut Random,
+        scratch: &mut DrawScratch,
+    ) -> Vec<f64> {
+        let (layer, n) = (stretch.layer, scratch.position[0].len());
+        let DrawScratch { draws, position, left, .. } = scratch;
+        left.resize(n, 0.0);
+        draws.uniforms(self.simd, random, left);
+        let g = &layer.layer.content;
+        let own: Vec<_> = classes.iter().filter_map(|(name, value)| Some((g.fields.get(name)?, *value))).collect();
+        let mut column = vec![0.0; n];
+        for (gaussian, part) in layer.parts(stretch.first..stretch.first + n as u64) {
+            let mean = g.mean_of(gaussian);
+            for i in part {
+                let from_mean = [0, 1, 2].map(|k| position[k][i] - mean[k]);
+                let share = |field: &FieldMoments| field.mean_at(0, gaussian, from_mean).clamp(0.0, 1.0);
+                let mut rest = left[i] * own.iter().map(|(field, _)| share(field)).sum::<f64>();
+                let drawn = own.iter().find(|(field, _)| {
+                    rest -= share(field);
+                    rest <= 0.0
+                });
+                column[i] = drawn.or(own.last()).map_or(0.0, |(_, value)| *value);
+            }
+        }
+        column
+    }
+
     /// Wraps, rounds to f32 and checks.
     fn finish(&self, layer: &LayerPlan, scratch: &mut DrawScratch, run: &mut Run) -> Result<()> {
         if let Some(wrap) = &self.wrap {
@@ -237,6 +279,17 @@ impl DrawRules {
         }
         Ok(())
     }
+}
+
+/// The classes of each category among `fields`, with their values: numbers, or else their places.
+fn categories(fields: &[Quantity]) -> Vec<Vec<(String, f64)>> {
+    let category = |q: &Quantity| q.class().map(|(category, _)| category.to_string());
+    let groups = fields.chunk_by(|a, b| category(a).is_some() && category(a) == category(b));
+    let class = |(k, q): (usize, &Quantity)| {
+        (q.name.clone(), q.class().and_then(|(_, class)| class.parse().ok()).unwrap_or(k as f64))
+    };
+    let classes = |group: &[Quantity]| group.iter().enumerate().map(class).collect();
+    groups.filter(|g| g[0].class().is_some()).map(classes).collect()
 }
 
 impl SampledGaussian {

@@ -24,7 +24,7 @@ impl Options {
     /// The same, and the fields of each layer of the particles: those that every layer of the model has.
     pub fn draw_with_fields(&self, model: Model, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
         self.check()?;
-        let mut common: Vec<Quantity> = common_fields(&model).into_iter().cloned().collect();
+        let mut common = common_fields(&model);
         // Vectors first, as readers give them.
         common.sort_by_key(|q| q.kind != QuantityKind::Vector);
         let names: Vec<String> = common.iter().map(|q| q.name.clone()).collect();
@@ -34,7 +34,7 @@ impl Options {
         let model = moved(model, origin);
         let local = model.metadata.clone();
         let mut plan = RecoveryPlan::new(model, self.particles, self.method)?;
-        plan.keep_fields(&names);
+        plan.keep_fields(&common);
         require("drawn particles", plan.total.saturating_mul(16 + 8 * components as u64))?;
         let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, context.simd());
         let (columns, mut values) = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;

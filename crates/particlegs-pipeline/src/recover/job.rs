@@ -5,7 +5,7 @@ use super::notes::notes;
 use super::options::Options;
 use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::context::Context;
-use crate::model::{Model, Quantity};
+use crate::model::{Model, Quantity, QuantityKind};
 use crate::particles::{RUN, RawForm, Run, SnapshotDescription, SnapshotLayout, SnapshotWriter};
 use crate::{Error, Result, parallel};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -52,7 +52,7 @@ impl Options {
 /// The files that the columns of a model's fields get in a folder: `velocity_x.f32`, `temperature.f32`. A field that a
 /// layer with particles lacks has none.
 fn field_files(model: &Model) -> Vec<String> {
-    common_fields(model).into_iter().flat_map(column_names).map(|name| format!("{name}.f32")).collect()
+    common_fields(model).iter().flat_map(column_names).map(|name| format!("{name}.f32")).collect()
 }
 
 /// The names of a field's columns in a folder.
@@ -69,11 +69,19 @@ pub fn drawn_fields(folder: &Path) -> Vec<String> {
     names.filter(|name| name.ends_with(".f32")).collect()
 }
 
-/// The fields that every layer has.
-pub(super) fn common_fields(model: &Model) -> Vec<&Quantity> {
+/// The fields that every layer has, with a scalar in the place of the classes of a category.
+pub(super) fn common_fields(model: &Model) -> Vec<Quantity> {
     let has =
         |q: &&Quantity| model.blocks().all(|b| b.gaussians.is_empty() || b.gaussians.fields.get(&q.name).is_some());
-    model.metadata.fields.iter().filter(has).collect()
+    let mut drawn: Vec<Quantity> = Vec::new();
+    for q in model.metadata.fields.iter().filter(has) {
+        match q.class() {
+            None => drawn.push(q.clone()),
+            Some((category, _)) if drawn.last().is_some_and(|d| d.name == category) => {}
+            Some((category, _)) => drawn.push(Quantity::new(category, QuantityKind::Scalar)),
+        }
+    }
+    drawn
 }
 
 /// A name with what some file systems refuse replaced.
@@ -95,17 +103,17 @@ pub fn recover(
     options.check()?;
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
     let fields = if options.form == RawForm::Columns { field_files(&model) } else { Vec::new() };
-    let names = common_fields(&model).into_iter().map(|q| q.name.clone()).collect::<Vec<_>>();
+    let drawn = common_fields(&model);
     let unit_of = |q: &Quantity| q.unit.as_ref().map(|u| u.text.clone());
     let of_columns = |q| Some((unit_of(q)?, column_names(q)));
-    let units = common_fields(&model).into_iter().filter_map(of_columns);
+    let units = drawn.iter().filter_map(of_columns);
     let field_units = units.flat_map(|(unit, names)| names.map(move |name| (name, unit.clone()))).collect();
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let origin = origin_of(&metadata);
     let model = moved(model, origin);
     let local = model.metadata.clone();
     let mut plan = RecoveryPlan::new(model, options.particles, options.method)?;
-    plan.keep_fields(if options.form == RawForm::Columns { &names } else { &[] });
+    plan.keep_fields(if options.form == RawForm::Columns { &drawn } else { &[] });
     let weighted = plan.weighted();
     let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, context.simd());
     let (form, count, wide) = (options.form, plan.total, origin != [0.0; 3]);

@@ -3,7 +3,7 @@
 use super::options::Method;
 use crate::codec::whole_counts;
 use crate::math::Sym3;
-use crate::model::{Block, Layer, Mass, Metadata, Mixture, Model};
+use crate::model::{Block, Layer, Mass, Metadata, Mixture, Model, Quantity};
 use crate::particles::{Particles, RUN, SnapshotMeta};
 use crate::{Error, Result};
 use std::ops::Range;
@@ -79,12 +79,15 @@ impl RecoveryPlan {
         Ok(RecoveryPlan { layers, total })
     }
 
-    /// Keeps these fields of every layer, in their order.
-    pub fn keep_fields(&mut self, names: &[String]) {
+    /// Keeps the fields of every layer that are `drawn`, in their order; of a category all classes.
+    pub fn keep_fields(&mut self, drawn: &[Quantity]) {
         for layer in &mut self.layers {
             let all = std::mem::take(&mut layer.layer.content.fields);
-            let own = names.iter().filter_map(|name| Some((name, all.get(name)?.clone())));
-            own.for_each(|(name, field)| layer.layer.content.fields.set(name, field));
+            for q in drawn {
+                let class = format!("{}=", q.name);
+                let own = all.iter().filter(|(name, _)| *name == q.name || name.starts_with(&class));
+                own.for_each(|(name, field)| layer.layer.content.fields.set(name, field.clone()));
+            }
         }
     }
 

@@ -38,7 +38,7 @@ pub(crate) use evaluate::shot_noise;
 pub(crate) use goal::GoalMetric;
 pub(crate) use held_out::HeldOutPictures;
 pub(crate) use part_sums::PartSums;
-pub(crate) use region::ParticlesWithModel;
+pub(crate) use region::{ParticlesWithModel, particles_of_region};
 #[cfg(test)]
 use science::mass_power;
 pub(crate) use science::spectrum_options;

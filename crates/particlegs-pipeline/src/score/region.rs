@@ -47,11 +47,8 @@ impl<'a> ParticlesWithModel<'a> {
             let (model, particles) = (Cow::Borrowed(model), Cow::Borrowed(particles));
             return Ok((count >= 2).then_some(ParticlesWithModel { model, particles, domain, spacing, sample: None }));
         }
-        let bounds = region(particles, &domain, seed, most.min(IN_REGION));
-        let inside = match particles.select(cropped(&domain, bounds), &Storage::Memory, context) {
-            // Nothing is there, or images of a box that is none.
-            Err(Error::Argument { .. } | Error::Input { .. }) => return Ok(None),
-            inside => inside?,
+        let Some((inside, bounds)) = particles_of_region(particles, &domain, seed, most, context)? else {
+            return Ok(None);
         };
         let sample = Some(Sample { particles: inside.len() as u64, bounds });
         let own = Domain::upright(bounds.min, bounds.extent(), [false; 3]);
@@ -76,6 +73,22 @@ impl<'a> ParticlesWithModel<'a> {
             Err(Error::Argument { .. } | Error::Input { .. }) => Ok(None),
             drawn => drawn.map(Some),
         }
+    }
+}
+
+/// The particles of a region of at most `most`, which `seed` chooses; `None` where there are none.
+pub(crate) fn particles_of_region(
+    particles: &Particles,
+    domain: &Domain,
+    seed: u64,
+    most: u64,
+    context: &Context<'_>,
+) -> Result<Option<(Particles, Bounds)>> {
+    let bounds = region(particles, domain, seed, most.min(IN_REGION));
+    match particles.select(cropped(domain, bounds), &Storage::Memory, context) {
+        // Nothing is there, or images of a box that is none.
+        Err(Error::Argument { .. } | Error::Input { .. }) => Ok(None),
+        inside => Ok(Some((inside?, bounds))),
     }
 }
 
