@@ -85,9 +85,13 @@ def write_json(path, record):
     Path(path).write_text(json.dumps(record, indent=1) + "\n")
 
 
-def write_columns(folder, positions, meta):
-    """Write (N, 3) positions as little-endian float32 columns xx.f32 yy.f32 zz.f32 and meta.json."""
+def write_columns(folder, positions, meta, velocities=None):
+    """Write (N, 3) positions, and velocities in km/s, as little-endian float32 columns xx.f32 ... vx.f32 ..., and meta.json."""
     names = ["xx.f32", "yy.f32", "zz.f32"]
-    for axis, name in enumerate(names):
-        np.ascontiguousarray(positions[:, axis], dtype="<f4").tofile(folder / name)
+    columns = dict(zip(names, positions.T))
+    if velocities is not None:
+        columns |= zip(["vx.f32", "vy.f32", "vz.f32"], velocities.T)
+        meta = {**meta, "field_units": dict.fromkeys(["vx", "vy", "vz"], "km/s")}
+    for name, values in columns.items():
+        np.ascontiguousarray(values, dtype="<f4").tofile(folder / name)
     write_json(folder / "meta.json", {"N": len(positions), "dtype": "<f4", "files": names, **meta})

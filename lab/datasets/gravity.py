@@ -91,7 +91,9 @@ def step(state, lattice, kicks, drift):
 
 
 def simulate(n, box, seed, redshift):
-    """Positions (n^3, 3) in Mpc/h, within [0, box), in the lattice's order; and the number of steps."""
+    """Positions (n^3, 3) in Mpc/h, within [0, box), and peculiar velocities in km/s, in the lattice's order; and the
+    number of steps.
+    """
     moved, momentum = (jnp.asarray(part, jnp.float32).reshape(-1, 3) for part in initial(n, box, seed))
     lattice = jnp.stack(jnp.meshgrid(*[jnp.arange(n, dtype=jnp.float32)] * 3, indexing="ij"), -1).reshape(-1, 3)
     times = scale_factors(1 / (1 + redshift))
@@ -102,7 +104,9 @@ def simulate(n, box, seed, redshift):
         state = step(state, lattice, kicks, jnp.float32(factors(low, high)[0]))
     cells = np.asarray(lattice, np.float64) + np.asarray(state[0], np.float64)
     positions = np.mod(cells * (box / n), box)
-    return within(positions, box), len(times) - 1
+    # a dx/dt, with H0 = 100 km/s a Mpc/h.
+    velocities = np.asarray(state[1], np.float64) * (100 * box / n / times[-1])
+    return within(positions, box), velocities, len(times) - 1
 
 
 def within(positions, box):

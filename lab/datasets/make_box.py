@@ -29,19 +29,20 @@ def main():
     args = arguments(__doc__, [
         ("--seed", {"type": int, "default": 1001}),
         ("--redshift", {"type": float, "default": 0.0}),
+        ("--velocities", {"action": "store_true", "help": "write peculiar velocities in km/s, too"}),
     ])
     n = 32 if args.quick else 128
     box = n * SPACING
     with Whole(args.out) as data:
         from gravity import simulate
 
-        positions, steps = simulate(n, box, args.seed, args.redshift)
+        positions, velocities, steps = simulate(n, box, args.seed, args.redshift)
         about = meta(n, box, args.redshift, args.seed, steps)
-        write_columns(data.part, positions, {"name": args.out.name, **about})
+        write_columns(data.part, positions, {"name": args.out.name, **about}, velocities if args.velocities else None)
         data.describe(
             description=f"dark matter, {n}^3 particles, periodic box of {box:g} Mpc/h, z = {args.redshift:g}, "
             "by particle-mesh",
-            command=command(args.seed, redshift=args.redshift, quick=args.quick),
+            command=command(args.seed, redshift=args.redshift, velocities=args.velocities, quick=args.quick),
             code={**packages(*CODE), "licence": LICENCE},
             seed=args.seed, particles=n**3, box=[box] * 3, periodic=True, unit="Mpc/h, comoving",
             parameters={key: about[key] for key in ("redshift", "z_start", "ic", "mesh", "steps", "step_rule")},

@@ -39,7 +39,7 @@ def main():
     places = [args.out.with_name(f"{args.out.name}-{number}") for number in range(1, 6)]
     from gravity import simulate
 
-    positions, steps = simulate(n, box, args.seed, 0.0)
+    positions, _, steps = simulate(n, box, args.seed, 0.0)
     run = {
         "command": command(args.seed, quick=args.quick), "seed": args.seed,
         "code": {**packages(*CODE), "licence": LICENCE},

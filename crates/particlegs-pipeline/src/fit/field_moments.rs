@@ -13,9 +13,11 @@ use std::ops::Range;
 const RUNS: usize = 16;
 /// Gaussians that one task adds to.
 const RANGE: usize = 256;
-/// Particles that a slope of 0, and the block's own spread, count as.
+/// Particles that a slope of 0 counts as.
 const SLOPE_PRIOR: f64 = 5.0;
-const SPREAD_PRIOR: f64 = 2.0;
+/// Particles that the block's mean spread counts as. Outside haloes it is far above a Gaussian's own, so more of it would
+/// widen velocities there (docs/results/fields.md); without it Gaussians of few particles would have none.
+const SPREAD_PRIOR: f64 = 0.5;
 /// What the slopes of a logarithm explain of its variance across a Gaussian, at most: exponentials of slopes that few
 /// particles suggest would outgrow all others.
 const MOST_EXPLAINED_OF_LOGARITHMS: f64 = 0.25;
