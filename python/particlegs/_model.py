@@ -371,11 +371,13 @@ class Model:
         if mean and bulk != "mean":
             raise InputError(f'bulk is "mean" or three numbers, not {bulk!r}')
         vector = None if bulk is None or mean else [float(v) for v in np.asarray(bulk, dtype=float).reshape(3)]
-        values, unit = self._native.field_map(
+        values, unit, title, scale = self._native.field_map(
             field, window.pixels, window.camera, vector, mean, _coerce.names(layers), threads
         )
         known = {"length_unit": self.length_unit, "hubble": self.metadata["hubble"]}
-        return Map._of(values, extent=window.extent, unit=unit or "", axes=window.axes, **known)
+        return Map._of(
+            values, extent=window.extent, unit=unit or "", axes=window.axes, title=title, scale=scale, **known
+        )
 
     def density_grid(self, cells: int = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None) -> Grid:
         """Density averaged over the cells of a grid: the integral of the mixture over each cell, without shot noise.

@@ -132,7 +132,7 @@ class Model:
         subtract_mean: bool = False,
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
-    ) -> tuple[NDArray[np.float64], Optional[str]]: ...
+    ) -> tuple[NDArray[np.float64], Optional[str], str, str]: ...
     def field_at(
         self,
         field: str,

@@ -187,15 +187,12 @@ pub fn run(a: &Arguments) -> Result<()> {
         of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
         style: style_name.clone(),
         colormap: density.then(|| colormap.name().into()),
-        field: a.field.field.clone(),
-        unit: match &field {
-            Some((f, _)) => Some(f.legend.unit.clone()),
-            None => density.then(|| quantities.unit()),
-        },
+        unit: density.then(|| quantities.unit()),
         units: Some(PictureUnits::new(particles.meta.unit_system())),
         background: ground,
         ..PictureProvenance::default()
     };
+    let about = field.iter().fold(about, |about, (f, _)| a.field.stored(f, about));
     let (args, quantities) = (&a.figure, &quantities);
     let legend = field.as_ref().map(|(f, _)| f.legend.clone());
     let finish = Finisher { args, colormap, field: legend, quantities, subject: &subject, legend: Vec::new(), about };

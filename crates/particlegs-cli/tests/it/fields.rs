@@ -198,7 +198,10 @@ fn maps_of_a_model_are_those_of_its_particles() {
 
     dir.runs("render m.pgs --field temperature --scale log --size 64x48 -o t.png");
     dir.runs("render m.pgs --field velocity.los --bulk mean --shade --size 64x48 -o v.png");
-    dir.runs("render m.pgs --like v.png --bulk mean --field velocity.los --shade -o again.png");
+    dir.runs("render m.pgs --like v.png -o again.png");
+    assert_eq!(std::fs::read(dir.at("v.png")).unwrap(), std::fs::read(dir.at("again.png")).unwrap());
+    dir.runs("render m.pgs --like v.png --scale linear -o linear.png");
+    dir.fails("render m.pgs --shade -o no.png", 2, "--shade has no effect here; it applies to maps of a field");
     dir.runs("render m.pgs --field dispersion.los --turntable 3 --size 64x48 -o frames");
     dir.runs("reference snap --field dispersion.temperature --size 64x48 --background white -o d.pdf");
     for (options, what) in [

@@ -20,12 +20,15 @@ use std::f64::consts::{FRAC_1_SQRT_2, LN_10, PI};
 const CUT: f64 = 30.0;
 /// A slab that leaves less of a Gaussian at a pixel leaves nothing.
 const LEAST_SHARE: f64 = 1e-9;
+/// Pixels with less than this of what one particle gives, over the disc of its default radius or a pixel where that is
+/// larger, count as empty: tails of Gaussians, where values mean nothing.
+const LEAST_DENSITY: f64 = 1e-4;
 /// Planes that are summed up.
 const SUMS: usize = 4;
 /// Rows that one task draws.
 const BAND: usize = 16;
 
-/// A field on the picture plane. Values are NaN where there is no mass.
+/// A field on the picture plane. Values are NaN where there is no mass, or less than 1e-4 of what one particle gives.
 #[derive(Clone, Debug)]
 pub struct FieldMap {
     /// Mean weighted by surface density, in the field's unit.
@@ -57,8 +60,9 @@ pub fn field_map(
     let unit = |mass: f64| if query.per_area { 1.0 } else { mass };
     let has_it = scene.parts.iter().filter(|(m, _)| m.fields.get(&query.name).is_some());
     let all: Vec<(&Mixture, f64)> = has_it.map(|&(m, mass)| (m, unit(mass))).collect();
-    let range = range(&all, query)?;
+    let FieldRange { range, half_width } = FieldRange::new(&all, query)?;
     let reference = overall_mean(&all, query);
+    let least = least_density(scene, &all, query, Lens::density(view, size, [0.0; 3])?.unit);
     let scene = Scene { parts: all, shifts: scene.shifts.clone(), ..*scene };
     let cell = view.centered_cell();
     let parts: Vec<Cow<'_, Mixture>> =
@@ -87,38 +91,61 @@ pub fn field_map(
             Some(values) => (f64::from(values.data[i]) / w, LN_10),
             None => (reference + own, 1.0),
         };
-        *d = (variance.sqrt() / unit) as f32;
+        *d = (variance.sqrt().min(half_width) / unit) as f32;
         let value = value.clamp(range[0], range[1]);
         *m = if query.per_area { w * value } else { value } as f32;
-        if w <= 0.0 {
+        if w.is_nan() || w <= least {
             (*m, *d) = (f32::NAN, f32::NAN);
         }
     }
     Ok(FieldMap { mean, dispersion, density })
 }
 
-/// The least and largest value that the number can have.
-fn range(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<[f64; 2]> {
-    let FieldQuery { name, component, bulk, .. } = query;
-    let fields: Vec<&FieldMoments> = parts.iter().filter_map(|(m, _)| m.fields.get(name)).collect();
-    let Some(first) = fields.first() else { return Err(Error::argument(format!("the model has no field `{name}`"))) };
-    let wanted = if *component == MapComponent::Scalar { 1 } else { 3 };
-    if first.components() != wanted {
-        let kind = if first.components() == 1 { "a scalar" } else { "a vector" };
-        return Err(Error::argument(format!("field `{name}` is {kind}: it has no such component")));
-    }
-    let of = |k: usize, shift: f64| {
-        let ends = fields.iter().map(|f| f.value_range(k));
-        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a - shift), hi.max(b - shift)])
-    };
-    Ok(match component {
-        MapComponent::Scalar => of(0, 0.0),
-        MapComponent::Axis(k) => of(*k, bulk[*k]),
-        MapComponent::LineOfSight => {
-            let farthest: [f64; 3] = each_axis(|k| of(k, bulk[k]).map(f64::abs).into_iter().fold(0.0, f64::max));
-            [-norm(farthest), norm(farthest)]
+/// The surface density below which a pixel counts as empty; a world unit squared has `pixels`.
+fn least_density(scene: &Scene, parts: &[(&Mixture, f64)], query: &FieldQuery, pixels: f64) -> f64 {
+    let count = |m: &Mixture| m.count.iter().sum::<f64>();
+    let all = scene.parts().map(count).sum::<f64>() * scene.shifts.len() as f64;
+    let radius = scene.bounds.default_radius(all as u64);
+    let weights = parts.iter().map(|(m, unit)| (0..m.len()).map(|i| query.weight.of(m, *unit, i)).sum::<f64>());
+    let particles: f64 = parts.iter().map(|(m, _)| count(m)).sum();
+    LEAST_DENSITY * weights.sum::<f64>() / particles.max(1.0) * pixels.min(1.0 / (PI * radius * radius))
+}
+
+/// Which values the number can have.
+struct FieldRange {
+    /// The least and the largest.
+    range: [f64; 2],
+    /// Half the difference, of a logarithmic field that of the logarithms: no distribution has a larger dispersion.
+    half_width: f64,
+}
+
+impl FieldRange {
+    fn new(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<FieldRange> {
+        let FieldQuery { name, component, bulk, .. } = query;
+        let fields: Vec<&FieldMoments> = parts.iter().filter_map(|(m, _)| m.fields.get(name)).collect();
+        let Some(first) = fields.first() else {
+            return Err(Error::argument(format!("the model has no field `{name}`")));
+        };
+        let wanted = if *component == MapComponent::Scalar { 1 } else { 3 };
+        if first.components() != wanted {
+            let kind = if first.components() == 1 { "a scalar" } else { "a vector" };
+            return Err(Error::argument(format!("field `{name}` is {kind}: it has no such component")));
         }
-    })
+        let joined = |ends: &mut dyn Iterator<Item = [f64; 2]>| {
+            ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a), hi.max(b)])
+        };
+        let of = |k: usize, shift: f64| joined(&mut fields.iter().map(|f| f.value_range(k).map(|v| v - shift)));
+        let range = match component {
+            MapComponent::Scalar => of(0, 0.0),
+            MapComponent::Axis(k) => of(*k, bulk[*k]),
+            MapComponent::LineOfSight => {
+                let farthest: [f64; 3] = each_axis(|k| of(k, bulk[k]).map(f64::abs).into_iter().fold(0.0, f64::max));
+                [-norm(farthest), norm(farthest)]
+            }
+        };
+        let [lo, hi] = if first.excess.is_some() { joined(&mut fields.iter().map(|f| f.range[0])) } else { range };
+        Ok(FieldRange { range, half_width: 0.5 * (hi - lo) })
+    }
 }
 
 /// What is subtracted before squares are added up: the mean of all, so that dispersions keep their digits.
@@ -595,6 +622,23 @@ mod tests {
             // Of second order in the angle that a Gaussian fills.
             assert!(off < 0.12, "{name} {component:?}, perspective: {off}");
         }
+    }
+
+    #[test]
+    fn tails_are_empty_and_no_dispersion_exceeds_half_the_range() {
+        let mut m = Mixture::new(false);
+        let mut field = FieldMoments { range: vec![[0.0, 1.0]], ..FieldMoments::new(1) };
+        m.push([0.0; 3], Sym3::scaled_identity(0.04), 100.0, 0.0);
+        (field.mean[0], field.spread[0]) = (vec![0.5], vec![0.01]);
+        field.slope[0] = [vec![10.0], vec![0.0], vec![0.0]];
+        m.fields.set("scalar", field);
+        let v = view(Projection::Orthographic { height_world: 4.0 }, [0.0, 18.0]);
+        let scene = Scene::from_mixture(&m, Bounds { min: [-5.0; 3], max: [5.0; 3] });
+        let map = field_map(&scene, &query("scalar", MapComponent::Scalar), &v, SIZE, &Context::SILENT).unwrap();
+        let seen = map.mean.data.iter().filter(|v| v.is_finite()).count();
+        let reached = map.density.data.iter().filter(|w| **w > 0.0).count();
+        assert!(seen > 100 && 10 * seen < 8 * reached, "{seen} {reached}");
+        assert!(map.dispersion.data.iter().all(|d| d.is_nan() || *d <= 0.5));
     }
 
     #[test]
