@@ -41,6 +41,8 @@ pub(crate) const BLOCK: Tag = *b"BLOK";
 pub(crate) const STAGE: Tag = *b"FiNE";
 /// The moments of a field of a block.
 pub const FIELD: [u8; 4] = *b"fiEL";
+/// Correlations between two scalar fields of a block.
+pub const CORRELATION: [u8; 4] = *b"fiCO";
 /// Where the sections lie.
 pub(crate) const INDEX: Tag = *b"iNDX";
 

@@ -1,8 +1,9 @@
 //! Model files to models, whole or piece by piece.
 
-use super::container::FIELD;
+use super::container::{CORRELATION, FIELD};
 use super::decoder::{self, BlockDecoder};
 use super::field::decode_field;
+use super::field_correlation::decode_correlation;
 use super::file::{BlockPart, FileParts, parts};
 use super::info::FileInfo;
 use crate::context::Context;
@@ -41,8 +42,9 @@ struct PartialBlock {
     offset: usize,
     bytes: Vec<u8>,
     state: BlockState,
-    /// Sections of fields; none of a block that lacks stages.
+    /// Sections of fields and of their correlations; none of a block that lacks stages.
     fields: Vec<Vec<u8>>,
+    correlations: Vec<Vec<u8>>,
 }
 
 enum BlockState {
@@ -75,9 +77,13 @@ impl<'a> Decoder<'a> {
                 } else {
                     BlockState::Coarse(decoder::part(&block.bytes, decoder::Ending::Stage).map_err(at)?)
                 };
-                let fields = block.sections.iter().filter(|s| s.tag == FIELD && block.is_whole());
-                let fields = fields.map(|s| s.bytes.to_vec()).collect();
-                blocks.push(PartialBlock { layer, offset: block.offset, bytes: block.bytes.to_vec(), state, fields });
+                let sections = |tag: [u8; 4]| {
+                    let own = block.sections.iter().filter(move |s| s.tag == tag && block.is_whole());
+                    own.map(|s| s.bytes.to_vec()).collect()
+                };
+                let (fields, correlations) = (sections(FIELD), sections(CORRELATION));
+                let (offset, bytes) = (block.offset, block.bytes.to_vec());
+                blocks.push(PartialBlock { layer, offset, bytes, state, fields, correlations });
             }
         }
         let info = FileInfo::new(parts, &file);
@@ -157,6 +163,9 @@ impl<'a> Decoder<'a> {
             for section in &b.fields {
                 fields_of(&mut block, section, quantities).map_err(|what| corrupt(place, b.offset, what))?;
             }
+            for section in &b.correlations {
+                correlation_of(&mut block, section, quantities).map_err(|what| corrupt(place, b.offset, what))?;
+            }
             Ok::<_, Error>(block)
         })?;
         let mut decoded = decoded.into_iter();
@@ -191,6 +200,24 @@ fn fields_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::res
         return Err(format!("field `{}` is there twice or has {} components", quantity.name, moments.components()));
     }
     block.gaussians.fields.set(&quantity.name, moments);
+    Ok(())
+}
+
+/// Adds the correlations of a section to its block, whose fields are there.
+fn correlation_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::result::Result<(), String> {
+    let (numbers, correlations) = decode_correlation(section, &block.gaussians)?;
+    let g = &mut block.gaussians;
+    let name = |n: u8| {
+        let quantity = fields.get(usize::from(n)).filter(|q| q.kind == QuantityKind::Scalar);
+        quantity.filter(|q| g.fields.get(&q.name).is_some()).map(|q| &q.name[..])
+    };
+    let (Some(a), Some(b)) = (name(numbers[0]), name(numbers[1])) else {
+        return Err("a correlation names a field that is no scalar of its block".into());
+    };
+    if g.correlation(a, b).is_some() {
+        return Err(format!("the correlation of `{a}` and `{b}` is there twice"));
+    }
+    g.fields.get_mut(a).into_iter().for_each(|field| field.correlations.set(b, correlations.clone()));
     Ok(())
 }
 

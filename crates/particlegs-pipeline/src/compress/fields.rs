@@ -4,7 +4,7 @@
 use super::CompressedModel;
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
-use crate::fit::{FieldShape, gather};
+use crate::fit::{FieldShape, correlations, gather};
 use crate::model::{Certificate, LawKind, Model, Quantity, QuantityKind, Unit};
 use crate::particles::{ChunkBuffer, FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use crate::reference::FieldValues;
@@ -240,7 +240,14 @@ impl<'a> FieldSelection<'a> {
             let read = |run: u64, out: &mut Vec<Vec<f64>>| self.read(index, run, out);
             let (blocks, shapes) = (&model.layers[at].content, self.shapes(index));
             let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
-            for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
+            let particles = self.particles.of_layer(layer);
+            let pairs = correlations(blocks, &particles, (&shapes, &gathered), &read, None, context)?;
+            for (((block, stored), fields), pairs) in blocks.iter().zip(&mut coded[at].content).zip(gathered).zip(pairs) {
+                for pair in pairs {
+                    let numbers = pair.fields.map(|f| chosen[f].0 as u8);
+                    let bytes = codec::encode_correlation(numbers, &pair.values, &block.gaussians);
+                    stored.sections.push(StoredSection { tag: codec::CORRELATION, bytes });
+                }
                 for ((n, _), f) in chosen.iter().zip(fields) {
                     let bytes = codec::encode_field(
                         (*n as u8, &self.plan.quantities[*n]),
