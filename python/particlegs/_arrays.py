@@ -119,7 +119,7 @@ class Map(_Placed):
     ) -> AxesImage:
         """Draws the map with axes, units and a colour bar.
 
-        Densities have logarithmic colours, fields those of their `scale`. Pixels of a field without mass are transparent.
+        Densities have logarithmic colours, fields those of their `scale`; pixels of these without mass are transparent.
 
         Parameters
         ----------
@@ -193,7 +193,8 @@ class Map(_Placed):
             low, top = (float(v) for v in np.percentile(there, (1.0, 99.0))) if there.size else (1.0, 10.0)
         low, top = low if vmin is None else vmin, top if vmax is None else vmax
         if not low < top:
-            low, top = (low / 1.5, low * 1.5) if logarithmic else (low - 0.5 * (abs(low) or 1), low + 0.5 * (abs(low) or 1))
+            half = 0.5 * (abs(low) or 1.0)
+            low, top = (low / 1.5, low * 1.5) if logarithmic else (low - half, low + half)
         colors = plt.get_cmap(cmap or ("coolwarm" if self.scale == "signed" else "viridis"))
         return np.ma.masked_invalid(values), colors, LogNorm(low, top) if logarithmic else Normalize(low, top)
 

@@ -251,7 +251,7 @@ impl Model {
     }
 
     /// Mean of a field along the lines of sight, its unit, what it is, and the scale of its colours.
-    #[pyo3(signature = (field, size, camera, bulk=None, subtract_mean=false, layers=None, threads=None))]
+    #[pyo3(signature = (field, size, camera, bulk=None, subtract_mean=false, weight="mass", layers=None, threads=None))]
     fn field_map<'py>(
         &self,
         py: Python<'py>,
@@ -260,6 +260,7 @@ impl Model {
         camera: CameraArgs,
         bulk: Option<[f64; 3]>,
         subtract_mean: bool,
+        weight: &str,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<String>, String, &'static str)> {
@@ -268,6 +269,9 @@ impl Model {
         let view = self.looking().density_view(&view, size);
         let shown = self.shown(layers.as_deref())?;
         let mut query = FieldQuery::new(field, &self.model.metadata.fields).or_raise()?;
+        if weight != "mass" {
+            query = query.weighted(weight, &self.model.metadata.fields).or_raise()?;
+        }
         if subtract_mean {
             query.bulk = mean_vector(&self.model.layers, &query.name);
         }

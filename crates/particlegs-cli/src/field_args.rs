@@ -7,7 +7,7 @@ use crate::drawing::provenance::PictureProvenance;
 use clap::Args;
 use particlegs_pipeline::model::{Model, Quantity};
 use particlegs_pipeline::picture::{Colormap, ValueScale};
-use particlegs_pipeline::render::{FieldMap, FieldQuery, FieldWeight, MapComponent, first_means, mean_vector};
+use particlegs_pipeline::render::{FieldMap, FieldQuery, MapComponent, first_means, mean_vector};
 use particlegs_pipeline::{Error, NamedValue, Result};
 
 #[derive(Args, Clone, Debug)]
@@ -27,8 +27,11 @@ pub struct FieldArgs {
     #[arg(long, value_name = "mean|X,Y,Z", hide_short_help = true, allow_hyphen_values = true)]
     pub bulk: Option<String>,
     /// Weight of means along the line of sight [default: mass].
-    #[arg(long, value_name = "WEIGHT", hide_short_help = true, value_parser = named::<FieldWeight>())]
-    pub field_weight: Option<FieldWeight>,
+    ///
+    /// mass, count (all particles alike), or the name of a positive scalar field: its value times mass. Both fields must be
+    /// in the model.
+    #[arg(long, value_name = "mass|count|NAME", hide_short_help = true)]
+    pub field_weight: Option<String>,
     /// Shade the field's colours by surface density: bright where there is much mass.
     #[arg(long, hide_short_help = true)]
     pub shade: bool,
@@ -60,7 +63,7 @@ impl FieldArgs {
             field: self.field.clone(),
             scale: Some(choice.legend.scale.name().into()),
             bulk: self.bulk.clone(),
-            field_weight: self.field_weight.map(|w| w.name().into()),
+            field_weight: self.field_weight.clone(),
             shade: self.shade,
             colormap: choice.legend.map.map(|m| m.name().into()),
             unit: Some(choice.legend.unit.clone()),
@@ -73,9 +76,7 @@ impl FieldArgs {
         if let (None, Some(name)) = (self.scale, &told.scale) {
             self.scale = Some(ValueScale::from_name(name)?);
         }
-        if let (None, Some(name)) = (self.field_weight, &told.field_weight) {
-            self.field_weight = Some(FieldWeight::from_name(name)?);
-        }
+        self.field_weight = self.field_weight.take().or_else(|| told.field_weight.clone());
         self.bulk = self.bulk.take().or_else(|| told.bulk.clone());
         self.shade |= told.shade;
         Ok(())
@@ -91,12 +92,8 @@ impl FieldArgs {
 
     pub fn choice(&self, name: &str, source: &FieldSource<'_>, map: Option<Colormap>) -> Result<FieldChoice> {
         let mut query = FieldQuery::new(name, source.quantities)?;
-        if let Some(weight) = self.field_weight {
-            if query.per_area {
-                let what = format!("--field-weight needs a mean, but field `{}` is a sum over particles", query.name);
-                return Err(Error::argument(what));
-            }
-            query.weight = weight;
+        if let Some(weight) = &self.field_weight {
+            query = query.weighted(weight, source.quantities)?;
         }
         if let Some(text) = &self.bulk {
             if query.component == MapComponent::Scalar {

@@ -471,3 +471,55 @@ fn positions_and_fields_meet_a_size_together() {
     dir.fails("compress snap -o no.pgs --size-total 5kB", 2, "required arguments were not provided");
     dir.fails(&format!("compress snap -o no.pgs {options} --size-total 5kB --ratio 3"), 2, "cannot be used with");
 }
+
+#[test]
+fn cold_gas_is_dense_in_weighted_maps_and_recovered_particles() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    let (y, t) = (read(&dir.at("snap"), "yy"), read(&dir.at("snap"), "temperature"));
+    // What the temperature differs by at its place, in deviations, and the density with it.
+    let off = |y: &[f64], t: &[f64]| -> Vec<f64> { y.iter().zip(t).map(|(y, t)| (t - 1e4 - 1e3 * y) / 50.0).collect() };
+    let density = |(i, e): (usize, &f64)| (0.5 * Random::new(8, 0, i as u64).normal() - e).exp() as f32;
+    write(&dir.at("snap"), "Density", &off(&y, &t).iter().enumerate().map(density).collect::<Vec<_>>());
+    let [said, _] =
+        dir.runs("compress snap -o m.pgs --gaussians 40 --certificate none --fields temperature,Density,velocity");
+    assert!(said.contains("correlations: "), "{said}");
+
+    let window = "--projection orthographic --center 0,0,0 --width 6 --size 12x9 --raw --field temperature";
+    let mean_change = |command: &str| {
+        dir.runs(&format!("{command} {window} -o plain"));
+        dir.runs(&format!("{command} {window} --field-weight density -o dense"));
+        let [plain, dense] = ["plain", "dense"].map(|folder| read(&dir.at(folder), "view"));
+        let off: Vec<f64> = plain.iter().zip(dense).map(|(a, b)| b - a).filter(|v| v.is_finite()).collect();
+        off.iter().sum::<f64>() / off.len() as f64
+    };
+    // A deviation colder.
+    let truth = mean_change("reference snap");
+    assert!((truth + 50.0).abs() < 15.0, "{truth}");
+    let model = mean_change("render m.pgs");
+    assert!((model + 50.0).abs() < 12.0, "{model}");
+    dir.runs("merge m.pgs --fields Density,temperature -o swapped.pgs");
+    let swapped = mean_change("render swapped.pgs");
+    assert!((swapped - model).abs() < 1e-3, "{swapped}");
+    dir.runs("simplify m.pgs -o small.pgs --gaussians 20");
+    let small = mean_change("render small.pgs");
+    assert!((small + 50.0).abs() < 25.0, "{small}");
+
+    dir.runs("recover m.pgs -o again");
+    let [y, t, d] = ["yy", "temperature", "Density"].map(|name| read(&dir.at("again"), name));
+    let (e, d): (Vec<f64>, Vec<f64>) = (off(&y, &t), d.iter().map(|v| v.ln()).collect());
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    let with = |a: &[f64], b: &[f64]| {
+        let (x, y) = (mean(a), mean(b));
+        a.iter().zip(b).map(|(a, b)| (a - x) * (b - y)).sum::<f64>()
+    };
+    let r = with(&e, &d) / (with(&e, &e) * with(&d, &d)).sqrt();
+    assert!((-0.95..-0.75).contains(&r), "{r}");
+    for (options, what) in [
+        ("--field velocity.x --field-weight Density", "is a vector: its means are weighted by mass or count alone"),
+        ("--field temperature --field-weight velocity", "field `velocity` is not a scalar"),
+        ("--field temperature --field-weight heat", "there is no field `heat` to weigh means by"),
+    ] {
+        dir.fails(&format!("render m.pgs {options} -o no.png"), 2, what);
+    }
+}

@@ -2,7 +2,7 @@
 //! already decoded, and coded in steps of each Gaussian's own standard error.
 
 use super::exact::{exp, exp_twice, to_five};
-use super::field_number::{DecodedGaussians, FieldNumbers, expected};
+use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
 use super::sums::compensated;
 use super::wire::WireReader;
@@ -171,8 +171,8 @@ struct FieldWalk<'a> {
     /// Logarithm of the spread, and shape numbers.
     logs: Vec<f64>,
     shapes: Vec<[f64; 5]>,
-    done: DecodedGaussians<'a>,
-    models: [FieldNumbers; 5],
+    done: FieldPredictor<'a>,
+    models: [FieldNumberCoder; 5],
 }
 
 impl<'a> FieldWalk<'a> {
@@ -187,8 +187,8 @@ impl<'a> FieldWalk<'a> {
             out,
             logs: vec![0.0; n],
             shapes: vec![[0.0; 5]; if components == 3 { n } else { 0 }],
-            done: DecodedGaussians::new(gaussians),
-            models: std::array::from_fn(|_| FieldNumbers::default()),
+            done: FieldPredictor::new(gaussians),
+            models: std::array::from_fn(|_| FieldNumberCoder::default()),
         }
     }
 
@@ -217,7 +217,8 @@ impl<'a> FieldWalk<'a> {
             // A mean lies within 2^18 steps of any guess.
             let least = 0.5 * libm::log((width * width * n).max(1e-200)) - 20.0 * std::f64::consts::LN_2;
             let target = wanted_logs.map(|w| w.0.max(least));
-            self.logs[i] = self.models[0].code(c, [guess, variance], [error, step], target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
+            self.logs[i] =
+                self.models[0].code(c, [guess, variance], [error, step], target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
             let spread = exp(self.logs[i]);
             // Means.
             let error = spread / root;

@@ -1,7 +1,7 @@
 //! Correlations between two scalar fields of a block's Gaussians as bytes (docs/format.md, section 14).
 
 use super::exact::exp;
-use super::field_number::{DecodedGaussians, FieldNumbers, expected};
+use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
 use super::wire::WireReader;
 use crate::math::{each_axis, norm};
@@ -45,7 +45,8 @@ impl CorrelationHeader {
 
 /// Encodes the correlations of two fields, by their numbers, of a block's decoded Gaussians.
 pub fn encode_correlation(fields: [u8; 2], correlations: &[f64], gaussians: &Mixture) -> Vec<u8> {
-    let wanted: Vec<f64> = correlations.iter().map(|r| libm::atanh(r.clamp(-1.0, 1.0)).clamp(-LARGEST, LARGEST)).collect();
+    let wanted: Vec<f64> =
+        correlations.iter().map(|r| libm::atanh(r.clamp(-1.0, 1.0)).clamp(-LARGEST, LARGEST)).collect();
     let header = CorrelationHeader { fields, ..statistics(&wanted, gaussians) };
     let mut writer = RansWriter::default();
     // Every number is within the range that the walk accepts.
@@ -69,14 +70,13 @@ pub(crate) fn decode_correlation(bytes: &[u8], gaussians: &Mixture) -> Result<([
     Ok((header.fields, numbers.into_iter().map(correlation).collect()))
 }
 
-
 fn walk(
     header: &CorrelationHeader,
     g: &Mixture,
     c: &mut impl Coder,
     wanted: Option<&[f64]>,
 ) -> Result<Vec<f64>, String> {
-    let (mut out, mut done, mut models) = (vec![0.0; g.len()], DecodedGaussians::new(g), FieldNumbers::default());
+    let (mut out, mut done, mut models) = (vec![0.0; g.len()], FieldPredictor::new(g), FieldNumberCoder::default());
     for i in 0..g.len() {
         let n = g.count[i];
         if n < 1.0 {

@@ -19,14 +19,14 @@ const MOST_STEPS: i32 = 1 << 20;
 type Near = Vec<(f64, u32)>;
 
 /// The Gaussians of a block that are decoded, in order.
-pub(super) struct DecodedGaussians<'a> {
+pub(super) struct FieldPredictor<'a> {
     gaussians: &'a Mixture,
     done: Vec<u32>,
 }
 
-impl<'a> DecodedGaussians<'a> {
+impl<'a> FieldPredictor<'a> {
     pub fn new(gaussians: &'a Mixture) -> Self {
-        DecodedGaussians { gaussians, done: Vec::with_capacity(gaussians.len()) }
+        FieldPredictor { gaussians, done: Vec::with_capacity(gaussians.len()) }
     }
 
     pub fn push(&mut self, i: usize) {
@@ -75,17 +75,17 @@ pub(super) fn expected(near: &Near, weights: &[f64], start: f64, value: impl Fn(
 }
 
 /// Models of one kind of numbers, by the class of what is expected.
-pub(super) struct FieldNumbers(Vec<Residual<32>>);
+pub(super) struct FieldNumberCoder(Vec<Residual<32>>);
 
-impl Default for FieldNumbers {
+impl Default for FieldNumberCoder {
     fn default() -> Self {
         // Spreads in steps, by the class.
         let model = |class: usize| Residual::bell((LEAST_CLASS * (1u64 << class) as f64).sqrt());
-        FieldNumbers((0..CLASSES).map(model).collect())
+        FieldNumberCoder((0..CLASSES).map(model).collect())
     }
 }
 
-impl FieldNumbers {
+impl FieldNumberCoder {
     /// A number in whole steps from a guess that is expected to be off by `variance`.
     #[inline(always)]
     pub fn code(
@@ -117,4 +117,3 @@ fn class(square: f64) -> usize {
     }
     class
 }
-

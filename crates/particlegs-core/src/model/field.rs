@@ -44,7 +44,8 @@ impl FieldMoments {
 
     /// Of the same kind, without Gaussians.
     pub fn same_kind(&self) -> Self {
-        let own = if self.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(self.components()) };
+        let own =
+            if self.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(self.components()) };
         FieldMoments { correlations: self.correlations.map(|_| Vec::new()), ..own }
     }
 

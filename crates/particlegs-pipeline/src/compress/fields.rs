@@ -177,7 +177,7 @@ impl<'a> FieldSelection<'a> {
                 }
             }
         }
-        Ok(FieldValues { columns, logarithmic: self.plan.quantities[number].logarithmic })
+        Ok(FieldValues { columns, logarithmic: self.plan.quantities[number].logarithmic, by: None })
     }
 
     /// The places of a layer's fields in the list.
@@ -242,7 +242,8 @@ impl<'a> FieldSelection<'a> {
             let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
             let particles = self.particles.of_layer(layer);
             let pairs = correlations(blocks, &particles, (&shapes, &gathered), &read, None, context)?;
-            for (((block, stored), fields), pairs) in blocks.iter().zip(&mut coded[at].content).zip(gathered).zip(pairs) {
+            for (((block, stored), fields), pairs) in blocks.iter().zip(&mut coded[at].content).zip(gathered).zip(pairs)
+            {
                 for pair in pairs {
                     let numbers = pair.fields.map(|f| chosen[f].0 as u8);
                     let bytes = codec::encode_correlation(numbers, &pair.values, &block.gaussians);

@@ -50,9 +50,12 @@ pub(super) fn join_fields(
         };
         let gathered = gather(&layer.content, &points, &shapes, &read, context)?;
         let pairs = joined_correlations(&layer.content, &points, (&shapes, &gathered), g, context)?;
-        for (((block, stored), gathered), pairs) in layer.content.iter().zip(&mut stored.content).zip(gathered).zip(pairs) {
+        for (((block, stored), gathered), pairs) in
+            layer.content.iter().zip(&mut stored.content).zip(gathered).zip(pairs)
+        {
             for pair in pairs {
-                let bytes = codec::encode_correlation(pair.fields.map(|f| there[f].0 as u8), &pair.values, &block.gaussians);
+                let bytes =
+                    codec::encode_correlation(pair.fields.map(|f| there[f].0 as u8), &pair.values, &block.gaussians);
                 stored.sections.push(StoredSection { tag: codec::CORRELATION, bytes });
             }
             for ((number, q), mut f) in there.iter().zip(gathered) {

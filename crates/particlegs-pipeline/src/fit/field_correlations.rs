@@ -83,7 +83,9 @@ pub fn correlations(
             parallel::for_each_chunk(sums, pairs.len() * RANGE, |task, rows| {
                 let first = (task * RANGE) as u32;
                 let last = first + (rows.len() / pairs.len()) as u32;
-                batch.iter().for_each(|run| run.add_to(rows, &pairs, (block as u32, first..last), (fields.len(), within)));
+                batch
+                    .iter()
+                    .for_each(|run| run.add_to(rows, &pairs, (block as u32, first..last), (fields.len(), within)));
             });
         }
         context.advance(batch.iter().map(|r| r.particles as u64).sum());
@@ -107,13 +109,13 @@ struct CorrelationPass<'a> {
 /// Shares of a run's particles, sorted by block and Gaussian.
 struct RunResiduals {
     particles: usize,
-    shares: Vec<Share>,
+    shares: Vec<ParticleShare>,
     /// For each share, what each field differs by from its mean; NaN where there is no value.
     residuals: Vec<f64>,
 }
 
 /// The share of a particle in a Gaussian.
-struct Share {
+struct ParticleShare {
     block: u32,
     gaussian: u32,
     particle: usize,
@@ -157,7 +159,7 @@ impl CorrelationPass<'_> {
             let total: f64 = own.iter().map(|s| s.1).sum();
             let number = values.get(self.number).map_or(1.0, |n| n[i]);
             let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
-            out.extend(own.iter().enumerate().map(|(k, &(gaussian, share))| Share {
+            out.extend(own.iter().enumerate().map(|(k, &(gaussian, share))| ParticleShare {
                 block: block as u32,
                 gaussian,
                 particle: start + i,
@@ -272,8 +274,7 @@ mod tests {
             Ok(())
         };
         let moments = gather(&blocks, &particles, &shapes, &read, &Context::SILENT).unwrap();
-        let found =
-            correlations(&blocks, &particles, (&shapes, &moments), &read, None, &Context::SILENT).unwrap();
+        let found = correlations(&blocks, &particles, (&shapes, &moments), &read, None, &Context::SILENT).unwrap();
         let [one] = &found[0][..] else { panic!("one pair") };
         assert_eq!(one.fields, [0, 1]);
         assert!((one.values[0] - 0.8).abs() < 0.01 && (one.values[1] + 0.5).abs() < 0.02, "{:?}", one.values);

@@ -112,14 +112,17 @@ impl DrawRules {
         }
         run.fields.clear();
         // A field's numbers do not depend on which other fields there are, but for those that it correlates with.
-        let random = |name: &str| {
-            Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number)
-        };
-        let joint = correlated_normals(&layer.layer.content, || layer.parts(range.clone()), |name| {
-            let mut own = vec![0.0; n];
-            scratch.draws.normals(self.simd, &mut random(name), &mut own);
-            own
-        });
+        let random =
+            |name: &str| Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
+        let joint = correlated_normals(
+            &layer.layer.content,
+            || layer.parts(range.clone()),
+            |name| {
+                let mut own = vec![0.0; n];
+                scratch.draws.normals(self.simd, &mut random(name), &mut own);
+                own
+            },
+        );
         for (name, field) in layer.layer.content.fields.iter() {
             self.draw_field((field, joint.get(name)), &stretch, &mut random(name), scratch, &mut run.fields);
             if !self.extensive.iter().any(|own| own == name) {
@@ -219,7 +222,8 @@ impl DrawRules {
                 let drawn = [a * z[0], b * z[0] + c * z[1], d * z[0] + e * z[1] + f * z[2]];
                 if let Some(phases) = &phases {
                     let [least, largest] = field.range[0];
-                    let log = field.mean_at(0, gaussian, from_mean) + if joint.is_some() { phases.quantile(z[0]) } else { phases.draw([z[0], z[1]]) };
+                    let log = field.mean_at(0, gaussian, from_mean)
+                        + if joint.is_some() { phases.quantile(z[0]) } else { phases.draw([z[0], z[1]]) };
                     columns[first][i] = libm::exp(log.max(least).min(largest));
                     continue;
                 }

@@ -79,7 +79,11 @@ impl TwoNormals {
         for _ in 0..ITERATIONS {
             let parts = [0, 1].map(|k| (x - self.means[k]) / self.width);
             let off = weights[0] * beyond(parts[0]) + weights[1] * beyond(parts[1]) - wanted;
-            if side * off > 0.0 { low = x } else { high = x }
+            if side * off > 0.0 {
+                low = x
+            } else {
+                high = x
+            }
             let slope = side * (weights[0] * density(parts[0]) + weights[1] * density(parts[1])) / self.width;
             let next = x + off / slope;
             if (next - x).abs() < 1e-6 * self.width {
