@@ -15,7 +15,8 @@ use particlegs_pipeline::particles::RawForm;
 use particlegs_pipeline::picture::{Gray8, Pixels, Plane, Size};
 use particlegs_pipeline::recover::Options;
 use particlegs_pipeline::render::{
-    FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into, surface_density,
+    FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into,
+    surface_density,
 };
 use particlegs_pipeline::score::Assessment;
 use particlegs_pipeline::{codec, parallel};
