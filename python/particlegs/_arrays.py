@@ -83,15 +83,21 @@ class Map(_Placed):
         Names of the horizontal and the vertical axis.
     hubble : float or None
         Value of h in the units, if known.
+    title : str or None
+        What is shown, if the values are not densities, such as ``velocity along x``.
+    scale : str or None
+        Scale of a field's colours: ``linear``, ``log`` or ``signed``.
     """
 
-    _names = ("extent", "unit", "length_unit", "axes", "hubble")
+    _names = ("extent", "unit", "length_unit", "axes", "hubble", "title", "scale")
 
     extent: Optional[Extent]
     unit: str
     length_unit: Optional[str]
     axes: Optional[tuple[str, str]]
     hubble: Optional[float]
+    title: Optional[str]
+    scale: Optional[str]
 
     @property
     def pixel_area(self) -> float:
@@ -105,23 +111,27 @@ class Map(_Placed):
         self,
         ax: Optional[Axes] = None,
         *,
-        cmap: str = "inferno",
+        cmap: Optional[str] = None,
         vmin: Optional[float] = None,
         vmax: Optional[float] = None,
         colorbar: bool = True,
         **options: Any,
     ) -> AxesImage:
-        """Draws the map with logarithmic colours, axes, units and a colour bar.
+        """Draws the map with axes, units and a colour bar.
+
+        Densities have logarithmic colours, fields those of their `scale`; pixels of these without mass are transparent.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
             Where to draw; the current axes by default.
-        cmap : str
-            Colour map of matplotlib.
+        cmap : str, optional
+            Colour map of matplotlib; by default ``inferno`` for densities, ``viridis`` for fields and ``coolwarm`` for
+            signed ones.
         vmin, vmax : float, optional
-            Values of the lowest and the highest colour; by default the 5th and the 99.5th percentile of the pixels
-            that are not empty. Empty pixels have the map's first colour.
+            Values of the lowest and the highest colour. By default the 5th and the 99.5th percentile of a density's
+            pixels that are not empty; empty ones have the map's first colour. Of a field the 1st and the 99th
+            percentile, or as far as the 99th of the sizes on either side of zero.
         colorbar : bool
             Draw a colour bar.
         **options
@@ -132,20 +142,9 @@ class Map(_Placed):
         matplotlib.image.AxesImage
         """
         import matplotlib.pyplot as plt
-        from matplotlib.colors import ListedColormap, LogNorm
 
         ax = ax or plt.gca()
-        values = np.asarray(self)
-        found, lowest = density_range(values)
-        low, top = found or (0.1, 1.0)
-        low, top = vmin or low, vmax or top
-        top = max(top, low * 1.0001)
-        norm = LogNorm(low, top)
-        whole = plt.get_cmap(cmap)
-        colors = ListedColormap(whole(np.linspace(lowest, 1.0, 255))).with_extremes(bad=whole(0.0))
-        # Very low densities (tails of Gaussians) count as empty.
-        empty = ~(values > low * (low / top) ** (lowest / (1.0 - lowest)))
-        shown = np.ma.masked_where(empty, np.maximum(values, low))
+        shown, colors, norm = self._field_colors(cmap, vmin, vmax) if self.scale else self._colors(cmap, vmin, vmax)
         image = ax.imshow(shown, extent=self.extent, cmap=colors, norm=norm, **options)
         if self.extent is None or self.axes is None:
             ax.set_axis_off()
@@ -157,8 +156,47 @@ class Map(_Placed):
         if colorbar:
             # Makes the colour bar as tall as the map.
             beside = ax.inset_axes((1.03, 0.0, 0.045, 1.0))
-            ax.figure.colorbar(image, cax=beside, label=f"surface density ({_printed(self.unit)})")
+            ax.figure.colorbar(image, cax=beside, label=self._label())
         return image
+
+    def _label(self) -> str:
+        unit = f" ({_printed(self.unit)})" if self.unit else ""
+        return (self.title or "surface density") + unit
+
+    def _colors(self, cmap: Optional[str], vmin: Optional[float], vmax: Optional[float]) -> tuple[Any, Any, Any]:
+        """A density's values, colours and their norm."""
+        import matplotlib.pyplot as plt
+        from matplotlib.colors import ListedColormap, LogNorm
+
+        values = np.asarray(self)
+        found, lowest = density_range(values)
+        low, top = found or (0.1, 1.0)
+        low, top = vmin or low, vmax or top
+        top = max(top, low * 1.0001)
+        whole = plt.get_cmap(cmap or "inferno")
+        colors = ListedColormap(whole(np.linspace(lowest, 1.0, 255))).with_extremes(bad=whole(0.0))
+        # Very low densities (tails of Gaussians) count as empty.
+        empty = ~(values > low * (low / top) ** (lowest / (1.0 - lowest)))
+        return np.ma.masked_where(empty, np.maximum(values, low)), colors, LogNorm(low, top)
+
+    def _field_colors(self, cmap: Optional[str], vmin: Optional[float], vmax: Optional[float]) -> tuple[Any, Any, Any]:
+        """A field's values, colours and their norm; pixels without mass are masked."""
+        import matplotlib.pyplot as plt
+        from matplotlib.colors import LogNorm, Normalize
+
+        values, logarithmic = np.asarray(self), self.scale == "log"
+        there = values[np.isfinite(values) & (values > 0.0) if logarithmic else np.isfinite(values)]
+        if self.scale == "signed":
+            far = float(np.percentile(np.abs(there), 99.0)) if there.size else 1.0
+            low, top = -far, far
+        else:
+            low, top = (float(v) for v in np.percentile(there, (1.0, 99.0))) if there.size else (1.0, 10.0)
+        low, top = low if vmin is None else vmin, top if vmax is None else vmax
+        if not low < top:
+            half = 0.5 * (abs(low) or 1.0)
+            low, top = (low / 1.5, low * 1.5) if logarithmic else (low - half, low + half)
+        colors = plt.get_cmap(cmap or ("coolwarm" if self.scale == "signed" else "viridis"))
+        return np.ma.masked_invalid(values), colors, LogNorm(low, top) if logarithmic else Normalize(low, top)
 
     to_astropy = handover.to_astropy
 

@@ -282,7 +282,7 @@ class Model:
     ) -> Map:
         unit = self._native.density_unit(2, layers)
         known = {"length_unit": self.length_unit, "hubble": self.metadata["hubble"]}
-        return Map._of(values, extent=extent, unit=unit, axes=axes, **known)
+        return Map._of(values, extent=extent, unit=unit, axes=axes, title=None, scale=None, **known)
 
     def density_map(
         self,
@@ -341,10 +341,11 @@ class Model:
         axis: Axis = "z",
         shape: tuple[int, int] = (1024, 1024),
         bulk: Union[ArrayLike, Literal["mean"], None] = None,
+        weight: str = "mass",
         layers: Optional[Names] = None,
         threads: Optional[int] = None,
     ) -> Map:
-        """Mean of a field along an axis, weighted by mass (or number of particles).
+        """Mean of a field along an axis, weighted by mass (or number of particles), or by another field.
 
         Parameters
         ----------
@@ -356,6 +357,9 @@ class Model:
             The window, as for `density_map`.
         bulk : array_like, shape (3,), or "mean", optional
             Subtracted from a vector: numbers in its unit, or the mean of all particles.
+        weight : str
+            ``"mass"``, ``"count"`` (all particles alike), or a positive scalar field, such as ``"Density"``: its value
+            times mass.
         layers : sequence of str, optional
             Layers to include; all by default. Layers without the field add nothing.
         threads : int, optional
@@ -371,11 +375,13 @@ class Model:
         if mean and bulk != "mean":
             raise InputError(f'bulk is "mean" or three numbers, not {bulk!r}')
         vector = None if bulk is None or mean else [float(v) for v in np.asarray(bulk, dtype=float).reshape(3)]
-        values, unit = self._native.field_map(
-            field, window.pixels, window.camera, vector, mean, _coerce.names(layers), threads
+        values, unit, title, scale = self._native.field_map(
+            field, window.pixels, window.camera, vector, mean, weight, _coerce.names(layers), threads
         )
         known = {"length_unit": self.length_unit, "hubble": self.metadata["hubble"]}
-        return Map._of(values, extent=window.extent, unit=unit or "", axes=window.axes, **known)
+        return Map._of(
+            values, extent=window.extent, unit=unit or "", axes=window.axes, title=title, scale=scale, **known
+        )
 
     def density_grid(self, cells: int = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None) -> Grid:
         """Density averaged over the cells of a grid: the integral of the mixture over each cell, without shot noise.

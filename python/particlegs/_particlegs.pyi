@@ -130,9 +130,10 @@ class Model:
         camera: _Camera,
         bulk: Optional[list[float]] = None,
         subtract_mean: bool = False,
+        weight: str = "mass",
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
-    ) -> tuple[NDArray[np.float64], Optional[str]]: ...
+    ) -> tuple[NDArray[np.float64], Optional[str], str, str]: ...
     def field_at(
         self,
         field: str,

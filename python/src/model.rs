@@ -15,7 +15,8 @@ use particlegs_pipeline::particles::RawForm;
 use particlegs_pipeline::picture::{Gray8, Pixels, Plane, Size};
 use particlegs_pipeline::recover::Options;
 use particlegs_pipeline::render::{
-    FieldQuery, Scene, Scratch, draw_into, extent, field_map, mean_vector, optical_depth_into, surface_density,
+    FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into,
+    surface_density,
 };
 use particlegs_pipeline::score::Assessment;
 use particlegs_pipeline::{codec, parallel};
@@ -250,8 +251,8 @@ impl Model {
         pictures::plane(py, &self.surface_density(py, (&shown, &view, size), threads)?)
     }
 
-    /// Mean of a field along the lines of sight, its unit and what it is, for legends.
-    #[pyo3(signature = (field, size, camera, bulk=None, subtract_mean=false, layers=None, threads=None))]
+    /// Mean of a field along the lines of sight, its unit, what it is, and the scale of its colours.
+    #[pyo3(signature = (field, size, camera, bulk=None, subtract_mean=false, weight="mass", layers=None, threads=None))]
     fn field_map<'py>(
         &self,
         py: Python<'py>,
@@ -260,14 +261,18 @@ impl Model {
         camera: CameraArgs,
         bulk: Option<[f64; 3]>,
         subtract_mean: bool,
+        weight: &str,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<String>)> {
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<String>, String, &'static str)> {
         let size = Size { width: size.0, height: size.1 };
         let view = self.looking().view(&camera, size, None, None).or_raise()?;
         let view = self.looking().density_view(&view, size);
         let shown = self.shown(layers.as_deref())?;
         let mut query = FieldQuery::new(field, &self.model.metadata.fields).or_raise()?;
+        if weight != "mass" {
+            query = query.weighted(weight, &self.model.metadata.fields).or_raise()?;
+        }
         if subtract_mean {
             query.bulk = mean_vector(&self.model.layers, &query.name);
         }
@@ -278,6 +283,8 @@ impl Model {
             pictures::plane(py, map.wanted(&query))?,
             Some(query.unit(&self.model.metadata.fields, self.model.metadata.units.length_text()))
                 .filter(|u| !u.is_empty()),
+            query.title(),
+            query.scale(|| first_means(&self.model.layers, &query.name)).name(),
         ))
     }
 

@@ -123,3 +123,19 @@ def test_velocities_are_compared_with_a_models(model):
     assert any("the box is not periodic" in note for note in found.notes)
     without = pg.stats(pg.Snapshot(place), model, only=["momentum"])
     assert without.data["momentum"] is None and "the truth has no velocities" in without.notes[-1]
+
+
+def test_a_map_is_drawn_on_its_scale(model):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    from matplotlib.colors import LogNorm, Normalize
+
+    flow, heat = model.map("velocity.x", shape=(60, 40)), model.map("temperature", shape=(60, 40))
+    assert (flow.scale, flow.title, heat.scale) == ("signed", "velocity along x", "linear")
+    image = flow.plot()
+    assert type(image.norm) is Normalize and image.norm.vmin == -image.norm.vmax
+    np.testing.assert_array_equal(np.ma.getmaskarray(image.get_array()), np.isnan(flow))
+    heat.scale = "log"
+    assert isinstance(heat.plot(vmin=1e4).norm, LogNorm)
+    with pytest.raises(pg.InputError, match="no field `dust` to weigh"):
+        model.map("temperature", weight="dust")

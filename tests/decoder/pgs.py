@@ -72,7 +72,8 @@ def read(data):
     """A whole file: metadata, certificate, network, and layers as (name, blocks)."""
     found, is_open = sections(data)
     model = {"open": is_open, "layers": [], "cert": {}, "vizm": None}
-    blocks, entries, listed, fields = [], [], None, []  # stages of every block; what an index says; sections of fields
+    blocks, entries, listed = [], [], None  # stages of every block; what an index says
+    fields = []  # sections of fields, then of their correlations
     before, left, last = b"", 0, (0, 0)
     for tag, content, place in found:
         number = belongs(tag, content)
@@ -85,7 +86,7 @@ def read(data):
             check(before, "order")
             if tag[:1].isupper():
                 raise Unsupported(f"section {tag}")
-            if tag in (b"fiEL", b"shAR"):
+            if tag in (b"fiEL", b"shAR", b"fiCO"):
                 fields.append((number, tag, content[4:]))
             continue
         check(before in AFTER[tag] and (left > 0) == (tag == b"BLOK"), "order")
@@ -123,11 +124,12 @@ def read(data):
     species, listed = model["meta"]["species"], model["meta"]["fields"]
     joint = [b for name, own in model["layers"] if name == "+".join(s[0] for s in species) for b in own]
     shares = [("species=" + name, 1, 0, True) for name, *_ in species]
-    for number, tag, content in fields:
+    for number, tag, content in sorted(fields, key=lambda f: f[1] == b"fiCO"):
         # An open file may lack the blocks that its last sections belong to.
         if number < len(all_blocks) and all_blocks[number].whole:
             block = all_blocks[number]
-            read_field(block, content, listed if tag == b"fiEL" else shares if block in joint else [])
+            read = read_correlation if tag == b"fiCO" else read_field
+            read(block, content, listed if tag != b"shAR" else shares if block in joint else [])
     for block in all_blocks:
         for classes in [*classes_of(listed), *([shares] if block in joint else [])]:
             last_class(block, [name for name, *_ in classes])
@@ -458,7 +460,7 @@ class Block:
         self.columns = {k: [] for k in "mean cov C W share".split()}
         self.decode(stages, [*ends, 255])
         self.finish()
-        self.fields = {}
+        self.fields, self.correlations = {}, {}
 
     def decode(self, stages, ends):
         root = Node((0, 0, 0), (0, 0, 0), self.gaussians)
@@ -1028,6 +1030,51 @@ class Number:
         return guess + step * float(k)
 
 
+def places_of(block):
+    return np.array(block.columns["mean"], "<f8").reshape(-1, 3)
+
+
+def guesses(places, order, i):
+    """What the nearest of the Gaussians decoded last say of Gaussian i."""
+    recent = order[-1024:]
+    d = places[recent] - places[i]
+    squares = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2]
+    near = sorted(range(len(recent)), key=lambda j: (squares[j], -j))[:8]
+    near = [(recent[j], math.sqrt(squares[j])) for j in near]
+
+    def guess(start, errors, change, values):
+        top = bottom = 0.0
+        for j, distance in near:
+            w = 1.0 / ((errors(j) + change * distance) + 1e-300)
+            top += w * values(j)
+            bottom += w
+        return (top / bottom, float(len(near)) / bottom) if near else (start, 1e30)
+
+    return guess
+
+
+def read_correlation(block, content, known):
+    check(len(content) >= 14, "head of a correlation")
+    a, b = content[:2]
+    check(a != b and max(a, b) < len(known) and known[a][1] == known[b][1] == 1 and not known[a][3] | known[b][3], "fields of a correlation")
+    pair = known[a][0], known[b][0]
+    check(all(name in block.fields for name in pair), "fields of a correlation")
+    check(not {pair, pair[::-1]} & block.correlations.keys(), "a correlation twice")
+    steps, change, start = struct.unpack_from("<3f", content, 2)
+    check(0 < steps < 1e30 and 0 < change < 1e30 and math.isfinite(start), "steps of a correlation")
+    stream, number, places, order = Stream(content[14:]), Number(steps), places_of(block), []
+    numbers = [0.0] * len(block.counts)
+    for i, n in enumerate(map(float, block.counts)):
+        if n < 1:
+            continue
+        g = guesses(places, order, i)(start, lambda j: 1.0 / float(block.counts[j]), change, lambda j: numbers[j])
+        numbers[i] = min(max(number.read(stream, *g, 1.0 / math.sqrt(n)), -4.0), 4.0)
+        order.append(i)
+    stream.finish()
+    check(stream.end() == len(content) - 14, "length of a correlation's stream")
+    block.correlations[pair] = [(t - 1.0) / (t + 1.0) for t in (exp(2.0 * z) for z in numbers)]
+
+
 def read_field(block, content, known):
     check(len(content) >= 42 and content[0] < len(known), "number of a field")
     name, components, traits, shares = known[content[0]]
@@ -1049,25 +1096,12 @@ def read_field(block, content, known):
     total = len(block.counts)
     means, slopes = [[0.0] * components for _ in range(total)], [[0.0] * (3 * components) for _ in range(total)]
     spreads = [[0.0] * (1 if components == 1 else 6) for _ in range(total)]
-    places = np.array(block.columns["mean"], "<f8").reshape(-1, 3)
+    places = places_of(block)
     order, logs, sizes, excesses = [], {}, {}, [0.0] * total
     for i, n in enumerate(map(float, block.counts)):
         if n < 1:
             continue
-        recent = order[-1024:]
-        d = places[recent] - places[i]
-        squares = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2]
-        near = sorted(range(len(recent)), key=lambda j: (squares[j], -j))[:8]
-        near = [(recent[j], math.sqrt(squares[j])) for j in near]
-
-        def guess(start, errors, change, values):
-            top = bottom = 0.0
-            for j, distance in near:
-                w = 1.0 / ((errors(j) + change * distance) + 1e-300)
-                top += w * values(j)
-                bottom += w
-            return (top / bottom, float(len(near)) / bottom) if near else (start, 1e30)
-
+        guess = guesses(places, order, i)
         if not shares:
             twice = 2.0 * components
             error = 1.0 / math.sqrt(twice * n)
@@ -1259,6 +1293,11 @@ def dump(model, out):
                 print("field", name, file=out)
                 for row in rows:
                     print(hexadecimal(row), file=out)
+            for first in block.fields:
+                for (name, other), column in block.correlations.items():
+                    if name == first:
+                        print("correlation", name, other, file=out)
+                        print(hexadecimal(column), file=out)
 
 
 def cut(data, prefix):

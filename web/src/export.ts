@@ -21,7 +21,11 @@ const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
 function pngTexts(page: Page, size: Size, range: [number, number] | null): Record<string, string> {
   const { state: s, panes: [pane], setup: { version } } = page;
   const shown = hasColorBar(s);
-  const field = s.field && { field: s.field.name, range, unit: mapOf(s.field.name, pane.about)?.unit };
+  const field = s.field && {
+    field: s.field.name, range, unit: mapOf(s.field.name, pane.about)?.unit, shade: s.field.shade,
+    ...(s.field.scale ? { scale: s.field.scale } : {}), ...(s.field.bulk ? { bulk: "mean" } : {}),
+    ...(s.field.colormap ? { colormap: s.field.colormap } : {}),
+  };
   const density = { colormap: s.colormap, range, unit: pane.about.units.surface };
   const provenance = {
     particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: shown ? "density" : s.look,

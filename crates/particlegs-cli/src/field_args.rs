@@ -3,11 +3,12 @@
 use crate::common::named;
 use crate::drawing::ViewContent;
 use crate::drawing::field_colors::FieldLegend;
+use crate::drawing::provenance::PictureProvenance;
 use clap::Args;
 use particlegs_pipeline::model::{Model, Quantity};
 use particlegs_pipeline::picture::{Colormap, ValueScale};
-use particlegs_pipeline::render::{FieldMap, FieldQuery, FieldWeight, MapComponent, first_means, mean_vector};
-use particlegs_pipeline::{Error, Result};
+use particlegs_pipeline::render::{FieldMap, FieldQuery, MapComponent, first_means, mean_vector};
+use particlegs_pipeline::{Error, NamedValue, Result};
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Field options")]
@@ -20,16 +21,19 @@ pub struct FieldArgs {
     #[arg(long, value_name = "NAME", hide_short_help = true)]
     pub field: Option<String>,
     /// Scale of the field's colours [default: signed for vectors, log for positive values over a wide range].
-    #[arg(long, value_name = "SCALE", hide_short_help = true, requires = "field", value_parser = named::<ValueScale>())]
+    #[arg(long, value_name = "SCALE", hide_short_help = true, value_parser = named::<ValueScale>())]
     pub scale: Option<ValueScale>,
     /// Motion to subtract from a vector: `mean`, the mean of all particles, or X,Y,Z in its unit.
-    #[arg(long, value_name = "mean|X,Y,Z", hide_short_help = true, requires = "field", allow_hyphen_values = true)]
+    #[arg(long, value_name = "mean|X,Y,Z", hide_short_help = true, allow_hyphen_values = true)]
     pub bulk: Option<String>,
     /// Weight of means along the line of sight [default: mass].
-    #[arg(long, value_name = "WEIGHT", hide_short_help = true, requires = "field", value_parser = named::<FieldWeight>())]
-    pub field_weight: Option<FieldWeight>,
+    ///
+    /// mass, count (all particles alike), or the name of a positive scalar field: its value times mass. Both fields must be
+    /// in the model.
+    #[arg(long, value_name = "mass|count|NAME", hide_short_help = true)]
+    pub field_weight: Option<String>,
     /// Shade the field's colours by surface density: bright where there is much mass.
-    #[arg(long, hide_short_help = true, requires = "field")]
+    #[arg(long, hide_short_help = true)]
     pub shade: bool,
 }
 
@@ -53,6 +57,31 @@ pub struct FieldSource<'a> {
 }
 
 impl FieldArgs {
+    /// What a picture that shows `choice` stores of these options.
+    pub fn stored(&self, choice: &FieldChoice, about: PictureProvenance) -> PictureProvenance {
+        PictureProvenance {
+            field: self.field.clone(),
+            scale: Some(choice.legend.scale.name().into()),
+            bulk: self.bulk.clone(),
+            field_weight: self.field_weight.clone(),
+            shade: self.shade,
+            colormap: choice.legend.map.map(|m| m.name().into()),
+            unit: Some(choice.legend.unit.clone()),
+            ..about
+        }
+    }
+
+    /// Takes over what a picture of the same field stores, where no option says otherwise.
+    pub fn complete(&mut self, told: &PictureProvenance) -> std::result::Result<(), String> {
+        if let (None, Some(name)) = (self.scale, &told.scale) {
+            self.scale = Some(ValueScale::from_name(name)?);
+        }
+        self.field_weight = self.field_weight.take().or_else(|| told.field_weight.clone());
+        self.bulk = self.bulk.take().or_else(|| told.bulk.clone());
+        self.shade |= told.shade;
+        Ok(())
+    }
+
     /// The field of this name, in a model.
     pub fn of_model(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
         let (quantities, length) = (&model.metadata.fields, model.metadata.units.length_text());
@@ -63,12 +92,8 @@ impl FieldArgs {
 
     pub fn choice(&self, name: &str, source: &FieldSource<'_>, map: Option<Colormap>) -> Result<FieldChoice> {
         let mut query = FieldQuery::new(name, source.quantities)?;
-        if let Some(weight) = self.field_weight {
-            if query.per_area {
-                let what = format!("--field-weight needs a mean, but field `{}` is a sum over particles", query.name);
-                return Err(Error::argument(what));
-            }
-            query.weight = weight;
+        if let Some(weight) = &self.field_weight {
+            query = query.weighted(weight, source.quantities)?;
         }
         if let Some(text) = &self.bulk {
             if query.component == MapComponent::Scalar {

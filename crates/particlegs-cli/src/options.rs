@@ -43,6 +43,7 @@ const RULES: &[OptionRule] = rules! {
         "--style density, PDF, SVG and --scale-bar: other pictures have no bars";
     "render reference": "radius opacity", |g| g.is("style", "density") || g.has("field") =>
         "the other styles: densities and fields have no particle radius or opacity";
+    "render reference": "scale bulk field_weight shade", |g| !g.draws_field() => "maps of a field", "add --field NAME";
     "render reference": "style", |g| g.has("field") => "pictures without --field, which is a style of its own";
     "render": "color_by_layer", |g| g.is("style", "density") =>
         "the other styles: a density has its own colours", "draw one layer with --layer NAME";
@@ -162,9 +163,14 @@ impl CommandMatches<'_> {
         self.words(id).iter().any(|v| v == value)
     }
 
+    /// Is a field drawn? With --like one may be.
+    fn draws_field(&self) -> bool {
+        self.has("field") || self.has("like") && !self.has("style")
+    }
+
     /// Is a surface density or a field drawn? With --like one may be.
     fn density(&self) -> bool {
-        self.is("style", "density") || self.has("field") || self.has("like") && !self.has("style")
+        self.is("style", "density") || self.draws_field()
     }
 
     fn has_bars(&self) -> bool {

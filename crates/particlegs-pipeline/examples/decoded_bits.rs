@@ -95,6 +95,12 @@ fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
             writeln!(out, "{}", bits(field.columns().map(|c| c[i])))?;
         }
     }
+    for (name, field) in g.fields.iter() {
+        for (other, column) in field.correlations.iter() {
+            writeln!(out, "correlation {name} {other}")?;
+            writeln!(out, "{}", bits(column.iter().copied()))?;
+        }
+    }
     Ok(())
 }
 

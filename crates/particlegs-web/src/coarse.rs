@@ -2,7 +2,7 @@
 //! merged into one Gaussian with the same mass, mean and covariance, also of fields with places.
 
 use particlegs_core::math::{Sym3, dot, each_axis};
-use particlegs_core::model::{FieldMoments, LawKind, Mixture, Model};
+use particlegs_core::model::{Columns, FieldMoments, LawKind, Mixture, Model};
 use std::ops::Range;
 
 /// Approximate number of Gaussians that can be drawn in motion.
@@ -21,7 +21,9 @@ pub(crate) fn coarse(model: &Model) -> Option<Model> {
 
 /// Merges each run of `run` Gaussians into one.
 pub(crate) fn joined(m: &Mixture, run: usize) -> Mixture {
-    let mut to = Mixture { fields: m.fields.map(FieldMoments::emptied), ..Mixture::new(m.masses().is_some()) };
+    // Correlations are not joined.
+    let own = |f: &FieldMoments| FieldMoments { correlations: Columns::default(), ..f.emptied() };
+    let mut to = Mixture { fields: m.fields.map(own), ..Mixture::new(m.masses().is_some()) };
     for start in (0..m.len()).step_by(run) {
         let all = start..m.len().min(start + run);
         let count: f64 = m.count[all.clone()].iter().sum();

@@ -9,7 +9,7 @@ use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs_pipeline::job::{Job, Task};
-use particlegs_pipeline::particles::Storage;
+use particlegs_pipeline::particles::{StarFormingGas, Storage};
 use particlegs_pipeline::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -50,6 +50,16 @@ pub struct Arguments {
     /// Fields to store as well, such as velocity, or `all`, as for `compress`.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fields: Vec<String>,
+    /// Temperature of star-forming gas, as for `compress`: keep, drop, or a value in K.
+    #[arg(
+        long,
+        value_name = "keep|drop|K",
+        hide_short_help = true,
+        requires = "fields",
+        default_value = "keep",
+        hide_default_value = true
+    )]
+    star_forming: StarFormingGas,
     /// Print a workflow script.
     ///
     /// The summary is then printed on standard error.
@@ -72,6 +82,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let mut options = a.fit.options(&a.particles, a.common.seed)?;
     if !a.fields.is_empty() {
         options.read.insert("fields".into(), a.fields.join(","));
+    }
+    if a.star_forming != StarFormingGas::Keep {
+        options.read.insert("star-forming".into(), a.star_forming.to_string());
     }
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = match a.blocks.as_str() {
@@ -102,6 +115,7 @@ pub fn run(a: Arguments) -> Result<()> {
         reopened,
         options: &options,
         fields: &a.fields,
+        star_forming: a.star_forming,
         snapshot: named,
         place: &snapshot.place(),
         replace: a.force.force,

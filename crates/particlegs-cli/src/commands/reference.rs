@@ -23,9 +23,9 @@ use particlegs_pipeline::compress::FieldSelection;
 use particlegs_pipeline::model::{LawKind, hex};
 use particlegs_pipeline::particles::{LayerFields, Particles, StarFormingGas, Storage};
 use particlegs_pipeline::reference::{FieldValues, Reference};
-use particlegs_pipeline::render::{FieldQuery, Renderer};
+use particlegs_pipeline::render::{FieldQuery, FieldWeight, Renderer};
 use particlegs_pipeline::splat::{DEFAULT_OPACITY, ToneStyle};
-use particlegs_pipeline::{Error, Result};
+use particlegs_pipeline::{Error, NamedValue, Result};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -187,15 +187,12 @@ pub fn run(a: &Arguments) -> Result<()> {
         of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
         style: style_name.clone(),
         colormap: density.then(|| colormap.name().into()),
-        field: a.field.field.clone(),
-        unit: match &field {
-            Some((f, _)) => Some(f.legend.unit.clone()),
-            None => density.then(|| quantities.unit()),
-        },
+        unit: density.then(|| quantities.unit()),
         units: Some(PictureUnits::new(particles.meta.unit_system())),
         background: ground,
         ..PictureProvenance::default()
     };
+    let about = field.iter().fold(about, |about, (f, _)| a.field.stored(f, about));
     let (args, quantities) = (&a.figure, &quantities);
     let legend = field.as_ref().map(|(f, _)| f.legend.clone());
     let finish = Finisher { args, colormap, field: legend, quantities, subject: &subject, legend: Vec::new(), about };
@@ -235,8 +232,10 @@ fn particle_field(
     sources: &[LayerFields],
     context: &CommandContext,
 ) -> Result<(FieldChoice, FieldValues)> {
+    let weight = a.field.field_weight.as_ref().filter(|w| FieldWeight::from_name(w).is_err());
     let select = |name: &String| {
-        FieldSelection::new(std::slice::from_ref(name), StarFormingGas::Keep, particles, sources, LawKind::OpticalDepth)
+        let names: Vec<String> = [Some(name), weight].into_iter().flatten().cloned().collect();
+        FieldSelection::new(&names, StarFormingGas::Keep, particles, sources, LawKind::OpticalDepth)
     };
     let candidates = FieldQuery::candidates(name);
     let mut found = candidates.iter().map(select).collect::<Vec<_>>();
@@ -260,7 +259,15 @@ fn particle_field(
         mean: &mean,
         samples: &samples,
     };
-    Ok((a.field.choice(name, &source, a.density.colormap)?, values))
+    let choice = a.field.choice(name, &source, a.density.colormap)?;
+    let Some(by) = &choice.query.by else { return Ok((choice, values)) };
+    let number = selection.quantities().iter().position(|q| q.name == *by).unwrap_or(0);
+    let mut weights = selection.values(number)?.columns.swap_remove(0);
+    if let (true, Some(masses)) = (selection.quantities()[number].extensive, particles.weights()) {
+        // A sum weighs by itself.
+        weights.iter_mut().zip(masses.iter()).for_each(|(v, mass)| *v /= mass);
+    }
+    Ok((choice, FieldValues { by: Some(weights), ..values }))
 }
 
 fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {

@@ -154,11 +154,12 @@ struct RenderOptions {
     style: OrNone<ToneStyle>,
     layers: Vec<String>,
     color_by_layer: bool,
-    colormap: Colormap,
+    /// The colour map that was chosen.
+    colormap: Option<Colormap>,
     range: Option<[f64; 2]>,
     figure: FigureArgs,
-    /// The field that is drawn.
-    field: Option<String>,
+    /// The field that is drawn, and how.
+    field: FieldArgs,
     /// The view and the units of that picture.
     like: Option<(ViewSet, PictureUnits)>,
 }
@@ -169,12 +170,12 @@ impl RenderOptions {
             style: if a.field.field.is_some() { None } else { a.style.unwrap_or(Some(ToneStyle::Paraview)) },
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
             color_by_layer: a.color_by_layer,
-            colormap: a.density.colormap.unwrap_or_default(),
+            colormap: a.density.colormap,
             range: match a.field.field {
                 Some(_) => a.density.field_range()?,
                 None => a.density.asked_range()?,
             },
-            field: a.field.field.clone(),
+            field: a.field.clone(),
             figure: a.figure.clone(),
             like: None,
         };
@@ -184,8 +185,8 @@ impl RenderOptions {
         let Some(path) = &a.like else { return Ok(asked) };
         let (told, set) = PictureProvenance::read(path, context)?;
         let unknown = |what: &str, name: &str| Error::input(path, format!("its {what} `{name}` is unknown"));
-        if a.style.is_none() && asked.field.is_none() {
-            asked.field.clone_from(&told.field);
+        if a.style.is_none() && asked.field.field.is_none() {
+            asked.field.field.clone_from(&told.field);
             let hint = "choose one with --style";
             let no_style =
                 || Error::input_with(path, format!("its style `{}` is not one for models", told.style), hint);
@@ -193,16 +194,19 @@ impl RenderOptions {
             asked.style = style.ok_or_else(no_style)?.0;
         }
         if a.layers.is_none() && !told.layers.is_empty() {
-            asked.layers = told.layers;
+            asked.layers.clone_from(&told.layers);
         }
         asked.color_by_layer |= told.color_by_layer && asked.style.is_some();
         if let (None, Some(name)) = (a.density.colormap, &told.colormap) {
-            asked.colormap = name.parse().map_err(|_| unknown("colour map", name))?;
+            asked.colormap = Some(name.parse().map_err(|_| unknown("colour map", name))?);
         }
+        let same = asked.field.field == told.field;
         if asked.style.is_none() {
-            let same = asked.field == told.field;
-            let shows = |r: &[f64; 2]| r[1] > r[0] && (asked.field.is_some() || r[0] > 0.0);
+            let shows = |r: &[f64; 2]| r[1] > r[0] && (told.field.is_some() || r[0] > 0.0);
             asked.range = asked.range.or(told.range.filter(|r| same && shows(r)));
+        }
+        if same && told.field.is_some() {
+            asked.field.complete(&told).map_err(|what| Error::input(path, what))?;
         }
         if let (None, Some(name)) = (asked.figure.background, &told.background) {
             asked.figure.background = Some(Background::from_str(name, false).map_err(|_| unknown("background", name))?);
@@ -218,7 +222,7 @@ impl RenderOptions {
         let (by, words) = units.system().conversion_of(&path.display().to_string(), &to)?;
         context.notes(&words);
         set.views.iter_mut().for_each(|v| *v = v.scaled(by.length));
-        if a.density.range.is_none() && self.field.is_none() {
+        if a.density.range.is_none() && self.field.field.is_none() {
             self.range = self.range.map(|r| r.map(|v| v * by.mass / (by.length * by.length)));
         }
         Ok(())
@@ -246,9 +250,9 @@ pub fn run(a: &Arguments) -> Result<()> {
     let subject = ViewSubject::of_model(model, density);
     let quantities = Quantities::from_model(model);
     let device = a.device.open()?;
-    let map = a.density.colormap;
+    let map = asked.colormap;
     let fields =
-        read.iter().map(|r| asked.field.as_ref().map(|name| a.field.of_model(name, &r.model, map)).transpose());
+        read.iter().map(|r| asked.field.field.as_ref().map(|n| asked.field.of_model(n, &r.model, map)).transpose());
     let fields = fields.collect::<Result<Vec<_>>>()?;
     alike(&fields, &read)?;
     let field = fields.first().cloned().flatten();
@@ -273,14 +277,14 @@ pub fn run(a: &Arguments) -> Result<()> {
     asked.figure.note_missing(&a.captions, &context);
     let finish = Finisher {
         args: &asked.figure,
-        colormap: asked.colormap,
+        colormap: asked.colormap.unwrap_or_default(),
         field: field.as_ref().map(|f| f.legend.clone()),
         quantities: &quantities,
         subject: &subject,
         legend: legend(&asked, model),
-        about: PictureProvenance {
-            unit: field.as_ref().map_or_else(|| density.then(|| quantities.unit()), |f| Some(f.legend.unit.clone())),
-            ..about(&asked, &read, &quantities)
+        about: match &field {
+            Some(field) => asked.field.stored(field, about(&asked, &read, &quantities)),
+            None => about(&asked, &read, &quantities),
         },
     };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
@@ -361,8 +365,7 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
         style: asked.style.map_or("density", ToneStyle::name).into(),
         layers: if asked.layers == ["all"] { Vec::new() } else { asked.layers.clone() },
         color_by_layer: asked.color_by_layer,
-        colormap: density.then(|| asked.colormap.name().into()),
-        field: asked.field.clone(),
+        colormap: density.then(|| asked.colormap.unwrap_or_default().name().into()),
         unit: density.then(|| quantities.unit()),
         units: read.first().map(|r| PictureUnits::new(r.model.metadata.unit_system())),
         background: ground,

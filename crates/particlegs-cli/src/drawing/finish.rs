@@ -110,8 +110,13 @@ impl Finisher<'_> {
         Some(format!("note: view `{}` has no scale bar: {why}", view.name))
     }
 
+    /// Do colours show values: densities, or those of a field?
+    pub fn shows_values(&self) -> bool {
+        self.about.colormap.is_some() || self.field.is_some()
+    }
+
     fn has_bars(&self) -> bool {
-        self.about.colormap.is_some() || !self.legend.is_empty()
+        self.shows_values() || !self.legend.is_empty()
     }
 
     /// Does a file of this kind contain annotations?
@@ -142,7 +147,7 @@ impl Finisher<'_> {
 
     /// Panels as a figure with one colour bar.
     pub fn figure(&self, panels: Vec<Panel>, columns: usize, range: [f64; 2]) -> Figure {
-        let shown = self.about.colormap.is_some() && self.args.has_bar();
+        let shown = self.shows_values() && self.args.has_bar();
         let ground = self.args.ground();
         let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal_unit(&self.quantities.unit()));
         let colors = colours::densities(self.colormap, ground, range);
@@ -157,7 +162,7 @@ impl Finisher<'_> {
 
     /// Provenance for a file.
     pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<PngMetadata> {
-        let range = self.about.colormap.is_some().then_some(range);
+        let range = self.shows_values().then_some(range);
         let views: Vec<View> = views.iter().map(|v| self.spelled_out(v)).collect();
         let of = PictureProvenance { range, ..self.about.clone() };
         Ok(PngMetadata {

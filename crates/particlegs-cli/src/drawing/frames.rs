@@ -63,7 +63,7 @@ fn each<T: Send>(painter: &ViewRenderer<'_>, views: &[View], of: impl Fn(&View) 
 /// Draws all frames. An error stops further frames; existing ones are complete.
 pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries> {
     let DrawingJob { painter, finish, set, range, context, .. } = *job;
-    let (density, count) = (finish.about.colormap.is_some(), set.views.len());
+    let (density, count) = (finish.shows_values(), set.views.len());
     let range = match (range, density) {
         (None, true) => Some(one_range(painter, finish, set, context)?),
         (range, _) => range,

@@ -49,7 +49,7 @@ impl Panels<'_> {
         }
         let bytes = count as u64 * set.size.pixels() as u64 * 4;
         context.require_memory("panels", 2 * bytes)?;
-        let density = finish.about.colormap.is_some();
+        let density = finish.shows_values();
         let mut seen = Vec::with_capacity(count);
         for view in &set.views {
             for (_, painter) in &self.painters {

@@ -24,12 +24,21 @@ pub struct PictureProvenance {
     /// Were they coloured?
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub color_by_layer: bool,
-    /// Colour map of a density.
+    /// Colour map of a density, or of a field if one was chosen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colormap: Option<String>,
     /// The field that was drawn instead of the density, as --field names it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
+    /// Its options: --scale, --bulk, --field-weight and --shade.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bulk: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field_weight: Option<String>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub shade: bool,
     /// Values of its first and last colour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,

@@ -198,7 +198,10 @@ fn maps_of_a_model_are_those_of_its_particles() {
 
     dir.runs("render m.pgs --field temperature --scale log --size 64x48 -o t.png");
     dir.runs("render m.pgs --field velocity.los --bulk mean --shade --size 64x48 -o v.png");
-    dir.runs("render m.pgs --like v.png --bulk mean --field velocity.los --shade -o again.png");
+    dir.runs("render m.pgs --like v.png -o again.png");
+    assert_eq!(std::fs::read(dir.at("v.png")).unwrap(), std::fs::read(dir.at("again.png")).unwrap());
+    dir.runs("render m.pgs --like v.png --scale linear -o linear.png");
+    dir.fails("render m.pgs --shade -o no.png", 2, "--shade has no effect here; it applies to maps of a field");
     dir.runs("render m.pgs --field dispersion.los --turntable 3 --size 64x48 -o frames");
     dir.runs("reference snap --field dispersion.temperature --size 64x48 --background white -o d.pdf");
     for (options, what) in [
@@ -467,4 +470,58 @@ fn positions_and_fields_meet_a_size_together() {
     dir.fails(&format!("compress snap -o no.pgs {options} --size-total 500"), 5, "no file of at most 500 bytes");
     dir.fails("compress snap -o no.pgs --size-total 5kB", 2, "required arguments were not provided");
     dir.fails(&format!("compress snap -o no.pgs {options} --size-total 5kB --ratio 3"), 2, "cannot be used with");
+}
+
+#[test]
+fn cold_gas_is_dense_in_weighted_maps_and_recovered_particles() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    let (y, t) = (read(&dir.at("snap"), "yy"), read(&dir.at("snap"), "temperature"));
+    // What the temperature differs by at its place, in deviations, and the density with it.
+    let off = |y: &[f64], t: &[f64]| -> Vec<f64> { y.iter().zip(t).map(|(y, t)| (t - 1e4 - 1e3 * y) / 50.0).collect() };
+    let density = |(i, e): (usize, &f64)| (0.5 * Random::new(8, 0, i as u64).normal() - e).exp() as f32;
+    write(&dir.at("snap"), "Density", &off(&y, &t).iter().enumerate().map(density).collect::<Vec<_>>());
+    let [said, _] =
+        dir.runs("compress snap -o m.pgs --gaussians 40 --certificate none --fields temperature,Density,velocity");
+    assert!(said.contains("correlations: "), "{said}");
+
+    let window = "--projection orthographic --center 0,0,0 --width 6 --size 12x9 --raw --field temperature";
+    let mean_change = |command: &str| {
+        let [plain, dense] = ["mass", "density"].map(|weight| {
+            let folder = format!("{}-{weight}", command.replace(' ', "-"));
+            dir.runs(&format!("{command} {window} --field-weight {weight} -o {folder}"));
+            read(&dir.at(&folder), "view")
+        });
+        let off: Vec<f64> = plain.iter().zip(dense).map(|(a, b)| b - a).filter(|v| v.is_finite()).collect();
+        off.iter().sum::<f64>() / off.len() as f64
+    };
+    // A deviation colder.
+    let truth = mean_change("reference snap");
+    assert!((truth + 50.0).abs() < 15.0, "{truth}");
+    let model = mean_change("render m.pgs");
+    assert!((model - truth).abs() < 12.0, "{model}, not {truth}");
+    dir.runs("merge m.pgs --fields Density,temperature -o swapped.pgs");
+    let swapped = mean_change("render swapped.pgs");
+    assert!((swapped - model).abs() < 1e-3, "{swapped}");
+    dir.runs("simplify m.pgs -o small.pgs --gaussians 20");
+    let small = mean_change("render small.pgs");
+    assert!((small - truth).abs() < 20.0, "{small}, not {truth}");
+
+    dir.runs("recover m.pgs -o again");
+    let [y, t, d] = ["yy", "temperature", "Density"].map(|name| read(&dir.at("again"), name));
+    let (e, d): (Vec<f64>, Vec<f64>) = (off(&y, &t), d.iter().map(|v| v.ln()).collect());
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    let with = |a: &[f64], b: &[f64]| {
+        let (x, y) = (mean(a), mean(b));
+        a.iter().zip(b).map(|(a, b)| (a - x) * (b - y)).sum::<f64>()
+    };
+    let covariance = with(&e, &d) / COUNT as f64;
+    assert!((-1.1..-0.7).contains(&covariance), "{covariance}");
+    for (options, what) in [
+        ("--field velocity.x --field-weight Density", "is a vector: its means are weighted by mass or count alone"),
+        ("--field temperature --field-weight velocity", "field `velocity` is not a scalar"),
+        ("--field temperature --field-weight heat", "there is no field `heat` to weigh means by"),
+    ] {
+        dir.fails(&format!("render m.pgs {options} -o no.png"), 2, what);
+    }
 }

@@ -43,6 +43,8 @@ pub(crate) const STAGE: Tag = *b"FiNE";
 pub const FIELD: [u8; 4] = *b"fiEL";
 /// The shares of a species in a block's Gaussians.
 pub const SHARE: [u8; 4] = *b"shAR";
+/// Correlations between two scalar fields of a block.
+pub const CORRELATION: [u8; 4] = *b"fiCO";
 /// Where the sections lie.
 pub(crate) const INDEX: Tag = *b"iNDX";
 

@@ -1,8 +1,9 @@
 //! Model files to models, whole or piece by piece.
 
-use super::container::{FIELD, SHARE};
+use super::container::{CORRELATION, FIELD, SHARE};
 use super::decoder::{self, BlockDecoder};
 use super::field::decode_field;
+use super::field_correlation::decode_correlation;
 use super::file::{BlockPart, FileParts, StoredSection, parts};
 use super::info::FileInfo;
 use super::shared_species::separated;
@@ -47,8 +48,9 @@ struct PartialBlock {
     offset: usize,
     bytes: Vec<u8>,
     state: BlockState,
-    /// Sections of fields and shares; none of a block that lacks stages.
+    /// Sections of fields, shares, and correlations of fields; none of a block that lacks stages.
     fields: Vec<StoredSection>,
+    correlations: Vec<Vec<u8>>,
 }
 
 enum BlockState {
@@ -81,9 +83,12 @@ impl<'a> Decoder<'a> {
                 } else {
                     BlockState::Coarse(decoder::part(&block.bytes, decoder::Ending::Stage).map_err(at)?)
                 };
-                let fields = block.sections.iter().filter(|s| [FIELD, SHARE].contains(&s.tag) && block.is_whole());
+                let sections = || block.sections.iter().filter(|_| block.is_whole());
+                let fields = sections().filter(|s| [FIELD, SHARE].contains(&s.tag));
                 let fields = fields.map(|s| StoredSection { tag: s.tag, bytes: s.bytes.to_vec() }).collect();
-                blocks.push(PartialBlock { layer, offset: block.offset, bytes: block.bytes.to_vec(), state, fields });
+                let correlations = sections().filter(|s| s.tag == CORRELATION).map(|s| s.bytes.to_vec()).collect();
+                let (offset, bytes) = (block.offset, block.bytes.to_vec());
+                blocks.push(PartialBlock { layer, offset, bytes, state, fields, correlations });
             }
         }
         let info = FileInfo::new(parts, &file);
@@ -168,6 +173,9 @@ impl<'a> Decoder<'a> {
             }
             let shared = SharedSpecies::share_layer(&metadata.shared_species, &self.info.layers[b.layer].name);
             fields_of(&mut block, &b.fields, metadata, shared).map_err(|what| corrupt(place, b.offset, what))?;
+            for section in &b.correlations {
+                correlation_of(&mut block, section, &metadata.fields).map_err(|what| corrupt(place, b.offset, what))?;
+            }
             Ok::<_, Error>(block)
         })?;
         let mut decoded = decoded.into_iter();
@@ -246,6 +254,24 @@ fn complete(g: &mut Mixture, classes: &[Quantity]) -> std::result::Result<(), St
         moments.spread[0].push(share * (1.0 - share));
     }
     g.fields.set(&last.name, moments);
+    Ok(())
+}
+
+/// Adds the correlations of a section to its block, whose fields are there.
+fn correlation_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::result::Result<(), String> {
+    let (numbers, correlations) = decode_correlation(section, &block.gaussians)?;
+    let g = &mut block.gaussians;
+    let name = |n: u8| {
+        let quantity = fields.get(usize::from(n)).filter(|q| q.kind == QuantityKind::Scalar);
+        quantity.filter(|q| g.fields.get(&q.name).is_some()).map(|q| &q.name[..])
+    };
+    let (Some(a), Some(b)) = (name(numbers[0]), name(numbers[1])) else {
+        return Err("a correlation names a field that is no scalar of its block".into());
+    };
+    if g.correlation(a, b).is_some() {
+        return Err(format!("the correlation of `{a}` and `{b}` is there twice"));
+    }
+    g.fields.get_mut(a).into_iter().for_each(|field| field.correlations.set(b, correlations.clone()));
     Ok(())
 }
 

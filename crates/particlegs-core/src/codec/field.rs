@@ -2,19 +2,13 @@
 //! already decoded, and coded in steps of each Gaussian's own standard error.
 
 use super::exact::{exp, exp_twice, to_five};
+use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
 use super::sums::compensated;
-use super::symbols::Residual;
 use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
 use crate::model::{FieldMoments, Mixture, Quantity, QuantityKind};
 
-/// Earlier Gaussians among which the nearest are looked for, and how many of these predict.
-const WINDOW: usize = 1024;
-const NEIGHBOURS: usize = 8;
-/// Classes of what is expected of a residual; the least, in steps squared, and the factor from one to the next.
-const CLASSES: usize = 24;
-const LEAST_CLASS: f64 = 1.0 / 16.0;
 /// Shape numbers and logarithms at most.
 const LARGEST_SHAPE: f64 = 16.0;
 const LARGEST_LOG: f64 = 300.0;
@@ -23,8 +17,6 @@ const LARGEST_EXCESS: f64 = 100.0;
 const LARGEST_SHIFT: f64 = 1e3;
 /// Times at most that shares are scaled until their sum is the particles'.
 const SHARE_ROUNDS: usize = 64;
-/// Whole numbers of steps at most.
-const MOST_STEPS: i32 = 1 << 20;
 
 /// How finely a field is coded, and what is known of all of a block's Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -216,13 +208,9 @@ struct FieldWalk<'a> {
     /// Logarithm of the spread, and shape numbers.
     logs: Vec<f64>,
     shapes: Vec<[f64; 5]>,
-    /// Those decoded, in order.
-    done: Vec<u32>,
-    models: [Vec<Residual<32>>; 5],
+    done: FieldPredictor<'a>,
+    models: [FieldNumberCoder; 5],
 }
-
-/// The nearest earlier Gaussians, nearest first: their numbers and distances.
-type Near = Vec<(f64, u32)>;
 
 impl<'a> FieldWalk<'a> {
     fn new(header: &'a FieldHeader, gaussians: &'a Mixture, of_shares: bool) -> Self {
@@ -230,9 +218,6 @@ impl<'a> FieldWalk<'a> {
         let mut out = if header.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
         out.mean.iter_mut().chain(&mut out.spread).chain(&mut out.excess).for_each(|c| c.resize(n, 0.0));
         out.slope.iter_mut().flatten().for_each(|c| c.resize(n, 0.0));
-        // Spreads in steps, by the class.
-        let model = |class: usize| Residual::bell((LEAST_CLASS * (1u64 << class) as f64).sqrt());
-        let models = || (0..CLASSES).map(model).collect();
         FieldWalk {
             header,
             gaussians,
@@ -240,8 +225,8 @@ impl<'a> FieldWalk<'a> {
             out,
             logs: vec![0.0; n],
             shapes: vec![[0.0; 5]; if components == 3 { n } else { 0 }],
-            done: Vec::with_capacity(n),
-            models: [models(), models(), models(), models(), models()],
+            done: FieldPredictor::new(gaussians),
+            models: std::array::from_fn(|_| FieldNumberCoder::default()),
         }
     }
 
@@ -259,26 +244,24 @@ impl<'a> FieldWalk<'a> {
             if c.exhausted() {
                 return Err("a field's stream ends too soon".into());
             }
-            let near = self.near(i);
+            let near = self.done.near(i);
             let root = n.sqrt();
             let wanted_logs = wanted.map(|w| spread_logs(w, i));
             // The spread's logarithm.
             if !self.of_shares {
                 let error = 1.0 / (2.0 * components as f64 * n).sqrt();
-                let weights = self.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
-                let (guess, variance) =
-                    self.expected(&near, &weights, f64::from(self.header.start[1]), |j| self.logs[j]);
+                let weights = self.done.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
+                let (guess, variance) = expected(&near, &weights, f64::from(self.header.start[1]), |j| self.logs[j]);
                 let step = log_steps * error;
                 // A mean lies within 2^18 steps of any guess.
                 let least = 0.5 * libm::log((width * width * n).max(1e-200)) - 20.0 * std::f64::consts::LN_2;
                 let target = wanted_logs.map(|w| w.0.max(least));
-                let class = class((variance + error * error) / (step * step));
                 self.logs[i] =
-                    number(c, &mut self.models[0][class], guess, step, target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
+                    self.models[0].code(c, [guess, variance], [error, step], target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
             }
             let mut spread = exp(self.logs[i]);
             // Means.
-            let weights = self.weights(&near, mean_change, |j, count| {
+            let weights = self.done.weights(&near, mean_change, |j, count| {
                 let s = match self.of_shares {
                     true => share_deviation(self.out.mean[0][j], count),
                     false => exp(self.logs[j]),
@@ -287,15 +270,14 @@ impl<'a> FieldWalk<'a> {
             });
             for k in 0..components {
                 let start = f64::from(self.header.start[0]);
-                let (guess, variance) = self.expected(&near, &weights, start, |j| self.out.mean[k][j]);
+                let (guess, variance) = expected(&near, &weights, start, |j| self.out.mean[k][j]);
                 if self.of_shares {
                     spread = share_deviation(guess, n);
                 }
                 let error = spread / root;
                 let step = mean_steps * error;
-                let class = self::class((variance + error * error) / (step * step));
                 let target = wanted.map(|w| w.mean[k][i]);
-                self.out.mean[k][i] = number(c, &mut self.models[1][class], guess, step, target)?;
+                self.out.mean[k][i] = self.models[1].code(c, [guess, variance], [error, step], target)?;
             }
             if self.of_shares {
                 spread = share_deviation(self.out.mean[0][i], n);
@@ -304,22 +286,20 @@ impl<'a> FieldWalk<'a> {
             let error = 1.0 / root;
             if components == 3 {
                 let step = shape_steps * error;
-                let class = self::class((shape_square + error * error) / (step * step));
                 for k in 0..5 {
                     let target = wanted_logs.map(|w| w.1[k]);
-                    let value = number(c, &mut self.models[2][class], 0.0, step, target)?;
+                    let value = self.models[2].code(c, [0.0, shape_square], [error, step], target)?;
                     self.shapes[i][k] = value.clamp(-LARGEST_SHAPE, LARGEST_SHAPE);
                 }
             }
             // Slopes, over the Gaussian's own widths and in units of the spread.
             let factor = Factor::new(&self.gaussians.cov_of(i));
             let step = slope_steps * error;
-            let class = self::class((slope_square + error * error) / (step * step));
             for k in 0..components {
                 let target = wanted.map(|w| factor.over(each_axis(|d| w.slope[k][d][i])).map(|v| v / spread));
                 let mut over = [0.0; 3];
                 for d in 0..3 {
-                    over[d] = number(c, &mut self.models[3][class], 0.0, step, target.map(|t| t[d]))?;
+                    over[d] = self.models[3].code(c, [0.0, slope_square], [error, step], target.map(|t| t[d]))?;
                 }
                 let slope = factor.slope(over.map(|v| v * spread));
                 (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
@@ -329,9 +309,8 @@ impl<'a> FieldWalk<'a> {
                 let error = ((size * size * size / 6.0 * exp(size / 3.0)).min(0.25) + 1e-6) / n;
                 let (error, square) = (error.sqrt(), f64::from(excess.square));
                 let step = f64::from(excess.step) * error;
-                let class = self::class((square + error * error) / (step * step));
                 let target = wanted.and_then(|w| Some(w.excess.as_ref()?[i]));
-                let value = number(c, &mut self.models[4][class], 0.0, step, target)?;
+                let value = self.models[4].code(c, [0.0, square], [error, step], target)?;
                 column[i] = value.clamp(-LARGEST_EXCESS, LARGEST_EXCESS);
             }
             match components {
@@ -341,49 +320,9 @@ impl<'a> FieldWalk<'a> {
                     (0..6).for_each(|k| self.out.spread[k][i] = unit.0[k] * size);
                 }
             }
-            self.done.push(i as u32);
+            self.done.push(i);
         }
         Ok(())
-    }
-
-    /// The nearest of the Gaussians decoded last.
-    fn near(&self, i: usize) -> Near {
-        let own = self.gaussians.mean_of(i);
-        let from = self.done.len().saturating_sub(WINDOW);
-        let mut near: Near = Vec::with_capacity(NEIGHBOURS + 1);
-        for &j in self.done[from..].iter().rev() {
-            let other = self.gaussians.mean_of(j as usize);
-            let [x, y, z] = each_axis(|k| other[k] - own[k]);
-            let d2 = x * x + y * y + z * z;
-            if near.len() < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
-                let at = near.partition_point(|n| n.0 <= d2);
-                near.insert(at, (d2, j));
-                near.truncate(NEIGHBOURS);
-            }
-        }
-        near
-    }
-
-    /// One over what the value of each neighbour is expected to miss this one's by, squared.
-    fn weights(&self, near: &Near, change: f64, error2: impl Fn(usize, f64) -> f64) -> Vec<f64> {
-        let weight = |&(d2, j): &(f64, u32)| {
-            let j = j as usize;
-            1.0 / (error2(j, self.gaussians.count[j]) + change * d2.sqrt() + 1e-300)
-        };
-        near.iter().map(weight).collect()
-    }
-
-    /// The weighted mean of what neighbours have, and how far it is expected to be off, squared.
-    fn expected(&self, near: &Near, weights: &[f64], start: f64, value: impl Fn(usize) -> f64) -> (f64, f64) {
-        let (mut sum, mut total) = (0.0, 0.0);
-        for (&(_, j), &w) in near.iter().zip(weights) {
-            sum += w * value(j as usize);
-            total += w;
-        }
-        match near.len() {
-            0 => (start, 1e30),
-            n => (sum / total, n as f64 / total),
-        }
     }
 
     /// Moments whose sums are the particles', with means within their range.
@@ -426,36 +365,6 @@ fn scale_shares(mean: &mut [f64], wanted: f64, total: f64, sum_of: impl Fn(&[f64
             false => mean.fill(wanted / total),
         }
     }
-}
-
-/// A number near `guess` in whole steps.
-#[inline(always)]
-fn number(
-    c: &mut impl Coder,
-    model: &mut Residual<32>,
-    guess: f64,
-    step: f64,
-    target: Option<f64>,
-) -> Result<f64, String> {
-    let wanted =
-        target.map_or(0.0, |t| ((t - guess) / step).round()).clamp(-f64::from(MOST_STEPS), f64::from(MOST_STEPS));
-    let steps = model.code(c, 0, wanted as i32);
-    if steps.abs() > MOST_STEPS {
-        return Err("a number of a field is out of range".into());
-    }
-    Ok(guess + step * f64::from(steps))
-}
-
-/// The class of an expected square, in steps squared.
-#[inline(always)]
-fn class(square: f64) -> usize {
-    let mut edge = 2.0 * LEAST_CLASS;
-    let mut class = 0;
-    while class + 1 < CLASSES && square >= edge {
-        edge *= 2.0;
-        class += 1;
-    }
-    class
 }
 
 /// The logarithm of a spread's size, and its shape numbers.

@@ -1,7 +1,7 @@
 //! Information about a file without its Gaussians.
 
 use super::Precision;
-use super::container::{FIELD, SHARE};
+use super::container::{CORRELATION, FIELD, SHARE};
 use super::file::{BlockPart, FileParts, parts};
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, SharedSpecies, VizMapper};
@@ -28,6 +28,8 @@ pub struct FileInfo {
     pub share_bytes: u64,
     /// What there is of each of the metadata's fields.
     pub fields: Vec<FieldInfo>,
+    /// Bytes of correlations between fields.
+    pub correlation_bytes: u64,
     /// Sections that this program does not know, by tag and bytes; first those of blocks.
     pub other_sections: Vec<(String, u64)>,
 }
@@ -84,12 +86,14 @@ impl FileInfo {
         raw.fold(0, u64::saturating_add)
     }
 
-    /// A line for each field: `velocity: 9218 bytes, 3.66 per Gaussian`.
+    /// A line for each field, and for their correlations: `velocity: 9218 bytes, 3.66 per Gaussian`.
     pub fn describe_fields(&self) -> Vec<String> {
         let gaussians = self.gaussians().max(1) as f64;
         let line =
             |name: &str, bytes: u64| format!("{name}: {bytes} bytes, {:.2} per Gaussian", bytes as f64 / gaussians);
-        self.metadata.fields.iter().zip(&self.fields).map(|(q, f)| line(&q.name, f.bytes)).collect()
+        let fields = self.metadata.fields.iter().zip(&self.fields).map(|(q, f)| line(&q.name, f.bytes));
+        let correlations = (self.correlation_bytes > 0).then(|| line("correlations", self.correlation_bytes));
+        fields.chain(correlations).collect()
     }
 
     /// What the file lacks, in words: blocks that it ends before, stages of blocks. `None`: nothing.
@@ -165,8 +169,9 @@ impl FileInfo {
                 field.particles = field.particles.saturating_add(block.header.count);
             }
         }
-        let share_bytes = attached().filter(|s| s.tag == SHARE).map(|s| s.bytes.len() as u64).sum();
-        let attached = attached().filter(|s| ![FIELD, SHARE].contains(&s.tag));
+        let bytes_of = |tag: [u8; 4]| attached().filter(|s| s.tag == tag).map(|s| s.bytes.len() as u64).sum();
+        let (share_bytes, correlation_bytes) = (bytes_of(SHARE), bytes_of(CORRELATION));
+        let attached = attached().filter(|s| ![FIELD, SHARE, CORRELATION].contains(&s.tag));
         let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));
         let other_sections = other.collect();
         let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
@@ -180,6 +185,7 @@ impl FileInfo {
             missing_particles: parts.missing_particles,
             share_bytes,
             fields,
+            correlation_bytes,
             other_sections,
         }
     }

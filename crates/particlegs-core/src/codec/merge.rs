@@ -5,7 +5,7 @@
 //! metadata is either equal in all parts, or computed anew from the blocks, or combined by an
 //! operation that is associative, commutative and takes a value with itself to itself.
 
-use super::container::{FIELD, survives_merging};
+use super::container::{CORRELATION, FIELD, survives_merging};
 use super::decode::check;
 use super::file::{CodedFile, CodedLayer, StoredSection, order_key};
 use super::header::BlockHeader;
@@ -148,15 +148,15 @@ fn keep_fields(names: &[String], fields: &mut Vec<Quantity>, layers: &mut [Coded
         });
     }
     *fields = kept.iter().map(|&number| fields[number].clone()).collect();
-    let place_of = |s: &StoredSection| kept.iter().position(|k| s.bytes.first() == Some(&(*k as u8)));
+    // A section of a field begins with its number, one of a correlation with two.
+    let numbers = |tag: [u8; 4]| [FIELD, CORRELATION].iter().position(|t| *t == tag).map_or(0, |place| place + 1);
+    let place_of = |number: &u8| kept.iter().position(|k| *k == usize::from(*number));
     for block in layers.iter_mut().flat_map(|l| &mut l.content) {
-        block.sections.retain(|s| s.tag != FIELD || place_of(s).is_some());
-        for section in block.sections.iter_mut().filter(|s| s.tag == FIELD) {
-            // A section of a field begins with its number.
-            let number = place_of(section).unwrap_or_default();
-            section.bytes[0] = number as u8;
-        }
-        block.sections.sort_by_key(|s| (s.tag, (s.tag == FIELD).then(|| s.bytes[0])));
+        block.sections.retain_mut(|s| {
+            let own = s.bytes.iter_mut().take(numbers(s.tag));
+            own.map(|n| place_of(n).map(|place| *n = place as u8)).all(|found| found.is_some())
+        });
+        block.sections.sort_by_key(|s| (s.tag, s.bytes.iter().take(numbers(s.tag)).copied().collect::<Vec<_>>()));
     }
     Ok(())
 }

@@ -15,6 +15,8 @@ mod decoder;
 mod encoder;
 mod exact;
 mod field;
+mod field_correlation;
+mod field_number;
 mod file;
 mod fine;
 mod header;
@@ -42,10 +44,11 @@ mod trellis;
 mod vizmapper;
 mod wire;
 
-pub use container::{FIELD, HEAD_BYTES, SHARE, is_model, other_length, promised_length};
+pub use container::{CORRELATION, FIELD, HEAD_BYTES, SHARE, is_model, other_length, promised_length};
 pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_stored, decode_with};
 pub use encoder::Encoder;
 pub use field::{FieldPrecision, encode_field};
+pub use field_correlation::encode_correlation;
 pub use file::MOST_LAYERS;
 pub use file::{
     CodedLayer, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode,

@@ -1,5 +1,6 @@
 //! Fields of Gaussians: what their particles carry beside positions and masses.
 
+use super::Columns;
 use crate::math::Sym3;
 
 /// Moments of a field over the particles of each Gaussian, in columns of one value a Gaussian. With mean position m, the
@@ -18,6 +19,9 @@ pub struct FieldMoments {
     /// Of a logarithmic field, one column: what the logarithm of the values' mean at any place is above that of log-normal
     /// values, `mean + slope (x - m) + spread / 2`.
     pub excess: Option<Vec<f64>>,
+    /// Of a scalar: the correlation, of each Gaussian, of what its particles differ by from the mean at their place with the
+    /// same of another scalar, by that one's name. One of two fields has it ([`super::Mixture::correlation`]).
+    pub correlations: Columns<Vec<f64>>,
 }
 
 impl FieldMoments {
@@ -29,6 +33,7 @@ impl FieldMoments {
             spread: vec![Vec::new(); if components == 1 { 1 } else { 6 }],
             range: vec![[f64::INFINITY, f64::NEG_INFINITY]; components],
             excess: None,
+            correlations: Columns::default(),
         }
     }
 
@@ -39,7 +44,9 @@ impl FieldMoments {
 
     /// Of the same kind, without Gaussians.
     pub fn same_kind(&self) -> Self {
-        if self.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(self.components()) }
+        let own =
+            if self.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(self.components()) };
+        FieldMoments { correlations: self.correlations.map(|_| Vec::new()), ..own }
     }
 
     /// Number of components.
@@ -57,8 +64,12 @@ impl FieldMoments {
         self.len() == 0
     }
 
-    /// Adds all of another's, of the same number of components.
+    /// Adds all of another's, of the same number of components. Correlations that either lacks are left out.
     pub fn append(&mut self, other: &FieldMoments) {
+        self.correlations.retain(|name| other.correlations.get(name).is_some());
+        for (name, own) in self.correlations.iter_mut() {
+            other.correlations.get(name).into_iter().for_each(|others| own.extend_from_slice(others));
+        }
         for (own, others) in self.columns_mut().zip(other.columns()) {
             own.extend_from_slice(others);
         }
@@ -77,12 +88,15 @@ impl FieldMoments {
         for (own, others) in self.columns_mut().zip(other.columns()) {
             own.push(others[i]);
         }
+        for (name, own) in self.correlations.iter_mut() {
+            own.push(other.correlations.get(name).map_or(0.0, |others| others[i]));
+        }
         for (c, own) in self.mean.iter_mut().enumerate() {
             own.last_mut().into_iter().for_each(|mean| *mean = other.mean_at(c, i, moved));
         }
     }
 
-    /// All columns: means, slopes, spreads, of a logarithmic field the excess.
+    /// Columns of moments: means, slopes, spreads, of a logarithmic field the excess.
     pub fn columns(&self) -> impl Iterator<Item = &Vec<f64>> {
         self.mean.iter().chain(self.slope.iter().flatten()).chain(&self.spread).chain(&self.excess)
     }

@@ -88,6 +88,12 @@ impl Mixture {
         }
     }
 
+    /// The correlations between what is left of two scalar fields, if they are known.
+    pub fn correlation(&self, a: &str, b: &str) -> Option<&Vec<f64>> {
+        let of = |a: &str, b: &str| self.fields.get(a)?.correlations.get(b);
+        of(a, b).or_else(|| of(b, a))
+    }
+
     /// Adds all of another's, of the same law and with the same columns. Fields that either lacks are left out.
     pub fn append(&mut self, other: &Mixture) {
         if self.is_empty() {

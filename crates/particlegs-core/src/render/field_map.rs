@@ -6,13 +6,14 @@ use super::lens::Lens;
 use super::project::{CameraGaussian, DepthMoments, Footprint, slices};
 use super::scene::Scene;
 use super::surface::{all_tails, moved, reach};
+use super::weight_footprint::{PixelValue, WeightFootprint};
 use crate::camera::DensityView;
 use crate::context::Context;
 use crate::math::{Sym3, dot, each_axis, norm};
 use crate::model::{FieldMoments, Mixture};
 use crate::picture::{Plane, Size};
 use crate::splat::erf;
-use crate::{Error, Result, parallel};
+use crate::{Error, Hint, Result, parallel};
 use std::borrow::Cow;
 use std::f64::consts::{FRAC_1_SQRT_2, LN_10, PI};
 
@@ -20,12 +21,17 @@ use std::f64::consts::{FRAC_1_SQRT_2, LN_10, PI};
 const CUT: f64 = 30.0;
 /// A slab that leaves less of a Gaussian at a pixel leaves nothing.
 const LEAST_SHARE: f64 = 1e-9;
-/// Planes that are summed up.
-const SUMS: usize = 4;
+/// Pixels with less than this of what one particle gives, over the disc of its default radius or a pixel where that is
+/// larger, count as empty: tails of Gaussians, where values mean nothing.
+const LEAST_DENSITY: f64 = 1e-4;
+/// Planes that are summed up: weight, weight times value and its square, weight times the exponential of a logarithm, and
+/// mass where a field weighs.
+const SUMS: usize = 5;
+const MASS_SUM: usize = 4;
 /// Rows that one task draws.
 const BAND: usize = 16;
 
-/// A field on the picture plane. Values are NaN where there is no mass.
+/// A field on the picture plane. Values are NaN where there is no mass, or less than 1e-4 of what one particle gives.
 #[derive(Clone, Debug)]
 pub struct FieldMap {
     /// Mean weighted by surface density, in the field's unit.
@@ -57,8 +63,10 @@ pub fn field_map(
     let unit = |mass: f64| if query.per_area { 1.0 } else { mass };
     let has_it = scene.parts.iter().filter(|(m, _)| m.fields.get(&query.name).is_some());
     let all: Vec<(&Mixture, f64)> = has_it.map(|&(m, mass)| (m, unit(mass))).collect();
-    let range = range(&all, query)?;
+    let FieldRange { range, half_width } = FieldRange::new(&all, query)?;
+    check_weighting(&all, query)?;
     let reference = overall_mean(&all, query);
+    let least = least_density(scene, &all, query, Lens::density(view, size, [0.0; 3])?.unit);
     let scene = Scene { parts: all, shifts: scene.shifts.clone(), ..*scene };
     let cell = view.centered_cell();
     let parts: Vec<Cow<'_, Mixture>> =
@@ -68,7 +76,9 @@ pub fn field_map(
     let is_logarithmic = scene.parts.iter().any(|(m, _)| m.fields.get(&query.name).is_some_and(|f| f.excess.is_some()));
     let mut sums: Option<Vec<Plane>> = None;
     let mut folded = Vec::with_capacity(SUMS);
-    for k in 0..if is_logarithmic { SUMS } else { SUMS - 1 } {
+    let weighed = query.by.is_some();
+    let last = [is_logarithmic.then_some(SUMS - 2), weighed.then_some(MASS_SUM)];
+    for k in (0..3).chain(last.into_iter().flatten()) {
         let tails = |cell: &_| all_tails(&scene, view.camera.focal_point, cell);
         folded.push(view.wrapped(size, tails, |view, size| {
             let sums = match &mut sums {
@@ -78,7 +88,9 @@ pub fn field_map(
             Ok(std::mem::replace(&mut sums[k], Plane::zeros(Size { width: 0, height: 0 })))
         })?);
     }
-    let values = folded.split_off(SUMS - 1).pop();
+    let mut rest = folded.split_off(3);
+    let masses = weighed.then(|| rest.pop()).flatten();
+    let values = rest.pop();
     let [density, mut mean, mut dispersion] = <[Plane; 3]>::try_from(folded).expect("three planes");
     for (i, ((&w, m), d)) in density.data.iter().zip(&mut mean.data).zip(&mut dispersion.data).enumerate() {
         let (w, own) = (f64::from(w), f64::from(*m) / f64::from(w));
@@ -87,38 +99,84 @@ pub fn field_map(
             Some(values) => (f64::from(values.data[i]) / w, LN_10),
             None => (reference + own, 1.0),
         };
-        *d = (variance.sqrt() / unit) as f32;
+        *d = (variance.sqrt().min(half_width) / unit) as f32;
         let value = value.clamp(range[0], range[1]);
         *m = if query.per_area { w * value } else { value } as f32;
-        if w <= 0.0 {
+        let there = masses.as_ref().map_or(w, |masses| f64::from(masses.data[i]));
+        if there.is_nan() || there <= least || w <= 0.0 {
             (*m, *d) = (f32::NAN, f32::NAN);
         }
     }
-    Ok(FieldMap { mean, dispersion, density })
+    Ok(FieldMap { mean, dispersion, density: masses.unwrap_or(density) })
 }
 
-/// The least and largest value that the number can have.
-fn range(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<[f64; 2]> {
-    let FieldQuery { name, component, bulk, .. } = query;
-    let fields: Vec<&FieldMoments> = parts.iter().filter_map(|(m, _)| m.fields.get(name)).collect();
-    let Some(first) = fields.first() else { return Err(Error::argument(format!("the model has no field `{name}`"))) };
-    let wanted = if *component == MapComponent::Scalar { 1 } else { 3 };
-    if first.components() != wanted {
-        let kind = if first.components() == 1 { "a scalar" } else { "a vector" };
-        return Err(Error::argument(format!("field `{name}` is {kind}: it has no such component")));
-    }
-    let of = |k: usize, shift: f64| {
-        let ends = fields.iter().map(|f| f.value_range(k));
-        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a - shift), hi.max(b - shift)])
-    };
-    Ok(match component {
-        MapComponent::Scalar => of(0, 0.0),
-        MapComponent::Axis(k) => of(*k, bulk[*k]),
-        MapComponent::LineOfSight => {
-            let farthest: [f64; 3] = each_axis(|k| of(k, bulk[k]).map(f64::abs).into_iter().fold(0.0, f64::max));
-            [-norm(farthest), norm(farthest)]
+/// Refuses a field that cannot weigh means: one that can be negative, or whose correlations with the mapped one are not known.
+fn check_weighting(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<()> {
+    let Some(by) = &query.by else { return Ok(()) };
+    for (m, _) in parts {
+        let Some(field) = m.fields.get(by) else {
+            return Err(Error::argument(format!(
+                "a layer with field `{}` has no field `{by}` to weigh by",
+                query.name
+            )));
+        };
+        if field.excess.is_none() && field.range[0][0] < 0.0 {
+            return Err(Error::argument(format!("field `{by}` has negative values: means cannot be weighted by it")));
         }
-    })
+        if *by != query.name && m.correlation(&query.name, by).is_none() {
+            let what = format!("the model has no correlations of `{}` and `{by}`", query.name);
+            let hint = Hint::from("compress the snapshot again with ").option("fields", format!("{},{by}", query.name));
+            return Err(Error::argument_with(what, hint));
+        }
+    }
+    Ok(())
+}
+
+/// The surface density below which a pixel counts as empty; a world unit squared has `pixels`.
+fn least_density(scene: &Scene, parts: &[(&Mixture, f64)], query: &FieldQuery, pixels: f64) -> f64 {
+    let count = |m: &Mixture| m.count.iter().sum::<f64>();
+    let all = scene.parts().map(count).sum::<f64>() * scene.shifts.len() as f64;
+    let radius = scene.bounds.default_radius(all as u64);
+    let weights = parts.iter().map(|(m, unit)| (0..m.len()).map(|i| query.weight.of(m, *unit, i)).sum::<f64>());
+    let particles: f64 = parts.iter().map(|(m, _)| count(m)).sum();
+    LEAST_DENSITY * weights.sum::<f64>() / particles.max(1.0) * pixels.min(1.0 / (PI * radius * radius))
+}
+
+/// Which values the number can have.
+struct FieldRange {
+    /// The least and the largest.
+    range: [f64; 2],
+    /// Half the difference, of a logarithmic field that of the logarithms: no distribution has a larger dispersion.
+    half_width: f64,
+}
+
+impl FieldRange {
+    fn new(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<FieldRange> {
+        let FieldQuery { name, component, bulk, .. } = query;
+        let fields: Vec<&FieldMoments> = parts.iter().filter_map(|(m, _)| m.fields.get(name)).collect();
+        let Some(first) = fields.first() else {
+            return Err(Error::argument(format!("the model has no field `{name}`")));
+        };
+        let wanted = if *component == MapComponent::Scalar { 1 } else { 3 };
+        if first.components() != wanted {
+            let kind = if first.components() == 1 { "a scalar" } else { "a vector" };
+            return Err(Error::argument(format!("field `{name}` is {kind}: it has no such component")));
+        }
+        let joined = |ends: &mut dyn Iterator<Item = [f64; 2]>| {
+            ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a), hi.max(b)])
+        };
+        let of = |k: usize, shift: f64| joined(&mut fields.iter().map(|f| f.value_range(k).map(|v| v - shift)));
+        let range = match component {
+            MapComponent::Scalar => of(0, 0.0),
+            MapComponent::Axis(k) => of(*k, bulk[*k]),
+            MapComponent::LineOfSight => {
+                let farthest: [f64; 3] = each_axis(|k| of(k, bulk[k]).map(f64::abs).into_iter().fold(0.0, f64::max));
+                [-norm(farthest), norm(farthest)]
+            }
+        };
+        let [lo, hi] = if first.excess.is_some() { joined(&mut fields.iter().map(|f| f.range[0])) } else { range };
+        Ok(FieldRange { range, half_width: 0.5 * (hi - lo) })
+    }
 }
 
 /// What is subtracted before squares are added up: the mean of all, so that dispersions keep their digits.
@@ -140,6 +198,20 @@ fn overall_mean(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
     if total > 0.0 { sum / total - bulk } else { 0.0 }
 }
 
+/// The mean of the field that weighs, which weights are over: sums stay within float32 in any unit.
+fn mean_weight(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (m, unit) in parts {
+        let Some(field) = query.by.as_ref().and_then(|by| m.fields.get(by)) else { continue };
+        for i in 0..m.len() {
+            let w = query.weight.of(m, *unit, i);
+            (sum, total) = (sum + w * field.value_at(0, i, [0.0; 3]), total + w);
+        }
+    }
+    let mean = sum / total;
+    if mean > 0.0 && mean.is_finite() { mean } else { 1.0 }
+}
+
 /// A footprint with what the field is on it.
 struct FieldFootprint {
     footprint: Footprint,
@@ -152,46 +224,57 @@ struct FieldFootprint {
     excess: Option<LogExcess>,
     /// What a slab leaves of an orthographic view's Gaussian.
     slab: Option<DepthCut>,
+    /// Another field that weighs.
+    by: Option<WeightFootprint>,
 }
 
 /// What turns a mean of logarithms into the mean of values.
 #[derive(Clone, Copy)]
-struct LogExcess {
+pub(super) struct LogExcess {
     /// Added to the logarithm of a log-normal distribution's mean.
-    added: f64,
+    pub added: f64,
     /// The logarithms' least and largest value.
-    range: [f64; 2],
+    pub range: [f64; 2],
 }
 
 /// A normal distribution of depth at each pixel, cut off at two depths, and how values change with depth there.
 #[derive(Clone, Copy)]
-struct DepthCut {
+pub(super) struct DepthCut {
     /// The mean depth at the footprint's centre, and how it changes per pixel.
     mean: f64,
     tilt: [f64; 2],
-    deviation: f64,
+    pub deviation: f64,
     /// The nearest and farthest depth that count.
     range: [f64; 2],
     /// Change of the value per depth, at one pixel.
-    slope: f64,
+    pub slope: f64,
 }
 
 impl DepthCut {
-    /// The share of the mass that is left at a place, in pixels from the centre, the value's change on average, and that
-    /// of its variance: moments of a truncated normal distribution.
-    fn at(&self, from_center: [f64; 2]) -> [f64; 3] {
+    /// The share of the mass that is left at a place, in pixels from the centre, and what that makes of depth's mean, variance
+    /// and third moment (the changes of the first two), in its deviations: those of a truncated normal distribution whose mean
+    /// is moved by `tilt` of them, as a weight of exp(tilt) for each does.
+    pub fn moments(&self, from_center: [f64; 2], tilt: f64) -> [f64; 4] {
         let mean = self.mean + self.tilt[0] * from_center[0] + self.tilt[1] * from_center[1];
-        let [low, high] = self.range.map(|d| (d - mean) / self.deviation);
+        let [low, high] = self.range.map(|d| (d - mean) / self.deviation - tilt);
         let share = 0.5 * (erf(high * FRAC_1_SQRT_2) - erf(low * FRAC_1_SQRT_2));
         if share < LEAST_SHARE {
-            return [0.0; 3];
+            return [0.0; 4];
         }
         let density = |z: f64| libm::exp(-0.5 * z * z) / (2.0 * PI).sqrt();
         let [at_low, at_high] = [density(low), density(high)];
         // An end at infinity adds nothing.
         let end = |z: f64, density: f64| if density > 0.0 { z * density } else { 0.0 };
         let shift = (at_low - at_high) / share;
-        let change = (end(low, at_low) - end(high, at_high)) / share - shift * shift;
+        let square = (end(low, at_low) - end(high, at_high)) / share;
+        let cube = (end(low * low, at_low) - end(high * high, at_high)) / share;
+        let skew = cube - shift * (1.0 + 3.0 * square - 2.0 * shift * shift);
+        [share, shift, square - shift * shift, skew]
+    }
+
+    /// The share that is left at a place, the value's change on average, and that of its variance.
+    fn at(&self, from_center: [f64; 2]) -> [f64; 3] {
+        let [share, shift, change, _] = self.moments(from_center, 0.0);
         let scale = self.slope * self.deviation;
         [share, scale * shift, scale * scale * change]
     }
@@ -199,11 +282,7 @@ impl DepthCut {
     /// What the cut makes of the mean of exp(value): the share of the mass that is left where each depth weighs by it, over
     /// [`DepthCut::at`]'s share.
     fn tilted(&self, from_center: [f64; 2], share: f64) -> f64 {
-        let scale = self.slope * self.deviation;
-        let mean = self.mean + self.tilt[0] * from_center[0] + self.tilt[1] * from_center[1];
-        let [low, high] = self.range.map(|d| (d - mean) / self.deviation - scale);
-        let left = 0.5 * (erf(high * FRAC_1_SQRT_2) - erf(low * FRAC_1_SQRT_2));
-        (left / share).max(0.0)
+        self.moments(from_center, self.slope * self.deviation)[0] / share
     }
 }
 
@@ -219,12 +298,17 @@ fn drawn(
 ) -> Result<Vec<Plane>> {
     context.require_memory("a map of a field", 50 * size.pixels() as u64)?;
     let mut footprints = Vec::new();
+    let per_mean = 1.0 / mean_weight(&scene.parts, query);
     for own in view.copies(size, &scene.bounds, reach(scene))? {
         for shift in &scene.shifts {
             let lens = Lens::density(view, size, each_axis(|k| own[k] + shift[k]))?;
             for &(m, unit) in &scene.parts {
                 let Some(field) = m.fields.get(&query.name) else { continue };
-                let part = FieldProjection { lens, mixture: m, field, unit, query, reference };
+                let by = query
+                    .by
+                    .as_ref()
+                    .and_then(|by| Some((m.fields.get(by)?, m.correlation(&query.name, by).map(|r| &r[..]))));
+                let part = FieldProjection { lens, mixture: m, field, by, per_mean, unit, query, reference };
                 let found = parallel::map_range(m.len(), |i| {
                     let mut found = Vec::new();
                     part.project(i, &mut found);
@@ -275,6 +359,10 @@ struct FieldProjection<'a> {
     lens: Lens,
     mixture: &'a Mixture,
     field: &'a FieldMoments,
+    /// A field that weighs, and its correlations with the other; none of a field with itself.
+    by: Option<(&'a FieldMoments, Option<&'a [f64]>)>,
+    /// One over the mean of the field that weighs.
+    per_mean: f64,
     /// Mass of a particle of weight 1.
     unit: f64,
     query: &'a FieldQuery,
@@ -290,6 +378,15 @@ struct FieldNumber {
     excess: Option<f64>,
 }
 
+impl FieldNumber {
+    /// A scalar, at Gaussian `i`.
+    fn scalar(field: &FieldMoments, i: usize) -> FieldNumber {
+        let slope = each_axis(|a| field.slope[0][a][i]);
+        let excess = field.excess.as_ref().map(|e| e[i]);
+        FieldNumber { mean: field.mean[0][i], variance: field.spread[0][i], slope, excess }
+    }
+}
+
 impl FieldProjection<'_> {
     /// The footprints of Gaussian `i`, of all its pieces along depth.
     fn project(&self, i: usize, out: &mut Vec<FieldFootprint>) {
@@ -297,7 +394,13 @@ impl FieldProjection<'_> {
         let Some(g) = CameraGaussian::from_mixture(lens, m, i, self.query.weight.of(m, self.unit, i)) else { return };
         let number = self.number(i);
         // Per unit of the camera's axes.
-        let slope = lens.axes.map(|axis| dot(axis, number.slope) / dot(axis, axis));
+        let in_camera = |slope: [f64; 3]| lens.axes.map(|axis| dot(axis, slope) / dot(axis, axis));
+        let slope = in_camera(number.slope);
+        let by = self.by.map(|(field, r)| {
+            let own = FieldNumber::scalar(field, i);
+            let covariance = r.map_or(own.variance, |r| r[i] * (number.variance * own.variance).sqrt());
+            (in_camera(own.slope), own, covariance, field.range[0])
+        });
         let ([x, y, depth], along, rest) = (g.mean.map(f64::from), g.slope.map(f64::from), g.rest());
         let [_, depths] = g.depths();
         let is_cut = slices::clip_class(lens, depth, depths) == slices::ClipClass::Cut;
@@ -317,8 +420,8 @@ impl FieldProjection<'_> {
                 along[1] * depths,
                 depths,
             ]);
-            let with = cov.apply(slope);
-            let seen = match lens.perspective {
+            // Covariances with the camera's axes, to those on the picture.
+            let on_picture = |with: [f64; 3]| match lens.perspective {
                 true => {
                     let [u, v] = [(x + along[0] * offset) / at, (y + along[1] * offset) / at];
                     [with[0] - u * with[2], with[1] - v * with[2]].map(|c| c * lens.focal / at)
@@ -327,27 +430,43 @@ impl FieldProjection<'_> {
             };
             let [xx, xy, yy] = footprint.cov();
             let det = f64::from(footprint.across) * yy;
-            let tilt = [(yy * seen[0] - xy * seen[1]) / det, (xx * seen[1] - xy * seen[0]) / det];
-            let explained = tilt[0] * seen[0] + tilt[1] * seen[1];
-            let value = number.mean - self.reference + dot(slope, [along[0] * offset, along[1] * offset, offset]);
-            let variance = (number.variance + dot(slope, with) - explained).max(0.0);
+            let tilt_of = |seen: [f64; 2]| [(yy * seen[0] - xy * seen[1]) / det, (xx * seen[1] - xy * seen[0]) / det];
+            let explained = |tilt: [f64; 2], seen: [f64; 2]| tilt[0] * seen[0] + tilt[1] * seen[1];
+            let moved = |slope| dot(slope, [along[0] * offset, along[1] * offset, offset]);
+            let with = cov.apply(slope);
+            let seen = on_picture(with);
+            let tilt = tilt_of(seen);
+            let value = number.mean - self.reference + moved(slope);
+            let variance = (number.variance + dot(slope, with) - explained(tilt, seen)).max(0.0);
             // In an orthographic view a slab truncates depth at each pixel; in perspective pieces stand for it.
-            let slab = (is_cut && !lens.perspective && depths > 0.0).then(|| {
-                let with_depth = [cov.0[2], cov.0[4]].map(|c| c * lens.focal);
-                let tilt_of_depth =
-                    [(yy * with_depth[0] - xy * with_depth[1]) / det, (xx * with_depth[1] - xy * with_depth[0]) / det];
-                let explained = |other: [f64; 2]| tilt_of_depth[0] * other[0] + tilt_of_depth[1] * other[1];
-                let left = (depths - explained(with_depth)).max(1e-12 * depths);
-                DepthCut {
-                    mean: depth,
-                    tilt: tilt_of_depth,
-                    deviation: left.sqrt(),
-                    range: lens.range,
-                    slope: (with[2] - explained(seen)) / left,
-                }
+            let with_depth = [cov.0[2], cov.0[4]].map(|c| c * lens.focal);
+            let tilt_of_depth = tilt_of(with_depth);
+            let left = (depths - explained(tilt_of_depth, with_depth)).max(1e-12 * depths);
+            let with_depth_left = |with: [f64; 3], seen| (with[2] - explained(tilt_of_depth, seen)) / left;
+            let slab = (is_cut && !lens.perspective && depths > 0.0).then(|| DepthCut {
+                mean: depth,
+                tilt: tilt_of_depth,
+                deviation: left.sqrt(),
+                range: lens.range,
+                slope: with_depth_left(with, seen),
             });
             let excess = number.excess.map(|added| LogExcess { added, range: self.field.range[0] });
-            out.push(FieldFootprint { footprint, value, tilt, variance, excess, slab });
+            let by = by.as_ref().map(|(slope, own, covariance, range)| {
+                let (own_with, with) = (with, cov.apply(*slope));
+                let by_seen = on_picture(with);
+                let by_tilt = tilt_of(by_seen);
+                WeightFootprint {
+                    value: own.mean + moved(*slope),
+                    tilt: by_tilt,
+                    variance: (own.variance + dot(*slope, with) - explained(by_tilt, by_seen)).max(0.0),
+                    covariance: covariance + dot(*slope, own_with) - explained(by_tilt, seen),
+                    range: *range,
+                    per_mean: self.per_mean,
+                    excess: own.excess.map(|added| LogExcess { added, range: *range }),
+                    slope: if slab.is_some() { with_depth_left(with, by_seen) } else { 0.0 },
+                }
+            });
+            out.push(FieldFootprint { footprint, value, tilt, variance, excess, slab, by });
         };
         match is_cut && !lens.perspective && depths > 0.0 {
             true => add(slices::whole(lens, depth, depths)),
@@ -361,11 +480,7 @@ impl FieldProjection<'_> {
         // How the direction turns with the place, in perspective: what lies across it, over the distance.
         let mut turn = [0.0; 3];
         let direction = match query.component {
-            MapComponent::Scalar => {
-                let slope = each_axis(|a| field.slope[0][a][i]);
-                let excess = field.excess.as_ref().map(|e| e[i]);
-                return FieldNumber { mean: field.mean[0][i], variance: field.spread[0][i], slope, excess };
-            }
+            MapComponent::Scalar => return FieldNumber::scalar(field, i),
             MapComponent::Axis(k) => each_axis(|a| if a == k { 1.0 } else { 0.0 }),
             MapComponent::LineOfSight => {
                 let place = self.mixture.mean_of(i);
@@ -430,6 +545,24 @@ fn draw(f: &FieldFootprint, reference: f64, first: usize, width: usize, sums: &m
                 share = left;
                 (weight_here, value_here, variance) = (weight * share, value + shift, (variance + change).max(0.0));
             }
+            if let Some(by) = &f.by {
+                if share > 0.0 {
+                    let excess = f.excess.map(|e| (reference + e.added, e));
+                    let q = PixelValue { mean: value, variance: f.variance, excess };
+                    let found = by.at(place, q, f.slab.as_ref());
+                    let weight_here = weight * share;
+                    pixel[MASS_SUM] += weight_here;
+                    let weight_here = weight_here * found.weight;
+                    pixel[0] += weight_here;
+                    pixel[1] += weight_here * found.mean;
+                    pixel[2] += weight_here * (found.mean * found.mean + found.variance);
+                    pixel[3] += weight_here * found.value;
+                }
+                weight *= quotient;
+                quotient *= change;
+                value += f.tilt[0];
+                continue;
+            }
             pixel[0] += weight_here;
             pixel[1] += weight_here * value_here;
             pixel[2] += weight_here * (value_here * value_here + variance);
@@ -483,6 +616,25 @@ mod tests {
         heat.spread[0].iter_mut().for_each(|v| *v *= 0.2);
         heat.slope[0].iter_mut().flatten().for_each(|v| *v *= 0.4);
         heat.excess = Some((0..m.len()).map(|i| 0.1 * (i as f64).cos()).collect());
+        // Fields that weigh.
+        let mut warmth = heat.clone();
+        warmth.mean[0].reverse();
+        // Large exponentials outgrow what lies beyond the footprints' ends.
+        warmth.slope[0].iter_mut().flatten().chain(&mut warmth.mean[0]).for_each(|v| *v *= 0.25);
+        let mut calm = warmth.clone();
+        calm.mean[0].rotate_left(7);
+        let mut metals = scalar.clone();
+        metals.mean[0].iter_mut().for_each(|v| *v += 60.0);
+        metals.slope[0][1].reverse();
+        metals.range = vec![[0.0, 1e3]];
+        let of = |k: f64| (0..m.len()).map(|i| (k * i as f64).sin()).collect::<Vec<f64>>();
+        heat.correlations.set("metals", of(1.7));
+        metals.correlations.set("scalar", of(0.3));
+        warmth.correlations.set("calm", of(1.1));
+        warmth.correlations.set("scalar", of(2.3));
+        m.fields.set("warmth", warmth);
+        m.fields.set("calm", calm);
+        m.fields.set("metals", metals);
         m.fields.set("heat", heat);
         m.fields.set("scalar", scalar);
         m.fields.set("velocity", flow);
@@ -497,7 +649,7 @@ mod tests {
 
     fn query(name: &str, component: MapComponent) -> FieldQuery {
         let (bulk, weight) = ([0.5, 0.0, -0.3], Default::default());
-        FieldQuery { name: name.into(), component, dispersion: false, bulk, per_area: false, weight }
+        FieldQuery { name: name.into(), component, dispersion: false, bulk, per_area: false, weight, by: None }
     }
 
     /// Density, mean and dispersion of a pixel, by sums along lines of sight.
@@ -545,10 +697,30 @@ mod tests {
                             dot(direction, s.apply(direction))
                         }
                     };
-                    sums[0] += w;
-                    sums[1] += w * mean;
-                    sums[2] += w * (mean * mean + spread);
-                    sums[3] += w * field.value_at(0, i, d);
+                    let terms = match &q.by {
+                        None => [1.0, mean, mean * mean + spread, field.value_at(0, i, d)],
+                        Some(by) => {
+                            let own = m.fields.get(by).unwrap();
+                            let r = m.correlation(&q.name, by).map_or(1.0, |r| r[i]);
+                            let (weight, shared) = (own.value_at(0, i, d), r * (spread * own.spread[0][i]).sqrt());
+                            let value = field.value_at(0, i, d);
+                            match own.excess {
+                                None => [
+                                    weight,
+                                    weight * mean + shared,
+                                    weight * (mean * mean + spread) + 2.0 * mean * shared,
+                                    value * (weight + shared),
+                                ],
+                                Some(_) => [
+                                    weight,
+                                    weight * (mean + shared),
+                                    weight * ((mean + shared).powi(2) + spread),
+                                    weight * value * shared.exp(),
+                                ],
+                            }
+                        }
+                    };
+                    sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += w * term);
                 }
             }
         }
@@ -595,6 +767,47 @@ mod tests {
             // Of second order in the angle that a Gaussian fills.
             assert!(off < 0.12, "{name} {component:?}, perspective: {off}");
         }
+    }
+
+    #[test]
+    fn means_weighted_by_a_field_are_integrals_along_the_line_of_sight() {
+        let flat = Projection::Orthographic { height_world: 4.0 };
+        for (name, by) in
+            [("scalar", "metals"), ("scalar", "warmth"), ("heat", "metals"), ("calm", "warmth"), ("metals", "metals")]
+        {
+            let weighed = FieldQuery { by: Some(by.into()), ..query(name, MapComponent::Scalar) };
+            for range in [[0.0, 18.0], [8.7, 9.4]] {
+                let off = worst(&weighed, &view(flat, range));
+                assert!(off < 1e-4, "{name} by {by}, depths {range:?}: {off}");
+            }
+        }
+        let refused = |name: &str, by: &str, what: &str| {
+            let (m, bounds) = (model(), Bounds { min: [-5.0; 3], max: [5.0; 3] });
+            let weighed = FieldQuery { by: Some(by.into()), ..query(name, MapComponent::Scalar) };
+            let scene = Scene::from_mixture(&m, bounds);
+            let found = field_map(&scene, &weighed, &view(flat, [0.0, 18.0]), SIZE, &Context::SILENT);
+            assert!(found.unwrap_err().to_string().contains(what), "{name} {by}");
+        };
+        refused("metals", "scalar", "has negative values");
+        refused("metals", "warmth", "no correlations of `metals` and `warmth`");
+        refused("metals", "dust", "no field `dust` to weigh by");
+    }
+
+    #[test]
+    fn tails_are_empty_and_no_dispersion_exceeds_half_the_range() {
+        let mut m = Mixture::new(false);
+        let mut field = FieldMoments { range: vec![[0.0, 1.0]], ..FieldMoments::new(1) };
+        m.push([0.0; 3], Sym3::scaled_identity(0.04), 100.0, 0.0);
+        (field.mean[0], field.spread[0]) = (vec![0.5], vec![0.01]);
+        field.slope[0] = [vec![10.0], vec![0.0], vec![0.0]];
+        m.fields.set("scalar", field);
+        let v = view(Projection::Orthographic { height_world: 4.0 }, [0.0, 18.0]);
+        let scene = Scene::from_mixture(&m, Bounds { min: [-5.0; 3], max: [5.0; 3] });
+        let map = field_map(&scene, &query("scalar", MapComponent::Scalar), &v, SIZE, &Context::SILENT).unwrap();
+        let seen = map.mean.data.iter().filter(|v| v.is_finite()).count();
+        let reached = map.density.data.iter().filter(|w| **w > 0.0).count();
+        assert!(seen > 100 && 10 * seen < 8 * reached, "{seen} {reached}");
+        assert!(map.dispersion.data.iter().all(|d| d.is_nan() || *d <= 0.5));
     }
 
     #[test]

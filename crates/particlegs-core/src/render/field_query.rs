@@ -2,7 +2,7 @@
 
 use crate::model::{Block, Layer, Mixture, Quantity, QuantityKind};
 use crate::picture::{Plane, Size, ValueScale};
-use crate::{Error, Hint, Result};
+use crate::{Error, Hint, NamedValue, Result};
 
 /// Which number of a field is mapped.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +30,8 @@ pub struct FieldQuery {
     pub per_area: bool,
     /// What means are weighted by along the line of sight.
     pub weight: FieldWeight,
+    /// A scalar field, by its name, that this is multiplied by.
+    pub by: Option<String>,
 }
 
 crate::named_values! {
@@ -79,6 +81,7 @@ impl FieldQuery {
             bulk: [0.0; 3],
             per_area: q.extensive,
             weight: FieldWeight::Mass,
+            by: None,
         };
         if let Some(q) = field(wanted) {
             let name = &q.name;
@@ -109,6 +112,28 @@ impl FieldQuery {
         }
     }
 
+    /// Weighted as `text` says: `mass`, `count`, or by mass times a scalar field of this name.
+    pub fn weighted(self, text: &str, fields: &[Quantity]) -> Result<FieldQuery> {
+        if self.per_area {
+            return Err(Error::argument(format!("field `{}` is a sum over particles: it has no weights", self.name)));
+        }
+        if let Ok(weight) = FieldWeight::from_name(text) {
+            return Ok(FieldQuery { weight, ..self });
+        }
+        let Some(q) = fields.iter().find(|q| q.name.eq_ignore_ascii_case(text)) else {
+            let what = format!("there is no field `{text}` to weigh means by");
+            return Err(Error::argument_with(what, "weights are `mass`, `count`, or a positive scalar field's name"));
+        };
+        if q.kind != QuantityKind::Scalar {
+            return Err(Error::argument(format!("field `{}` is not a scalar: means cannot be weighted by it", q.name)));
+        }
+        if self.component != MapComponent::Scalar {
+            let what = format!("field `{}` is a vector: its means are weighted by mass or count alone", self.name);
+            return Err(Error::argument(what));
+        }
+        Ok(FieldQuery { by: Some(q.name.clone()), ..self })
+    }
+
     /// The fields that a name may speak of, the likeliest first.
     pub fn candidates(text: &str) -> Vec<String> {
         let wanted = text.strip_prefix(DISPERSION).unwrap_or(text);
@@ -134,6 +159,7 @@ impl FieldQuery {
             MapComponent::LineOfSight => format!("{} along the line of sight", self.name),
         };
         let of = if self.per_area { format!("{of} per area") } else { of };
+        let of = self.by.as_ref().map_or(of.clone(), |by| format!("{of} weighted by {by}"));
         if self.dispersion { format!("dispersion of {of}") } else { of }
     }
 

@@ -32,6 +32,7 @@ mod scene;
 mod scratch;
 mod surface;
 mod tone;
+mod weight_footprint;
 
 #[cfg(any(test, feature = "twins"))]
 #[allow(clippy::disallowed_methods)]

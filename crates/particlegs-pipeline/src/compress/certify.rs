@@ -33,7 +33,7 @@ pub fn certify(
 pub fn measured_bytes(bytes: &[u8], model: &Model, place: &str) -> Result<u64> {
     let mut layers = codec::coded_layers(bytes, place)?;
     for block in layers.iter_mut().flat_map(|l| &mut l.content) {
-        block.sections.retain(|s| s.tag != codec::FIELD);
+        block.sections.retain(|s| ![codec::FIELD, codec::CORRELATION].contains(&s.tag));
     }
     let metadata = Metadata { fields: Vec::new(), ..codec::read_metadata(bytes, place)? };
     let network = model.vizmapper().map(|network| &**network);

@@ -4,7 +4,7 @@
 use super::CompressedModel;
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
-use crate::fit::{FieldShape, gather};
+use crate::fit::{FieldShape, correlations, gather};
 use crate::model::{Certificate, LawKind, Metadata, Model, Quantity, QuantityKind, SharedSpecies, Unit};
 use crate::particles::{ChunkBuffer, FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use crate::reference::FieldValues;
@@ -205,7 +205,7 @@ impl<'a> FieldSelection<'a> {
                 }
             }
         }
-        Ok(FieldValues { columns, logarithmic: self.plan.quantities[number].logarithmic })
+        Ok(FieldValues { columns, logarithmic: self.plan.quantities[number].logarithmic, by: None })
     }
 
     /// The places of a layer's fields in the list.
@@ -274,7 +274,15 @@ impl<'a> FieldSelection<'a> {
             let read = |run: u64, out: &mut Vec<Vec<f64>>| self.read(index, run, out);
             let (blocks, shapes) = (&model.layers[at].content, self.shapes(index));
             let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
-            for ((block, stored), fields) in blocks.iter().zip(&mut coded[at].content).zip(gathered) {
+            let particles = self.particles.of_layer(layer);
+            let pairs = correlations(blocks, &particles, (&shapes, &gathered), &read, None, context)?;
+            for (((block, stored), fields), pairs) in blocks.iter().zip(&mut coded[at].content).zip(gathered).zip(pairs)
+            {
+                for pair in pairs {
+                    let numbers = pair.fields.map(|f| chosen[f] as u8);
+                    let bytes = codec::encode_correlation(numbers, &pair.values, &block.gaussians);
+                    stored.sections.push(StoredSection { tag: codec::CORRELATION, bytes });
+                }
                 for (n, f) in chosen.iter().zip(fields) {
                     let bytes = codec::encode_field(
                         (*n as u8, &self.plan.quantities[*n]),

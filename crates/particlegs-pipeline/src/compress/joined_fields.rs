@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::codec::{self, FieldPrecision, StoredSection};
 use crate::context::Context;
-use crate::fit::{FieldShape, gather};
+use crate::fit::{BlockField, FieldCorrelation, FieldShape, correlations, gather};
 use crate::math::Sym3;
 use crate::model::{Block, FieldMoments, Layer, Metadata, Mixture, Quantity};
 use crate::particles::{Column, Particles, RUN, SnapshotMeta};
@@ -54,7 +54,15 @@ pub(super) fn join_fields(
             Ok(())
         };
         let gathered = gather(&layer.content, &points, &shapes, &read, context)?;
-        for ((block, stored), gathered) in layer.content.iter().zip(&mut stored.content).zip(gathered) {
+        let pairs = joined_correlations(&layer.content, &points, (&shapes, &gathered), g, context)?;
+        for (((block, stored), gathered), pairs) in
+            layer.content.iter().zip(&mut stored.content).zip(gathered).zip(pairs)
+        {
+            for pair in pairs {
+                let bytes =
+                    codec::encode_correlation(pair.fields.map(|f| there[f].0 as u8), &pair.values, &block.gaussians);
+                stored.sections.push(StoredSection { tag: codec::CORRELATION, bytes });
+            }
             for ((number, q), mut f) in there.iter().zip(gathered) {
                 let Some(field) = g.fields.get(&q.name) else { continue };
                 let weight = |i: usize| if q.by_mass { g.mass_of(i) } else { g.count[i] };
@@ -70,6 +78,41 @@ pub(super) fn join_fields(
     }
     let metadata = Metadata { fields, ..model.metadata };
     codec::assemble(&metadata, None, coded)
+}
+
+/// Correlations of the scalars, of points that have the moments of the old Gaussians. None where a pair's are not known.
+fn joined_correlations(
+    blocks: &[Block],
+    points: &Particles,
+    (shapes, gathered): (&[FieldShape<'_>], &[Vec<BlockField>]),
+    g: &Mixture,
+    context: &Context<'_>,
+) -> Result<Vec<Vec<FieldCorrelation>>> {
+    let read = |run: u64, out: &mut Vec<Vec<f64>>| {
+        let range = run as usize * RUN..points.len().min((run as usize + 1) * RUN);
+        for &FieldShape { name, components, logarithmic, .. } in shapes {
+            let mean = |k: usize, p: usize| {
+                let i = p / POINTS;
+                g.fields.get(name).map_or(0.0, |f| f.mean_at(k, i, offset(p, &root(&g.cov_of(i)))))
+            };
+            let columns = components + usize::from(logarithmic);
+            out.extend((0..columns).map(|k| range.clone().map(|p| mean(k.min(components - 1), p)).collect()));
+        }
+        out.push(range.map(|p| g.count[p / POINTS] / POINTS as f64).collect());
+        Ok(())
+    };
+    let within = |p: usize, [a, b]: [usize; 2]| {
+        let (i, [a, b]) = (p / POINTS, [a, b].map(|f| shapes[f].name));
+        let spread = |name: &str| g.fields.get(name).map_or(0.0, |f| f.spread[0][i]);
+        if a == b {
+            return spread(a);
+        }
+        g.correlation(a, b).map_or(0.0, |r| r[i] * (spread(a) * spread(b)).sqrt())
+    };
+    let mut found = correlations(blocks, points, (shapes, gathered), &read, Some(&within), context)?;
+    let is_known = |c: &FieldCorrelation| g.correlation(shapes[c.fields[0]].name, shapes[c.fields[1]].name).is_some();
+    found.iter_mut().for_each(|pairs| pairs.retain(is_known));
+    Ok(found)
 }
 
 /// The points of all Gaussians, each with its share of the mass.

@@ -70,7 +70,7 @@ impl<'a> FieldShape<'a> {
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
 
 /// The block whose bounds a place lies in.
-fn block_of(bounds: &[Bounds], x: [f64; 3]) -> usize {
+pub(super) fn block_of(bounds: &[Bounds], x: [f64; 3]) -> usize {
     let within = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
     if bounds.len() == 1 { 0 } else { bounds.iter().position(within).unwrap_or(0) }
 }

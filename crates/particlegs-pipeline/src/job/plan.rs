@@ -22,6 +22,8 @@ pub struct Task<'a> {
     pub options: &'a Options,
     /// Fields that the file gets, by name.
     pub fields: &'a [String],
+    /// Temperature of star-forming gas, where it is computed from energies.
+    pub star_forming: StarFormingGas,
     /// How the snapshot is opened again: the caller's own.
     pub snapshot: serde_json::Value,
     /// How errors name it.
@@ -52,7 +54,7 @@ impl Job {
         let mut fields = FieldPlan::default();
         if !task.fields.is_empty() {
             let counts: Vec<u64> = source.layers.iter().map(|l| l.layer.content).collect();
-            let (names, layers) = ((task.fields, StarFormingGas::Keep), (&source.fields[..], &counts[..]));
+            let (names, layers) = ((task.fields, task.star_forming), (&source.fields[..], &counts[..]));
             fields = FieldPlan::new(names, layers, &source.meta.fields, false, task.options.law())?;
             source.meta.fields.clone_from(&fields.omitted);
         }

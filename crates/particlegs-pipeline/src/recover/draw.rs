@@ -1,5 +1,6 @@
 //! A run of particles from its Gaussians.
 
+use super::joint::correlated_normals;
 use super::normals::Draws;
 use super::options::Method;
 use super::plan::{LayerPlan, RecoveryPlan};
@@ -113,18 +114,28 @@ impl DrawRules {
             }
         }
         run.fields.clear();
+        // A field's numbers do not depend on which other fields there are, but for those that it correlates with.
+        let random =
+            |name: &str| Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
+        let joint = correlated_normals(
+            &layer.layer.content,
+            || layer.parts(range.clone()),
+            |name| {
+                let mut own = vec![0.0; n];
+                scratch.draws.normals(self.simd, &mut random(name), &mut own);
+                own
+            },
+        );
         for (name, field) in layer.layer.content.fields.iter() {
             let category = self.categories.iter().find(|c| c.iter().any(|(class, _)| class == name));
             if category.is_some_and(|c| c[0].0 != name) {
                 continue;
             }
-            // A field's draws do not depend on which other fields there are.
-            let mut random = Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
             if let Some(category) = category {
-                run.fields.push(self.draw_category(category, &stretch, &mut random, scratch));
+                run.fields.push(self.draw_category(category, &stretch, &mut random(name), scratch));
                 continue;
             }
-            self.draw_field(field, &stretch, &mut random, scratch, &mut run.fields);
+            self.draw_field((field, joint.get(name)), &stretch, &mut random(name), scratch, &mut run.fields);
             if !self.extensive.iter().any(|own| own == name) {
                 continue;
             }
@@ -187,10 +198,11 @@ impl DrawRules {
         placed.apply(raw, out);
     }
 
-    /// Appends a field's columns: its means at the particles' places, before these are wrapped, and a draw of its spread.
+    /// Appends a field's columns: its means at the particles' places, before these are wrapped, and a draw of its spread,
+    /// by `joint` normal numbers if the field correlates with others.
     fn draw_field(
         &self,
-        field: &FieldMoments,
+        (field, joint): (&FieldMoments, Option<&Vec<f64>>),
         stretch: &ParticleRun<'_>,
         random: &mut Random,
         scratch: &mut DrawScratch,
@@ -201,7 +213,10 @@ impl DrawRules {
         let DrawScratch { draws, position, left, .. } = scratch;
         // A draw from two phases takes two normal ones.
         left.resize((components + usize::from(field.excess.is_some())) * n, 0.0);
-        draws.normals(self.simd, random, left);
+        match joint {
+            Some(joint) => left[..n].copy_from_slice(joint),
+            None => draws.normals(self.simd, random, left),
+        }
         columns.resize_with(first + components, || vec![0.0; n]);
         let g = &layer.layer.content;
         for (gaussian, part) in layer.parts(stretch.first..stretch.first + n as u64) {
@@ -218,7 +233,8 @@ impl DrawRules {
                 let drawn = [a * z[0], b * z[0] + c * z[1], d * z[0] + e * z[1] + f * z[2]];
                 if let Some(phases) = &phases {
                     let [least, largest] = field.range[0];
-                    let log = field.mean_at(0, gaussian, from_mean) + phases.draw([z[0], z[1]]);
+                    let log = field.mean_at(0, gaussian, from_mean)
+                        + if joint.is_some() { phases.quantile(z[0]) } else { phases.draw([z[0], z[1]]) };
                     columns[first][i] = libm::exp(log.max(least).min(largest));
                     continue;
                 }

@@ -10,6 +10,7 @@
 mod draw;
 mod in_memory;
 mod job;
+mod joint;
 mod normals;
 mod notes;
 mod options;

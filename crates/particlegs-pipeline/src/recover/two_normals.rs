@@ -1,12 +1,18 @@
 //! Sums of two normal distributions, from which logarithms of a field are drawn so that the values themselves have the mean
 //! that the model states: gas of two phases has a mean far from that of log-normal values.
 
+use super::quantile::quantile;
+
 /// Share of the variance that lies between the two, at most.
 const MOST_BETWEEN: f64 = 0.95;
 /// That share, for each part of half the variance that the excess is.
 const BETWEEN: f64 = 2.4;
 /// The smaller part's weight.
 const LEAST_WEIGHT: f64 = 1e-3;
+/// Deviations about the two means that hold all of it.
+const REACH: f64 = 5.0;
+/// Steps towards a quantile at most.
+const ITERATIONS: usize = 30;
 /// Halvings of the interval of weights.
 const HALVINGS: usize = 40;
 
@@ -56,6 +62,57 @@ impl TwoNormals {
         let is_upper = 0.5 * libm::erfc(normals[0] * std::f64::consts::FRAC_1_SQRT_2) < self.weight;
         self.means[usize::from(!is_upper)] + self.width * normals[1]
     }
+
+    /// The value below which as much lies as below `z` in a normal distribution: a draw, by one of that, which rises with it.
+    pub fn quantile(&self, z: f64) -> f64 {
+        let [upper, lower] = self.means;
+        if upper == lower || self.width <= 0.0 {
+            return upper + self.width * z;
+        }
+        // Shares beyond a value, on the side where they are small.
+        let side = if z > 0.0 { 1.0 } else { -1.0 };
+        let beyond = |x: f64| 0.5 * libm::erfc(side * x * std::f64::consts::FRAC_1_SQRT_2);
+        let density = |x: f64| libm::exp(-0.5 * x * x) / (2.0 * std::f64::consts::PI).sqrt();
+        let (wanted, weights) = (beyond(z), [self.weight, 1.0 - self.weight]);
+        let (mut low, mut high) = (lower + self.width * z, upper + self.width * z);
+        let mut x = self.weight * high + (1.0 - self.weight) * low;
+        for _ in 0..ITERATIONS {
+            let parts = [0, 1].map(|k| (x - self.means[k]) / self.width);
+            let off = weights[0] * beyond(parts[0]) + weights[1] * beyond(parts[1]) - wanted;
+            if side * off > 0.0 {
+                low = x
+            } else {
+                high = x
+            }
+            let slope = side * (weights[0] * density(parts[0]) + weights[1] * density(parts[1])) / self.width;
+            let next = x + off / slope;
+            if (next - x).abs() < 1e-6 * self.width {
+                return next;
+            }
+            x = if next > low && next < high { next } else { 0.5 * (low + high) };
+        }
+        x
+    }
+
+    /// The correlation of [`TwoNormals::quantile`] with its argument.
+    pub fn gain(&self) -> f64 {
+        let [upper, lower] = self.means;
+        if upper == lower || self.width <= 0.0 {
+            return 1.0;
+        }
+        // The mean of value times z is that of the quantile's slope: an integral over values of the density of z.
+        let [from, to] = [lower - REACH * self.width, upper + REACH * self.width];
+        let nodes = (2.0 * (to - from) / self.width).ceil();
+        let below = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
+        let node = |k: f64| {
+            let [p, q] = self.means.map(|m| below((from + (k + 0.5) / nodes * (to - from) - m) / self.width));
+            let z = quantile(self.weight * p + (1.0 - self.weight) * q);
+            libm::exp(-0.5 * z * z)
+        };
+        let sum: f64 = (0..nodes as u32).map(|k| node(f64::from(k))).sum();
+        let mean = sum * (to - from) / (nodes * (2.0 * std::f64::consts::PI).sqrt());
+        (mean / (self.width * self.width - upper * lower).sqrt()).clamp(0.1, 1.0)
+    }
 }
 
 #[cfg(test)]
@@ -72,8 +129,10 @@ mod tests {
             let mut random = Random::new(3, 1, 4);
             let n = 400_000;
             let (mut sum, mut square, mut exponential) = (0.0, 0.0, 0.0);
-            for _ in 0..n {
-                let v = distribution.draw([random.normal(), random.normal()]);
+            for i in 0..n {
+                let normals = [random.normal(), random.normal()];
+                // Half of them one way, half the other.
+                let v = if i % 2 == 0 { distribution.draw(normals) } else { distribution.quantile(normals[0]) };
                 (sum, square, exponential) = (sum + v, square + v * v, exponential + v.exp());
             }
             let of = |v: f64| v / f64::from(n);

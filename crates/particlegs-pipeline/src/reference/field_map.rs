@@ -16,6 +16,8 @@ pub struct FieldValues {
     pub columns: Vec<Vec<f32>>,
     /// Are dispersions those of decimal logarithms (dex)? For scalars.
     pub logarithmic: bool,
+    /// What particles weigh beside their masses, if another field weighs; NaN where there is none.
+    pub by: Option<Vec<f32>>,
 }
 
 impl Reference<'_> {
@@ -47,10 +49,16 @@ impl Reference<'_> {
         // A sum counts each particle's value, whatever its mass.
         let alike = query.per_area || query.weight == FieldWeight::Count;
         let own = particles.weights().filter(|_| !alike);
-        let weigh = |of: &(dyn Fn(f64) -> f64 + Sync)| {
-            let weight = |i: usize| own.as_ref().map_or(1.0, |w| f64::from(w[i]));
+        let by = |i: usize| values.by.as_ref().map_or(1.0, |by| f64::from(by[i]));
+        if values.by.as_ref().is_some_and(|by| by.len() != n || by.iter().any(|v| *v < 0.0)) {
+            let what = "the field that weighs has negative values, or another number of values";
+            return Err(Error::argument(what));
+        }
+        let weigh = |of: &(dyn Fn(f64) -> f64 + Sync), by: &(dyn Fn(usize) -> f64 + Sync)| {
+            let weight = |i: usize| own.as_ref().map_or(1.0, |w| f64::from(w[i])) * by(i);
             let weights = parallel::map_range(n, |i| {
-                if numbers[i].is_finite() { (weight(i) * of(numbers[i] - mean)) as f32 } else { 0.0 }
+                let there = numbers[i].is_finite() && by(i).is_finite();
+                if there { (weight(i) * of(numbers[i] - mean)) as f32 } else { 0.0 }
             });
             let mut weighted = particles.clone().with_weights(Column::owned(weights));
             if alike {
@@ -58,8 +66,8 @@ impl Reference<'_> {
             }
             self.weighted(&weighted).surface_density(view, size, context)
         };
-        let density = weigh(&|_| 1.0)?;
-        let (mut first, mut second) = (weigh(&|v| v)?, weigh(&|v| v * v)?);
+        let density = weigh(&|_| 1.0, &by)?;
+        let (mut first, mut second) = (weigh(&|v| v, &by)?, weigh(&|v| v * v, &by)?);
         for ((&w, m), d) in density.data.iter().zip(&mut first.data).zip(&mut second.data) {
             let (w, off) = (f64::from(w), f64::from(*m) / f64::from(w));
             *d = (f64::from(*d) / w - off * off).max(0.0).sqrt() as f32;
@@ -69,6 +77,7 @@ impl Reference<'_> {
                 (*m, *d) = (f32::NAN, f32::NAN);
             }
         }
+        let density = if values.by.is_some() { weigh(&|_| 1.0, &|_| 1.0)? } else { density };
         Ok(FieldMap { mean: first, dispersion: second, density })
     }
 }
@@ -100,7 +109,7 @@ mod tests {
         let x = vec![0.25f32, 0.3, 0.75, 0.8];
         let p = Particles::from_columns(x, vec![0.5; 4], vec![0.1, 0.9, 0.2, 0.6])
             .with_weights(Column::owned(vec![1.0f32, 3.0, 1.0, 1.0]));
-        let values = FieldValues { columns: vec![vec![10.0, 20.0, f32::NAN, -7.0]], logarithmic: false };
+        let values = FieldValues { columns: vec![vec![10.0, 20.0, f32::NAN, -7.0]], logarithmic: false, by: None };
         let query = FieldQuery {
             name: "heat".into(),
             component: MapComponent::Scalar,
@@ -108,6 +117,7 @@ mod tests {
             bulk: [0.0; 3],
             per_area: false,
             weight: FieldWeight::Mass,
+            by: None,
         };
         let window = Window { center: [0.5; 3], angles_deg: [0.0; 2], width: 1.0, depth: None };
         let size = Size { width: 4, height: 4 };
@@ -125,5 +135,12 @@ mod tests {
         assert_eq!(lit.len(), 2);
         assert!((lit[0].0 - 17.5).abs() < 1e-4 && (lit[0].1 - 18.75f32.sqrt()).abs() < 1e-3, "{lit:?}");
         assert!((lit[1].0 + 7.0).abs() < 1e-5 && lit[1].1 < 1e-2, "{lit:?}");
+        // Another field that weighs: (3 10 + 3 20) / 6.
+        let weighed = FieldValues { by: Some(vec![3.0, 1.0, 1.0, f32::NAN]), ..values };
+        let map = Reference::new(&p).field_map(&weighed, &query, &view, size, &Context::SILENT).unwrap();
+        let lit: Vec<f32> = map.mean.data.iter().copied().filter(|m| m.is_finite()).collect();
+        assert!(lit.len() == 1 && (lit[0] - 15.0).abs() < 1e-4, "{lit:?}");
+        let negative = FieldValues { by: Some(vec![-1.0; 4]), ..weighed };
+        assert!(Reference::new(&p).field_map(&negative, &query, &view, size, &Context::SILENT).is_err());
     }
 }

@@ -325,7 +325,7 @@ mod tests {
             slope: vec![slope],
             spread: vec![vec![1.0]],
             range: vec![[-1e3, 1e3]],
-            excess: None,
+            ..FieldMoments::new(1)
         };
         model.layers[0].content[0].gaussians.fields.set("heat", f);
         let grid = grid(20);

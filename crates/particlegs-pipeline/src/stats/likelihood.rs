@@ -351,7 +351,7 @@ mod tests {
             slope: vec![[vec![100.0, 0.0], vec![0.0; 2], vec![0.0; 2]]],
             spread: vec![vec![4.0, 9.0]],
             range: vec![[-1e3, 1e3]],
-            excess: None,
+            ..FieldMoments::new(1)
         };
         model.layers[0].content[0].gaussians.fields.set("heat", field);
         let x = [0.06, 0.5, 0.5];

@@ -166,6 +166,7 @@ pub fn planned(particles: &Particles, folder: &Path, options: Options) -> Job {
         place: "here",
         replace: false,
         reopened: false,
+        star_forming: Default::default(),
     };
     Job::plan(LayeredParticles::from_particles(particles), &task, folder, &Context::SILENT).unwrap()
 }
