@@ -13,16 +13,19 @@
 mod affine;
 mod array;
 mod ascii;
+mod atoms;
 mod axes;
 mod cache;
 mod codecs;
 mod columns;
 mod compression;
+mod frames;
 mod numbers;
 mod pieces;
 mod stored_bytes;
 mod stream_reader;
 mod text;
+mod wrapping;
 
 mod choice;
 mod fields;
@@ -38,14 +41,18 @@ mod snapshot;
 mod writers;
 
 mod csv;
+mod dcd;
 mod gadget;
 mod genericio;
+mod gro;
+mod gromacs;
 mod hdf5;
 mod lammps;
 mod npy;
 mod npz;
 mod ply;
 mod splats;
+mod tipsy;
 mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
