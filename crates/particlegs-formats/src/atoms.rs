@@ -133,7 +133,7 @@ impl AtomSnapshot {
         Ok(self)
     }
 
-    fn rows(&self, species: usize, choice: &Choice) -> Result<AtomRows> {
+    fn rows(&self, species: usize, choice: &Choice) -> Result<OwnRows> {
         let (Some(found), Some(own)) = (self.description.species.get(species), self.species.get(species)) else {
             return Err(Error::argument(format!("particle type {species} does not exist")));
         };
@@ -148,7 +148,7 @@ impl AtomSnapshot {
         let inner = StridedParticles::new(&self.place, self.bytes.clone(), own.rows, &lanes)?;
         let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == found.positions);
         let cell = if moved { wrapping::cell(&self.description, choice)? } else { None };
-        Ok(AtomRows { inner, own: own.own.clone(), cell })
+        Ok(OwnRows { inner: Box::new(inner), own: own.own.clone(), cell })
     }
 }
 
@@ -165,14 +165,17 @@ impl Snapshot for AtomSnapshot {
     }
 }
 
-/// Rows of one species.
-struct AtomRows {
-    inner: StridedParticles,
-    own: Option<Arc<[u32]>>,
-    cell: Option<PeriodicCell>,
+/// Rows so far apart are read together.
+const CLOSE: u32 = 64;
+
+/// Rows of one species, ascending, or all, wrapped into a cell where there is one.
+pub struct OwnRows {
+    pub inner: Box<dyn ParticlePiece>,
+    pub own: Option<Arc<[u32]>>,
+    pub cell: Option<PeriodicCell>,
 }
 
-impl ParticlePiece for AtomRows {
+impl ParticlePiece for OwnRows {
     fn rows(&self) -> u64 {
         self.own.as_ref().map_or(self.inner.rows(), |own| own.len() as u64)
     }
@@ -186,10 +189,20 @@ impl ParticlePiece for AtomRows {
         match &self.own {
             None => self.inner.read(rows, out)?,
             Some(own) => {
-                // Neighbours together.
-                for run in own[rows.start as usize..rows.end as usize].chunk_by(|a, b| a + 1 == *b) {
-                    let first = u64::from(run[0]);
-                    self.inner.read(first..first + run.len() as u64, out)?;
+                // Neighbours together, with what lies between those that are close.
+                let mut between = RowBuffer::default();
+                for near in own[rows.start as usize..rows.end as usize].chunk_by(|a, b| b - a <= CLOSE) {
+                    let (first, end) = (near[0], near[near.len() - 1] + 1);
+                    if near.len() == (end - first) as usize {
+                        self.inner.read(first.into()..end.into(), out)?;
+                        continue;
+                    }
+                    between.clear();
+                    self.inner.read(first.into()..end.into(), &mut between)?;
+                    for which in 0..4 {
+                        let all = std::mem::take(between.column(which));
+                        out.column(which).extend(near.iter().filter_map(|row| all.get((row - first) as usize)));
+                    }
                 }
             }
         }

@@ -74,7 +74,8 @@ fn check_fixture(path: &Path) -> Result<(), String> {
 
 /// Formats that state a box state this one; the others none.
 fn check_box(name: &str, snapshot: &dyn Snapshot) -> Result<(), String> {
-    let states_one = ["hdf5", "gio", "dump", "dump.gz", "dump.bz2", "dump.zst", "extxyz", "gro", "xtc", "trr", "dcd"];
+    let states_one =
+        ["hdf5", "gio", "dump", "dump.gz", "dump.bz2", "dump.zst", "extxyz", "gro", "xtc", "trr", "dcd", "h5md"];
     let states_one =
         states_one.iter().any(|e| name.ends_with(e)) || name.starts_with("gadget") || name.ends_with("npz");
     let wanted = match name {

@@ -130,14 +130,15 @@ impl Container {
             .map_or(Vec::new(), |(groups, sets)| groups.into_iter().chain(sets).map(|n| n.to_string()).collect())
     }
 
-    /// Attributes of a group at the top; none where there is no such group.
+    /// Attributes of a group, by its names from the top; none where there is no such group.
     pub fn attributes(&self, group: &str) -> Result<Attributes> {
         let place = format!("{}: {group}", self.place);
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
         if group == TOP {
             return Ok(Attributes::new(&root.attributes().map_err(|e| broken(&place, &e))?));
         }
-        match root.group(group) {
+        let mut names = group.split('/').filter(|name| !name.is_empty());
+        match names.try_fold(root, |g, name| g.group(name)) {
             Ok(g) => Ok(Attributes::new(&g.attributes().map_err(|e| broken(&place, &e))?)),
             Err(Hdf5Error::GroupNotFound(_)) => Ok(Attributes::default()),
             Err(e) => Err(broken(&place, &e)),

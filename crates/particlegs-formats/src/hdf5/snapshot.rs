@@ -2,6 +2,7 @@
 
 use super::container::{Container, DataSet};
 use super::files;
+use super::h5md;
 use super::header::{Hdf5Header, TYPES};
 use super::reader::{self, FilePart, GroupSource};
 use super::tables;
@@ -59,6 +60,9 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     if let [path] = paths
         && !first.groups()?.iter().any(|g| kind_of(&g.0).is_some())
     {
+        if first.groups()?.iter().any(|g| g.0 == h5md::MARK) {
+            return h5md::open(path, first, options);
+        }
         if let Some(tables) = tables::open(path, &first)? {
             return Ok(tables);
         }

@@ -10,7 +10,7 @@ use crate::foreign::{YT, python};
 use crate::npy::layout::{mass_named, positions_named};
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs_pipeline::model::{Dimension, Units};
+use particlegs_pipeline::model::{Cosmology, Dimension, Units};
 use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Hint, Result};
@@ -49,12 +49,24 @@ struct ParticleTable {
 
 /// Opens such a file; `None` where no group holds positions.
 pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapshot>>> {
-    let groups = std::iter::once(TOP.to_string()).chain(container.groups()?.into_iter().map(|g| g.0));
+    let header = OpenCosmoHeader::read(container)?;
+    let mut groups: Vec<String> = container.groups()?.into_iter().map(|g| g.0).collect();
+    if header.is_some() {
+        // Collections have the columns of each kind in a group `data` of its own.
+        let own =
+            |group: &String| container.names_in(group).iter().any(|n| n == DATA).then(|| format!("{group}/{DATA}"));
+        groups = groups.iter().filter(|g| *g == DATA).cloned().chain(groups.iter().filter_map(own)).collect();
+    } else {
+        groups.insert(0, TOP.into());
+    }
     let mut tables = Vec::new();
     for group in groups {
         if tables.len() < TYPES {
             tables.extend(table(container, &group)?);
         }
+    }
+    if let Some(header) = &header {
+        tables.iter_mut().for_each(|table| header.name(table));
     }
     let Some(first) = tables.first() else { return Ok(None) };
     let top = container.attributes(TOP)?;
@@ -69,12 +81,16 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
         mass: unit(&first.masses, Dimension::Mass),
         ..Units::default()
     };
+    let mut meta = SnapshotMeta { cell, units: units.settled(), ..named(path) };
+    if let Some(header) = &header {
+        header.complete(&mut meta, &mut notes);
+    }
     let mut rows = [0; TYPES];
     rows.iter_mut().zip(&tables).for_each(|(rows, table)| *rows = table.species.count);
     let description = Description {
-        format: "HDF5 tables".into(),
+        format: header.map_or("HDF5 tables".into(), |h| format!("HDF5, OpenCosmo ({})", h.kind)),
         files: vec![path.to_path_buf()],
-        meta: SnapshotMeta { cell, units: units.settled(), ..named(path) },
+        meta,
         species: tables.iter().map(|t| t.species.clone()).collect(),
         notes,
         ..Description::default()
@@ -109,6 +125,75 @@ fn table(container: &Container, group: &str) -> Result<Option<ParticleTable>> {
     Ok(Some(ParticleTable { group: group.into(), species, positions: positions_of, masses }))
 }
 
+/// The group of columns in files of OpenCosmo, and that of what they are.
+const DATA: &str = "data";
+const HEADER: &str = "header";
+
+/// What a file of OpenCosmo says: <https://opencosmo.readthedocs.io>.
+struct OpenCosmoHeader {
+    kind: String,
+    is_lightcone: bool,
+    redshift: Option<f64>,
+    convention: String,
+    box_size: Option<f64>,
+    cosmology: Cosmology,
+}
+
+impl OpenCosmoHeader {
+    /// At the top or, in collections, in a group of one kind.
+    fn read(container: &Container) -> Result<Option<OpenCosmoHeader>> {
+        let groups = container.groups()?.into_iter().map(|g| format!("{}/{HEADER}", g.0));
+        for place in std::iter::once(HEADER.to_string()).chain(groups) {
+            let file = container.attributes(&format!("{place}/file"))?;
+            let Some(kind) = file.text(&["data_type"]) else { continue };
+            let simulation = container.attributes(&format!("{place}/simulation/parameters"))?;
+            let cosmology = container.attributes(&format!("{place}/simulation/cosmology"))?;
+            return Ok(Some(OpenCosmoHeader {
+                kind: kind.into(),
+                is_lightcone: file.number(&["is_lightcone"]) == Some(1.0),
+                redshift: file.number(&["redshift"]).filter(|z| *z > -1.0 && z.is_finite()),
+                convention: file.text(&["unit_convention"]).unwrap_or("scalefree").into(),
+                box_size: simulation.number(&["box_size"]).filter(|l| *l > 0.0 && l.is_finite()),
+                cosmology: Cosmology {
+                    hubble: cosmology.number(&["h"]),
+                    omega_matter: cosmology.number(&["omega_m", "Om0"]),
+                    omega_lambda: cosmology.number(&["omega_l", "Ode0"]),
+                    omega_baryon: cosmology.number(&["omega_b", "Ob0"]),
+                },
+            }));
+        }
+        Ok(None)
+    }
+
+    /// By its kind where the file has one alone, else by its group.
+    fn name(&self, table: &mut ParticleTable) {
+        table.species.name = match table.group.strip_suffix(&format!("/{DATA}")) {
+            Some(group) => group.into(),
+            None => self.kind.clone(),
+        };
+    }
+
+    fn complete(&self, meta: &mut SnapshotMeta, notes: &mut Vec<String>) {
+        meta.cosmology = self.cosmology.clone();
+        meta.units.comoving = meta.units.comoving.or(Some(self.convention != "physical"));
+        meta.units = std::mem::take(&mut meta.units).settled();
+        if self.is_lightcone {
+            notes.push("a light cone: it has no periodic box and no one redshift".into());
+            return;
+        }
+        meta.epoch.scale_factor = self.redshift.map(|z| 1.0 / (1.0 + z));
+        // The box is stated in comoving Mpc/h whatever the convention of the columns, which are in Mpc.
+        let factor = match &self.convention[..] {
+            "scalefree" => Some(1.0),
+            "comoving" => self.cosmology.hubble.map(|h| 1.0 / h),
+            "physical" => self.cosmology.hubble.zip(meta.epoch.scale_factor).map(|(h, a)| a / h),
+            _ => None,
+        };
+        let factor = factor.filter(|f| *f > 0.0 && meta.units.length_text().is_some_and(|unit| unit.contains("Mpc")));
+        meta.cell = self.box_size.zip(factor).map(|(length, factor)| Cell::orthogonal([length * factor; 3]));
+    }
+}
+
 /// A box of one length or three; 0 means that there is none.
 fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
     let lengths = match *lengths {
@@ -126,7 +211,6 @@ fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
 /// What an HDF5 file without particles that are read is, where that is known, and what converts it.
 pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
     let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
-    let has = |name: &str| groups.iter().any(|g| g == name);
     let last = |set: &str| {
         let plain = set.chars().all(|c| c.is_ascii_alphanumeric() || "/_-. ".contains(c));
         let set = if plain { set } else { "SET" };
@@ -136,10 +220,6 @@ pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
             "h5py",
         )
     };
-    if has("h5md") {
-        let name = container.names_in("particles").into_iter().next().unwrap_or_else(|| "all".into());
-        return Some(("an H5MD trajectory".into(), last(&format!("particles/{name}/position/value"))));
-    }
     if container.attributes(TOP).is_ok_and(|a| a.has("openPMD")) {
         return Some(("an openPMD file".into(), python(path, YT, "yt")));
     }
