@@ -219,3 +219,29 @@ impl ParticlePiece for OwnRows {
         if self.own.is_none() && self.cell.is_none() { self.inner.in_place() } else { None }
     }
 }
+
+/// Fields in memory, one array behind the other.
+#[derive(Default)]
+pub struct FieldBuffer {
+    bytes: Vec<u8>,
+    fields: Vec<AtomField>,
+}
+
+impl FieldBuffer {
+    /// Numbers row by row.
+    pub fn add(&mut self, name: &str, components: u32, unit: Option<&'static str>, values: &[f64]) {
+        let start = self.bytes.len() as u64;
+        self.fields.push((array(name, NumberType::F64, components, start, false), unit));
+        values.iter().for_each(|v| self.bytes.extend_from_slice(&v.to_le_bytes()));
+    }
+
+    pub fn add_whole(&mut self, name: &str, values: &[i64]) {
+        let start = self.bytes.len() as u64;
+        self.fields.push((array(name, NumberType::I64, 1, start, false), None));
+        values.iter().for_each(|v| self.bytes.extend_from_slice(&v.to_le_bytes()));
+    }
+
+    pub fn finish(self) -> (Bytes, Vec<AtomField>) {
+        (Bytes::Owned(Arc::new(self.bytes)), self.fields)
+    }
+}

@@ -1,6 +1,7 @@
 //! Formats that are known and not read: what they are, and what turns them into one that is read.
 
 use crate::format::{FileHead, is_whole};
+use crate::poscar::is_poscar;
 use crate::text::split::{Separator, number, tokens};
 use particlegs_pipeline::Hint;
 use std::path::Path;
@@ -56,7 +57,6 @@ static FOREIGN: &[ForeignFormat] = &[
         ),
     ),
     foreign("an AMBER trajectory (BINPOS)", |s| s.begins(&[b"fxyz"]), Command("mdconvert {in} -o {out}.dcd")),
-    foreign("a HOOMD-blue trajectory (GSD)", |s| s.begins(&[&[0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65]]), Ovito),
     foreign(
         "a LAMMPS restart file",
         |s| s.begins(&[b"LammpS RestartT"]),
@@ -89,16 +89,13 @@ static FOREIGN: &[ForeignFormat] = &[
         Command("pdal translate {in} {out}.ply"),
     ),
     foreign("a RAMSES output", |s| s.begins(&[b"ncpu        ="]), Python(YT, "yt")),
-    foreign("a PDB file", |s| s.lines().any(is_atom_of_pdb), Ase("proteindatabank")),
     foreign("an mmCIF file", |s| s.names(b"_atom_site.Cartn_x", 1 << 16), Ovito),
     foreign("a CIF file", |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")), Ase("cif")),
-    foreign("a LAMMPS data file", is_lammps_data, Ase("lammps-data")),
     foreign(
         "a VASP trajectory (XDATCAR)",
         |s| is_poscar(s) && s.lines().any(|l| l.starts_with(b"Direct configuration=")),
         Ase("vasp-xdatcar"),
     ),
-    foreign("a VASP structure (POSCAR, CONTCAR)", is_poscar, Ase("vasp")),
     foreign(
         "a GROMOS structure (G96)",
         |s| s.begins(&[b"TITLE"]) && s.lines().any(|l| l.starts_with(b"POSITION")),
@@ -173,27 +170,6 @@ fn names(path: &Path) -> (String, String) {
         stem.to_string()
     };
     (input.to_string(), output)
-}
-
-/// `ATOM` or `HETATM`, with positions in their columns.
-fn is_atom_of_pdb(line: &[u8]) -> bool {
-    let is_number = |at: usize| line.get(at..at + 8).is_some_and(|f| number(f.trim_ascii()).is_some());
-    (line.starts_with(b"ATOM  ") || line.starts_with(b"HETATM")) && [30, 38, 46].into_iter().all(is_number)
-}
-
-fn is_lammps_data(s: &FileHead) -> bool {
-    let is_count = |l: &[u8]| matches!(tokens(l, Separator::Blanks)[..], [n, b"atoms", ..] if is_whole(n));
-    let is_side = |l: &[u8]| memchr::memmem::find(l, b"xlo xhi").is_some();
-    s.lines().take(64).any(is_count) && s.lines().take(64).any(is_side)
-}
-
-/// A comment, a scale, three vectors, perhaps symbols, numbers of atoms, how positions are meant.
-fn is_poscar(s: &FileHead) -> bool {
-    let scale = s.numbers(1).is_some_and(|n| n.len() == 1 || n.len() == 3);
-    let counts = |at: usize| !s.words(at).is_empty() && s.words(at).into_iter().all(is_whole);
-    let at = if counts(5) { 5 } else { 6 };
-    let mode = s.words(at + 1).first().and_then(|w| w.first()).copied().unwrap_or(0).to_ascii_uppercase();
-    scale && s.are_numbers(2..5, 3) && counts(at) && b"DCKS".contains(&mode)
 }
 
 /// A line of a word and so many numbers.

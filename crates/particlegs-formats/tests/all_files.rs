@@ -54,7 +54,7 @@ fn check_fixture(path: &Path) -> Result<(), String> {
         name if name.ends_with(".spz") => 1.3e-4,
         name if name.starts_with("ascii.v") => 5e-5,
         // Three decimals.
-        "mdanalysis.gro" | "mdtraj.xtc" => 5.1e-4,
+        "mdanalysis.gro" | "mdtraj.xtc" | "mdanalysis.pdb" | "ase.pdb" => 5.1e-4,
         _ => 4e-6,
     };
     let order = |a: &[f64], b: &[f64]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
@@ -74,14 +74,17 @@ fn check_fixture(path: &Path) -> Result<(), String> {
 
 /// Formats that state a box state this one; the others none.
 fn check_box(name: &str, snapshot: &dyn Snapshot) -> Result<(), String> {
-    let states_one =
-        ["hdf5", "gio", "dump", "dump.gz", "dump.bz2", "dump.zst", "extxyz", "gro", "xtc", "trr", "dcd", "h5md"];
+    let states_one = [
+        "hdf5", "gio", "dump", "dump.gz", "dump.bz2", "dump.zst", "extxyz", "gro", "xtc", "trr", "dcd", "h5md", "pdb",
+        "data", "vasp", "gsd",
+    ];
     let states_one =
         states_one.iter().any(|e| name.ends_with(e)) || name.starts_with("gadget") || name.ends_with("npz");
     let wanted = match name {
-        _ if name.starts_with("mdanalysis.") => {
+        _ if name.starts_with("mdanalysis.") && name != "mdanalysis.data" => {
             Some([[25.0, 0.0, 0.0], [0.0, 25.0, 0.0], [12.5, 12.5, 25.0 * std::f64::consts::FRAC_1_SQRT_2]])
         }
+        "hoomd.gsd" => Some([[25.0, 0.0, 0.0], [12.5, 25.0, 0.0], [0.0, 0.0, 25.0]]),
         "tilted.dump.bz2" => Some([[25.0, 0.0, 0.0], [2.5, 25.0, 0.0], [1.25, 5.0, 25.0]]),
         _ if states_one => Some([[25.0, 0.0, 0.0], [0.0, 25.0, 0.0], [0.0, 0.0, 25.0]]),
         _ => None,

@@ -17,15 +17,14 @@ fn describe(name: &str, bytes: &[u8]) -> (String, String) {
 
 #[test]
 fn files_of_molecular_dynamics_are_named_with_their_converter() {
-    let pdb = "REMARK made\nATOM      1  O   HOH A   1      17.181  15.246   1.772  1.00  0.00           O\n";
-    let poscar = "cell\n1.0\n30 0 0\n0 30 0\n0 0 30\n2\nDirect\n0.5 0.5 0.1\n0.1 0.8 0.5\n";
-    let vasp5 = "cell\n1.0\n30 0 0\n0 30 0\n0 0 30\nO H\n1 1\nSelective dynamics\nCartesian\n0.5 0.5 0.1 T T T\n";
-    let data = "made by hand\n\n2 atoms\n1 atom types\n0 30 xlo xhi\n0 30 ylo yhi\n0 30 zlo zhi\n\nAtoms\n\n1 1 1 2 3\n2 1 4 5 6\n";
+    let xdatcar = "cell\n1.0\n30 0 0\n0 30 0\n0 0 30\nO\n1\nDirect configuration= 1\n0.5 0.5 0.1\n";
     for (name, text, title, command) in [
-        ("a.pdb", pdb, "a PDB file", "ase convert -i proteindatabank -o extxyz /a.pdb a.extxyz"),
-        ("POSCAR", poscar, "a VASP structure", "ase convert -i vasp -o extxyz /POSCAR poscar_converted.extxyz"),
-        ("b.vasp", vasp5, "a VASP structure", "-i vasp"),
-        ("data.lmp", data, "a LAMMPS data file", "-i lammps-data"),
+        (
+            "XDATCAR",
+            xdatcar,
+            "a VASP trajectory",
+            "ase convert -i vasp-xdatcar -o extxyz /XDATCAR xdatcar_converted.extxyz",
+        ),
         ("a.cif", "data_x\n_cell_length_a 3\n_cell_length_b 3\n", "a CIF file", "-i cif"),
         ("b.cif", "data_x\nloop_\n_atom_site.Cartn_x\n1 2 3\n", "an mmCIF file", "ovito"),
     ] {

@@ -32,7 +32,7 @@ fn detect(head: &FileHead) -> bool {
 /// Bytes of a line before its positions.
 const BEFORE: usize = 20;
 /// Atoms have numbers of five digits; those of larger files begin again at 0.
-const MOST_NUMBERS: u64 = 99_999;
+pub const MOST_NUMBERS: u64 = 99_999;
 
 /// Bytes of each number of a position: as many as from one point to the next.
 fn width(line: &[u8]) -> Option<usize> {
@@ -157,7 +157,7 @@ fn cell_of(line: &[u8]) -> TextResult<Option<Cell>> {
 }
 
 /// The time and the step that a title ends with: `Protein in water t= 100.0 step= 5000`.
-fn moment(title: &[u8]) -> (Option<f64>, Option<i64>) {
+pub fn moment(title: &[u8]) -> (Option<f64>, Option<i64>) {
     let behind = |name: &[u8]| {
         let at = memchr::memmem::rfind(title, name)?;
         tokens(&title[at + name.len()..], Separator::Blanks).first().copied()

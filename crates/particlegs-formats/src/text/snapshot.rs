@@ -44,7 +44,10 @@ impl TextSnapshot {
                 [only] => Some(only),
                 _ => None,
             };
-            let value = |key: &Vec<u8>| String::from_utf8_lossy(key).into_owned();
+            let value = |key: &Vec<u8>| match key.is_empty() {
+                true => "unnamed".into(),
+                false => String::from_utf8_lossy(key).into_owned(),
+            };
             let name = kind.key.as_ref().map_or(all.into(), |key| format!("{noun}{}", value(key)));
             let aliases = kind.key.as_ref().or(only).map_or(Vec::new(), |key| {
                 let key = value(key).to_lowercase();
