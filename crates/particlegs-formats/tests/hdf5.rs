@@ -383,6 +383,32 @@ fn tables_at_the_top_or_in_groups_are_read() {
     }
 }
 
+/// Names and places of data sets that users choose.
+#[test]
+fn tables_are_found_where_users_put_them() {
+    let open = |name: &str, choice: &Choice| choice.open(&[support::data("tables").join(name)]);
+    let own = |choice: &Choice, name: &str| {
+        let snapshot = open(name, choice).unwrap();
+        let rows = support::particles(&*snapshot, 0, choice).unwrap();
+        (snapshot.description().clone(), rows[4][..3].to_vec())
+    };
+    let any = Choice::default();
+    let (d, last) = own(&any, "nested.hdf5");
+    assert_eq!((&d.species[0].name[..], last), ("run/dm", vec![3.0, 3.25, 3.5]));
+    for (frame, number) in [(None, 11), (Some(3), 3)] {
+        let (d, last) = own(&Choice { frame, ..Choice::default() }, "steps.hdf5");
+        let frames = d.frames.unwrap();
+        assert_eq!((frames.count, frames.chosen, d.species.len()), (12, number, 1));
+        assert_eq!((&d.species[0].name[..], last[0]), ("particles", 3.0 + number as f64));
+    }
+    assert!(own(&any, "only.hdf5").0.notes[0].contains("`a`, the only array of three columns"));
+    let error = open("several.hdf5", &any).err().unwrap();
+    assert!(error.to_string().contains("not clear") && error.hint().to_string().contains("a, b"), "{error}");
+    let b = Choice { positions: Some("b".into()), ..Choice::default() };
+    assert_eq!(own(&b, "several.hdf5").0.species[0].positions, "b");
+    assert!(open("steps.hdf5", &Choice { frame: Some(12), ..Choice::default() }).is_err());
+}
+
 /// Positions of a field in all species, one after the other.
 fn vectors(snapshot: &dyn Snapshot, name: &str) -> Vec<[f64; 3]> {
     let choice = Choice { positions: Some(name.into()), ..Choice::default() };

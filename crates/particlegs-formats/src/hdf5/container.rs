@@ -12,6 +12,7 @@ use hdf5_reader::group::Group;
 use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
 use memmap2::Mmap;
 use particlegs_pipeline::{Error, Result};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -109,6 +110,26 @@ impl Container {
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
         let groups = root.groups().map_err(|e| broken(&self.place, &e))?;
         Ok(groups.iter().map(|g| (g.name().to_string(), g.address())).collect())
+    }
+
+    /// Paths of all groups below those at the top, each once and in order, `most` at most.
+    pub fn groups_below(&self, most: usize) -> Result<Vec<String>> {
+        let mut seen = BTreeSet::new();
+        let mut paths: Vec<String> = Vec::new();
+        let mut open: Vec<String> = self.groups()?.into_iter().map(|g| g.0).collect();
+        while let Some(path) = open.pop() {
+            let Ok(groups) = self.group(&path).and_then(|g| g.groups().map_err(|e| broken(&self.place, &e))) else {
+                continue;
+            };
+            for group in groups.into_iter().filter(|g| seen.insert(g.address())) {
+                if paths.len() < most {
+                    paths.push(format!("{path}/{}", group.name()));
+                    open.push(format!("{path}/{}", group.name()));
+                }
+            }
+        }
+        paths.sort();
+        Ok(paths)
     }
 
     /// Names of other files that links in the groups looked at lead to.

@@ -63,7 +63,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         if first.groups()?.iter().any(|g| g.0 == h5md::MARK) {
             return h5md::open(path, first, options);
         }
-        if let Some(tables) = tables::open(path, &first)? {
+        if let Some(tables) = tables::open(path, &first, options)? {
             return Ok(tables);
         }
         if let Some((what, hint)) = tables::foreign(path, &first) {

@@ -7,13 +7,15 @@ use super::header::{HeaderGroups, TYPES};
 use super::reader::{self, FilePart, GroupSource};
 use super::units::{self, Simulation};
 use crate::foreign::{YT, python};
+use crate::frames::ChosenFrame;
 use crate::npy::layout::{mass_named, positions_named};
-use crate::snapshot::named;
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
+use crate::snapshot::{named, no_frame};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 use particlegs_pipeline::model::{Cosmology, Dimension, Units};
 use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Hint, Result};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Names of attributes that hold the lengths of the box.
@@ -48,7 +50,7 @@ struct ParticleTable {
 }
 
 /// Opens such a file; `None` where no group holds positions.
-pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapshot>>> {
+pub fn open(path: &Path, container: &Container, choice: &Choice) -> Result<Option<Box<dyn Snapshot>>> {
     let header = OpenCosmoHeader::read(container)?;
     let mut groups: Vec<String> = container.groups()?.into_iter().map(|g| g.0).collect();
     if header.is_some() {
@@ -59,12 +61,17 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
     } else {
         groups.insert(0, TOP.into());
     }
-    let mut tables = Vec::new();
-    for group in groups {
-        if tables.len() < TYPES {
-            tables.extend(table(container, &group)?);
+    let mut notes = Vec::new();
+    let mut tables = of_groups(container, &groups, choice.positions.as_deref())?;
+    if tables.is_empty() && known(path, container).is_none() {
+        groups.extend(container.groups_below(MOST_GROUPS)?);
+        tables = of_groups(container, &groups, choice.positions.as_deref())?;
+        if tables.is_empty() {
+            tables = of_only_array(container, &groups, &mut notes)?;
         }
     }
+    let frames = keep_frame(&mut tables, path, choice.frame, &mut notes)?;
+    tables.truncate(TYPES);
     if let Some(header) = &header {
         tables.iter_mut().for_each(|table| header.name(table));
     }
@@ -73,7 +80,6 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
     let owners = [&first.positions, &container.attributes(&first.group)?, &top, &container.attributes("Header")?];
     let cell = owners.iter().find_map(|a| BOXES.iter().find_map(|name| a.numbers(name)));
     let cell = cell.map(|lengths| cell_of(lengths, &container.place)).transpose()?.flatten();
-    let mut notes = Vec::new();
     let simulation = Simulation { groups: &HeaderGroups::default(), cosmological: None, hubble: None };
     let mut unit = |own, dimension| units::unit(own, &first.positions, &simulation, dimension, &mut notes).0;
     let units = Units {
@@ -81,7 +87,8 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
         mass: unit(&first.masses, Dimension::Mass),
         ..Units::default()
     };
-    let mut meta = SnapshotMeta { cell, units: units.settled(), ..named(path) };
+    let epoch = frames.map(|f| f.epoch()).unwrap_or_default();
+    let mut meta = SnapshotMeta { cell, units: units.settled(), epoch, ..named(path) };
     if let Some(header) = &header {
         header.complete(&mut meta, &mut notes);
     }
@@ -92,6 +99,7 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
         files: vec![path.to_path_buf()],
         meta,
         species: tables.iter().map(|t| t.species.clone()).collect(),
+        frames,
         notes,
         ..Description::default()
     };
@@ -100,7 +108,82 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
     Ok(Some(Box::new(TableSnapshot { description, parts, groups })))
 }
 
-fn table(container: &Container, group: &str) -> Result<Option<ParticleTable>> {
+/// Groups that are looked into at most.
+const MOST_GROUPS: usize = 1 << 10;
+
+fn of_groups(container: &Container, groups: &[String], chosen: Option<&str>) -> Result<Vec<ParticleTable>> {
+    let mut tables = Vec::new();
+    for group in groups.iter().take(MOST_GROUPS) {
+        tables.extend(table(container, group, chosen)?);
+    }
+    Ok(tables)
+}
+
+/// The only array of three columns, by whatever name; an error where there are several.
+fn of_only_array(container: &Container, groups: &[String], notes: &mut Vec<String>) -> Result<Vec<ParticleTable>> {
+    let mut found = Vec::new();
+    for group in groups {
+        let sets = container.members(group)?.sets.into_iter();
+        found.extend(
+            sets.filter(|s| s.number.is_some() && matches!(s.shape[..], [n, 3] if n > 0)).map(|s| (group, s.name)),
+        );
+    }
+    let names: Vec<&str> = found.iter().map(|f| &f.1[..]).take(8).collect();
+    match &found[..] {
+        [(group, name)] => {
+            notes.push(format!("the positions are taken to be `{name}`, the only array of three columns"));
+            Ok(table(container, group, Some(name))?.into_iter().collect())
+        }
+        [] => Ok(Vec::new()),
+        _ => {
+            let hint = Hint::from("choose with ").option("positions", "").words(format!(": {}", names.join(", ")));
+            Err(Error::input_with(&container.place, "it is not clear which data set holds positions", hint))
+        }
+    }
+}
+
+/// The number of a group that is one moment of several: `Step#3`, `snapshot_010/gas`.
+fn moment(group: &str) -> Option<i64> {
+    const NAMES: [&str; 11] =
+        ["step", "timestep", "time_step", "snap", "snapshot", "frame", "time", "iteration", "dump", "cycle", "output"];
+    group.split('/').find_map(|name| {
+        let name = name.to_ascii_lowercase();
+        let text = name.trim_end_matches(|c: char| c.is_ascii_digit());
+        let is_one = NAMES.contains(&text.trim_end_matches(['_', '#', '-', ' ', '.']));
+        name[text.len()..].parse().ok().filter(|_| is_one)
+    })
+}
+
+/// Where all groups are moments, keeps those of one.
+fn keep_frame(
+    tables: &mut Vec<ParticleTable>,
+    path: &Path,
+    chosen: Option<u64>,
+    notes: &mut Vec<String>,
+) -> Result<Option<TrajectoryFrames>> {
+    let Some(moments) = tables.iter().map(|t| moment(&t.group)).collect::<Option<BTreeSet<i64>>>() else {
+        return Ok(None);
+    };
+    let count = moments.len() as u64;
+    if count < 2 {
+        return Ok(None);
+    }
+    let frame = chosen.unwrap_or(count - 1);
+    let step = moments.iter().nth(usize::try_from(frame).unwrap_or(usize::MAX)).copied();
+    let step = step.ok_or_else(|| no_frame(path, frame, count))?;
+    tables.retain(|t| moment(&t.group) == Some(step));
+    for table in tables.iter_mut() {
+        let name = table.group.split('/').rfind(|name| moment(name).is_none());
+        table.species.name = name.unwrap_or("particles").into();
+    }
+    if chosen.is_none() {
+        notes.push(ChosenFrame::<()>::note_of_the_last(count));
+    }
+    Ok(Some(TrajectoryFrames { count, chosen: frame, step: Some(step) }))
+}
+
+/// The particles of a group: by the names of its data sets, else by the positions `chosen`.
+fn table(container: &Container, group: &str, chosen: Option<&str>) -> Result<Option<ParticleTable>> {
     let sets: Vec<DataSet> = container.members(group)?.sets.into_iter().filter(|s| s.number.is_some()).collect();
     let field = |set: &DataSet| SpeciesField {
         name: set.name.clone(),
@@ -110,9 +193,15 @@ fn table(container: &Container, group: &str) -> Result<Option<ParticleTable>> {
     };
     let tabular = |set: &&DataSet| matches!(set.shape[..], [_] | [_, _]) && set.components() > 0;
     let all: Vec<SpeciesField> = sets.iter().filter(tabular).map(field).collect();
-    let Some(positions) = positions_named(&all) else { return Ok(None) };
+    let is_there = |names: &&str| match names.split(',').collect::<Vec<_>>()[..] {
+        [name] => all.iter().any(|f| f.name == name && f.components == 3),
+        [_, _, _] => names.split(',').all(|name| axis_of(&all, name.trim()).is_some()),
+        _ => false,
+    };
+    let positions = positions_named(&all).or_else(|| chosen.filter(is_there).map(String::from));
+    let Some(positions) = positions else { return Ok(None) };
     let of = |name: &str| sets.iter().find(|s| s.name == name);
-    let first = positions.split(',').next().and_then(of);
+    let first = positions.split(',').next().and_then(|name| axis_of(&all, name)).and_then(of);
     let Some(count) = first.map(|s| s.shape[0]).filter(|&n| n > 0) else { return Ok(None) };
     let fields: Vec<SpeciesField> = sets.iter().filter(tabular).filter(|s| s.shape[0] == count).map(field).collect();
     let mass = mass_named(&fields);
@@ -174,7 +263,7 @@ impl OpenCosmoHeader {
     }
 
     fn complete(&self, meta: &mut SnapshotMeta, notes: &mut Vec<String>) {
-        meta.cosmology = self.cosmology.clone();
+        meta.cosmology = self.cosmology;
         meta.units.comoving = meta.units.comoving.or(Some(self.convention != "physical"));
         meta.units = std::mem::take(&mut meta.units).settled();
         if self.is_lightcone {
@@ -194,6 +283,12 @@ impl OpenCosmoHeader {
     }
 }
 
+/// The field that a name is of: `pos`, or `pos[1]`.
+fn axis_of<'a>(fields: &'a [SpeciesField], name: &str) -> Option<&'a str> {
+    let plain = name.strip_suffix(']').and_then(|name| name.rsplit_once('[')).map_or(name, |(plain, _)| plain);
+    fields.iter().find(|f| f.name == name).or_else(|| fields.iter().find(|f| f.name == plain)).map(|f| &f.name[..])
+}
+
 /// A box of one length or three; 0 means that there is none.
 fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
     let lengths = match *lengths {
@@ -210,7 +305,9 @@ fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
 
 /// What an HDF5 file without particles that are read is, where that is known, and what converts it.
 pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
-    let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
+    if let Some(known) = known(path, container) {
+        return Some(known);
+    }
     let last = |set: &str| {
         let plain = set.chars().all(|c| c.is_ascii_alphanumeric() || "/_-. ".contains(c));
         let set = if plain { set } else { "SET" };
@@ -220,6 +317,15 @@ pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
             "h5py",
         )
     };
+    let sets = container.members(TOP).ok()?.sets;
+    let frames = sets.iter().find(|s| matches!(s.shape[..], [frames, n, 3] if frames > 0 && n > 0))?;
+    let what = format!("an HDF5 trajectory, whose `{}` has the shape {}", frames.name, frames.shape_text());
+    Some((what, last(&frames.name)))
+}
+
+/// Files of which it is known how their particles lie, and which are not read.
+fn known(path: &Path, container: &Container) -> Option<(String, Hint)> {
+    let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
     if container.attributes(TOP).is_ok_and(|a| a.has("openPMD")) {
         return Some(("an openPMD file".into(), python(path, YT, "yt")));
     }
@@ -230,8 +336,5 @@ pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
         let code = format!("import pandas; pandas.read_hdf('{{in}}', '{frame}').to_csv('{{out}}.csv', index=False)");
         return Some(("a pandas table".into(), python(path, &code, "pandas tables")));
     }
-    let sets = container.members(TOP).ok()?.sets;
-    let frames = sets.iter().find(|s| matches!(s.shape[..], [frames, n, 3] if frames > 0 && n > 0))?;
-    let what = format!("an HDF5 trajectory, whose `{}` has the shape {}", frames.name, frames.shape_text());
-    Some((what, last(&frames.name)))
+    None
 }

@@ -27,7 +27,7 @@ fn detect(head: &FileHead) -> bool {
 }
 
 /// Styles of atoms: their columns up to the positions. Others have more behind them, and image flags may follow.
-const STYLES: [(&str, &[Column]); 12] = [
+const STYLES: [(&str, &[Column]); 16] = [
     ("atomic", &[Id, Type]),
     ("charge", &[Id, Type, Charge]),
     ("dipole", &[Id, Type, Charge]),
@@ -39,6 +39,10 @@ const STYLES: [(&str, &[Column]); 12] = [
     ("ellipsoid", &[Id, Type, Other, Other]),
     ("line", &[Id, Molecule, Type, Other, Other]),
     ("body", &[Id, Type, Other, Other]),
+    ("tri", &[Id, Molecule, Type, Other, Other]),
+    ("peri", &[Id, Type, Other, Other]),
+    ("electron", &[Id, Type, Charge, Other, Other]),
+    ("hybrid", &[Id, Type]),
     ("template", &[Id, Type, Molecule, Other, Other]),
 ];
 
@@ -136,7 +140,8 @@ impl LammpsData {
 
     /// The columns of atoms: as the section's comment says, else by how many there are.
     fn style(&mut self, stated: &[u8], row: &[&[u8]]) -> TextResult<&'static [Column]> {
-        let stated = String::from_utf8_lossy(stated).trim().to_string();
+        // Of hybrid ones the sub-styles follow.
+        let stated = String::from_utf8_lossy(stated).split_whitespace().next().unwrap_or_default().to_string();
         let named = |name: &str| STYLES.iter().find(|s| s.0 == name).map(|s| s.1);
         if !stated.is_empty() {
             let columns = named(&stated);
