@@ -113,7 +113,8 @@ pub struct AtomSnapshot {
 
 impl AtomSnapshot {
     /// `description` without its species; the fields lie in `bytes`.
-    pub fn new(mut description: Description, bytes: Bytes, species: Vec<AtomSpecies>) -> AtomSnapshot {
+    pub fn new(mut description: Description, bytes: Bytes, mut species: Vec<AtomSpecies>) -> AtomSnapshot {
+        species.retain(|one| one.count() > 0);
         let place = description.files.first().map(|f| f.display().to_string()).unwrap_or_default();
         description.species = species.iter().map(AtomSpecies::described).collect();
         AtomSnapshot { description, place, bytes, species, wraps: false }

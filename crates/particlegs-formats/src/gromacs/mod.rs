@@ -19,12 +19,18 @@ struct XdrFile {
     path: PathBuf,
     file: File,
     length: u64,
+    /// Bytes that were read last, and where they begin.
+    window: Vec<u8>,
+    start: u64,
 }
+
+/// Bytes that are read at once where frames are small.
+const WINDOW: u64 = 1 << 16;
 
 impl XdrFile {
     fn open(path: &Path) -> Result<XdrFile> {
         let (file, length) = open_file(path)?;
-        Ok(XdrFile { path: path.to_path_buf(), file, length })
+        Ok(XdrFile { path: path.to_path_buf(), file, length, window: Vec::new(), start: 0 })
     }
 
     /// Bytes from `at` on, fewer at the end of the file.
@@ -33,6 +39,18 @@ impl XdrFile {
         let read =
             self.file.seek(SeekFrom::Start(at)).and_then(|_| (&mut self.file).take(count).read_to_end(&mut bytes));
         read.map(|_| bytes).map_err(|e| Error::io(&self.path, e))
+    }
+
+    /// The same of a header.
+    fn head(&mut self, at: u64, count: u64) -> Result<&[u8]> {
+        let end = self.start + self.window.len() as u64;
+        if at < self.start || (at + count).min(self.length) > end {
+            let is_near = at.checked_sub(self.start).is_some_and(|ahead| ahead <= WINDOW);
+            self.window = self.bytes(at, if is_near { WINDOW } else { count })?;
+            self.start = at;
+        }
+        let from = (at - self.start) as usize;
+        Ok(&self.window[from.min(self.window.len())..self.window.len().min(from + count as usize)])
     }
 
     /// The error for frame `number`, which begins at byte `at`.

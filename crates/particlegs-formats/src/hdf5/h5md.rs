@@ -2,11 +2,12 @@
 //! and `time`, or hold for all frames: <https://www.nongnu.org/h5md/h5md.html>.
 
 use super::columns::{ColumnTarget, DataSetColumns};
-use super::container::{Container, DataSet};
+use super::container::{Container, DataSet, TOP};
 use super::reader::{DataSetSequence, assemble, positions, side_by_side};
-use crate::atoms::{AtomSpecies, OwnRows};
+use crate::atoms::{AtomSpecies, OwnRows, cell_of};
 use crate::cache::ChunkCache;
 use crate::frames::ChosenFrame;
+use crate::npy::layout::positions_named;
 use crate::pieces::{ParticlePiece, RowBuffer};
 use crate::snapshot::{named, no_frame};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, wrapping};
@@ -52,6 +53,8 @@ impl H5mdElement {
 /// A group of particles.
 struct H5mdGroup {
     name: String,
+    /// The element that holds the positions.
+    position: String,
     elements: Vec<H5mdElement>,
     frames: Option<u64>,
     rows: u64,
@@ -80,7 +83,28 @@ impl H5mdGroup {
             same && e.set.number.is_some() && matches!(e.shape(), [n] | [n, _] if *n == rows)
         });
         elements.sort_by_key(|e| e.name != POSITION);
-        Some(H5mdGroup { name: name.into(), elements, frames, rows })
+        Some(H5mdGroup { name: name.into(), position: POSITION.into(), elements, frames, rows })
+    }
+
+    /// Arrays of frames at the top of a file that is not of H5MD.
+    fn plain(container: &Container) -> Option<H5mdGroup> {
+        let sets: Vec<DataSet> = container.members(TOP).ok()?.sets.into_iter().filter(|s| s.number.is_some()).collect();
+        let is_array = |s: &&DataSet| matches!(s.shape[..], [frames, n, 3] if frames > 0 && n > 0);
+        let arrays: Vec<SpeciesField> =
+            sets.iter().filter(is_array).map(|s| SpeciesField::new(&s.name, "", 3)).collect();
+        let position = match &arrays[..] {
+            [only] => only.name.clone(),
+            several => positions_named(several)?,
+        };
+        let &[frames, rows, _] = &sets.iter().find(|s| s.name == position)?.shape[..] else { return None };
+        let element = |set: DataSet| {
+            let varies = matches!(set.shape[..], [f, n] | [f, n, _] if f == frames && n == rows);
+            let fits = varies || matches!(set.shape[..], [n] if n == rows);
+            fits.then(|| H5mdElement { name: set.name.clone(), place: [TOP.into(), set.name.clone()], set, varies })
+        };
+        let mut elements: Vec<H5mdElement> = sets.into_iter().filter_map(element).collect();
+        elements.sort_by_key(|e| e.name != position);
+        Some(H5mdGroup { name: "atoms".into(), position, elements, frames: Some(frames), rows })
     }
 
     fn element(&self, name: &str) -> Option<&H5mdElement> {
@@ -96,6 +120,52 @@ struct H5mdSnapshot {
     /// Which group a species is of, and which of its rows are.
     species: Vec<(usize, Option<Arc<[u32]>>)>,
     wraps: bool,
+}
+
+/// Opens arrays of frames without the groups of H5MD, such as those of MDTraj; `None` where there are none.
+pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapshot>>> {
+    let container = Container::open(path)?;
+    let Some(group) = H5mdGroup::plain(&container) else { return Ok(None) };
+    let count = group.frames.unwrap_or(1);
+    let frame = choice.frame.unwrap_or(count.saturating_sub(1));
+    if frame >= count {
+        return Err(no_frame(path, frame, count));
+    }
+    let own = |name: &str| values(&container, [TOP, name], Some(frame)).ok();
+    let unit = |name: &str, names: [(&str, &str); 2]| {
+        let set = container.data_set(TOP, name).ok()?;
+        let text = set.attributes.text(&["units", "unit"])?;
+        Some(names.into_iter().find(|n| n.0 == text).map_or(text, |n| n.1).to_string())
+    };
+    let length = unit(&group.position, [("nanometers", "nm"), ("angstroms", "Angstrom")]);
+    let time_unit = unit("time", [("picoseconds", "ps"), ("femtoseconds", "fs")]);
+    let frames = TrajectoryFrames { count, chosen: frame, step: None };
+    let cell = match (own("cell_lengths").as_deref(), own("cell_angles").as_deref()) {
+        (Some(&[a, b, c]), Some(&[alpha, beta, gamma])) => cell_of([a, b, c], [alpha, beta, gamma]),
+        _ => None,
+    };
+    let is_last = choice.frame.is_none() && count > 1;
+    let description = Description {
+        format: "HDF5, arrays of frames".into(),
+        files: vec![path.to_path_buf()],
+        meta: SnapshotMeta {
+            cell,
+            units: Units {
+                time: time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
+                ..Units::new(length.as_deref(), None, None)
+            },
+            epoch: Epoch { time: own("time").and_then(|t| t.first().copied()), ..frames.epoch() },
+            ..named(path)
+        },
+        frames: Some(frames),
+        notes: is_last.then(|| ChosenFrame::<()>::note_of_the_last(count)).into_iter().collect(),
+        ..Description::default()
+    };
+    let groups = vec![group];
+    let mut snapshot = H5mdSnapshot { description, container, groups, frame, species: Vec::new(), wraps: false };
+    snapshot.find_species()?;
+    snapshot.settle(choice)?;
+    Ok(Some(Box::new(snapshot)))
 }
 
 pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dyn Snapshot>> {
@@ -204,7 +274,7 @@ impl H5mdSnapshot {
             let one = &self.groups[index];
             let fields: Vec<SpeciesField> = one.elements.iter().map(H5mdElement::field).collect();
             let mass = one.element("mass").map_or(SpeciesMass::Unknown, |e| SpeciesMass::Field(e.name.clone()));
-            let (name, positions) = (one.name.clone(), POSITION.to_string());
+            let (name, positions) = (one.name.clone(), one.position.clone());
             let all = Species { name, aliases: Vec::new(), count: one.rows, mass, positions, fields };
             self.description.species.push(all.clone());
             self.species.push((index, None));

@@ -63,11 +63,17 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         if first.groups()?.iter().any(|g| g.0 == h5md::MARK) {
             return h5md::open(path, first, options);
         }
-        if let Some(tables) = tables::open(path, &first, options)? {
+        if let Some(tables) = tables::open(path, &first, options, false)? {
             return Ok(tables);
         }
         if let Some((what, hint)) = tables::foreign(path, &first) {
             return Err(Error::input_with(path, format!("{what}, which this program does not read"), hint));
+        }
+        if let Some(frames) = h5md::open_plain(path, options)? {
+            return Ok(frames);
+        }
+        if let Some(tables) = tables::open(path, &first, options, true)? {
+            return Ok(tables);
         }
     }
     let (found, strict) = (Default::default(), options.strict);

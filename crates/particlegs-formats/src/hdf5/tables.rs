@@ -49,8 +49,14 @@ struct ParticleTable {
     masses: Attributes,
 }
 
-/// Opens such a file; `None` where no group holds positions.
-pub fn open(path: &Path, container: &Container, choice: &Choice) -> Result<Option<Box<dyn Snapshot>>> {
+/// Opens such a file; `None` where no group holds positions. Groups at the top are looked into, or all groups and
+/// arrays of any name.
+pub fn open(
+    path: &Path,
+    container: &Container,
+    choice: &Choice,
+    everywhere: bool,
+) -> Result<Option<Box<dyn Snapshot>>> {
     let header = OpenCosmoHeader::read(container)?;
     let mut groups: Vec<String> = container.groups()?.into_iter().map(|g| g.0).collect();
     if header.is_some() {
@@ -63,7 +69,7 @@ pub fn open(path: &Path, container: &Container, choice: &Choice) -> Result<Optio
     }
     let mut notes = Vec::new();
     let mut tables = of_groups(container, &groups, choice.positions.as_deref())?;
-    if tables.is_empty() && known(path, container).is_none() {
+    if tables.is_empty() && everywhere {
         groups.extend(container.groups_below(MOST_GROUPS)?);
         tables = of_groups(container, &groups, choice.positions.as_deref())?;
         if tables.is_empty() {
@@ -305,26 +311,6 @@ fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
 
 /// What an HDF5 file without particles that are read is, where that is known, and what converts it.
 pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
-    if let Some(known) = known(path, container) {
-        return Some(known);
-    }
-    let last = |set: &str| {
-        let plain = set.chars().all(|c| c.is_ascii_alphanumeric() || "/_-. ".contains(c));
-        let set = if plain { set } else { "SET" };
-        python(
-            path,
-            &format!("import h5py, numpy; numpy.save('{{out}}.npy', h5py.File('{{in}}')['{set}'][-1])"),
-            "h5py",
-        )
-    };
-    let sets = container.members(TOP).ok()?.sets;
-    let frames = sets.iter().find(|s| matches!(s.shape[..], [frames, n, 3] if frames > 0 && n > 0))?;
-    let what = format!("an HDF5 trajectory, whose `{}` has the shape {}", frames.name, frames.shape_text());
-    Some((what, last(&frames.name)))
-}
-
-/// Files of which it is known how their particles lie, and which are not read.
-fn known(path: &Path, container: &Container) -> Option<(String, Hint)> {
     let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
     if container.attributes(TOP).is_ok_and(|a| a.has("openPMD")) {
         return Some(("an openPMD file".into(), python(path, YT, "yt")));
