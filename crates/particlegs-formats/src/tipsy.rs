@@ -22,8 +22,8 @@ pub const FORMAT: Format = Format {
 /// Fields of gas, dark matter and stars: names and components, all f32; and the number that Gadget has for the type.
 const SPECIES: [(&str, usize, &[(&str, u32)]); 3] = [
     ("gas", 0, &[("mass", 1), ("pos", 3), ("vel", 3), ("rho", 1), ("temp", 1), ("eps", 1), ("metals", 1), ("phi", 1)]),
-    ("dark", 1, &[("mass", 1), ("pos", 3), ("vel", 3), ("eps", 1), ("phi", 1)]),
-    ("star", 4, &[("mass", 1), ("pos", 3), ("vel", 3), ("metals", 1), ("tform", 1), ("eps", 1), ("phi", 1)]),
+    ("dm", 1, &[("mass", 1), ("pos", 3), ("vel", 3), ("eps", 1), ("phi", 1)]),
+    ("stars", 4, &[("mass", 1), ("pos", 3), ("vel", 3), ("metals", 1), ("tform", 1), ("eps", 1), ("phi", 1)]),
 ];
 
 /// Bytes before the particles: a time, five counts, four that fill up.

@@ -78,7 +78,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
             return Ok(None);
         }
         let at = next;
-        let frame = TrrFrame::parse(&file.head(at, MOST_BEFORE)?).map_err(|what| file.error(number, at, &what))?;
+        let frame = TrrFrame::parse(file.head(at, MOST_BEFORE)?).map_err(|what| file.error(number, at, &what))?;
         next = file.end(number, at, frame.before + frame.arrays.iter().sum::<u64>())?;
         with_positions = if frame.arrays[0] > 0 { Some(number) } else { with_positions };
         Ok(Some((frame, at)))

@@ -97,7 +97,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
             return Ok(None);
         }
         let at = next;
-        let frame = XtcFrame::parse(&file.head(at, MOST_BEFORE)?).map_err(|what| file.error(number, at, &what))?;
+        let frame = XtcFrame::parse(file.head(at, MOST_BEFORE)?).map_err(|what| file.error(number, at, &what))?;
         let padded = frame.bytes.checked_next_multiple_of(4).and_then(|bytes| bytes.checked_add(frame.start));
         next = file.end(number, at, padded.unwrap_or(u64::MAX))?;
         Ok(Some((frame, at)))

@@ -107,7 +107,6 @@ pub fn open(
         species: tables.iter().map(|t| t.species.clone()).collect(),
         frames,
         notes,
-        ..Description::default()
     };
     let groups = tables.into_iter().map(|t| t.group).collect();
     let parts = [FilePart { path: PathBuf::from(path), map: container.map.clone(), rows }];

@@ -8,7 +8,7 @@ fn three_kinds_with_their_fields() {
     let d = snapshot.description();
     assert_eq!(d.format, "Tipsy snapshot, standard (big-endian)");
     let kinds: Vec<_> = d.species.iter().map(|s| (&s.name[..], s.count)).collect();
-    assert_eq!(kinds, [("gas", 20), ("dark", 20), ("star", 10)]);
+    assert_eq!(kinds, [("gas", 20), ("dm", 20), ("stars", 10)]);
     assert_eq!((d.meta.epoch.time, &d.species[1].mass), (Some(0.5), &SpeciesMass::Field("mass".into())));
     assert!(d.species[1].aliases.contains(&"dm".to_string()));
     assert_eq!(vectors(&*snapshot, 0, "temp,rho,mass")[19], [10_019.0, 19.0, 1.0]);

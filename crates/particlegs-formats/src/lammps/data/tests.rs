@@ -1,5 +1,7 @@
-use crate::testing::{fault, fixture, gzip, open_bytes, read, vectors};
+use crate::testing::{fault, fixture, gzip, open_bytes, read, vectors, written};
 use crate::{Choice, SpeciesMass};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::Storage;
 
 const FULL: &str = "LAMMPS data file via write_data, version 2 Aug 2023, timestep = 100, units = real\n\n3 atoms\n2 atom types\n\n\
     0 30 xlo xhi\n0 20 ylo yhi\n-5 5 zlo zhi\n3 0 0 xy xz yz\n\nAtom Type Labels\n\n1 C\n2 O\n\nMasses\n\n1 12.011 # C\n2 15.999\n\n\
@@ -36,6 +38,19 @@ fn files_of_other_programs_are_read() {
     velocity("ase.data", 13.625);
     velocity("chemfiles.data", 13.625);
     velocity("mdanalysis.data", 0.013_625);
+}
+
+/// Types with a mass each keep it in a dump.
+#[test]
+fn masses_of_types_are_written_as_they_are() {
+    let dir = tempfile::tempdir().unwrap();
+    let [from, to] = ["from.data", "to.dump"].map(|name| dir.path().join(name));
+    std::fs::write(&from, FULL).unwrap();
+    let particles = Choice::default().read(&[from], &Storage::Memory, &Context::SILENT).unwrap();
+    written(&particles, &to, "lammps");
+    let dump = Choice::default().open(&[to]).unwrap();
+    assert_eq!(read(&*dump, 0, &Choice::default()).unwrap().weights, [15.999; 2]);
+    assert_eq!(read(&*dump, 1, &Choice::default()).unwrap().weights, [12.011]);
 }
 
 #[test]
