@@ -24,20 +24,21 @@ const HEADER: u64 = 84;
 const CELL: u64 = 48;
 
 fn detect(head: &FileHead) -> bool {
-    Records::of(&head.content).is_some()
+    FortranRecords::of(&head.content).is_some()
 }
 
 /// How records are framed: their length before and behind them, in 4 bytes or 8.
 #[derive(Clone, Copy)]
-struct Records {
+struct FortranRecords {
     marker: u64,
     big_endian: bool,
 }
 
-impl Records {
+impl FortranRecords {
     /// By the first record, whose length and name are known.
-    fn of(bytes: &[u8]) -> Option<Records> {
-        let all = [4, 8].into_iter().flat_map(|marker| [false, true].map(|big_endian| Records { marker, big_endian }));
+    fn of(bytes: &[u8]) -> Option<FortranRecords> {
+        let all =
+            [4, 8].into_iter().flat_map(|marker| [false, true].map(|big_endian| FortranRecords { marker, big_endian }));
         all.into_iter().find(|r| {
             let name = r.marker as usize;
             r.length(bytes, 0) == Some(HEADER) && bytes.get(name..name + 4) == Some(b"CORD")
@@ -69,28 +70,31 @@ impl Records {
 }
 
 struct DcdHeader {
-    records: Records,
+    records: FortranRecords,
     atoms: u64,
     has_cell: bool,
-    /// Records of a frame beside those of the cell, x, y and z.
+    /// FortranRecords of a frame beside those of the cell, x, y and z.
     more: u64,
     /// Step of the first frame, steps between frames, time between steps.
     first: i64,
     every: i64,
     step: f64,
+    /// Did LAMMPS write it, in units that it does not state?
+    is_lammps: bool,
     /// Where frames begin.
     start: u64,
 }
 
 impl DcdHeader {
     fn read(bytes: &[u8]) -> TextResult<DcdHeader> {
-        let records = Records::of(bytes).ok_or("it does not begin with a record `CORD`")?;
+        let records = FortranRecords::of(bytes).ok_or("it does not begin with a record `CORD`")?;
         let [numbers, _, titles] = records.record(bytes, 0)?;
         let number = |kind, k: u64| records.number(kind, bytes, numbers + 4 + 4 * k).unwrap_or(0.0);
         let whole = |k| number(NumberType::I32, k) as i64;
         // X-PLOR states no version, and the step in f64.
         let is_charmm = whole(19) != 0;
-        let [_, _, atoms] = records.record(bytes, titles)?;
+        let [title, length, atoms] = records.record(bytes, titles)?;
+        let title = &bytes[title as usize..(title + length) as usize];
         let [at, length, start] = records.record(bytes, atoms)?;
         let count = records.number(NumberType::I32, bytes, at).filter(|&n| length == 4 && n >= 0.0);
         let atoms = count.ok_or("it does not state a number of atoms")? as u64;
@@ -105,6 +109,7 @@ impl DcdHeader {
             first: whole(1),
             every: whole(2),
             step: if is_charmm { widened(number(NumberType::F32, 9) as f32) } else { number(NumberType::F64, 9) },
+            is_lammps: memchr::memmem::find(title, b"LAMMPS").is_some(),
             start,
         })
     }
@@ -168,6 +173,11 @@ impl DcdHeader {
     }
 }
 
+/// In six digits: the time between steps has hardly more.
+fn rounded(time: f64) -> f64 {
+    format!("{time:.5e}").parse().unwrap_or(time)
+}
+
 fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     refuse(path, FORMAT.title)?;
@@ -177,6 +187,9 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let length = bytes.len() as u64 - header.start;
     let (count, left) = (length / header.frame_bytes(), length % header.frame_bytes());
     let mut notes = vec!["the file stores no names of atoms: all are one species".to_string()];
+    if header.is_lammps {
+        notes.push("LAMMPS wrote the file and states neither its units nor the time".into());
+    }
     let chosen = choice.frame.unwrap_or(count.saturating_sub(1));
     if left > 0 {
         let what = format!("frame {count} is cut off: it has {left} of {} bytes", header.frame_bytes());
@@ -194,9 +207,12 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let at = header.start + chosen * header.frame_bytes();
     header.check(&bytes, at).map_err(|what| broken(format!("frame {chosen}: {what}")))?;
     let step = header.every.checked_mul(chosen as i64).and_then(|steps| steps.checked_add(header.first));
-    let time = step.map(|step| step as f64 * header.step * AKMA).filter(|t| header.step > 0.0 && t.is_finite());
+    let time = step
+        .map(|step| rounded(step as f64 * header.step * AKMA))
+        .filter(|t| !header.is_lammps && header.step > 0.0 && t.is_finite());
     let frames = TrajectoryFrames { count, chosen, step };
-    let units = Units { time: Some(Unit::parse("ps", Dimension::Time)), ..Units::new(Some("Angstrom"), None, None) };
+    let unit = (!header.is_lammps).then_some("Angstrom");
+    let units = Units { time: Some(Unit::parse("ps", Dimension::Time)), ..Units::new(unit, None, None) };
     let description = Description {
         format: format!("{}, {}-endian", FORMAT.title, if header.records.big_endian { "big" } else { "little" }),
         files: paths.to_vec(),
@@ -210,7 +226,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         notes,
         ..Description::default()
     };
-    let atoms = AtomSpecies::all(vec![(header.positions(at), Some("Angstrom"))], header.atoms);
+    let atoms = AtomSpecies::all(vec![(header.positions(at), unit)], header.atoms);
     Ok(Box::new(AtomSnapshot::new(description, bytes, vec![atoms]).with_unwrapped(choice)?))
 }
 

@@ -1,4 +1,4 @@
-use crate::testing::{fault, fixture};
+use crate::testing::{fault, fixture, open_bytes};
 
 const NAMD: &[u8] = include_bytes!("../../tests/fixtures/mdanalysis.dcd");
 
@@ -9,9 +9,15 @@ fn frames_cells_and_times_are_read() {
         let d = snapshot.description();
         let frames = d.frames.unwrap();
         assert_eq!((frames.count, frames.chosen, frames.step), (3, frame, Some(10 * frame as i64)));
-        assert!((d.meta.epoch.time.unwrap() - 0.5 * frame as f64).abs() < 1e-6, "{:?}", d.meta.epoch);
+        assert_eq!(d.meta.epoch.time, Some(0.5 * frame as f64));
         assert_eq!(d.meta.units.length_text(), Some("Angstrom"));
     }
+    let mut lammps = NAMD.to_vec();
+    // The title of the file, behind the first record and its own number of lines.
+    lammps[100..106].copy_from_slice(b"LAMMPS");
+    let by_lammps = open_bytes("a.dcd", &lammps).unwrap();
+    let meta = &by_lammps.description().meta;
+    assert_eq!((meta.units.length_text(), meta.epoch.time, meta.epoch.step), (None, None, Some(20)));
     let angles = |name: &str| fixture(name, None).description().meta.cell.unwrap().vectors[1];
     assert_eq!(angles("fixtures/be_cosines.dcd"), [0.0, 25.0, 0.0]);
 }

@@ -46,7 +46,7 @@ impl FullPosition {
         Ok(FullPosition { least: head.least, sizes, bits })
     }
 
-    fn read(&self, bits: &mut Bits<'_>) -> Option<[i32; 3]> {
+    fn read(&self, bits: &mut PackedBits<'_>) -> Option<[i32; 3]> {
         let found = match self.bits {
             Some(n) => bits.three(n, self.sizes)?,
             None => {
@@ -61,14 +61,14 @@ impl FullPosition {
     }
 }
 
-struct Bits<'a> {
+struct PackedBits<'a> {
     bytes: &'a [u8],
-    /// Bits that are read ahead: the last `waiting` ones of it.
+    /// PackedBits that are read ahead: the last `waiting` ones of it.
     ahead: u64,
     waiting: u32,
 }
 
-impl Bits<'_> {
+impl PackedBits<'_> {
     /// The next bits as a number, the first one highest; 32 at most.
     #[inline]
     fn take(&mut self, count: u32) -> Option<u32> {
@@ -111,7 +111,7 @@ pub fn unpack(head: &PackedHead, packed: &[u8], atoms: usize, out: &mut Vec<u8>)
     let full = FullPosition::new(head)?;
     let mut small = head.small;
     let step = 1.0 / head.precision;
-    let mut bits = Bits { bytes: packed, ahead: 0, waiting: 0 };
+    let mut bits = PackedBits { bytes: packed, ahead: 0, waiting: 0 };
     let short = || "its compressed positions end early".to_string();
     let size_of = |small: usize| {
         let size = SIZES.get(small).copied().filter(|&size| size > 0);

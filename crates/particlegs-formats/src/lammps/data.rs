@@ -27,7 +27,7 @@ fn detect(head: &FileHead) -> bool {
 }
 
 /// Styles of atoms: their columns up to the positions. Others have more behind them, and image flags may follow.
-const STYLES: [(&str, &[Column]); 16] = [
+const STYLES: [(&str, &[AtomColumn]); 16] = [
     ("atomic", &[Id, Type]),
     ("charge", &[Id, Type, Charge]),
     ("dipole", &[Id, Type, Charge]),
@@ -47,7 +47,7 @@ const STYLES: [(&str, &[Column]); 16] = [
 ];
 
 #[derive(Clone, Copy, PartialEq)]
-enum Column {
+enum AtomColumn {
     Id,
     Molecule,
     Type,
@@ -55,7 +55,7 @@ enum Column {
     Other,
 }
 
-use Column::{Charge, Id, Molecule, Other, Type};
+use AtomColumn::{Charge, Id, Molecule, Other, Type};
 
 /// Memory that an atom takes while the file is read.
 const ATOM: u64 = 160;
@@ -75,7 +75,7 @@ struct LammpsData {
     types: Vec<String>,
     masses: HashMap<String, f64>,
     labels: HashMap<String, String>,
-    style: Option<&'static [Column]>,
+    style: Option<&'static [AtomColumn]>,
     id: Vec<i64>,
     molecule: Vec<i64>,
     kind: Vec<u32>,
@@ -139,7 +139,7 @@ impl LammpsData {
     }
 
     /// The columns of atoms: as the section's comment says, else by how many there are.
-    fn style(&mut self, stated: &[u8], row: &[&[u8]]) -> TextResult<&'static [Column]> {
+    fn style(&mut self, stated: &[u8], row: &[&[u8]]) -> TextResult<&'static [AtomColumn]> {
         // Of hybrid ones the sub-styles follow.
         let stated = String::from_utf8_lossy(stated).split_whitespace().next().unwrap_or_default().to_string();
         let named = |name: &str| STYLES.iter().find(|s| s.0 == name).map(|s| s.1);
@@ -159,7 +159,7 @@ impl LammpsData {
         named(name).ok_or_else(|| "the style is unknown".into())
     }
 
-    fn atom(&mut self, style: &[Column], row: &[&[u8]]) -> TextResult<()> {
+    fn atom(&mut self, style: &[AtomColumn], row: &[&[u8]]) -> TextResult<()> {
         if row.len() < style.len() + 3 {
             return Err(format!("{} columns instead of {}", row.len(), style.len() + 3));
         }
@@ -221,7 +221,7 @@ impl LammpsData {
 
 /// A section that is read.
 #[derive(Clone, Copy, PartialEq)]
-enum Section {
+enum DataSection {
     Header,
     Masses,
     Labels,
@@ -236,7 +236,7 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
     if let Some(title) = lines.line()? {
         data.title(title);
     }
-    let mut section = Section::Header;
+    let mut section = DataSection::Header;
     let mut stated: Vec<u8> = Vec::new();
     loop {
         let at = lines.place().line;
@@ -248,33 +248,33 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
         let words = tokens(text, Separator::Blanks);
         let Some(first) = words.first() else { continue };
         // Types may be called by labels.
-        let is_mass = section == Section::Masses && words.len() == 2 && number(words[1]).is_some();
+        let is_mass = section == DataSection::Masses && words.len() == 2 && number(words[1]).is_some();
         if first[0].is_ascii_alphabetic() && !is_mass {
             section = match &words[..] {
-                [b"Masses"] => Section::Masses,
-                [b"Atom", b"Type", b"Labels"] => Section::Labels,
-                [b"Atoms"] => Section::Atoms,
-                [b"Velocities"] => Section::Velocities,
-                _ => Section::Skipped,
+                [b"Masses"] => DataSection::Masses,
+                [b"Atom", b"Type", b"Labels"] => DataSection::Labels,
+                [b"Atoms"] => DataSection::Atoms,
+                [b"Velocities"] => DataSection::Velocities,
+                _ => DataSection::Skipped,
             };
-            if section == Section::Atoms {
+            if section == DataSection::Atoms {
                 stated = comment.to_vec();
             }
             continue;
         }
         let text = |word: &[u8]| String::from_utf8_lossy(word).into_owned();
         let found = match (section, &words[..]) {
-            (Section::Header, words) => data.header(words),
-            (Section::Masses, [kind, mass, ..]) if data.masses.len() <= crate::text::table::MOST_SPECIES => {
+            (DataSection::Header, words) => data.header(words),
+            (DataSection::Masses, [kind, mass, ..]) if data.masses.len() <= crate::text::table::MOST_SPECIES => {
                 header_number(mass).map(|mass| {
                     data.masses.insert(text(kind), mass);
                 })
             }
-            (Section::Labels, [number, label]) if data.labels.len() <= crate::text::table::MOST_SPECIES => {
+            (DataSection::Labels, [number, label]) if data.labels.len() <= crate::text::table::MOST_SPECIES => {
                 data.labels.insert(text(number), text(label));
                 Ok(())
             }
-            (Section::Atoms, row) => {
+            (DataSection::Atoms, row) => {
                 if data.id.len().is_multiple_of(STEP) {
                     memory::require("the atoms of this file", ATOM * (data.id.len() + STEP) as u64)?;
                 }
@@ -287,7 +287,7 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
                     data.atom(style, row)
                 })
             }
-            (Section::Velocities, row) => data.velocity(row),
+            (DataSection::Velocities, row) => data.velocity(row),
             _ => Ok(()),
         };
         found.map_err(|what| Error::input(path, format!("line {at}: {what}")))?;
