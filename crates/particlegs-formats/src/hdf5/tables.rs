@@ -114,11 +114,17 @@ pub fn open(
 }
 
 /// Groups that are looked into at most.
-const MOST_GROUPS: usize = 1 << 10;
+const MOST_GROUPS: usize = 1 << 16;
 
 fn of_groups(container: &Container, groups: &[String], chosen: Option<&str>) -> Result<Vec<ParticleTable>> {
+    if groups.len() >= MOST_GROUPS {
+        return Err(Error::input(
+            &container.place,
+            format!("it has {MOST_GROUPS} groups or more: too many to look into"),
+        ));
+    }
     let mut tables = Vec::new();
-    for group in groups.iter().take(MOST_GROUPS) {
+    for group in groups {
         tables.extend(table(container, group, chosen)?);
     }
     Ok(tables)
