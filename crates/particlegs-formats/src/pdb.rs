@@ -3,12 +3,12 @@
 
 use crate::atoms::cell_of;
 use crate::format::FileHead;
-use crate::gro::{MOST_NUMBERS, moment};
+use crate::gro::{MOST_NUMBERS, moment, substance};
 use crate::snapshot::{named, only};
 use crate::text::content::TextContent;
 use crate::text::frames::{TextFrame, scan};
 use crate::text::lines::{LineReader, of_block};
-use crate::text::parse::{RowRule, TableLayout};
+use crate::text::parse::{RowRule, TableLayout, itself};
 use crate::text::snapshot::{TableColumns, TextSnapshot, header_number, kinds};
 use crate::text::split::{FixedColumns, Separator, number};
 use crate::text::table::{TableBuilder, TextTable};
@@ -91,12 +91,13 @@ fn columns(table: &TextTable) -> TableColumns {
     TableColumns { fields, positions: "pos".into(), mass: None }
 }
 
-fn layout() -> TableLayout {
+fn layout(has_elements: bool) -> TableLayout {
     TableLayout {
         separator: Separator::Fixed(FixedColumns::new(COLUMNS.map(|c| c.1))),
         columns: COLUMNS.iter().map(|c| c.0.into()).collect(),
         rows: RowRule::Records(ATOMS),
         comma: false,
+        species: if has_elements { itself } else { substance },
     }
 }
 
@@ -126,7 +127,7 @@ fn frame<'c>(
         lines.line()?;
     }
     let key = if head.has_elements { 0 } else { 1 };
-    let mut rows = TableBuilder::new(content, layout(), Some(key), lines.place());
+    let mut rows = TableBuilder::new(content, layout(head.has_elements), Some(key), lines.place());
     let mut end = lines.place();
     loop {
         let place = lines.place();

@@ -140,6 +140,30 @@ fn layout(width: usize, has_velocities: bool) -> TableLayout {
         columns: names.iter().map(ToString::to_string).collect(),
         rows: RowRule::All,
         comma: false,
+        species: substance,
+    }
+}
+
+/// Residues of proteins, by the names that force fields have for them; and of water.
+const PROTEIN: [&str; 49] = [
+    "ALA", "ARG", "ASN", "ASP", "CYS", "GLN", "GLU", "GLY", "HIS", "ILE", "LEU", "LYS", "MET", "PHE", "PRO", "SER",
+    "THR", "TRP", "TYR", "VAL", "ACE", "NME", "NH2", "MSE", "ARGN", "ASH", "ASPH", "ASPP", "CYM", "CYSH", "CYS2",
+    "CYX", "GLH", "GLUH", "GLUP", "HID", "HIE", "HIP", "HISA", "HISB", "HISH", "HIS1", "HIS2", "HSD", "HSE", "HSP",
+    "LYN", "LYSH", "HISE",
+];
+const WATER: [&str; 11] = ["SOL", "HOH", "WAT", "H2O", "SPC", "SPCE", "TIP3", "TIP4", "TIP5", "T3P", "W"];
+
+/// The species of a residue: residues of proteins are one, as are waters. Others are their own.
+pub fn substance(residue: &[u8]) -> &[u8] {
+    let is = |names: &[&str]| names.iter().any(|name| name.as_bytes() == residue);
+    match residue {
+        _ if is(&PROTEIN) => b"protein",
+        _ if is(&WATER) => b"water",
+        // Ends of chains, as AMBER calls them: NALA, CALA.
+        [b'N' | b'C', rest @ ..] if rest.len() == 3 && PROTEIN[..20].iter().any(|name| name.as_bytes() == rest) => {
+            b"protein"
+        }
+        _ => residue,
     }
 }
 

@@ -25,7 +25,7 @@ fn residues_are_species_with_velocities_and_numbers() {
     assert_eq!((d.meta.epoch.time, d.meta.epoch.step), (Some(2.5), Some(5)));
     assert_eq!(d.meta.units.length_text(), Some("nm"));
     assert_eq!(d.meta.cell.unwrap().lengths(), Some([1.86206; 3]));
-    assert_eq!(d.species.iter().map(|s| (&s.name[..], s.count)).collect::<Vec<_>>(), [("SOL", 2), ("NA", 1)]);
+    assert_eq!(d.species.iter().map(|s| (&s.name[..], s.count)).collect::<Vec<_>>(), [("water", 2), ("NA", 1)]);
     let of = |species, name: &str| {
         let choice = Choice { positions: Some(name.into()), ..Choice::default() };
         read(&*snapshot, species, &choice).unwrap().positions
@@ -33,6 +33,14 @@ fn residues_are_species_with_velocities_and_numbers() {
     assert_eq!(of(0, "pos")[1].map(|v| (v * 1e3).round()), [190.0, 1661.0, 1747.0]);
     assert_eq!(of(1, "velocity")[0].map(|v| (v * 1e4).round()), [-9045.0, -26469.0, 13180.0]);
     assert_eq!(of(1, "id,id,id")[0], [3.0; 3]);
+}
+
+#[test]
+fn residues_of_proteins_are_one_species() {
+    let names =
+        ["ALA", "NALA", "CGLY", "HISB", "SOL", "NA", "CLA", "POPC"].map(|name| super::substance(name.as_bytes()));
+    let wanted = ["protein", "protein", "protein", "protein", "water", "NA", "CLA", "POPC"].map(str::as_bytes);
+    assert_eq!(names, wanted);
 }
 
 /// MDAnalysis wrote it: three decimals, a cell with angles of 60, 60 and 90 degrees.

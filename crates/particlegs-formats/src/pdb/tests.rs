@@ -21,7 +21,7 @@ fn models_are_frames_and_elements_or_residues_species() {
             let snapshot = Choice { frame, ..Choice::default() }.open(std::slice::from_ref(&path)).unwrap();
             let d = snapshot.description();
             assert_eq!(d.meta.cell.unwrap().lengths(), Some([20.0, 30.0, 40.0]));
-            assert_eq!(d.species.iter().map(|s| &s.name[..]).collect::<Vec<_>>(), ["SOL", "LIG"]);
+            assert_eq!(d.species.iter().map(|s| &s.name[..]).collect::<Vec<_>>(), ["water", "LIG"]);
             assert_eq!(read(&*snapshot, 1, &Choice::default()).unwrap().positions, [[-4.0, 5.0, z]]);
         }
     }

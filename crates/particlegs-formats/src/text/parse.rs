@@ -22,6 +22,13 @@ pub struct TableLayout {
     pub rows: RowRule,
     /// Does a comma stand for the decimal point?
     pub comma: bool,
+    /// What species a value of the key column means: itself, or a name for several.
+    pub species: fn(&[u8]) -> &[u8],
+}
+
+/// Every value is a species of its own.
+pub fn itself(value: &[u8]) -> &[u8] {
+    value
 }
 
 impl TableLayout {
@@ -239,7 +246,9 @@ impl RowParser<'_> {
     fn is_chosen(&self, text: &[u8]) -> bool {
         match &self.plan.key {
             None => true,
-            Some((column, key)) => self.layout.value(text, *column).is_some_and(|value| same(value, key)),
+            Some((column, key)) => {
+                self.layout.value(text, *column).is_some_and(|value| same((self.layout.species)(value), key))
+            }
         }
     }
 

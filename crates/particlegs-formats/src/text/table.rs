@@ -80,7 +80,7 @@ impl RowTally {
                     let what = format!("line {number} has no column {} (`{}`)", column + 1, layout.columns[column]);
                     Error::input(content.path(), what)
                 })?;
-                self.count(value, 1);
+                self.count((layout.species)(value), 1);
             }
         }
         Ok(())
