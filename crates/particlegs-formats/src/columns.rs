@@ -52,7 +52,7 @@ impl ColumnarField {
     }
 
     /// A component as a column; `None` where it is not a number or would lie beyond any file.
-    fn column(&self, component: u32) -> Option<StreamColumn> {
+    pub fn column(&self, component: u32) -> Option<StreamColumn> {
         let at = |start: u64, step: u64| step.checked_mul(component.into()).and_then(|s| s.checked_add(start));
         let lane = StridedColumn {
             offset: at(self.offset, self.offset_step)?,

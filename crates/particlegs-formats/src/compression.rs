@@ -46,6 +46,20 @@ impl FileCompression {
     }
 }
 
+/// The error for a compressed file of a format, `title`, that is read where it lies; nothing where it is not compressed.
+pub fn refuse(path: &Path, title: &str) -> Result<()> {
+    let (file, _) = open_file(path)?;
+    let mut head = Vec::new();
+    file.take(16).read_to_end(&mut head).map_err(|e| Error::io(path, e))?;
+    match FileCompression::from_magic(&head) {
+        None => Ok(()),
+        Some(found) => {
+            let what = format!("a {title} compressed with {}, which this program does not read", found.name());
+            Err(Error::input_with(path, what, "unpack it first"))
+        }
+    }
+}
+
 /// A file's content as a stream, decompressed where it is compressed.
 pub fn open_stream(path: &Path, compression: Option<FileCompression>) -> Result<Box<dyn Read + Send>> {
     let (file, _) = open_file(path)?;

@@ -1,7 +1,7 @@
 //! Formats that are known and not read: what they are, and what turns them into one that is read.
 
-use crate::format::FileHead;
-use crate::text::lines::without_end;
+use crate::format::{FileHead, is_whole};
+use crate::poscar::is_poscar;
 use crate::text::split::{Separator, number, tokens};
 use particlegs_pipeline::Hint;
 use std::path::Path;
@@ -10,7 +10,7 @@ pub(crate) struct ForeignFormat {
     /// What a file of it is, with its article.
     pub title: &'static str,
     /// Does a file that begins so have it?
-    is: fn(&FileStart<'_>) -> bool,
+    is: fn(&FileHead) -> bool,
     converter: Converter,
 }
 
@@ -35,20 +35,17 @@ use Converter::{Ase, Command, MdAnalysis, Ovito, Pandas, Python};
 pub(crate) const YT: &str = "import yt, numpy; a = yt.load('{in}').all_data(); numpy.savez('{out}.npz', \
     pos=a['all', 'particle_position'], mass=a['all', 'particle_mass'])";
 
-const fn foreign(title: &'static str, is: fn(&FileStart<'_>) -> bool, converter: Converter) -> ForeignFormat {
+const fn foreign(title: &'static str, is: fn(&FileHead) -> bool, converter: Converter) -> ForeignFormat {
     ForeignFormat { title, is, converter }
 }
 
 /// All of them; the surest signatures first.
 static FOREIGN: &[ForeignFormat] = &[
-    foreign("a GROMACS trajectory (XTC)", |s| s.begins(&[&[0, 0, 7, 0xcb], &[0, 0, 7, 0xe7]]), Ovito),
-    foreign("a GROMACS trajectory (TRR)", |s| s.begins(&[&[0, 0, 7, 0xc9]]), Ovito),
     foreign(
         "a GROMACS trajectory (TNG)",
         |s| s.names(b"GENERAL INFO", 256),
         Command("gmx trjconv -f {in} -o {out}.xtc"),
     ),
-    foreign("a CHARMM or NAMD trajectory (DCD)", is_dcd, Ovito),
     foreign("an AMBER trajectory (NetCDF)", |s| is_netcdf(s) && s.names(b"AMBER", 1 << 16), Ovito),
     foreign(
         "a NetCDF file",
@@ -60,19 +57,10 @@ static FOREIGN: &[ForeignFormat] = &[
         ),
     ),
     foreign("an AMBER trajectory (BINPOS)", |s| s.begins(&[b"fxyz"]), Command("mdconvert {in} -o {out}.dcd")),
-    foreign("a HOOMD-blue trajectory (GSD)", |s| s.begins(&[&[0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65]]), Ovito),
     foreign(
         "a LAMMPS restart file",
         |s| s.begins(&[b"LammpS RestartT"]),
         Command("lmp -restart2dump {in} all atom {out}.dump"),
-    ),
-    foreign(
-        "a Tipsy snapshot",
-        is_tipsy,
-        Python(
-            "import pynbody, numpy; s = pynbody.load('{in}'); numpy.savez('{out}.npz', pos=s['pos'], mass=s['mass'])",
-            "pynbody",
-        ),
     ),
     foreign(
         "a FITS file",
@@ -101,17 +89,13 @@ static FOREIGN: &[ForeignFormat] = &[
         Command("pdal translate {in} {out}.ply"),
     ),
     foreign("a RAMSES output", |s| s.begins(&[b"ncpu        ="]), Python(YT, "yt")),
-    foreign("a PDB file", |s| s.lines().any(is_atom_of_pdb), Ase("proteindatabank")),
     foreign("an mmCIF file", |s| s.names(b"_atom_site.Cartn_x", 1 << 16), Ovito),
     foreign("a CIF file", |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")), Ase("cif")),
-    foreign("a LAMMPS data file", is_lammps_data, Ase("lammps-data")),
     foreign(
         "a VASP trajectory (XDATCAR)",
         |s| is_poscar(s) && s.lines().any(|l| l.starts_with(b"Direct configuration=")),
         Ase("vasp-xdatcar"),
     ),
-    foreign("a VASP structure (POSCAR, CONTCAR)", is_poscar, Ase("vasp")),
-    foreign("a GROMACS structure (GRO)", is_gro, Ase("gromacs")),
     foreign(
         "a GROMOS structure (G96)",
         |s| s.begins(&[b"TITLE"]) && s.lines().any(|l| l.starts_with(b"POSITION")),
@@ -134,8 +118,7 @@ static FOREIGN: &[ForeignFormat] = &[
 
 /// The first format that takes a file to be its own.
 pub(crate) fn foreign_of(head: &FileHead) -> Option<&'static ForeignFormat> {
-    let start = FileStart { bytes: &head.content, length: head.length };
-    FOREIGN.iter().find(|f| (f.is)(&start))
+    FOREIGN.iter().find(|f| (f.is)(head))
 }
 
 impl ForeignFormat {
@@ -189,109 +172,17 @@ fn names(path: &Path) -> (String, String) {
     (input.to_string(), output)
 }
 
-struct FileStart<'a> {
-    bytes: &'a [u8],
-    length: u64,
-}
-
-impl<'a> FileStart<'a> {
-    fn begins(&self, signatures: &[&[u8]]) -> bool {
-        signatures.iter().any(|s| self.bytes.starts_with(s))
-    }
-
-    /// Do the first `within` bytes hold `text`?
-    fn names(&self, text: &[u8], within: usize) -> bool {
-        memchr::memmem::find(&self.bytes[..within.min(self.bytes.len())], text).is_some()
-    }
-
-    /// Lines of text; none where it is not text.
-    fn lines(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
-        let is_text = !self.bytes[..self.bytes.len().min(512)].contains(&0);
-        let bytes = if is_text { self.bytes } else { &[] };
-        bytes.split(|&b| b == b'\n').map(without_end)
-    }
-
-    fn words(&self, index: usize) -> Vec<&'a [u8]> {
-        self.lines().nth(index).map_or(Vec::new(), |l| tokens(l, Separator::Blanks))
-    }
-
-    /// The numbers of line `index`, where it holds nothing else.
-    fn numbers(&self, index: usize) -> Option<Vec<f64>> {
-        self.words(index).into_iter().map(number).collect()
-    }
-
-    fn are_numbers(&self, mut lines: std::ops::Range<usize>, count: usize) -> bool {
-        lines.all(|i| self.numbers(i).is_some_and(|n| n.len() == count))
-    }
-}
-
-fn is_whole(word: &[u8]) -> bool {
-    !word.is_empty() && word.iter().all(u8::is_ascii_digit)
-}
-
 /// A line of a word and so many numbers.
 fn is_row(line: &[u8], word: &[u8], count: usize) -> bool {
     let words = tokens(line, Separator::Blanks);
     words.first() == Some(&word) && words.len() == count + 1 && words[1..].iter().all(|w| number(w).is_some())
 }
 
-fn is_dcd(s: &FileStart<'_>) -> bool {
-    let marked = |at: usize, length: [u8; 4]| s.bytes.starts_with(&length) && s.bytes.get(at..at + 4) == Some(b"CORD");
-    [4, 8].into_iter().any(|at| marked(at, [84, 0, 0, 0])) || marked(4, [0, 0, 0, 84])
-}
-
-fn is_netcdf(s: &FileStart<'_>) -> bool {
+fn is_netcdf(s: &FileHead) -> bool {
     s.begins(&[b"CDF\x01", b"CDF\x02", b"CDF\x05"])
 }
 
-/// A header of a time and counts that add up, to each other and to the file's length.
-fn is_tipsy(s: &FileStart<'_>) -> bool {
-    let counts = |word: fn([u8; 4]) -> u32| {
-        let at = |k: usize| s.bytes.get(8 + 4 * k..12 + 4 * k).map(|b| u64::from(word([b[0], b[1], b[2], b[3]])));
-        Some([at(0)?, at(1)?, at(2)?, at(3)?, at(4)?])
-    };
-    [u32::from_be_bytes, u32::from_le_bytes].into_iter().filter_map(counts).any(|[all, axes, gas, dark, stars]| {
-        let bytes = 48 * gas + 36 * dark + 44 * stars;
-        all > 0
-            && (1..=3).contains(&axes)
-            && gas + dark + stars == all
-            && [28, 32].contains(&s.length.wrapping_sub(bytes))
-    })
-}
-
-/// `ATOM` or `HETATM`, with positions in their columns.
-fn is_atom_of_pdb(line: &[u8]) -> bool {
-    let is_number = |at: usize| line.get(at..at + 8).is_some_and(|f| number(f.trim_ascii()).is_some());
-    (line.starts_with(b"ATOM  ") || line.starts_with(b"HETATM")) && [30, 38, 46].into_iter().all(is_number)
-}
-
-fn is_lammps_data(s: &FileStart<'_>) -> bool {
-    let is_count = |l: &[u8]| matches!(tokens(l, Separator::Blanks)[..], [n, b"atoms", ..] if is_whole(n));
-    let is_side = |l: &[u8]| memchr::memmem::find(l, b"xlo xhi").is_some();
-    s.lines().take(64).any(is_count) && s.lines().take(64).any(is_side)
-}
-
-/// A comment, a scale, three vectors, perhaps symbols, numbers of atoms, how positions are meant.
-fn is_poscar(s: &FileStart<'_>) -> bool {
-    let scale = s.numbers(1).is_some_and(|n| n.len() == 1 || n.len() == 3);
-    let counts = |at: usize| !s.words(at).is_empty() && s.words(at).into_iter().all(is_whole);
-    let at = if counts(5) { 5 } else { 6 };
-    let mode = s.words(at + 1).first().and_then(|w| w.first()).copied().unwrap_or(0).to_ascii_uppercase();
-    scale && s.are_numbers(2..5, 3) && counts(at) && b"DCKS".contains(&mode)
-}
-
-/// A title, a number of atoms, and lines of fixed columns.
-fn is_gro(s: &FileStart<'_>) -> bool {
-    let is_count = matches!(s.words(1)[..], [n] if is_whole(n)) && !matches!(s.words(0)[..], [n] if is_whole(n));
-    is_count
-        && s.lines().nth(2).is_some_and(|line| {
-            let field = |range| line.get(range).map_or(&b""[..], <[u8]>::trim_ascii);
-            let points = line.get(20..).unwrap_or_default().iter().filter(|&&b| b == b'.').count();
-            is_whole(field(0..5)) && (is_whole(field(15..20)) || field(15..20) == b"*****") && points >= 3
-        })
-}
-
-fn is_xsf(s: &FileStart<'_>) -> bool {
+fn is_xsf(s: &FileHead) -> bool {
     let first = s.lines().map(<[u8]>::trim_ascii).find(|l| !l.is_empty() && !l.starts_with(b"#")).unwrap_or_default();
     let words: [&[u8]; 7] = [b"CRYSTAL", b"SLAB", b"POLYMER", b"MOLECULE", b"PRIMVEC", b"ATOMS", b"ANIMSTEPS"];
     words.iter().any(|w| first.starts_with(w))
@@ -299,7 +190,7 @@ fn is_xsf(s: &FileStart<'_>) -> bool {
 }
 
 /// A number of atoms, perhaps a title, and lines of a number, a symbol, a position, a type.
-fn is_tinker(s: &FileStart<'_>) -> bool {
+fn is_tinker(s: &FileHead) -> bool {
     let atom = s.words(1);
     s.words(0).first().is_some_and(|w| is_whole(w))
         && atom.len() >= 6
@@ -310,7 +201,7 @@ fn is_tinker(s: &FileStart<'_>) -> bool {
 }
 
 /// A title, a number of atoms and perhaps a time, and lines of six numbers in columns of twelve.
-fn is_amber_restart(s: &FileStart<'_>) -> bool {
+fn is_amber_restart(s: &FileHead) -> bool {
     let count = s.words(1).first().is_some_and(|w| is_whole(w)) && s.words(1).len() <= 3;
     let row = s.lines().nth(2).unwrap_or_default();
     let fixed = row.len() == 72 && row.chunks(12).all(|f| number(f.trim_ascii()).is_some() && f[4] == b'.');
@@ -318,7 +209,7 @@ fn is_amber_restart(s: &FileStart<'_>) -> bool {
 }
 
 /// A title, two or more whole numbers, a cell.
-fn is_dl_poly(s: &FileStart<'_>) -> bool {
+fn is_dl_poly(s: &FileHead) -> bool {
     let flags = s.words(1);
     let atom = s.words(5);
     (2..=5).contains(&flags.len())
@@ -329,7 +220,7 @@ fn is_dl_poly(s: &FileStart<'_>) -> bool {
 }
 
 /// Two lines of comment, a number of atoms and an origin, three numbers of voxels and vectors.
-fn is_cube(s: &FileStart<'_>) -> bool {
+fn is_cube(s: &FileHead) -> bool {
     let whole_first = |i: usize| s.words(i).first().is_some_and(|w| is_whole(w.strip_prefix(b"-").unwrap_or(w)));
     (2..6).all(whole_first)
         && s.are_numbers(3..6, 4)

@@ -1,6 +1,8 @@
 //! A format, and the start of a file, from which its format is detected.
 
 use crate::compression::FileCompression;
+use crate::text::lines::without_end;
+use crate::text::split::{Separator, number, tokens};
 use crate::{Choice, Snapshot};
 use particlegs_files::input::open_file;
 use particlegs_pipeline::{Error, Result};
@@ -58,6 +60,43 @@ impl FileHead {
         let content = content.unwrap_or_else(|| bytes.clone());
         Ok(FileHead { path: path.to_path_buf(), length, compression, bytes, content })
     }
+}
+
+/// What the first bytes hold, decompressed.
+impl FileHead {
+    pub fn begins(&self, signatures: &[&[u8]]) -> bool {
+        signatures.iter().any(|s| self.content.starts_with(s))
+    }
+
+    /// Do the first `within` bytes hold `text`?
+    pub fn names(&self, text: &[u8], within: usize) -> bool {
+        memchr::memmem::find(&self.content[..within.min(self.content.len())], text).is_some()
+    }
+
+    /// Lines of text; none where it is not text.
+    pub fn lines(&self) -> impl Iterator<Item = &[u8]> {
+        let is_text = !self.content[..self.content.len().min(512)].contains(&0);
+        let bytes = if is_text { &self.content[..] } else { &[] };
+        bytes.split(|&b| b == b'\n').map(without_end)
+    }
+
+    pub fn words(&self, index: usize) -> Vec<&[u8]> {
+        self.lines().nth(index).map_or(Vec::new(), |l| tokens(l, Separator::Blanks))
+    }
+
+    /// The numbers of line `index`, where it holds nothing else.
+    pub fn numbers(&self, index: usize) -> Option<Vec<f64>> {
+        self.words(index).into_iter().map(number).collect()
+    }
+
+    pub fn are_numbers(&self, mut lines: std::ops::Range<usize>, count: usize) -> bool {
+        lines.all(|i| self.numbers(i).is_some_and(|n| n.len() == count))
+    }
+}
+
+/// Digits and nothing else?
+pub(crate) fn is_whole(word: &[u8]) -> bool {
+    !word.is_empty() && word.iter().all(u8::is_ascii_digit)
 }
 
 /// As much as the first bytes give; a broken stream is found when it is read.

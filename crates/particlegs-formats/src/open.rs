@@ -68,9 +68,6 @@ impl Choice {
         if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
             return Err(Error::input(place, "block names can only be given for Gadget files of format 1"));
         }
-        if self.keep_unwrapped && ![crate::lammps::FORMAT.name, crate::xyz::FORMAT.name].contains(&format) {
-            return Err(Error::input(place, "unwrapped positions are only stored in trajectories"));
-        }
         Ok(())
     }
 }

@@ -266,6 +266,9 @@ fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         let name = &description.meta.name;
         return Err(Error::argument(format!("{name} is a single snapshot without frames")));
     }
+    if choice.keep_unwrapped && description.frames.is_none() {
+        return Err(Error::input(place(paths), "unwrapped positions are only stored in trajectories"));
+    }
     Ok(snapshot)
 }
 

@@ -95,3 +95,28 @@ pub fn written(particles: &Particles, path: &Path, name: &str) -> u64 {
     assert_eq!(bytes, std::fs::metadata(path).unwrap().len());
     bytes
 }
+
+/// A file of tests/fixtures or tests/data, at a frame or the last, and what the field `name` of a species holds.
+pub fn fixture(path: &str, frame: Option<u64>) -> Box<dyn Snapshot> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(path);
+    Choice { frame, ..Choice::default() }.open(&[path]).unwrap()
+}
+
+/// The numbers of a field of three components, or three fields, as they are stored.
+pub fn vectors(snapshot: &dyn Snapshot, species: usize, name: &str) -> Vec<[f64; 3]> {
+    let choice = Choice { positions: Some(name.into()), ..Choice::default() };
+    read(snapshot, species, &choice).unwrap().positions
+}
+
+/// What opening or reading the bytes gives as an error.
+pub fn fault(bytes: &[u8]) -> String {
+    let file = scratch(bytes);
+    let snapshot = match Choice::default().open(&[file.path().to_path_buf()]) {
+        Err(e) => return e.to_string(),
+        Ok(snapshot) => snapshot,
+    };
+    match (0..snapshot.description().species.len()).find_map(|s| read(&*snapshot, s, &Choice::default()).err()) {
+        Some(e) => e.to_string(),
+        None => "it was read".into(),
+    }
+}

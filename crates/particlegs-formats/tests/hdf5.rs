@@ -377,13 +377,103 @@ fn tables_at_the_top_or_in_groups_are_read() {
     let (got, d) = read("groups.hdf5");
     assert_eq!((&got[0].0[..], &got[1].0[..]), (&want[..3], &want[..2]));
     assert_eq!(d.species.iter().map(|s| &s.name[..]).collect::<Vec<_>>(), ["gas", "stars"]);
-    for (name, what, command) in [
-        ("h5md.hdf5", "an H5MD trajectory", "['particles/water/position/value'][-1])"),
-        ("frames.hdf5", "`coordinates` has the shape (2, 4, 3)", "['coordinates'][-1])"),
-    ] {
-        let error = opened(&[file(name)]).err().unwrap();
-        assert!(error.to_string().contains(what) && error.hint().to_string().contains(command), "{error}");
+}
+
+/// Names and places of data sets that users choose.
+#[test]
+fn tables_are_found_where_users_put_them() {
+    let open = |name: &str, choice: &Choice| choice.open(&[support::data("tables").join(name)]);
+    let own = |choice: &Choice, name: &str| {
+        let snapshot = open(name, choice).unwrap();
+        let rows = support::particles(&*snapshot, 0, choice).unwrap();
+        (snapshot.description().clone(), rows[4][..3].to_vec())
+    };
+    let any = Choice::default();
+    let (d, last) = own(&any, "nested.hdf5");
+    assert_eq!((&d.species[0].name[..], last), ("run/dm", vec![3.0, 3.25, 3.5]));
+    for (frame, number) in [(None, 11), (Some(3), 3)] {
+        let (d, last) = own(&Choice { frame, ..Choice::default() }, "steps.hdf5");
+        let frames = d.frames.unwrap();
+        assert_eq!((frames.count, frames.chosen, d.species.len()), (12, number, 1));
+        assert_eq!((&d.species[0].name[..], last[0]), ("particles", 3.0 + number as f64));
     }
+    assert!(own(&any, "only.hdf5").0.notes[0].contains("`a`, the only array of three columns"));
+    let error = open("several.hdf5", &any).err().unwrap();
+    assert!(error.to_string().contains("not clear") && error.hint().to_string().contains("a, b"), "{error}");
+    let b = Choice { positions: Some("b".into()), ..Choice::default() };
+    assert_eq!(own(&b, "several.hdf5").0.species[0].positions, "b");
+    assert!(open("steps.hdf5", &Choice { frame: Some(12), ..Choice::default() }).is_err());
+}
+
+/// Positions of a field in all species, one after the other.
+fn vectors(snapshot: &dyn Snapshot, name: &str) -> Vec<[f64; 3]> {
+    let choice = Choice { positions: Some(name.into()), ..Choice::default() };
+    let species = 0..snapshot.description().species.len();
+    let rows = species.flat_map(|s| support::particles(snapshot, s, &choice).unwrap());
+    rows.map(|[x, y, z, _]| [x, y, z]).collect()
+}
+
+/// What MDAnalysis wrote, and what h5py wrote in chunks of several frames and parts of rows.
+#[test]
+fn h5md_frames_are_read_from_any_chunks() {
+    let at = |name: &str, frame| support::open(&support::fixtures().join(name), None, frame).unwrap();
+    let by_mdanalysis = support::data("molecules").join("mdanalysis.h5md");
+    let velocity = |i: usize| [0, 1, 2].map(|k| (3 * i + k) as f64 / 8.0 - 5.0);
+    for frame in [0, 2] {
+        let snapshot = support::open(&by_mdanalysis, None, Some(frame)).unwrap();
+        let d = snapshot.description();
+        assert_eq!((d.frames.unwrap().count, d.meta.epoch.time), (3, Some(0.5 * frame as f64)));
+        assert_eq!(d.meta.units.length_text(), Some("nm"));
+        for (i, v) in vectors(&*snapshot, "velocity").into_iter().enumerate() {
+            assert!((0..3).all(|k| (v[k] - velocity(i)[k]).abs() < 1e-5), "{i}: {v:?}");
+        }
+    }
+    for (chosen, frame) in [(Some(1), 1), (Some(2), 2), (None, 4)] {
+        let snapshot = at("byhand.h5md", chosen);
+        let d = snapshot.description();
+        let frames = d.frames.unwrap();
+        assert_eq!((frames.count, frames.chosen, frames.step), (5, frame, Some(100 * frame as i64)));
+        assert_eq!(d.meta.epoch.time, Some(1.0 + 0.25 * frame as f64));
+        assert_eq!(
+            d.species.iter().map(|s| (&s.name[..], s.count)).collect::<Vec<_>>(),
+            [("species 1", 25), ("species 2", 25)]
+        );
+        let keep = Choice { keep_unwrapped: true, frame: chosen, ..Choice::default() };
+        let kept = keep.open(&[support::fixtures().join("byhand.h5md")]).unwrap();
+        let sample = support::sample(50);
+        for (n, seen) in vectors(&*kept, "position").into_iter().enumerate() {
+            let row = n % 25 * 2 + n / 25;
+            assert!((0..3).all(|k| (seen[k] - sample[row][k] - 100.0 * frame as f64).abs() < 1e-4), "{n}: {seen:?}");
+            let v = vectors(&*kept, "velocity")[n];
+            assert!((0..3).all(|k| (v[k] - velocity(row)[k] - frame as f64).abs() < 1e-9), "{n}: {v:?}");
+        }
+        // They lie far outside the box, where they are not wrapped.
+        assert!(vectors(&*snapshot, "position").iter().flatten().all(|v| (-1e-3..=25.001).contains(v)));
+    }
+    assert!(support::open(&support::fixtures().join("byhand.h5md"), None, Some(5)).is_err());
+}
+
+/// Arrays of frames as MDTraj writes them.
+#[test]
+fn arrays_of_frames_are_trajectories() {
+    let snapshot = support::open(&support::fixtures().join("mdtraj.h5"), None, Some(0)).unwrap();
+    let meta = &snapshot.description().meta;
+    assert_eq!((meta.units.length_text(), meta.epoch.time), (Some("nm"), Some(2.5)));
+    let zeros = support::open(&support::data("tables").join("frames.hdf5"), None, None).unwrap();
+    assert_eq!(zeros.description().frames.unwrap().count, 2);
+    assert_eq!(vectors(&*zeros, "coordinates"), [[0.0; 3]; 4]);
+}
+
+/// opencosmo wrote it.
+#[test]
+fn opencosmo_states_box_units_and_cosmology() {
+    let snapshot = support::open(&support::fixtures().join("opencosmo.hdf5"), None, None).unwrap();
+    let d = snapshot.description();
+    assert_eq!((&d.format[..], &d.species[0].name[..]), ("HDF5, OpenCosmo (halo_particles)", "halo_particles"));
+    assert_eq!((d.meta.epoch.scale_factor, d.meta.cosmology.hubble), (Some(0.5), Some(0.68)));
+    assert_eq!((d.meta.units.length_text(), d.meta.units.comoving), (Some("comoving Mpc/h"), Some(true)));
+    assert_eq!(d.meta.cell.unwrap().lengths(), Some([25.0; 3]));
+    assert_eq!(vectors(&*snapshot, "vx,vy,vz")[49], [13.375, 13.5, 13.625]);
 }
 
 /// Files whose sets lie in other files, and what is refused.

@@ -26,6 +26,26 @@ fn info_tells_species_fields_and_frames() {
 }
 
 #[test]
+fn trajectories_are_read_by_frames_with_velocities() {
+    let dir = TestFolder::new();
+    for (name, unit) in [("mdanalysis.trr", "nm"), ("mdanalysis.xtc", "nm"), ("mdanalysis.dcd", "Angstrom")] {
+        let d = info(&dir, &format!("FIXTURES/{name} --frame 1"));
+        assert_eq!((d["frames"]["count"].as_u64(), d["meta"]["time"].as_f64()), (Some(3), Some(0.5)), "{name}: {d}");
+        assert_eq!((&d["meta"]["length_unit"], d["particles"].as_u64()), (&unit.into(), Some(50)), "{name}");
+    }
+    let fit = "--gaussians 6 -q --certificate=none --force --fields velocity";
+    for name in
+        ["mdanalysis.trr", "mdanalysis.gro", "hoomd.gsd", "standard.tipsy", "byhand.h5md", "ase.data", "ase.vasp"]
+    {
+        dir.runs(&format!("compress FIXTURES/{name} -o m.pgs {fit}"));
+        let d = info(&dir, "m.pgs");
+        assert_eq!(d["metadata"]["particles"].as_u64(), Some(50), "{name}");
+        assert!(d.to_string().contains("velocity") || d.to_string().contains("vel"), "{name}");
+    }
+    dir.fails("info FIXTURES/mdanalysis.xtc --frame 3", 3, "there is no frame 3; the frames are 0 to 2");
+}
+
+#[test]
 fn species_and_masses_become_layers() {
     let dir = TestFolder::new();
     let compress = |more: &str| {

@@ -2,7 +2,7 @@
 
 use super::names::{ColumnName, positions};
 use crate::text::lines::without_end;
-use crate::text::parse::TableLayout;
+use crate::text::parse::{RowRule, TableLayout, itself};
 use crate::text::split::{Separator, first_byte, is_blank, kind_of, number, number_with, tokens, unquoted};
 
 /// Lines of data that are looked at.
@@ -67,7 +67,13 @@ impl Guess {
         // Words in a table without names belong to some other format.
         let of_particles = if named { numbers >= 3 || positions(&names).is_some() } else { numbers >= 3 && words == 0 };
         let is_likely = 2 * fitting.len() > split.len() - above && of_particles;
-        let layout = TableLayout { separator, columns: unique(&names), comment: Some(comment), comma };
+        let layout = TableLayout {
+            separator,
+            columns: unique(&names),
+            rows: RowRule::Uncommented(comment),
+            comma,
+            species: itself,
+        };
         let first_column = usize::from(numbered && split[0][0].is_empty());
         let remarks = comments.iter().map(|line| String::from_utf8_lossy(line).into_owned()).collect();
         Ok(Guess { layout, names, rows_after, named, first_column, remarks, is_likely })

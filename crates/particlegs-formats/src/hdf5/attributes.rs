@@ -6,10 +6,14 @@ use hdf5_reader::{Attribute, ByteOrder, Datatype};
 /// Numbers of an attribute that are looked at; real ones have at most some dozens.
 const MAX_NUMBERS: usize = 1 << 12;
 
+/// Texts of an attribute that are kept.
+const MAX_TEXTS: usize = 16;
+
 #[derive(Clone, Debug, PartialEq)]
 enum AttributeValue {
     Numbers(Vec<f64>),
-    Text(String),
+    /// One or more.
+    Text(Vec<String>),
 }
 
 /// Attributes of a group or data set, by name; what is neither number nor text is left out.
@@ -52,14 +56,27 @@ impl Attributes {
     /// The text of the first of `names` that there is and that is not blank.
     pub fn text(&self, names: &[&str]) -> Option<&str> {
         names.iter().find_map(|n| match self.get(n)? {
-            AttributeValue::Text(text) if !text.trim().is_empty() => Some(text.trim()),
-            _ => None,
+            AttributeValue::Text(texts) => texts.first().map(|text| text.trim()).filter(|text| !text.is_empty()),
+            AttributeValue::Numbers(_) => None,
         })
+    }
+
+    /// All texts of an attribute.
+    pub fn texts(&self, name: &str) -> Option<&[String]> {
+        match self.get(name)? {
+            AttributeValue::Text(texts) => Some(texts),
+            AttributeValue::Numbers(_) => None,
+        }
     }
 }
 
 fn value(attribute: &Attribute) -> Option<AttributeValue> {
-    let (kind, order) = match &attribute.datatype {
+    // h5py stores what is true or false as an enumeration.
+    let datatype = match &attribute.datatype {
+        Datatype::Enum { base, .. } => base,
+        other => other,
+    };
+    let (kind, order) = match datatype {
         Datatype::FloatingPoint { size: size @ (4 | 8), byte_order } => {
             (NumberType::float((*size).into())?, byte_order)
         }
@@ -68,8 +85,8 @@ fn value(attribute: &Attribute) -> Option<AttributeValue> {
         }
         _ => {
             let strings = attribute.read_strings().or_else(|_| attribute.read_string().map(|s| vec![s])).ok()?;
-            let text: String = strings.first()?.chars().filter(|c| !c.is_control()).take(1000).collect();
-            return Some(AttributeValue::Text(text));
+            let plain = |text: &String| text.chars().filter(|c| !c.is_control()).take(1000).collect();
+            return Some(AttributeValue::Text(strings.iter().take(MAX_TEXTS).map(plain).collect()));
         }
     };
     let count = attribute.num_elements().ok()?;

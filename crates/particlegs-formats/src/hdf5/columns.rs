@@ -176,12 +176,13 @@ impl DataSetColumns {
                 self.with_chunk(part, chunks, index, whole, |bytes, offset| {
                     // Rows that are put together first begin at 0.
                     let (bytes, rows) = if shuffled {
-                        let numbers = [inside.start, inside.end].map(|r| (r * chunks.columns) as usize);
+                        let numbers = [inside.start, inside.end].map(|r| (chunks.before + r * chunks.columns) as usize);
                         chunks.pipeline.numbers(bytes, numbers[0]..numbers[1], &mut scratch);
                         (&scratch[..], 0..inside.end - inside.start)
                     } else {
                         (bytes, inside.clone())
                     };
+                    let offset = if shuffled { offset } else { offset + chunks.before * part.table.kind.bytes() };
                     for want in part.wants.iter().filter(here) {
                         let at = [offset, chunks.columns, want.component % chunks.columns];
                         append(&part.table, bytes, at, rows.clone(), out.column(want.target));

@@ -12,6 +12,7 @@ use hdf5_reader::group::Group;
 use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
 use memmap2::Mmap;
 use particlegs_pipeline::{Error, Result};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -111,6 +112,26 @@ impl Container {
         Ok(groups.iter().map(|g| (g.name().to_string(), g.address())).collect())
     }
 
+    /// Paths of all groups below those at the top, each once and in order, `most` at most.
+    pub fn groups_below(&self, most: usize) -> Result<Vec<String>> {
+        let mut seen = BTreeSet::new();
+        let mut paths: Vec<String> = Vec::new();
+        let mut open: Vec<String> = self.groups()?.into_iter().map(|g| g.0).collect();
+        while let Some(path) = open.pop() {
+            let Ok(groups) = self.group(&path).and_then(|g| g.groups().map_err(|e| broken(&self.place, &e))) else {
+                continue;
+            };
+            for group in groups.into_iter().filter(|g| seen.insert(g.address())) {
+                if paths.len() < most {
+                    paths.push(format!("{path}/{}", group.name()));
+                    open.push(format!("{path}/{}", group.name()));
+                }
+            }
+        }
+        paths.sort();
+        Ok(paths)
+    }
+
     /// Names of other files that links in the groups looked at lead to.
     pub fn elsewhere(&self) -> Vec<String> {
         self.elsewhere.0.lock().unwrap_or_else(|e| e.into_inner()).clone()
@@ -130,14 +151,15 @@ impl Container {
             .map_or(Vec::new(), |(groups, sets)| groups.into_iter().chain(sets).map(|n| n.to_string()).collect())
     }
 
-    /// Attributes of a group at the top; none where there is no such group.
+    /// Attributes of a group, by its names from the top; none where there is no such group.
     pub fn attributes(&self, group: &str) -> Result<Attributes> {
         let place = format!("{}: {group}", self.place);
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
         if group == TOP {
             return Ok(Attributes::new(&root.attributes().map_err(|e| broken(&place, &e))?));
         }
-        match root.group(group) {
+        let mut names = group.split('/').filter(|name| !name.is_empty());
+        match names.try_fold(root, |g, name| g.group(name)) {
             Ok(g) => Ok(Attributes::new(&g.attributes().map_err(|e| broken(&place, &e))?)),
             Err(Hdf5Error::GroupNotFound(_)) => Ok(Attributes::default()),
             Err(e) => Err(broken(&place, &e)),

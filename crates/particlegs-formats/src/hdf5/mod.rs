@@ -10,6 +10,7 @@ mod container;
 mod encode;
 mod files;
 mod filters;
+mod h5md;
 mod header;
 mod packed;
 mod reader;

@@ -40,7 +40,7 @@ const SAMPLED: usize = 8;
 const BUDGET: u64 = 96 << 20;
 
 /// Data sets to read, each with its columns.
-type DataSetTargets = Vec<(String, Vec<ColumnTarget>)>;
+pub type DataSetTargets = Vec<(String, Vec<ColumnTarget>)>;
 
 pub fn reader(source: &GroupSource<'_>, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
     let species = source.species;
@@ -60,13 +60,13 @@ pub fn reader(source: &GroupSource<'_>, choice: &Choice) -> Result<Box<dyn Snaps
         let columns = wanted.iter().map(|(name, wants)| sets.parts(&container, &mut sources, [group, name], wants));
         tables.extend(side_by_side(columns.collect::<Result<_>>()?)?);
     }
-    assemble(source.description.meta_of(species), tables, weight.is_some())
+    assemble(source.description.meta_of(species), tables, weight.is_some(), |piece| piece)
 }
 
 /// Data sets that are read, one after the other.
-struct DataSetSequence<'a> {
-    choice: &'a Choice,
-    count: u64,
+pub struct DataSetSequence<'a> {
+    pub choice: &'a Choice,
+    pub count: u64,
 }
 
 impl DataSetSequence<'_> {
@@ -80,7 +80,7 @@ impl DataSetSequence<'_> {
     ) -> Result<Vec<DataSetPart>> {
         let set = container.data_set(group, name)?;
         let Some(extents) = virtual_sets::extents(container, group, &set)? else {
-            return Ok(vec![self.part(container, [group, name], wants)?]);
+            return Ok(vec![self.part(container, [group, name], None, wants)?]);
         };
         let mut parts = Vec::with_capacity(extents.len());
         for extent in extents {
@@ -91,7 +91,7 @@ impl DataSetSequence<'_> {
                     new.insert(source)
                 }
             };
-            let mut part = self.part(source, extent.source.name(), wants)?;
+            let mut part = self.part(source, extent.source.name(), None, wants)?;
             let whole = [0..part.table.rows, 0..part.table.components];
             let [rows, columns] = extent.there.unwrap_or(whole.clone());
             let stated = extent.rows.end - extent.rows.start;
@@ -111,9 +111,16 @@ impl DataSetSequence<'_> {
         Ok(parts)
     }
 
-    fn part(&mut self, container: &Container, [group, name]: [&str; 2], wants: &[ColumnTarget]) -> Result<DataSetPart> {
+    /// Columns of a data set, or of one of its frames.
+    pub fn part(
+        &mut self,
+        container: &Container,
+        [group, name]: [&str; 2],
+        frame: Option<u64>,
+        wants: &[ColumnTarget],
+    ) -> Result<DataSetPart> {
         let place = format!("{}: {group}/{name}", container.place);
-        let mut table = table(container, group, name)?;
+        let mut table = table(container, group, name, frame)?;
         if table.packed.is_none() {
             table.kind = table.kind.stored(self.choice.as_stored);
         }
@@ -128,7 +135,7 @@ impl DataSetSequence<'_> {
 }
 
 /// Pieces with one part of each column, cut where any column goes on in another data set.
-fn side_by_side(mut columns: Vec<Vec<DataSetPart>>) -> Result<Vec<Vec<DataSetPart>>> {
+pub fn side_by_side(mut columns: Vec<Vec<DataSetPart>>) -> Result<Vec<Vec<DataSetPart>>> {
     let count = |parts: &Vec<DataSetPart>| parts.iter().map(DataSetPart::count).sum::<u64>();
     let rows = columns.first().map_or(0, count);
     if let Some(odd) = columns.iter().find(|c| count(c) != rows) {
@@ -152,7 +159,13 @@ fn side_by_side(mut columns: Vec<Vec<DataSetPart>>) -> Result<Vec<Vec<DataSetPar
     Ok(pieces)
 }
 
-fn assemble(meta: SnapshotMeta, tables: Vec<Vec<DataSetPart>>, weighted: bool) -> Result<Box<dyn SnapshotReader>> {
+/// A reader of tables one after the other, as `shown`: the rows of each that are read, and how.
+pub fn assemble(
+    meta: SnapshotMeta,
+    tables: Vec<Vec<DataSetPart>>,
+    weighted: bool,
+    shown: impl Fn(Box<dyn ParticlePiece>) -> Box<dyn ParticlePiece>,
+) -> Result<Box<dyn SnapshotReader>> {
     let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
     let threads = particlegs_pipeline::parallel::threads() as u64;
     let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
@@ -163,7 +176,7 @@ fn assemble(meta: SnapshotMeta, tables: Vec<Vec<DataSetPart>>, weighted: bool) -
     let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::with_capacity(tables.len());
     for (index, parts) in tables.into_iter().enumerate() {
         let piece = DataSetColumns::new(parts, cache.clone(), index % step == 0);
-        pieces.push(Box::new(piece));
+        pieces.push(shown(Box::new(piece)));
     }
     let inner = PieceReader::new(meta, pieces, weighted)?;
     // Chunks that only few runs wide are shared by neighbours on one thread; those that are wider must
@@ -173,7 +186,7 @@ fn assemble(meta: SnapshotMeta, tables: Vec<Vec<DataSetPart>>, weighted: bool) -
 }
 
 /// Where positions are: a data set of three numbers a row, or three data sets `x,y,z`.
-fn positions(species: &Species, place: &str, name: &str) -> Result<DataSetTargets> {
+pub fn positions(species: &Species, place: &str, name: &str) -> Result<DataSetTargets> {
     let find = |name: &str, components: u32| -> Result<&SpeciesField> {
         species.fields.iter().find(|f| f.name == name && f.components == components).ok_or_else(|| {
             let there = species.fields.iter().filter(|f| f.components == components).map(|f| &f.name[..]);

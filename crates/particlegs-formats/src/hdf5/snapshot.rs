@@ -2,6 +2,7 @@
 
 use super::container::{Container, DataSet};
 use super::files;
+use super::h5md;
 use super::header::{Hdf5Header, TYPES};
 use super::reader::{self, FilePart, GroupSource};
 use super::tables;
@@ -59,11 +60,20 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     if let [path] = paths
         && !first.groups()?.iter().any(|g| kind_of(&g.0).is_some())
     {
-        if let Some(tables) = tables::open(path, &first)? {
+        if first.groups()?.iter().any(|g| g.0 == h5md::MARK) {
+            return h5md::open(path, first, options);
+        }
+        if let Some(tables) = tables::open(path, &first, options, false)? {
             return Ok(tables);
         }
         if let Some((what, hint)) = tables::foreign(path, &first) {
             return Err(Error::input_with(path, format!("{what}, which this program does not read"), hint));
+        }
+        if let Some(frames) = h5md::open_plain(path, options)? {
+            return Ok(frames);
+        }
+        if let Some(tables) = tables::open(path, &first, options, true)? {
+            return Ok(tables);
         }
     }
     let (found, strict) = (Default::default(), options.strict);

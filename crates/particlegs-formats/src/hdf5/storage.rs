@@ -47,6 +47,9 @@ pub struct Chunks {
     pub across: u64,
     /// Bytes of a chunk, decoded.
     pub bytes: usize,
+    /// Numbers of a chunk: those of its frames before the one that is read, and whether it has others at all.
+    pub before: u64,
+    pub is_shared: bool,
     pub pipeline: Pipeline,
     /// Chunks, side by side first.
     pub places: Vec<ChunkLocation>,
@@ -62,7 +65,8 @@ impl Chunks {
                 && (i as u64).checked_mul(self.bytes as u64).is_some_and(|b| p.offset - first == b)
         };
         let ordered = self.places.windows(2).all(|w| w[0].offset < w[1].offset);
-        (self.columns == components && ordered && self.places.iter().enumerate().all(next)).then_some(first)
+        (!self.is_shared && self.columns == components && ordered && self.places.iter().enumerate().all(next))
+            .then_some(first)
     }
 }
 
@@ -74,17 +78,21 @@ pub struct ChunkLocation {
     pub mask: u32,
 }
 
-/// Finds the numbers of `name` in a group at the top.
-pub fn table(container: &Container, group: &str, name: &str) -> Result<NumberTable> {
+/// Finds the numbers of `name` in a group: all of them, or those of a frame, which the first axis counts.
+pub fn table(container: &Container, group: &str, name: &str, frame: Option<u64>) -> Result<NumberTable> {
     let place = format!("{}: {group}/{name}", container.place);
     let (set, data) = container.set(group, name)?;
     let Some((kind, big_endian)) = set.number else {
         let what = format!("the number type {} is not f32, f64 or an integer", set.kind);
         return Err(Error::input_with(&place, what, "write it as f32 or f64, with h5py: `data[:].astype('f4')`"));
     };
-    let (rows, components) = match set.shape[..] {
-        [rows] => (rows, 1),
-        [rows, components] if components > 0 => (rows, components),
+    let (rows, components) = match (frame, &set.shape[..]) {
+        (None, []) => (1, 1),
+        (None, &[rows]) => (rows, 1),
+        (None, &[rows, components]) if components > 0 => (rows, components),
+        (Some(frame), &[frames]) if frame < frames => (1, 1),
+        (Some(frame), &[frames, rows]) if frame < frames => (rows, 1),
+        (Some(frame), &[frames, rows, components]) if frame < frames && components > 0 => (rows, components),
         _ => return Err(Error::input(&place, format!("the shape {} is not that of a table", set.shape_text()))),
     };
     let numbers = rows.checked_mul(components).and_then(|n| n.checked_mul(kind.bytes()));
@@ -105,12 +113,17 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<NumberTab
             _ => {}
         }
     }
-    let found = Finder { container, data: &data, place: &place, shape: &set.shape, element: kind.bytes() };
+    let found = Finder { container, data: &data, place: &place, shape: &set.shape, element: kind.bytes(), frame };
     let storage = match layout {
         None => return Err(Error::input(&place, "damaged HDF5 file: the data set has no layout")),
-        Some(DataLayout::Compact { data }) if data.len() as u64 >= bytes => DataSetStorage::Compact(data.clone()),
-        Some(DataLayout::Compact { data }) => return Err(found.short(bytes, data.len() as u64)),
+        Some(DataLayout::Compact { data }) => {
+            let start = frame.unwrap_or(0).saturating_mul(bytes);
+            let own = usize::try_from(start).ok().and_then(|start| data.get(start..)?.get(..bytes as usize));
+            let own = own.ok_or_else(|| found.short(start.saturating_add(bytes), data.len() as u64))?;
+            DataSetStorage::Compact(own.to_vec())
+        }
         Some(DataLayout::Contiguous { address, size }) => found.flat(*address, *size, bytes)?,
+
         Some(layout) if is_virtual(layout) => {
             let hint = "copy it with h5py: `new[name] = old[name][:]`";
             return Err(Error::input_with(&place, "nested virtual data sets are not supported", hint));
@@ -130,6 +143,7 @@ struct Finder<'a> {
     place: &'a str,
     shape: &'a [u64],
     element: u64,
+    frame: Option<u64>,
 }
 
 impl Finder<'_> {
@@ -160,14 +174,18 @@ impl Finder<'_> {
         if self.undefined(address) {
             return Err(self.never_written());
         }
-        if size < wanted {
-            return Err(self.short(wanted, size));
-        }
-        let Some(offset) = self.within(address, wanted) else {
-            let left = (self.container.map.len() as u64).saturating_sub(address);
-            return Err(self.short(wanted, left));
+        let before = self.frame.unwrap_or(0).checked_mul(wanted);
+        let Some((before, end)) = before.and_then(|before| Some((before, before.checked_add(wanted)?))) else {
+            return Err(self.short(u64::MAX, size));
         };
-        Ok(DataSetStorage::Flat(offset))
+        if size < end {
+            return Err(self.short(end, size));
+        }
+        let Some(offset) = self.within(address, end) else {
+            let left = (self.container.map.len() as u64).saturating_sub(address);
+            return Err(self.short(end, left));
+        };
+        Ok(DataSetStorage::Flat(offset + before))
     }
 
     fn chunks(
@@ -183,17 +201,23 @@ impl Finder<'_> {
         let Some(dims) = dims else {
             return Err(Error::input(self.place, "damaged HDF5 file: no chunk shape"));
         };
-        let (rows, columns) = (u64::from(dims[0]), dims.get(1).map_or(1, |&n| u64::from(n)));
-        let components = self.shape.get(1).copied().unwrap_or(1);
-        let bytes = rows.checked_mul(columns).and_then(|n| n.checked_mul(self.element)).filter(|&n| n <= MAX_CHUNK);
+        let lead = self.lead();
+        let along = |k: usize| dims.get(k).map_or(1, |&n| u64::from(n));
+        let (frames, rows, columns) = (if lead == 1 { along(0) } else { 1 }, along(lead), along(lead + 1));
+        let components = self.shape.get(lead + 1).copied().unwrap_or(1);
+        let numbers = rows.checked_mul(columns);
+        let all = numbers.and_then(|n| n.checked_mul(frames)).and_then(|n| n.checked_mul(self.element));
+        let bytes = all.filter(|&n| n <= MAX_CHUNK);
         let Some(bytes) = bytes else {
             let what = format!("chunks of {rows} x {columns} numbers are larger than {} MiB each", MAX_CHUNK >> 20);
             let hint = "write smaller ones: `h5repack -l CHUNK=65536x3 in.hdf5 out.hdf5`";
             return Err(Error::input_with(self.place, what, hint));
         };
         let across = components.div_ceil(columns);
-        let count = self.shape[0].div_ceil(rows).checked_mul(across);
-        let chunks = Chunks { rows, columns, across, bytes: bytes as usize, pipeline, places: Vec::new() };
+        let count = self.rows().div_ceil(rows).checked_mul(across);
+        let before = self.frame.unwrap_or(0) % frames * rows * columns;
+        let (bytes, is_shared, places) = (bytes as usize, frames > 1, Vec::new());
+        let chunks = Chunks { rows, columns, across, bytes, before, is_shared, pipeline, places };
         if count == Some(0) {
             return Ok(chunks);
         }
@@ -204,7 +228,23 @@ impl Finder<'_> {
         if entries.is_empty() {
             return Err(self.never_written());
         }
+        // Only those of the frame; what is left of their offsets is that of its table.
+        let first = |entry: &ChunkEntry| entry.offsets.first().copied().unwrap_or(0);
+        let mut entries = entries;
+        if let Some(frame) = self.frame {
+            entries.retain(|entry| first(entry) == frame / frames * frames);
+            entries.iter_mut().for_each(|entry| drop(entry.offsets.drain(..1.min(entry.offsets.len()))));
+        }
         Ok(Chunks { places: self.sorted(entries, &chunks, count)?, ..chunks })
+    }
+
+    /// Axes before those of the table.
+    fn lead(&self) -> usize {
+        usize::from(self.frame.is_some())
+    }
+
+    fn rows(&self) -> u64 {
+        self.shape.get(self.lead()).copied().unwrap_or(1)
     }
 
     fn entries(
@@ -268,8 +308,8 @@ impl Finder<'_> {
         let mut places: Vec<(u64, ChunkLocation)> = Vec::with_capacity(entries.len());
         for entry in &entries {
             let at = |k: usize| entry.offsets.get(k).copied().unwrap_or(0);
-            if at(0) >= self.shape[0] || self.shape.get(1).is_some_and(|&n| at(1) >= n) || self.undefined(entry.address)
-            {
+            let beyond = self.shape.get(self.lead() + 1).is_some_and(|&n| at(1) >= n);
+            if at(0) >= self.rows() || beyond || self.undefined(entry.address) {
                 continue;
             }
             if !at(0).is_multiple_of(rows) || !at(1).is_multiple_of(columns) {
@@ -301,7 +341,7 @@ impl Finder<'_> {
     }
 
     fn hole(&self, row: u64) -> Error {
-        let what = format!("rows from {row} on were never written, of {}", self.shape[0]);
+        let what = format!("rows from {row} on were never written, of {}", self.rows());
         Error::input_with(self.place, what, "the program that wrote the file stopped early")
     }
 }

@@ -5,7 +5,7 @@ use super::units;
 use crate::fields::{OutField, StandardField, outputs};
 use particlegs_files::output::PlacedFile;
 use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Dimension, Layer, Mass, Unit};
+use particlegs_pipeline::model::{Dimension, Layer, Mass, Unit, species_aliases};
 use particlegs_pipeline::parallel;
 use particlegs_pipeline::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
 use particlegs_pipeline::{Error, Hint, Result};
@@ -126,10 +126,13 @@ pub fn fields(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     kept.fields().iter().map(of).collect()
 }
 
-/// The type of each layer: `PartTypeN` keeps its number, the rest get free ones in order.
+/// The type of each layer: `PartTypeN` keeps its number, as do gas, dm and others of those names; the rest get free ones in
+/// order.
 fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
     let own = |l: &Layer<Range<u64>>| {
-        l.name.strip_prefix("PartType").and_then(|n| ORDER.into_iter().find(|t| t.to_string() == n))
+        let name = l.name.to_lowercase();
+        let number = |t: &usize| name.strip_prefix("parttype") == Some(&t.to_string());
+        ORDER.into_iter().find(|t| number(t) || species_aliases(*t)[1..].contains(&name))
     };
     let mut types: Vec<Option<usize>> = layers.iter().map(own).collect();
     for i in 0..types.len() {

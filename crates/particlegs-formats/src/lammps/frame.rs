@@ -4,7 +4,7 @@ use super::cell::LammpsBox;
 use crate::text::content::TextContent;
 use crate::text::frames::TextFrame;
 use crate::text::lines::{LineReader, of_block};
-use crate::text::parse::TableLayout;
+use crate::text::parse::{RowRule, TableLayout, itself};
 use crate::text::split::{Separator, shown};
 use crate::text::table::TableBuilder;
 use particlegs_pipeline::{Error, Result};
@@ -46,8 +46,13 @@ pub fn next<'c>(
 ) -> Result<Option<TextFrame<'c, LammpsFrameHead>>> {
     let Some(head) = (Sections { content, lines, number }).read(units)? else { return Ok(None) };
     let (step, start) = (head.step, lines.place());
-    let layout =
-        TableLayout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None, comma: false };
+    let layout = TableLayout {
+        separator: Separator::Blanks,
+        columns: head.columns.clone(),
+        rows: RowRule::All,
+        comma: false,
+        species: itself,
+    };
     let mut builder = TableBuilder::new(content, layout, head.key(), start);
     let count = head.count.unwrap_or(0);
     let (mut found, mut left) = (0, count);

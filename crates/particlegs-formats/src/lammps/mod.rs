@@ -1,6 +1,7 @@
 //! LAMMPS text dumps, plain or compressed: <https://docs.lammps.org/dump.html>.
 
 mod cell;
+pub mod data;
 mod frame;
 pub mod write;
 

@@ -3,6 +3,7 @@
 use crate::fields::{OutField, StandardField};
 use particlegs_files::output;
 use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::Mass;
 use particlegs_pipeline::parallel;
 use particlegs_pipeline::particles::{Number, Run, SelectedParticles};
 use particlegs_pipeline::space::Cell;
@@ -51,7 +52,9 @@ impl<'a> FrameOut<'a> {
         let fields = common(kept);
         let known = !fields.iter().any(|f| f[0].name == "mass");
         let known = known && (kept.weighted() || layers.iter().all(|l| l.mass.unit().is_some()));
-        let masses = known.then(|| layers.iter().map(|l| l.mass.unit_or_one()).collect());
+        // Beside layers with weights, the weights of others are their masses.
+        let unit = |mass: Mass| if kept.weighted() && !mass.is_weighted() { 1.0 } else { mass.unit_or_one() };
+        let masses = known.then(|| layers.iter().map(|l| unit(l.mass)).collect());
         let cell = match kept.meta().cell {
             Some(cell) => cell,
             None => bounds(kept, context)?,

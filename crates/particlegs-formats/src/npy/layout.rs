@@ -13,8 +13,14 @@ const MOST_COMPONENTS: u64 = 1 << 16;
 const POSITIONS: [&str; 9] =
     ["pos", "position", "positions", "coordinates", "coords", "coord", "xyz", "points", "centers"];
 /// Names of their components.
-const AXES: [[&str; 3]; 4] =
-    [["x", "y", "z"], ["xx", "yy", "zz"], ["pos_x", "pos_y", "pos_z"], ["posx", "posy", "posz"]];
+const AXES: [[&str; 3]; 6] = [
+    ["x", "y", "z"],
+    ["xx", "yy", "zz"],
+    ["pos_x", "pos_y", "pos_z"],
+    ["posx", "posy", "posz"],
+    ["position_x", "position_y", "position_z"],
+    ["fof_halo_center_x", "fof_halo_center_y", "fof_halo_center_z"],
+];
 const MASSES: [&str; 4] = ["mass", "masses", "weight", "weights"];
 
 /// The field or three fields whose names say that they hold positions.

@@ -4,8 +4,8 @@ use super::content::TextContent;
 use super::lines::LineReader;
 use super::table::{TableBuilder, TextTable};
 use crate::TrajectoryFrames;
-use crate::snapshot::no_frame;
-use particlegs_pipeline::{Error, Hint, Result};
+use crate::frames::choose;
+use particlegs_pipeline::{Error, Result};
 
 pub struct TextFrame<'c, H> {
     pub head: H,
@@ -31,49 +31,12 @@ pub fn scan<'c, H>(
     mut next: impl FnMut(&mut LineReader<'c>, u64, bool) -> Result<Option<TextFrame<'c, H>>>,
 ) -> Result<FrameScan<H>> {
     let mut lines = LineReader::open(content, super::content::TextPosition::START, None)?;
-    let mut kept = None;
-    let mut notes = Vec::new();
-    let mut count = 0;
-    loop {
-        match next(&mut lines, count, chosen.is_none_or(|c| c == count)) {
-            Ok(None) => break,
-            Ok(Some(TextFrame { head, rows, step })) => {
-                if let Some(rows) = rows {
-                    kept = Some((head, rows, TrajectoryFrames { count, chosen: count, step }));
-                }
-                count += 1;
-            }
-            // What comes after the chosen frame does not matter to it.
-            Err(e) if chosen.is_some_and(|c| c < count) => {
-                notes.push(format!("frame {count} cannot be read ({e}); later frames are not counted"));
-                break;
-            }
-            Err(e) => return Err(with_last_frame(e, count)),
-        }
-    }
+    let found = choose(content.path(), chosen, |number| next(&mut lines, number, chosen.is_none_or(|c| c == number)))?;
+    let frames = found.frames(found.frame.step);
+    let mut notes = found.notes;
     if lines.ends_open() {
         notes.push("the last line has no newline: the file may be cut off there".into());
     }
-    let Some((head, rows, frames)) = kept else {
-        return Err(match count {
-            0 => Error::input(content.path(), "the file has no frames"),
-            count => no_frame(content.path(), chosen.unwrap_or(0), count),
-        });
-    };
-    let table = rows.finish()?;
-    if chosen.is_none() && count > 1 {
-        notes.push(format!("using frame {}, the last of {count} (0 to {})", frames.chosen, count - 1));
-    }
-    Ok(FrameScan { head, table, frames: TrajectoryFrames { count, ..frames }, notes })
-}
-
-/// The frame before a broken one can be read.
-fn with_last_frame(error: Error, whole: u64) -> Error {
-    match error {
-        Error::Input { place, what, hint } if whole > 0 => {
-            let last = Hint::default().option("frame", whole - 1).words(" reads the last whole frame");
-            Error::Input { place, what, hint: hint.and(last) }
-        }
-        other => other,
-    }
+    let rows = found.frame.rows.ok_or_else(|| Error::input(content.path(), "the file has no frames"))?;
+    Ok(FrameScan { head: found.frame.head, table: rows.finish()?, frames, notes })
 }

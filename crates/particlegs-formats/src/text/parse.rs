@@ -2,34 +2,53 @@
 
 use super::lines::without_end;
 use super::number::number_at;
-use super::split::{Separator, first_byte, is_blank, number_with, shown, tokens};
+use super::split::{FixedColumns, Separator, first_byte, is_blank, number, number_with, shown, tokens};
 use particlegs_pipeline::space::PeriodicCell;
+
+/// Which lines are rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RowRule {
+    All,
+    /// All but empty ones and those that begin so.
+    Uncommented(u8),
+    /// Those that begin with one of these.
+    Records(&'static [&'static [u8]]),
+}
 
 #[derive(Clone, Debug)]
 pub struct TableLayout {
     pub separator: Separator,
     pub columns: Vec<String>,
-    /// Where set: lines that begin so, and empty ones, are no rows.
-    pub comment: Option<u8>,
+    pub rows: RowRule,
     /// Does a comma stand for the decimal point?
     pub comma: bool,
+    /// What species a value of the key column means: itself, or a name for several.
+    pub species: fn(&[u8]) -> &[u8],
+}
+
+/// Every value is a species of its own.
+pub fn itself(value: &[u8]) -> &[u8] {
+    value
 }
 
 impl TableLayout {
     /// Does the line at the beginning of `text` hold a row?
     #[inline]
     pub fn is_row(&self, text: &[u8]) -> bool {
-        match self.comment {
-            None => true,
-            Some(comment) => first_byte(text).is_some_and(|b| b != comment),
+        match self.rows {
+            RowRule::All => true,
+            RowRule::Uncommented(comment) => first_byte(text).is_some_and(|b| b != comment),
+            RowRule::Records(names) => names.iter().any(|name| text.starts_with(name)),
         }
     }
 
     /// The value in `column`, where the line goes so far.
     #[inline]
     pub fn value<'a>(&self, line: &'a [u8], column: usize) -> Option<&'a [u8]> {
-        if self.separator != Separator::Blanks {
-            return tokens(line, self.separator).get(column).copied();
+        match self.separator {
+            Separator::Blanks => {}
+            Separator::Byte(_) => return tokens(line, self.separator).get(column).copied(),
+            Separator::Fixed(columns) => return columns.value(first_line(line).0, column),
         }
         let mut at = 0;
         for _ in 0..column {
@@ -227,7 +246,9 @@ impl RowParser<'_> {
     fn is_chosen(&self, text: &[u8]) -> bool {
         match &self.plan.key {
             None => true,
-            Some((column, key)) => self.layout.value(text, *column).is_some_and(|value| same(value, key)),
+            Some((column, key)) => {
+                self.layout.value(text, *column).is_some_and(|value| same((self.layout.species)(value), key))
+            }
         }
     }
 
@@ -239,6 +260,7 @@ impl RowParser<'_> {
             _ if self.layout.comma => None,
             Separator::Blanks => self.blanks(text, &mut values),
             Separator::Byte(byte) => self.bytes(text, byte, &mut values),
+            Separator::Fixed(columns) => self.fixed(text, columns, &mut values),
         };
         let length = length.or_else(|| self.slowly(text, &mut values))?;
         if !self.plan.whole.is_empty() {
@@ -314,6 +336,15 @@ impl RowParser<'_> {
         }
         let more = line[at..].iter().filter(|&&b| b == separator).count();
         (column + 1 + more == self.layout.columns.len()).then_some(length)
+    }
+
+    /// The same of values that have their own bytes of the line.
+    fn fixed(&self, text: &[u8], columns: FixedColumns, values: &mut [f64; 4]) -> Option<usize> {
+        let (line, length) = first_line(text);
+        for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
+            *value = number(columns.value(line, want)?)?;
+        }
+        Some(length)
     }
 
     /// The bits of values that are whole numbers of 64 bits.

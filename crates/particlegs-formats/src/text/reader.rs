@@ -1,7 +1,7 @@
 //! Rows of a table, run by run.
 
 use super::lines::LineReader;
-use super::parse::{LineError, ParticleColumns, RowParser, RowPlan, TableNumber};
+use super::parse::{LineError, ParticleColumns, RowParser, RowPlan, RowRule, TableNumber};
 use super::table::TextTable;
 use crate::pieces::origin_of;
 use particlegs_pipeline::context::Context;
@@ -77,7 +77,7 @@ impl RowReader {
         let mut lines =
             LineReader::open(&self.table.content, self.table.stretches[stretch], Some(self.table.end.offset))?;
         let mut parser = self.parser(&self.plan, first - before[stretch], self.length(run));
-        if self.table.key.is_none() && self.table.layout.comment.is_none() {
+        if self.table.key.is_none() && self.table.layout.rows == RowRule::All {
             lines.pass(std::mem::take(&mut parser.skip), |_, _| Ok(()))?;
         }
         self.parse(&mut lines, parser, columns)

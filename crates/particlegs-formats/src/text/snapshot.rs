@@ -7,6 +7,7 @@ use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, TextTable};
 use crate::axes::axis;
 use crate::fields::number_of;
+use crate::wrapping;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult};
 use particlegs_pipeline::particles::{Number, SnapshotReader};
 use particlegs_pipeline::space::PeriodicCell;
@@ -20,9 +21,6 @@ pub struct TextSnapshot {
     scaled: Option<([&'static [&'static str]; 3], Scaling)>,
     wraps: bool,
 }
-
-/// First rows that are looked at for positions outside the cell.
-const LOOKED_AT: usize = 1024;
 
 pub struct TableColumns {
     pub fields: Vec<SpeciesField>,
@@ -46,7 +44,10 @@ impl TextSnapshot {
                 [only] => Some(only),
                 _ => None,
             };
-            let value = |key: &Vec<u8>| String::from_utf8_lossy(key).into_owned();
+            let value = |key: &Vec<u8>| match key.is_empty() {
+                true => "unnamed".into(),
+                false => String::from_utf8_lossy(key).into_owned(),
+            };
             let name = kind.key.as_ref().map_or(all.into(), |key| format!("{noun}{}", value(key)));
             let aliases = kind.key.as_ref().or(only).map_or(Vec::new(), |key| {
                 let key = value(key).to_lowercase();
@@ -71,42 +72,23 @@ impl TextSnapshot {
     /// Wraps positions into the periodic cell where their names, or the first rows, tell that they are `unwrapped`; with
     /// [`Choice::keep_unwrapped`] drops the cell.
     pub fn with_unwrapped(mut self, unwrapped: bool, choice: &Choice) -> Result<Self> {
-        let periods = self.description.meta.cell.and_then(PeriodicCell::new);
-        match periods {
-            None if choice.keep_unwrapped => {
-                Err(Error::input(self.place(), "there is no periodic box: positions are not wrapped"))
-            }
-            None => Ok(self),
-            Some(_) if choice.keep_unwrapped => {
-                self.description.meta.cell = None;
-                self.description.notes.push("positions are used as stored; the periodic box is ignored".into());
-                Ok(self)
-            }
-            Some(periods) => {
-                self.wraps = unwrapped || self.begins_unwrapped(&periods, choice);
-                if self.wraps {
-                    let note = "unwrapped positions are wrapped into the periodic box";
-                    self.description.notes.push(note.into());
-                }
-                Ok(self)
-            }
-        }
+        let mut description = std::mem::take(&mut self.description);
+        let first = description.species.first().cloned();
+        self.wraps = wrapping::settle(&mut description, choice, |periods| {
+            unwrapped || first.is_some_and(|one| self.begins_unwrapped(&one, periods, choice))
+        })?;
+        self.description = description;
+        Ok(self)
     }
 
-    /// Do a tenth of the first rows lie outside a periodic cell, and any more than its length? A few that do are damage.
-    fn begins_unwrapped(&self, periods: &PeriodicCell, choice: &Choice) -> bool {
-        let Some(plan) = self.description.species.first().and_then(|one| self.plan(one, choice).ok()) else {
-            return false;
-        };
+    fn begins_unwrapped(&self, species: &Species, periods: &PeriodicCell, choice: &Choice) -> bool {
+        let Ok(plan) = self.plan(species, choice) else { return false };
         let mut columns = <parse::ParticleColumns>::default();
-        let mut parser = RowParser { layout: &self.table.layout, plan: &plan, skip: 0, room: LOOKED_AT };
+        let mut parser = RowParser { layout: &self.table.layout, plan: &plan, skip: 0, room: wrapping::LOOKED_AT };
         let _ = parser.block(&self.table.head, 1, &mut columns);
         let [x, y, z, _] = columns;
-        let beyond =
-            x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| periods.beyond(periods.offset([x, y, z].map(f64::from))));
-        let (outside, far) =
-            beyond.fold((0, 0), |(outside, far), b| (outside + usize::from(b > 1e-5), far + usize::from(b > 1.0)));
-        far > 0 && 10 * outside >= x.len()
+        let positions = x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| [x, y, z].map(f64::from));
+        wrapping::leave(periods, positions)
     }
 
     fn plan(&self, species: &Species, choice: &Choice) -> Result<RowPlan> {
@@ -117,13 +99,6 @@ impl TextSnapshot {
             false => RowPlan::new(positions, weight, scaling),
             true => RowPlan::new(positions, weight, None).with_bits_of(self.whole(species)),
         })
-    }
-
-    /// The cell that positions are wrapped into: the one that the user states, else the file's.
-    fn periods(&self, choice: &Choice) -> Result<Option<PeriodicCell>> {
-        let mut meta = self.description.meta.clone();
-        meta.state(choice.box_lengths, [None; 2])?;
-        Ok(meta.cell.filter(|_| self.wraps && !choice.as_stored).and_then(PeriodicCell::new))
     }
 
     fn whole(&self, species: &Species) -> Vec<usize> {
@@ -185,7 +160,10 @@ impl Snapshot for TextSnapshot {
         let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
         let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;
         let key = self.table.key.zip(which.key.clone());
-        let plan = self.plan(one, choice)?.wrapped(self.periods(choice)?).with_key(key);
+        let plan = self
+            .plan(one, choice)?
+            .wrapped(wrapping::cell(&self.description, choice)?.filter(|_| self.wraps))
+            .with_key(key);
         Ok(Box::new(RowReader::new(self.table.clone(), kind, plan, self.description.meta.clone())?))
     }
 }

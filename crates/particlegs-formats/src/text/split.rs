@@ -7,6 +7,35 @@ pub enum Separator {
     Blanks,
     /// One such byte; blanks around a value do not count.
     Byte(u8),
+    /// None: each value has its own bytes of the line.
+    Fixed(FixedColumns),
+}
+
+/// Bytes of a line that hold its values, as in files for punched cards; blanks around a value do not count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FixedColumns {
+    bounds: [[u16; 2]; FixedColumns::MOST],
+    count: usize,
+}
+
+impl FixedColumns {
+    const MOST: usize = 16;
+
+    /// Of bounds one after the other, at most 16: the first byte of each, and the one behind its last.
+    pub fn new(bounds: impl IntoIterator<Item = [u16; 2]>) -> Self {
+        let mut columns = FixedColumns::default();
+        for (own, bounds) in columns.bounds.iter_mut().zip(bounds) {
+            *own = bounds;
+            columns.count += 1;
+        }
+        columns
+    }
+
+    /// The value in `column`; empty where the line does not go so far.
+    pub fn value<'a>(&self, line: &'a [u8], column: usize) -> Option<&'a [u8]> {
+        let [start, end] = self.bounds[..self.count].get(column)?.map(|byte| line.len().min(byte.into()));
+        Some(line[start..end.max(start)].trim_ascii())
+    }
 }
 
 pub fn is_blank(byte: u8) -> bool {
@@ -23,6 +52,7 @@ pub fn tokens(line: &[u8], separator: Separator) -> Vec<&[u8]> {
     match separator {
         Separator::Blanks => blank_tokens(line),
         Separator::Byte(byte) => byte_tokens(line, byte),
+        Separator::Fixed(columns) => (0..columns.count).filter_map(|c| columns.value(line, c)).collect(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::content::{TextContent, TextPosition};
 use super::lines::{LineReader, of_block};
-use super::parse::{TableLayout, same};
+use super::parse::{RowRule, TableLayout, same};
 use particlegs_pipeline::parallel;
 use particlegs_pipeline::{Error, Result};
 
@@ -80,7 +80,7 @@ impl RowTally {
                     let what = format!("line {number} has no column {} (`{}`)", column + 1, layout.columns[column]);
                     Error::input(content.path(), what)
                 })?;
-                self.count(value, 1);
+                self.count((layout.species)(value), 1);
             }
         }
         Ok(())
@@ -112,7 +112,7 @@ impl<'a> TableBuilder<'a> {
 
     /// From now on, lines that begin so are no rows.
     pub fn has_comments(&mut self, comment: u8) {
-        self.layout.comment = Some(comment);
+        self.layout.rows = RowRule::Uncommented(comment);
     }
 
     pub fn add(&mut self, place: TextPosition, block: &[u8]) -> Result<()> {
@@ -144,7 +144,7 @@ impl<'a> TableBuilder<'a> {
 
     /// The table, all rows taken in. Those of plain files are looked at only here.
     pub fn finish(mut self) -> Result<TextTable> {
-        let counts_lines = self.key.is_none() && self.layout.comment.is_none();
+        let counts_lines = self.key.is_none() && self.layout.rows == RowRule::All;
         let tallies: Vec<RowTally> = if !self.content.is_seekable() {
             vec![std::mem::take(&mut self.tally)]
         } else if counts_lines {

@@ -9,7 +9,7 @@ use crate::snapshot::named;
 use crate::text::content::TextContent;
 use crate::text::frames::{TextFrame, scan};
 use crate::text::lines::{LineReader, without_end};
-use crate::text::parse::TableLayout;
+use crate::text::parse::{RowRule, TableLayout, itself};
 use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};
 use crate::text::split::{Separator, number, shown, tokens};
 use crate::text::table::{TableBuilder, TextTable};
@@ -134,8 +134,9 @@ fn layout(fields: &[SpeciesField]) -> TableLayout {
     TableLayout {
         separator: Separator::Blanks,
         columns: fields.iter().flat_map(name).collect(),
-        comment: None,
+        rows: RowRule::All,
         comma: false,
+        species: itself,
     }
 }
 

@@ -1,0 +1,195 @@
+//! GROMACS structures and their trajectories, plain or compressed: a title, a number of atoms, a line of fixed columns an
+//! atom, the cell: <https://manual.gromacs.org/current/reference-manual/file-formats.html#gro>.
+
+use crate::format::{FileHead, is_whole};
+use crate::snapshot::named;
+use crate::text::content::TextContent;
+use crate::text::frames::{TextFrame, scan};
+use crate::text::lines::LineReader;
+use crate::text::parse::{RowRule, TableLayout};
+use crate::text::snapshot::{TableColumns, TextSnapshot, header_number, kinds};
+use crate::text::split::{FixedColumns, Separator, shown, tokens};
+use crate::text::table::{TableBuilder, TextTable};
+use crate::{Choice, Description, Format, Snapshot, SpeciesField, TextResult};
+use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
+use particlegs_pipeline::particles::SnapshotMeta;
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
+use std::path::PathBuf;
+
+pub const FORMAT: Format = Format { name: "gro", title: "GROMACS structure (GRO)", detect, open };
+
+/// A title, a number of atoms, and lines of fixed columns.
+fn detect(head: &FileHead) -> bool {
+    let is_count = matches!(head.words(1)[..], [n] if is_whole(n)) && !matches!(head.words(0)[..], [n] if is_whole(n));
+    is_count
+        && head.lines().nth(2).is_some_and(|line| {
+            let field = |range| line.get(range).map_or(&b""[..], <[u8]>::trim_ascii);
+            is_whole(field(0..5)) && (is_whole(field(15..20)) || field(15..20) == b"*****") && width(line).is_some()
+        })
+}
+
+/// Bytes of a line before its positions.
+const BEFORE: usize = 20;
+/// Atoms have numbers of five digits; those of larger files begin again at 0.
+pub const MOST_NUMBERS: u64 = 99_999;
+
+/// Bytes of each number of a position: as many as from one point to the next.
+fn width(line: &[u8]) -> Option<usize> {
+    let mut points = memchr::memchr_iter(b'.', line.get(BEFORE..)?);
+    let (first, second, third) = (points.next()?, points.next()?, points.next()?);
+    let width = second - first;
+    (third - second == width && (2..=40).contains(&width) && first < width).then_some(width)
+}
+
+/// What a frame says beside its atoms.
+struct GroFrameHead {
+    time: Option<f64>,
+    cell: Option<Cell>,
+    has_velocities: bool,
+    count: u64,
+}
+
+fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
+    let path = crate::snapshot::only(paths)?;
+    let content = TextContent::open(path)?;
+    let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted))?;
+    let units = Units { time: Some(Unit::parse("ps", Dimension::Time)), ..Units::new(Some("nm"), None, None) };
+    let meta = SnapshotMeta {
+        cell: found.head.cell,
+        units,
+        epoch: Epoch { time: found.head.time, ..found.frames.epoch() },
+        ..named(path)
+    };
+    let columns = columns(&found.head, &found.table);
+    let description = Description {
+        format: content.title(FORMAT.title),
+        files: paths.to_vec(),
+        meta,
+        frames: Some(found.frames),
+        notes: found.notes,
+        ..Description::default()
+    };
+    let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
+    Ok(Box::new(made.with_unwrapped(false, options)?))
+}
+
+fn columns(head: &GroFrameHead, table: &TextTable) -> TableColumns {
+    let field = |name, kind, components, unit: Option<&str>| SpeciesField {
+        unit: unit.map(String::from),
+        ..SpeciesField::new(name, kind, components)
+    };
+    let number = if head.count <= MOST_NUMBERS { "id" } else { "number" };
+    let mut fields = vec![
+        field("residue", "text", 1, None),
+        field("name", "text", 1, None),
+        field(number, kinds(table).get(2).copied().unwrap_or("text"), 1, None),
+        field("pos", "f64", 3, Some("nm")),
+    ];
+    fields.extend(head.has_velocities.then(|| field("velocity", "f64", 3, Some("nm/ps"))));
+    TableColumns { fields, positions: "pos".into(), mass: None }
+}
+
+/// Reads the frame that begins at the next line.
+fn frame<'c>(
+    content: &'c TextContent,
+    lines: &mut LineReader<'c>,
+    number: u64,
+    wanted: bool,
+) -> Result<Option<TextFrame<'c, GroFrameHead>>> {
+    let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
+    let Some(title) = lines.line()?.map(<[u8]>::to_vec) else { return Ok(None) };
+    let Some(second) = lines.line()?.map(<[u8]>::to_vec) else {
+        return match title.trim_ascii().is_empty() {
+            true => Ok(None),
+            false => Err(error(" ends after its title".into())),
+        };
+    };
+    let at = lines.place().line - 1;
+    let count = std::str::from_utf8(second.trim_ascii()).ok().and_then(|text| text.parse().ok());
+    let count: u64 = count.ok_or_else(|| error(format!(", line {at}: {} is not a number of atoms", shown(&second))))?;
+    let first = lines.peek()?.unwrap_or_default();
+    let has_atoms = count > 0;
+    let width = width(first).or((!has_atoms).then_some(8));
+    let width = width.ok_or_else(|| error(format!(", line {}: there are no three numbers in columns", at + 1)))?;
+    let velocity = first.get(BEFORE + 3 * width..BEFORE + 4 * width).unwrap_or_default();
+    let has_velocities = has_atoms && !velocity.trim_ascii().is_empty();
+    let mut rows = TableBuilder::new(content, layout(width, has_velocities), Some(0), lines.place());
+    let found = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
+    let end = lines.place();
+    let cell = lines.line()?.map(<[u8]>::to_vec);
+    let (true, Some(cell)) = (found == count, cell) else {
+        return Err(error(format!(" is cut off: it states {count} atoms, but only {found} lines follow")));
+    };
+    let cell = cell_of(&cell).map_err(|what| error(format!(", line {}: the cell: {what}", end.line)))?;
+    let (time, step) = moment(&title);
+    let head = GroFrameHead { time, cell, has_velocities, count };
+    Ok(Some(TextFrame { head, rows: wanted.then(|| rows.until(end)), step }))
+}
+
+fn layout(width: usize, has_velocities: bool) -> TableLayout {
+    let names = ["residue", "name", "number", "x", "y", "z", "vx", "vy", "vz"];
+    let names = &names[..if has_velocities { 9 } else { 6 }];
+    let bounds = |k: usize| match k {
+        0..3 => [5 + 5 * k, 10 + 5 * k],
+        k => [BEFORE + (k - 3) * width, BEFORE + (k - 2) * width],
+    };
+    let columns = FixedColumns::new((0..names.len()).map(|k| bounds(k).map(|byte| byte as u16)));
+    TableLayout {
+        separator: Separator::Fixed(columns),
+        columns: names.iter().map(ToString::to_string).collect(),
+        rows: RowRule::All,
+        comma: false,
+        species: substance,
+    }
+}
+
+/// Residues of proteins, by the names that force fields have for them; and of water.
+const PROTEIN: [&str; 49] = [
+    "ALA", "ARG", "ASN", "ASP", "CYS", "GLN", "GLU", "GLY", "HIS", "ILE", "LEU", "LYS", "MET", "PHE", "PRO", "SER",
+    "THR", "TRP", "TYR", "VAL", "ACE", "NME", "NH2", "MSE", "ARGN", "ASH", "ASPH", "ASPP", "CYM", "CYSH", "CYS2",
+    "CYX", "GLH", "GLUH", "GLUP", "HID", "HIE", "HIP", "HISA", "HISB", "HISH", "HIS1", "HIS2", "HSD", "HSE", "HSP",
+    "LYN", "LYSH", "HISE",
+];
+const WATER: [&str; 11] = ["SOL", "HOH", "WAT", "H2O", "SPC", "SPCE", "TIP3", "TIP4", "TIP5", "T3P", "W"];
+
+/// The species of a residue: residues of proteins are one, as are waters. Others are their own.
+pub fn substance(residue: &[u8]) -> &[u8] {
+    let is = |names: &[&str]| names.iter().any(|name| name.as_bytes() == residue);
+    match residue {
+        _ if is(&PROTEIN) => b"protein",
+        _ if is(&WATER) => b"water",
+        // Ends of chains, as AMBER calls them: NALA, CALA.
+        [b'N' | b'C', rest @ ..] if rest.len() == 3 && PROTEIN[..20].iter().any(|name| name.as_bytes() == rest) => {
+            b"protein"
+        }
+        _ => residue,
+    }
+}
+
+/// The diagonal of the vectors, and perhaps v1y v1z v2x v2z v3x v3y.
+fn cell_of(line: &[u8]) -> TextResult<Option<Cell>> {
+    let numbers: Vec<f64> =
+        tokens(line, Separator::Blanks).into_iter().map(header_number).collect::<TextResult<_>>()?;
+    let [x, y, z, rest @ ..] = &numbers[..] else { return Err(format!("{} numbers instead of 3 or 9", numbers.len())) };
+    let [xy, xz, yx, yz, zx, zy] = match *rest {
+        [] => [0.0; 6],
+        [xy, xz, yx, yz, zx, zy] => [xy, xz, yx, yz, zx, zy],
+        _ => return Err(format!("{} numbers instead of 3 or 9", numbers.len())),
+    };
+    Ok(Cell::stated([0.0; 3], [[*x, xy, xz], [yx, *y, yz], [zx, zy, *z]], [true; 3]))
+}
+
+/// The time and the step that a title ends with: `Protein in water t= 100.0 step= 5000`.
+pub fn moment(title: &[u8]) -> (Option<f64>, Option<i64>) {
+    let behind = |name: &[u8]| {
+        let at = memchr::memmem::rfind(title, name)?;
+        tokens(&title[at + name.len()..], Separator::Blanks).first().copied()
+    };
+    let time = behind(b" t=").and_then(|token| header_number(token).ok());
+    let step = behind(b" step=").and_then(|token| std::str::from_utf8(token).ok()?.parse().ok());
+    (time, step)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,245 @@
+//! Trajectories of HOOMD-blue (GSD): chunks of numbers found by an index of frames. What a frame does not hold is as in the
+//! first one, else as the schema says: <https://gsd.readthedocs.io>.
+
+use crate::atoms::{AtomField, AtomSnapshot, AtomSpecies, array, widened};
+use crate::compression::refuse;
+use crate::frames::ChosenFrame;
+use crate::numbers::{Bytes, NumberType};
+use crate::snapshot::{named, no_frame, only};
+use crate::{Choice, Description, Format, Snapshot, SpeciesMass, TextResult, TrajectoryFrames};
+use particlegs_files::memory;
+use particlegs_pipeline::particles::SnapshotMeta;
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
+use std::path::PathBuf;
+
+pub const FORMAT: Format =
+    Format { name: "gsd", title: "HOOMD-blue trajectory (GSD)", detect: |h| h.begins(&[&MAGIC]), open };
+
+const MAGIC: [u8; 8] = [0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65];
+/// Bytes of the header, of an entry of the index, and of a name's place in the list of names.
+const HEADER: usize = 256;
+const ENTRY: u64 = 32;
+const NAME: u64 = 64;
+/// Most names that a file may have: they are numbered by 16 bits.
+const MOST_NAMES: usize = 1 << 16;
+
+/// A chunk: an array of `rows` times `columns` numbers.
+#[derive(Clone, Copy)]
+struct GsdChunk {
+    rows: u64,
+    columns: u32,
+    start: u64,
+    kind: NumberType,
+}
+
+impl GsdChunk {
+    /// The number at place `index`, where the chunk has so many.
+    fn number(&self, bytes: &[u8], index: u64) -> Option<f64> {
+        let at = usize::try_from(self.start + index * self.kind.bytes()).ok()?;
+        (index < self.rows * u64::from(self.columns)).then(|| Some(self.kind.get(bytes.get(at..)?, false)))?
+    }
+}
+
+/// An entry of the index.
+struct GsdEntry {
+    frame: u64,
+    name: u16,
+    chunk: TextResult<GsdChunk>,
+}
+
+struct GsdFile {
+    bytes: Bytes,
+    names: Vec<String>,
+    /// Where the index lies, and entries in it.
+    index: u64,
+    entries: u64,
+    frames: u64,
+}
+
+impl GsdFile {
+    fn read(bytes: Bytes) -> TextResult<GsdFile> {
+        let word = |at: usize| Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
+        let cut = "the header is cut off";
+        let [index, allocated, list, places] = [8, 16, 24, 32].map(word);
+        let (index, allocated) = (index.ok_or(cut)?, allocated.ok_or(cut)?);
+        let (list, places) = (list.ok_or(cut)?, places.ok_or(cut)?);
+        let version = bytes.get(40..HEADER).ok_or(cut)?[6..8].iter().rev().fold(0u32, |v, &b| v << 8 | u32::from(b));
+        let stretch = |start: u64, count: u64, size: u64, what: &str| {
+            let end = count.checked_mul(size).and_then(|n| n.checked_add(start));
+            let wrong = || format!("its {what} of {count} entries lies beyond the file");
+            end.filter(|&end| end <= bytes.len() as u64).map(|end| start as usize..end as usize).ok_or_else(wrong)
+        };
+        let names = &bytes[stretch(list, places, NAME, "list of names")?];
+        stretch(index, allocated, ENTRY, "index")?;
+        let text =
+            |name: &[u8]| String::from_utf8_lossy(name.split(|&b| b == 0).next().unwrap_or_default()).into_owned();
+        // The first version has a place for each name, the second one behind the other.
+        let names: Vec<String> = if version >= 2 {
+            names.split(|&b| b == 0).take_while(|n| !n.is_empty()).take(MOST_NAMES).map(text).collect()
+        } else {
+            names.chunks(NAME as usize).map(text).take_while(|n| !n.is_empty()).take(MOST_NAMES).collect()
+        };
+        let mut file = GsdFile { bytes, names, index, entries: allocated, frames: 0 };
+        // Entries behind the last one are empty, and frames ascend.
+        file.entries = (0..allocated).take_while(|&i| file.word(i, 16) != 0).count() as u64;
+        file.frames = (0..file.entries).map(|i| file.word(i, 0)).max().map_or(0, |last| last.saturating_add(1));
+        if file.frames > file.entries {
+            return Err(format!("its index has {} entries for {} frames", file.entries, file.frames));
+        }
+        Ok(file)
+    }
+
+    /// Eight bytes of an entry of the index.
+    fn word(&self, entry: u64, at: u64) -> u64 {
+        let at = (self.index + entry * ENTRY + at) as usize;
+        self.bytes[at..at + 8].try_into().map_or(0, u64::from_le_bytes)
+    }
+
+    fn entry(&self, index: u64) -> GsdEntry {
+        let [frame, rows, start, rest] = [0, 8, 16, 24].map(|at| self.word(index, at));
+        let columns = rest as u32;
+        let [name, kind] = [rest >> 32 & 0xffff, rest >> 48 & 0xff];
+        let kind = match kind {
+            1 | 11 => Some(NumberType::U8),
+            2 => Some(NumberType::U16),
+            3 => Some(NumberType::U32),
+            4 => Some(NumberType::U64),
+            5 => Some(NumberType::I8),
+            6 => Some(NumberType::I16),
+            7 => Some(NumberType::I32),
+            8 => Some(NumberType::I64),
+            9 => Some(NumberType::F32),
+            10 => Some(NumberType::F64),
+            _ => None,
+        };
+        let chunk = || {
+            let kind = kind.ok_or_else(|| "its numbers are of an unknown type".to_string())?;
+            let size = rows.checked_mul(u64::from(columns)).and_then(|n| n.checked_mul(kind.bytes()));
+            let end = size.and_then(|size| size.checked_add(start)).filter(|&end| end <= self.bytes.len() as u64);
+            end.ok_or_else(|| format!("its {rows} rows of {columns} numbers at byte {start} end beyond the file"))?;
+            Ok(GsdChunk { rows, columns, start, kind })
+        };
+        GsdEntry { frame, name: name as u16, chunk: chunk() }
+    }
+
+    /// The chunks of a frame, by name; those of the first one where the frame has none of that name.
+    fn chunks(&self, frame: u64) -> Vec<(&str, TextResult<GsdChunk>)> {
+        let mut found: Vec<(&str, TextResult<GsdChunk>)> = Vec::new();
+        for wanted in [frame, 0] {
+            for entry in (0..self.entries).map(|i| self.entry(i)).filter(|e| e.frame == wanted) {
+                let Some(name) = self.names.get(usize::from(entry.name)) else { continue };
+                if found.iter().all(|f| f.0 != name) {
+                    found.push((name, entry.chunk));
+                }
+            }
+        }
+        found
+    }
+}
+
+fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    refuse(path, FORMAT.title)?;
+    let broken = |what: String| Error::input_with(path, what, "the file is damaged or cut short: copy it again");
+    let file = GsdFile::read(Bytes::from_filled_file(path)?).map_err(broken)?;
+    if file.frames == 0 {
+        return Err(broken("the file has no frames".into()));
+    }
+    let chosen = choice.frame.unwrap_or(file.frames - 1);
+    if chosen >= file.frames {
+        return Err(no_frame(path, chosen, file.frames));
+    }
+    let chunks = file.chunks(chosen);
+    let chunk = |name: &str| match chunks.iter().find(|c| c.0 == name) {
+        None => Ok(None),
+        Some((_, Ok(chunk))) => Ok(Some(*chunk)),
+        Some((_, Err(what))) => Err(broken(format!("frame {chosen}: {name}: {what}"))),
+    };
+    let bytes = &file.bytes[..];
+    let first = |name: &str| Ok::<_, Error>(chunk(name)?.and_then(|c| c.number(bytes, 0)));
+    let rows =
+        first("particles/N")?.ok_or_else(|| broken(format!("frame {chosen} states no number of particles")))? as u64;
+    let Some(position) = chunk("particles/position")?.filter(|c| (c.rows, c.columns) == (rows, 3)) else {
+        return Err(broken(format!("frame {chosen} has no positions of its {rows} particles")));
+    };
+    let mut fields: Vec<AtomField> = vec![field("position", &position)];
+    for (name, chunk) in &chunks {
+        let Some(name) = name.strip_prefix("particles/").filter(|name| !["N", "types", "position"].contains(name))
+        else {
+            continue;
+        };
+        // Chunks of the first frame count where they have as many rows.
+        match chunk {
+            Ok(chunk) if chunk.rows == rows && chunk.columns > 0 => fields.push(field(name, chunk)),
+            Ok(_) => {}
+            Err(what) => return Err(broken(format!("frame {chosen}: {name}: {what}"))),
+        }
+    }
+    let dimensions = first("configuration/dimensions")?.unwrap_or(3.0);
+    let mut notes = vec!["the format states no units: the simulation's own are reduced".to_string()];
+    if choice.frame.is_none() && file.frames > 1 {
+        notes.push(ChosenFrame::<()>::note_of_the_last(file.frames));
+    }
+    let step = first("configuration/step")?.unwrap_or(0.0) as i64;
+    let frames = TrajectoryFrames { count: file.frames, chosen, step: Some(step) };
+    let description = Description {
+        format: FORMAT.title.into(),
+        files: paths.to_vec(),
+        meta: SnapshotMeta {
+            cell: chunk("configuration/box")?.and_then(|c| cell(bytes, &c, dimensions)),
+            epoch: frames.epoch(),
+            ..named(path)
+        },
+        frames: Some(frames),
+        notes,
+        ..Description::default()
+    };
+    let mut atoms = AtomSpecies::all(fields, rows);
+    if atoms.mass == SpeciesMass::Unknown {
+        // The schema says so.
+        atoms.mass = SpeciesMass::Each(1.0);
+    }
+    let species = match chunk("particles/types")?.map(|c| types(bytes, &c)).filter(|names| names.len() > 1) {
+        None => vec![atoms],
+        Some(names) => {
+            let of = chunk("particles/typeid")?.filter(|c| (c.rows, c.columns) == (rows, 1));
+            memory::require("the types of the particles", 4 * rows)?;
+            let number = |row| of.and_then(|c| c.number(bytes, row)).unwrap_or(0.0) as u32;
+            atoms.by_type(&(0..rows).map(number).collect::<Vec<u32>>(), &names)
+        }
+    };
+    let snapshot = AtomSnapshot::new(description, file.bytes.clone(), species);
+    Ok(Box::new(snapshot.with_unwrapped(choice)?))
+}
+
+fn field(name: &str, chunk: &GsdChunk) -> AtomField {
+    (array(name, chunk.kind, chunk.columns, chunk.start, false), None)
+}
+
+/// Names of types, one a row of letters.
+fn types(bytes: &[u8], chunk: &GsdChunk) -> Vec<(String, Vec<String>)> {
+    let width = (u64::from(chunk.columns) * chunk.kind.bytes()) as usize;
+    let all = &bytes[chunk.start as usize..][..chunk.rows as usize * width];
+    let name = |row: &[u8]| String::from_utf8_lossy(row.split(|&b| b == 0).next().unwrap_or_default()).into_owned();
+    let names = all.chunks(width.max(1)).take(crate::text::table::MOST_SPECIES + 1).map(name);
+    names.map(|name| (name.clone(), vec![name.to_lowercase()])).collect()
+}
+
+/// Lx, Ly, Lz and the tilt factors xy, xz, yz of a cell about 0.
+fn cell(bytes: &[u8], chunk: &GsdChunk, dimensions: f64) -> Option<Cell> {
+    let mut values = [0.0; 6];
+    for (index, value) in (0..).zip(&mut values) {
+        *value = chunk.number(bytes, index)?;
+        if chunk.kind == NumberType::F32 {
+            *value = widened(*value as f32);
+        }
+    }
+    let [x, y, z, xy, xz, yz] = values;
+    let vectors = [[x, 0.0, 0.0], [xy * y, y, 0.0], [xz * z, yz * z, z]];
+    let origin = [0, 1, 2].map(|k| -0.5 * (vectors[0][k] + vectors[1][k] + vectors[2][k]));
+    Cell::stated(origin, vectors, [true, true, dimensions != 2.0])
+}
+
+#[cfg(test)]
+mod tests;

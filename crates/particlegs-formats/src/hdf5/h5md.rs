@@ -1,0 +1,359 @@
+//! H5MD: molecular trajectories in HDF5. Groups of `particles`, whose elements are arrays of frames, `value` beside `step`
+//! and `time`, or hold for all frames: <https://www.nongnu.org/h5md/h5md.html>.
+
+use super::columns::{ColumnTarget, DataSetColumns};
+use super::container::{Container, DataSet, TOP};
+use super::reader::{DataSetSequence, assemble, positions, side_by_side};
+use crate::atoms::{AtomSpecies, OwnRows, cell_of};
+use crate::cache::ChunkCache;
+use crate::frames::ChosenFrame;
+use crate::npy::layout::positions_named;
+use crate::pieces::{ParticlePiece, RowBuffer};
+use crate::snapshot::{named, no_frame};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, wrapping};
+use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
+use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The group that every such file has, and that of its particles.
+pub const MARK: &str = "h5md";
+const PARTICLES: &str = "particles";
+const POSITION: &str = "position";
+
+/// An element of a group of particles.
+struct H5mdElement {
+    name: String,
+    /// Where its data set lies: its group and its name.
+    place: [String; 2],
+    set: DataSet,
+    /// Has it an array for each frame?
+    varies: bool,
+}
+
+impl H5mdElement {
+    fn shape(&self) -> &[u64] {
+        &self.set.shape[usize::from(self.varies).min(self.set.shape.len())..]
+    }
+
+    fn unit(&self) -> Option<&str> {
+        self.set.attributes.text(&["unit", "units"])
+    }
+
+    fn field(&self) -> SpeciesField {
+        let components = u32::try_from(self.shape().get(1).copied().unwrap_or(1)).unwrap_or(u32::MAX);
+        let unit = self.unit().map(String::from);
+        SpeciesField { unit, ..SpeciesField::new(&self.name, &self.set.kind, components) }
+    }
+}
+
+/// A group of particles.
+struct H5mdGroup {
+    name: String,
+    /// The element that holds the positions.
+    position: String,
+    elements: Vec<H5mdElement>,
+    frames: Option<u64>,
+    rows: u64,
+}
+
+impl H5mdGroup {
+    /// `None` where it has no positions.
+    fn read(container: &Container, name: &str) -> Option<H5mdGroup> {
+        let path = format!("{PARTICLES}/{name}");
+        let element = |name: String| {
+            let group = format!("{path}/{name}");
+            match container.data_set(&group, "value") {
+                Ok(set) => Some(H5mdElement { name, place: [group, "value".into()], set, varies: true }),
+                Err(_) => {
+                    let set = container.data_set(&path, &name).ok()?;
+                    Some(H5mdElement { place: [path.clone(), name.clone()], name, set, varies: false })
+                }
+            }
+        };
+        let mut elements: Vec<H5mdElement> = container.names_in(&path).into_iter().filter_map(element).collect();
+        let position = elements.iter().find(|e| e.name == POSITION)?;
+        let &[rows, 1..=3] = position.shape() else { return None };
+        let frames = position.varies.then(|| position.set.shape[0]);
+        elements.retain(|e| {
+            let same = !e.varies || Some(e.set.shape[0]) == frames;
+            same && e.set.number.is_some() && matches!(e.shape(), [n] | [n, _] if *n == rows)
+        });
+        elements.sort_by_key(|e| e.name != POSITION);
+        Some(H5mdGroup { name: name.into(), position: POSITION.into(), elements, frames, rows })
+    }
+
+    /// Arrays of frames at the top of a file that is not of H5MD.
+    fn plain(container: &Container) -> Option<H5mdGroup> {
+        let sets: Vec<DataSet> = container.members(TOP).ok()?.sets.into_iter().filter(|s| s.number.is_some()).collect();
+        let is_array = |s: &&DataSet| matches!(s.shape[..], [frames, n, 3] if frames > 0 && n > 0);
+        let arrays: Vec<SpeciesField> =
+            sets.iter().filter(is_array).map(|s| SpeciesField::new(&s.name, "", 3)).collect();
+        let position = match &arrays[..] {
+            [only] => only.name.clone(),
+            several => positions_named(several)?,
+        };
+        let &[frames, rows, _] = &sets.iter().find(|s| s.name == position)?.shape[..] else { return None };
+        let element = |set: DataSet| {
+            let varies = matches!(set.shape[..], [f, n] | [f, n, _] if f == frames && n == rows);
+            let fits = varies || matches!(set.shape[..], [n] if n == rows);
+            fits.then(|| H5mdElement { name: set.name.clone(), place: [TOP.into(), set.name.clone()], set, varies })
+        };
+        let mut elements: Vec<H5mdElement> = sets.into_iter().filter_map(element).collect();
+        elements.sort_by_key(|e| e.name != position);
+        Some(H5mdGroup { name: "atoms".into(), position, elements, frames: Some(frames), rows })
+    }
+
+    fn element(&self, name: &str) -> Option<&H5mdElement> {
+        self.elements.iter().find(|e| e.name == name)
+    }
+}
+
+struct H5mdSnapshot {
+    description: Description,
+    container: Container,
+    groups: Vec<H5mdGroup>,
+    frame: u64,
+    /// Which group a species is of, and which of its rows are.
+    species: Vec<(usize, Option<Arc<[u32]>>)>,
+    wraps: bool,
+}
+
+/// Opens arrays of frames without the groups of H5MD, such as those of MDTraj; `None` where there are none.
+pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapshot>>> {
+    let container = Container::open(path)?;
+    let Some(group) = H5mdGroup::plain(&container) else { return Ok(None) };
+    let count = group.frames.unwrap_or(1);
+    let frame = choice.frame.unwrap_or(count.saturating_sub(1));
+    if frame >= count {
+        return Err(no_frame(path, frame, count));
+    }
+    let own = |name: &str| values(&container, [TOP, name], Some(frame)).ok();
+    let unit = |name: &str, names: [(&str, &str); 2]| {
+        let set = container.data_set(TOP, name).ok()?;
+        let text = set.attributes.text(&["units", "unit"])?;
+        Some(names.into_iter().find(|n| n.0 == text).map_or(text, |n| n.1).to_string())
+    };
+    let length = unit(&group.position, [("nanometers", "nm"), ("angstroms", "Angstrom")]);
+    let time_unit = unit("time", [("picoseconds", "ps"), ("femtoseconds", "fs")]);
+    let frames = TrajectoryFrames { count, chosen: frame, step: None };
+    let cell = match (own("cell_lengths").as_deref(), own("cell_angles").as_deref()) {
+        (Some(&[a, b, c]), Some(&[alpha, beta, gamma])) => cell_of([a, b, c], [alpha, beta, gamma]),
+        _ => None,
+    };
+    let is_last = choice.frame.is_none() && count > 1;
+    let description = Description {
+        format: "HDF5, arrays of frames".into(),
+        files: vec![path.to_path_buf()],
+        meta: SnapshotMeta {
+            cell,
+            units: Units {
+                time: time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
+                ..Units::new(length.as_deref(), None, None)
+            },
+            epoch: Epoch { time: own("time").and_then(|t| t.first().copied()), ..frames.epoch() },
+            ..named(path)
+        },
+        frames: Some(frames),
+        notes: is_last.then(|| ChosenFrame::<()>::note_of_the_last(count)).into_iter().collect(),
+        ..Description::default()
+    };
+    let groups = vec![group];
+    let mut snapshot = H5mdSnapshot { description, container, groups, frame, species: Vec::new(), wraps: false };
+    snapshot.find_species()?;
+    snapshot.settle(choice)?;
+    Ok(Some(Box::new(snapshot)))
+}
+
+pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dyn Snapshot>> {
+    let names = container.names_in(PARTICLES);
+    let groups: Vec<H5mdGroup> = names.iter().filter_map(|name| H5mdGroup::read(&container, name)).collect();
+    let Some(first) = groups.first() else {
+        let what = format!("an H5MD file without positions in a group of `{PARTICLES}`");
+        return Err(Error::input(path, what));
+    };
+    let count = first.frames.unwrap_or(1);
+    let frame = choice.frame.unwrap_or(count.saturating_sub(1));
+    if count == 0 {
+        return Err(Error::input(path, "the file has no frames"));
+    }
+    if frame >= count || groups.iter().any(|g| g.frames.is_some_and(|n| n <= frame)) {
+        return Err(no_frame(path, frame, count));
+    }
+    let mut notes = Vec::new();
+    if choice.frame.is_none() && count > 1 {
+        notes.push(ChosenFrame::<()>::note_of_the_last(count));
+    }
+    let group = format!("{PARTICLES}/{}", first.name);
+    let place = format!("{group}/{POSITION}");
+    let at = |name: &str| numbers(&container, &place, name, frame).ok().flatten();
+    let frames = TrajectoryFrames { count, chosen: frame, step: at("step").map(|step| step as i64) };
+    let time_unit = container.data_set(&place, "time").ok();
+    let time_unit = time_unit.and_then(|set| set.attributes.text(&["unit", "units"]).map(String::from));
+    let units = Units {
+        time: time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
+        ..Units::new(
+            first.element(POSITION).and_then(H5mdElement::unit),
+            first.element("mass").and_then(H5mdElement::unit),
+            None,
+        )
+    };
+    let description = Description {
+        format: "HDF5, H5MD trajectory".into(),
+        files: vec![path.to_path_buf()],
+        meta: SnapshotMeta {
+            cell: cell(&container, &format!("{group}/box"), frame, &mut notes)?,
+            units,
+            epoch: Epoch { time: at("time").filter(|t| t.is_finite()), ..frames.epoch() },
+            ..named(path)
+        },
+        frames: Some(frames),
+        notes,
+        ..Description::default()
+    };
+    let mut snapshot = H5mdSnapshot { description, container, groups, frame, species: Vec::new(), wraps: false };
+    snapshot.find_species()?;
+    snapshot.settle(choice)?;
+    Ok(Box::new(snapshot))
+}
+
+/// The number of a frame: an array's, or from the first one's and the steps between.
+fn numbers(container: &Container, group: &str, name: &str, frame: u64) -> Result<Option<f64>> {
+    let set = container.data_set(group, name)?;
+    if !set.shape.is_empty() {
+        return Ok(values(container, [group, name], Some(frame))?.first().copied());
+    }
+    let offset = set.attributes.number(&["offset"]).unwrap_or(0.0);
+    Ok(values(container, [group, name], None)?.first().map(|step| offset + step * frame as f64))
+}
+
+/// Numbers of a small data set, or of its frame, row by row.
+fn values(container: &Container, [group, name]: [&str; 2], frame: Option<u64>) -> Result<Vec<f64>> {
+    let choice = Choice::default();
+    let shape = container.data_set(group, name)?.shape;
+    let components = shape.get(1 + usize::from(frame.is_some())).copied().unwrap_or(1).min(3);
+    let wants: Vec<ColumnTarget> = (0..components).map(|k| ColumnTarget { component: k, target: k as usize }).collect();
+    let part = DataSetSequence { choice: &choice, count: 0 }.part(container, [group, name], frame, &wants)?;
+    let rows = part.count().min(3);
+    let mut out = RowBuffer::default();
+    DataSetColumns::new(vec![part], Arc::new(ChunkCache::new(0)), false).read(0..rows, &mut out)?;
+    Ok((0..rows as usize)
+        .flat_map(|i| (0..components as usize).map(move |k| (i, k)))
+        .map(|(i, k)| out.position[k][i])
+        .collect())
+}
+
+/// The cell of a frame: three lengths, or three vectors.
+fn cell(container: &Container, group: &str, frame: u64, notes: &mut Vec<String>) -> Result<Option<Cell>> {
+    let edges = match container.data_set(&format!("{group}/edges"), "value") {
+        Ok(_) => values(container, [&format!("{group}/edges"), "value"], Some(frame))?,
+        Err(_) if container.data_set(group, "edges").is_ok() => values(container, [group, "edges"], None)?,
+        Err(_) => return Ok(None),
+    };
+    let vectors = match edges[..] {
+        [x, y, z] => [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
+        [ax, ay, az, bx, by, bz, cx, cy, cz] => [[ax, ay, az], [bx, by, bz], [cx, cy, cz]],
+        _ => return Ok(None),
+    };
+    let attributes = container.attributes(group)?;
+    let boundary = attributes.texts("boundary").unwrap_or_default();
+    if boundary.len() != 3 {
+        notes.push("the file does not say which sides are periodic: assuming none".into());
+    }
+    let periodic = [0, 1, 2].map(|k| boundary.get(k).is_some_and(|side| side.trim() == "periodic"));
+    Ok(Cell::stated([0.0; 3], vectors, periodic))
+}
+
+impl H5mdSnapshot {
+    /// Groups are species; where there is one, its numbers of species tell them apart.
+    fn find_species(&mut self) -> Result<()> {
+        for index in 0..self.groups.len() {
+            let one = &self.groups[index];
+            let fields: Vec<SpeciesField> = one.elements.iter().map(H5mdElement::field).collect();
+            let mass = one.element("mass").map_or(SpeciesMass::Unknown, |e| SpeciesMass::Field(e.name.clone()));
+            let (name, positions) = (one.name.clone(), one.position.clone());
+            let all = Species { name, aliases: Vec::new(), count: one.rows, mass, positions, fields };
+            self.description.species.push(all.clone());
+            self.species.push((index, None));
+            if self.groups.len() > 1 || self.groups[0].element("species").is_none_or(|e| e.shape().len() != 1) {
+                continue;
+            }
+            let mut types = Vec::new();
+            let choice = Choice { positions: Some("species,species,species".into()), ..Choice::default() };
+            let reader = self.reader(0, &choice)?;
+            let runs = reader.count().div_ceil(particlegs_pipeline::particles::RUN as u64);
+            reader.read_wide(0..runs, &mut |_, [x, ..]| {
+                types.extend(x.iter().map(|&v| v as i64));
+                Ok(())
+            })?;
+            let kinds: Vec<i64> = types.iter().copied().collect::<BTreeSet<i64>>().into_iter().collect();
+            let names: Vec<_> = kinds.iter().map(|k| (format!("species {k}"), vec![k.to_string()])).collect();
+            let types: Vec<u32> = types.iter().filter_map(|t| kinds.binary_search(t).ok()).map(|k| k as u32).collect();
+            let found = AtomSpecies::all(Vec::new(), all.count).by_type(&types, &names);
+            if found.len() > 1 {
+                (self.species, self.description.species) = Default::default();
+                for species in found {
+                    let count = species.own.as_ref().map_or(0, |own| own.len() as u64);
+                    let (name, aliases) = (species.name, species.aliases);
+                    self.description.species.push(Species { name, aliases, count, ..all.clone() });
+                    self.species.push((0, species.own));
+                }
+            }
+        }
+        if self.groups.len() > 1 {
+            self.description.notes.push("groups of particles are species; the same atom may be in several".into());
+        }
+        Ok(())
+    }
+
+    fn settle(&mut self, choice: &Choice) -> Result<()> {
+        let mut first = Vec::new();
+        if self.description.meta.cell.is_some() {
+            self.reader(0, &Choice::default())?.read_wide(0..1, &mut |_, [x, y, z]| {
+                let all = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]);
+                first = all.take(wrapping::LOOKED_AT).collect();
+                Ok(())
+            })?;
+        }
+        self.wraps =
+            wrapping::settle(&mut self.description, choice, |periods| wrapping::leave(periods, first.into_iter()))?;
+        Ok(())
+    }
+}
+
+impl Snapshot for H5mdSnapshot {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
+        let (Some(found), Some((group, own))) = (self.description.species.get(species), self.species.get(species))
+        else {
+            return Err(Error::argument(format!("species {species} does not exist")));
+        };
+        let name = &self.description.meta.name;
+        let mut wanted = positions(found, name, choice.positions.as_deref().unwrap_or(&found.positions))?;
+        let weight = found.weight_field(name, &choice.weights)?;
+        if let Some(name) = &weight {
+            wanted.push((name.clone(), vec![ColumnTarget { component: 0, target: 3 }]));
+        }
+        let mut sets = DataSetSequence { choice, count: 0 };
+        let mut columns = Vec::new();
+        for (name, wants) in &wanted {
+            let missing = || found.missing(&self.container.place, name, [].into_iter());
+            let element = self.groups[*group].element(name).ok_or_else(missing)?;
+            let [group, name] = &element.place;
+            let frame = element.varies.then_some(self.frame);
+            columns.push(vec![sets.part(&self.container, [group, name], frame, wants)?]);
+        }
+        let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == found.positions);
+        let cell = if moved { wrapping::cell(&self.description, choice)? } else { None };
+        let meta = self.description.meta_of(found);
+        assemble(meta, side_by_side(columns)?, weight.is_some(), |inner| {
+            Box::new(OwnRows { inner, own: own.clone(), cell })
+        })
+    }
+}

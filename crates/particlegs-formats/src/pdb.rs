@@ -1,0 +1,169 @@
+//! PDB files, plain or compressed: records of fixed columns, models as frames:
+//! <https://www.wwpdb.org/documentation/file-format-content/format33/v3.3.html>.
+
+use crate::atoms::cell_of;
+use crate::format::FileHead;
+use crate::gro::{MOST_NUMBERS, moment, substance};
+use crate::snapshot::{named, only};
+use crate::text::content::TextContent;
+use crate::text::frames::{TextFrame, scan};
+use crate::text::lines::{LineReader, of_block};
+use crate::text::parse::{RowRule, TableLayout, itself};
+use crate::text::snapshot::{TableColumns, TextSnapshot, header_number, kinds};
+use crate::text::split::{FixedColumns, Separator, number};
+use crate::text::table::{TableBuilder, TextTable};
+use crate::{Choice, Description, Format, Snapshot, SpeciesField, TextResult};
+use particlegs_pipeline::model::{Epoch, Units};
+use particlegs_pipeline::particles::SnapshotMeta;
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
+use std::path::PathBuf;
+
+pub const FORMAT: Format = Format { name: "pdb", title: "PDB file", detect, open };
+
+/// Records of atoms.
+const ATOMS: &[&[u8]] = &[b"ATOM  ", b"HETATM"];
+/// Names of the columns that are read, and their bytes: positions, and what else there is of an atom.
+const COLUMNS: [(&str, [u16; 2]); 7] = [
+    ("element", [76, 78]),
+    ("residue", [17, 21]),
+    ("name", [12, 16]),
+    ("number", [6, 11]),
+    ("x", [30, 38]),
+    ("y", [38, 46]),
+    ("z", [46, 54]),
+];
+
+fn is_atom(line: &[u8]) -> bool {
+    ATOMS.iter().any(|name| line.starts_with(name))
+}
+
+/// An atom with its position in the right columns; long entries begin with pages of remarks.
+fn detect(head: &FileHead) -> bool {
+    let is_number = |line: &[u8], at: usize| line.get(at..at + 8).is_some_and(|f| number(f.trim_ascii()).is_some());
+    let is_placed = |line: &[u8]| is_atom(line) && [30, 38, 46].into_iter().all(|at| is_number(line, at));
+    head.begins(&[b"HEADER    "]) && head.names(b"\nREMARK ", 1 << 14) || head.lines().any(is_placed)
+}
+
+#[derive(Clone, Default)]
+struct PdbFrameHead {
+    cell: Option<Cell>,
+    moment: (Option<f64>, Option<i64>),
+    has_elements: bool,
+}
+
+fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let content = TextContent::open(path)?;
+    // What stands before the first model holds for all.
+    let mut head = PdbFrameHead::default();
+    let found =
+        scan(&content, choice.frame, |lines, number, wanted| frame(&content, lines, &mut head, number, wanted))?;
+    let meta = SnapshotMeta {
+        cell: found.head.cell,
+        units: Units::new(Some("Angstrom"), None, None),
+        epoch: Epoch { time: found.head.moment.0, ..found.frames.epoch() },
+        ..named(path)
+    };
+    let columns = columns(&found.table);
+    let description = Description {
+        format: content.title(FORMAT.title),
+        files: paths.to_vec(),
+        meta,
+        frames: Some(found.frames),
+        notes: found.notes,
+        ..Description::default()
+    };
+    let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
+    Ok(Box::new(made.with_unwrapped(false, choice)?))
+}
+
+fn columns(table: &TextTable) -> TableColumns {
+    let count: u64 = table.kinds.iter().map(|kind| kind.count).sum();
+    // Beyond five digits programs count in several ways.
+    let number = match kinds(table).get(3) {
+        Some(&"i64") if count <= MOST_NUMBERS => SpeciesField::new("id", "i64", 1),
+        _ => SpeciesField::new("number", "text", 1),
+    };
+    let text = |name| SpeciesField::new(name, "text", 1);
+    let pos = SpeciesField { unit: Some("Angstrom".into()), ..SpeciesField::new("pos", "f64", 3) };
+    let fields = vec![text("element"), text("residue"), text("name"), number, pos];
+    TableColumns { fields, positions: "pos".into(), mass: None }
+}
+
+fn layout(has_elements: bool) -> TableLayout {
+    TableLayout {
+        separator: Separator::Fixed(FixedColumns::new(COLUMNS.map(|c| c.1))),
+        columns: COLUMNS.iter().map(|c| c.0.into()).collect(),
+        rows: RowRule::Records(ATOMS),
+        comma: false,
+        species: if has_elements { itself } else { substance },
+    }
+}
+
+/// Reads the model that begins at the next line, or all atoms to the end.
+fn frame<'c>(
+    content: &'c TextContent,
+    lines: &mut LineReader<'c>,
+    head: &mut PdbFrameHead,
+    number: u64,
+    wanted: bool,
+) -> Result<Option<TextFrame<'c, PdbFrameHead>>> {
+    loop {
+        let line_number = lines.place().line;
+        let Some(line) = lines.peek()? else { return Ok(None) };
+        if is_atom(line) {
+            head.has_elements = line.get(76..78).is_some_and(|element| !element.trim_ascii().is_empty());
+            break;
+        }
+        if line.starts_with(b"CRYST1") {
+            let cell = crystal(line);
+            head.cell = cell.map_err(|what| {
+                Error::input(content.path(), format!("frame {number}, line {line_number}: CRYST1: {what}"))
+            })?;
+        } else if line.starts_with(b"TITLE") {
+            head.moment = moment(line);
+        }
+        lines.line()?;
+    }
+    let key = if head.has_elements { 0 } else { 1 };
+    let mut rows = TableBuilder::new(content, layout(head.has_elements), Some(key), lines.place());
+    let mut end = lines.place();
+    loop {
+        let place = lines.place();
+        let Some(block) = lines.block()? else { break };
+        let (mut bytes, mut count, mut ended) = (0, 0, false);
+        for (line, length) in of_block(block) {
+            ended = line.starts_with(b"END") || line.starts_with(b"MODEL ") || line.starts_with(b"CRYST1");
+            if ended {
+                break;
+            }
+            (bytes, count) = (bytes + length, count + 1);
+        }
+        if wanted && bytes > 0 {
+            rows.add(place, &block[..bytes])?;
+        }
+        lines.consume(bytes, count);
+        end = lines.place();
+        if ended {
+            break;
+        }
+    }
+    let step = head.moment.1;
+    Ok(Some(TextFrame { head: head.clone(), rows: wanted.then(|| rows.until(end)), step }))
+}
+
+/// Three lengths and angles; a cube of 1 stands for none.
+fn crystal(line: &[u8]) -> TextResult<Option<Cell>> {
+    let bounds = [[6, 15], [15, 24], [24, 33], [33, 40], [40, 47], [47, 54]];
+    let mut values = [0.0; 6];
+    for (value, [start, end]) in values.iter_mut().zip(bounds) {
+        let field = line.get(start..end.min(line.len())).unwrap_or_default();
+        *value = header_number(field.trim_ascii())?;
+    }
+    let [a, b, c, alpha, beta, gamma] = values;
+    Ok(if [a, b, c] == [1.0; 3] { None } else { cell_of([a, b, c], [alpha, beta, gamma]) })
+}
+
+#[cfg(test)]
+mod tests;

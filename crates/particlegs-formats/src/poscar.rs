@@ -1,0 +1,206 @@
+//! Structures of VASP (POSCAR, CONTCAR), plain or compressed: a scale, three vectors, numbers of atoms, positions, perhaps
+//! velocities: <https://www.vasp.at/wiki/index.php/POSCAR>.
+
+use crate::atoms::{AtomSnapshot, AtomSpecies, FieldBuffer};
+use crate::format::{FileHead, is_whole};
+use crate::snapshot::{named, only};
+use crate::text::content::{TextContent, TextPosition};
+use crate::text::lines::LineReader;
+use crate::text::snapshot::header_number;
+use crate::text::split::{Separator, shown, tokens};
+use crate::{Choice, Description, Format, Snapshot, TextResult};
+use particlegs_files::memory;
+use particlegs_pipeline::model::{Dimension, Unit, Units};
+use particlegs_pipeline::particles::SnapshotMeta;
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
+use std::path::PathBuf;
+
+pub const FORMAT: Format = Format { name: "poscar", title: "VASP structure (POSCAR)", detect, open };
+
+/// Trajectories have such a line before each frame.
+fn detect(head: &FileHead) -> bool {
+    is_poscar(head) && !head.lines().take(16).any(|l| l.starts_with(b"Direct configuration="))
+}
+
+/// A comment, a scale, three vectors, perhaps symbols, numbers of atoms, how positions are meant.
+pub fn is_poscar(head: &FileHead) -> bool {
+    let scale = head.numbers(1).is_some_and(|n| n.len() == 1 || n.len() == 3);
+    let counts = |at: usize| !head.words(at).is_empty() && head.words(at).into_iter().all(is_whole);
+    let at = if counts(5) { 5 } else { 6 };
+    let mode = head.words(at + 1).first().and_then(|w| w.first()).copied().unwrap_or(0).to_ascii_uppercase();
+    scale && head.are_numbers(2..5, 3) && counts(at) && b"DCKS".contains(&mode)
+}
+
+/// Memory that an atom takes while the file is read, and atoms for which there must be memory before more are read.
+const ATOM: u64 = 120;
+const STEP: u64 = 1 << 16;
+
+struct Poscar {
+    vectors: [[f64; 3]; 3],
+    /// Names of the kinds of atoms, in order, and how many there are of each.
+    kinds: Vec<(String, u64)>,
+    position: Vec<f64>,
+    /// Empty where there are none.
+    velocity: Vec<f64>,
+}
+
+struct PoscarLines<'a> {
+    lines: LineReader<'a>,
+}
+
+impl PoscarLines<'_> {
+    /// The words of the next line; none at the end.
+    fn words(&mut self) -> Result<Option<Vec<Vec<u8>>>> {
+        let line = self.lines.line()?;
+        Ok(line.map(|line| tokens(line, Separator::Blanks).into_iter().map(<[u8]>::to_vec).collect()))
+    }
+
+    fn needed(&mut self, path: &PathBuf) -> Result<Vec<Vec<u8>>> {
+        self.words()?.ok_or_else(|| Error::input_with(path, "the file is cut off", "copy it again"))
+    }
+
+    /// The error for the line that was read last.
+    fn error(&self, path: &PathBuf, what: impl std::fmt::Display) -> Error {
+        Error::input(path, format!("line {}: {what}", self.lines.place().line.saturating_sub(1)))
+    }
+}
+
+/// The first three numbers of a line.
+fn three(words: &[Vec<u8>]) -> TextResult<[f64; 3]> {
+    let [x, y, z, ..] = words else { return Err(format!("{} numbers instead of 3", words.len())) };
+    Ok([header_number(x)?, header_number(y)?, header_number(z)?])
+}
+
+fn read(path: &PathBuf, content: &TextContent) -> Result<Poscar> {
+    let mut lines = PoscarLines { lines: LineReader::open(content, TextPosition::START, None)? };
+    lines.needed(path)?;
+    let scale = lines.needed(path)?;
+    let scale: Vec<f64> =
+        scale.iter().map(|w| header_number(w)).collect::<TextResult<_>>().map_err(|what| lines.error(path, what))?;
+    let mut vectors = [[0.0; 3]; 3];
+    for vector in &mut vectors {
+        let words = lines.needed(path)?;
+        *vector = three(&words).map_err(|what| lines.error(path, what))?;
+    }
+    let scale = scales(&scale, vectors).ok_or_else(|| Error::input(path, "line 2: the scale is invalid"))?;
+    vectors.iter_mut().for_each(|v| (0..3).for_each(|k| v[k] *= scale[k]));
+    let kinds = kinds(path, &mut lines)?;
+    let count = kinds.iter().map(|k| k.1).fold(0, u64::saturating_add);
+    let mut mode = lines.needed(path)?;
+    if first_letter(&mode) == Some(b'S') {
+        mode = lines.needed(path)?;
+    }
+    let is_cartesian = matches!(first_letter(&mode), Some(b'C' | b'K'));
+    let place = |v: [f64; 3]| match is_cartesian {
+        true => [0, 1, 2].map(|k| v[k] * scale[k]),
+        false => [0, 1, 2].map(|k| v[0] * vectors[0][k] + v[1] * vectors[1][k] + v[2] * vectors[2][k]),
+    };
+    let mut position = Vec::new();
+    for atom in 0..count {
+        if atom % STEP == 0 {
+            memory::require("the atoms of this file", ATOM * (atom + STEP).min(count))?;
+        }
+        let Some(words) = lines.words()? else {
+            let what = format!("the file is cut off: it states {count} atoms, but only {atom} lines follow");
+            return Err(Error::input(path, what));
+        };
+        position.extend(place(three(&words).map_err(|what| lines.error(path, what))?));
+    }
+    let velocity = velocities(&mut lines, count)?;
+    Ok(Poscar { vectors, kinds, position, velocity })
+}
+
+/// Perhaps symbols, and numbers of atoms.
+fn kinds(path: &PathBuf, lines: &mut PoscarLines<'_>) -> Result<Vec<(String, u64)>> {
+    let mut words = lines.needed(path)?;
+    let mut symbols = Vec::new();
+    if !words.iter().all(|w| is_whole(w)) {
+        // What stands behind a symbol is the potential: `Fe_pv`, `O/1a2b`.
+        let symbol =
+            |w: &Vec<u8>| String::from_utf8_lossy(w.split(|b| b"_/".contains(b)).next().unwrap_or(w)).into_owned();
+        symbols = words.iter().map(symbol).collect();
+        words = lines.needed(path)?;
+    }
+    let count = |w: &Vec<u8>| std::str::from_utf8(w).ok().and_then(|text| text.parse::<u64>().ok());
+    let counts: Option<Vec<u64>> = words.iter().map(count).collect();
+    let Some(counts) = counts.filter(|c| !c.is_empty() && (symbols.is_empty() || symbols.len() == c.len())) else {
+        let what = format!("{} is no list of numbers of atoms", shown(&words.join(&b' ')));
+        return Err(lines.error(path, what));
+    };
+    if symbols.is_empty() {
+        symbols = (1..=counts.len()).map(|k| format!("type {k}")).collect();
+    }
+    Ok(symbols.into_iter().zip(counts).collect())
+}
+
+/// The scale along each axis: one number, three, or minus the volume.
+fn scales(stated: &[f64], v: [[f64; 3]; 3]) -> Option<[f64; 3]> {
+    let volume = v[0][0] * (v[1][1] * v[2][2] - v[1][2] * v[2][1]) - v[0][1] * (v[1][0] * v[2][2] - v[1][2] * v[2][0])
+        + v[0][2] * (v[1][0] * v[2][1] - v[1][1] * v[2][0]);
+    let scales = match *stated {
+        [scale] if scale < 0.0 => [(-scale / volume.abs()).cbrt(); 3],
+        [scale] => [scale; 3],
+        [x, y, z] => [x, y, z],
+        _ => return None,
+    };
+    scales.iter().all(|s| *s > 0.0 && s.is_finite()).then_some(scales)
+}
+
+fn first_letter(words: &[Vec<u8>]) -> Option<u8> {
+    words.first().and_then(|w| w.first()).map(u8::to_ascii_uppercase)
+}
+
+/// Cartesian velocities behind a line that is empty or says so; nothing of anything else.
+fn velocities(lines: &mut PoscarLines<'_>, count: u64) -> Result<Vec<f64>> {
+    let mut velocity = Vec::new();
+    if !matches!(lines.words()?, Some(words) if matches!(first_letter(&words), None | Some(b'C' | b'K'))) {
+        return Ok(velocity);
+    }
+    for _ in 0..count {
+        match lines.words()?.map(|words| three(&words)) {
+            Some(Ok(own)) => velocity.extend(own),
+            _ => return Ok(Vec::new()),
+        }
+    }
+    Ok(velocity)
+}
+
+fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let content = TextContent::open(path)?;
+    let found = read(path, &content)?;
+    let cell = Cell::stated([0.0; 3], found.vectors, [true; 3]);
+    let mut buffer = FieldBuffer::default();
+    buffer.add("pos", 3, Some("Angstrom"), &found.position);
+    if !found.velocity.is_empty() {
+        buffer.add("velocity", 3, Some("Angstrom/fs"), &found.velocity);
+    }
+    let (bytes, fields) = buffer.finish();
+    // A symbol may stand twice.
+    let mut names: Vec<(String, Vec<String>)> = Vec::new();
+    let mut types = Vec::new();
+    for (name, count) in &found.kinds {
+        let at = names.iter().position(|n| n.0 == *name).unwrap_or(names.len());
+        if at == names.len() {
+            names.push((name.clone(), vec![name.to_lowercase()]));
+        }
+        types.extend(std::iter::repeat_n(at as u32, *count as usize));
+    }
+    let atoms = AtomSpecies::all(fields, types.len() as u64);
+    let species = if types.is_empty() { Vec::new() } else { atoms.by_type(&types, &names) };
+    let description = Description {
+        format: content.title(FORMAT.title),
+        files: paths.to_vec(),
+        meta: SnapshotMeta {
+            cell,
+            units: Units { time: Some(Unit::parse("fs", Dimension::Time)), ..Units::new(Some("Angstrom"), None, None) },
+            ..named(path)
+        },
+        ..Description::default()
+    };
+    Ok(Box::new(AtomSnapshot::new(description, bytes, species)))
+}
+
+#[cfg(test)]
+mod tests;
