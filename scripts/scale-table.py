@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What 10⁹, 10¹⁰ and 10¹² particles need, from measured costs: the table of docs/scale.md.
+"""What 10⁹, 10¹⁰ and 10¹² particles need, from measured costs: the table of docs/results/scale.md.
 
     scripts/scale-table.py docs/results/job-steps.json
 
