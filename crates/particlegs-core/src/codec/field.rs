@@ -31,7 +31,7 @@ pub struct FieldPrecision {
 
 impl Default for FieldPrecision {
     fn default() -> Self {
-        FieldPrecision { steps: [4.0, 2.0, 4.0, 4.0], logarithmic: [4.0, 3.0, 4.0, 12.0, 8.0], shares: [2.0, 4.0] }
+        FieldPrecision { steps: [5.0, 2.0, 5.0, 6.0], logarithmic: [4.0, 3.0, 4.0, 12.0, 8.0], shares: [2.0, 4.0] }
     }
 }
 
@@ -515,7 +515,7 @@ mod tests {
                 let error = 1.0 / m.count[i].sqrt();
                 assert!((log - log_back).abs() < 0.51 * 4.0 * error + 1e-9, "{log} {log_back}");
                 for k in 0..components {
-                    let step = 4.0 * libm::exp(log_back) * error;
+                    let step = f64::from(precision.steps[0]) * libm::exp(log_back) * error;
                     assert!((f.mean[k][i] - back.mean[k][i]).abs() < 0.6 * step + 1e-9);
                 }
             }

@@ -244,7 +244,7 @@ impl RunShares {
         };
         let fields = blocks.first().map_or(0, |b| b.fields.len());
         let mut shares = vec![Vec::with_capacity(3 * range.len()); fields];
-        let (mut by_place, mut own) = (Vec::new(), Vec::new());
+        let (mut by_place, mut own, mut logs) = (Vec::new(), Vec::new(), Vec::new());
         let mut block = Vec::with_capacity(range.len());
         for i in 0..range.len() {
             let x = each_axis(|k| position[k][i]);
@@ -258,11 +258,11 @@ impl RunShares {
                 if value(0).is_nan() {
                     continue;
                 }
-                field.weigh(&sums.block.gaussians, x, &value, &mut own);
+                field.weigh(&sums.block.gaussians, x, &value, &mut own, &mut logs);
                 shares.extend(own.iter().map(|&(g, share)| (number as u32, g, i as u32, share as f32)));
             }
         }
-        shares.iter_mut().for_each(|s| s.sort_by_key(|s| (s.0, s.1)));
+        shares.iter_mut().for_each(|s| s.sort_unstable_by_key(|s| (s.0, s.1, s.2)));
         RunShares { shares, position, weight, block, carried }
     }
 }
@@ -273,11 +273,18 @@ impl FieldSums {
     }
 
     /// Multiplies shares by how likely the value is, and scales them to a sum of 1.
-    fn weigh(&self, g: &Mixture, x: [f64; 3], value: &dyn Fn(usize) -> f64, shares: &mut [(u32, f64)]) {
+    fn weigh(
+        &self,
+        g: &Mixture,
+        x: [f64; 3],
+        value: &dyn Fn(usize) -> f64,
+        shares: &mut [(u32, f64)],
+        logs: &mut Vec<f64>,
+    ) {
         if self.likelihoods.is_empty() || shares.len() < 2 {
             return;
         }
-        let mut largest = f64::NEG_INFINITY;
+        logs.clear();
         for (i, share) in shares.iter_mut() {
             let l = &self.likelihoods[*i as usize];
             let d: [f64; 3] = each_axis(|k| x[k] - g.mean[k][*i as usize]);
@@ -288,17 +295,17 @@ impl FieldSums {
             if self.share {
                 // What is left of the value tells how likely the class is here.
                 let p = (value(0) - off[0]).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
-                *share = share.ln() + value(0) * p.ln() + (1.0 - value(0)) * (1.0 - p).ln();
-                largest = largest.max(*share);
+                *share *= value(0) * p + (1.0 - value(0)) * (1.0 - p);
+                logs.push(0.0);
                 continue;
             }
             let square: f64 = l.inverse.apply(off).iter().zip(off).map(|(a, b)| a * b).sum();
-            *share = share.ln() + l.log - 0.5 * square;
-            largest = largest.max(*share);
+            logs.push(l.log - 0.5 * square);
         }
+        let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let mut sum = 0.0;
-        for s in shares.iter_mut() {
-            s.1 = (s.1 - largest).exp();
+        for (s, log) in shares.iter_mut().zip(logs.iter()) {
+            s.1 *= (*log - largest).exp();
             sum += s.1;
         }
         shares.iter_mut().for_each(|s| s.1 /= sum);
