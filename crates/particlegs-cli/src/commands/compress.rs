@@ -245,7 +245,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     if !options.made(&model.metadata, certificate.is_some(), particles)? {
         return Err(context.refused(a.output()));
     }
-    let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());
+    let (raw_bytes, gaussians) = (particles.raw_bytes(), codec::read_info(&bytes, &place)?.gaussians());
     let ratio = raw_bytes as f64 / bytes.len() as f64;
     let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
@@ -263,7 +263,9 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
 }
 
 fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, seconds: f64) -> Result<()> {
-    let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
+    let info = codec::read_info(&done.bytes, "the file just coded")?;
+    // Species may share Gaussians.
+    let (bytes, gaussians) = (done.bytes.len(), info.gaussians());
     let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(
         "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {seconds:.1} s",
@@ -272,7 +274,6 @@ fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, secon
     );
     text += &run_args::trained(done);
     if !a.fields.is_empty() {
-        let info = codec::read_info(&done.bytes, "the file just coded")?;
         text += &info.describe_fields().iter().map(|line| format!("\n  {line}")).collect::<String>();
     }
     if let Some(goal) = &done.reached {

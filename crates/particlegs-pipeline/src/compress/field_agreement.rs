@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::fit::{FieldMeans, FieldShape, gather};
 use crate::math::{Purpose, Random};
 use crate::model::{CERTIFIED_FIELDS, FieldAgreement, FieldAgreements, Model};
-use crate::particles::{ChunkBuffer, RUN};
+use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::stats::{Domain, Grid};
 use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
@@ -18,6 +18,10 @@ const MOST_CELLS: f64 = 256.0;
 /// Particles of a layer that is looked at, and cells that say something, at least.
 const LEAST_PARTICLES: usize = 200;
 const LEAST_CELLS: usize = 8;
+/// Particles that are looked at, about: of more, those of a slab about the middle of the longest edge.
+const LOOKED_AT: usize = 1 << 19;
+/// Positions that tell where it lies.
+const POSITIONS: usize = 1 << 14;
 /// Runs of particles that wait together.
 const RUNS: usize = 4;
 
@@ -25,11 +29,48 @@ const RUNS: usize = 4;
 /// half and the second, and of weight times the model's mean at the places of the second.
 type CellSums = [f64; 11];
 
-/// Cells over the box of all particles, and the seed that halves these.
+/// Cells over the box of all particles, the slab that is looked at, and the seed that halves its particles.
 struct FieldCells {
     domain: Domain,
     grid: Grid,
+    slab: Slab,
     seed: u64,
+}
+
+/// Places between two along an axis.
+#[derive(Clone, Copy)]
+struct Slab {
+    axis: usize,
+    from: f64,
+    to: f64,
+}
+
+/// Which half a particle is of.
+#[derive(Clone, Copy, PartialEq)]
+enum Half {
+    First,
+    Second,
+    /// It is not looked at.
+    Neither,
+}
+
+impl Slab {
+    fn new(particles: &Particles, domain: &Domain) -> Slab {
+        let axis = (0..3).fold(0, |a, k| if domain.length[k] > domain.length[a] { k } else { a });
+        let (n, all) = (particles.len(), Slab { axis, from: f64::NEG_INFINITY, to: f64::INFINITY });
+        if n <= LOOKED_AT {
+            return all;
+        }
+        let place = |i: usize| particles.position(i * (n / POSITIONS))[axis];
+        let mut places: Vec<f64> = (0..POSITIONS).map(place).collect();
+        places.sort_unstable_by(f64::total_cmp);
+        let wide = POSITIONS * LOOKED_AT / n / 2;
+        Slab { from: places[POSITIONS / 2 - wide], to: places[POSITIONS / 2 + wide], ..all }
+    }
+
+    fn holds(&self, x: [f64; 3]) -> bool {
+        (self.from..self.to).contains(&x[self.axis])
+    }
 }
 
 impl FieldCells {
@@ -39,23 +80,30 @@ impl FieldCells {
         g.index(each_axis(|k| place(k).min(g.cells[k] - 1)))
     }
 
-    fn is_of_first_half(&self, particle: usize) -> bool {
-        Random::from_purpose(Purpose::FieldHalves, self.seed, particle as u64).bits() & 1 == 0
+    fn half(&self, particles: &Particles, i: usize) -> Half {
+        if !self.slab.holds(particles.position(i)) {
+            return Half::Neither;
+        }
+        match Random::from_purpose(Purpose::FieldHalves, self.seed, i as u64).bits() & 1 {
+            0 => Half::First,
+            _ => Half::Second,
+        }
     }
 }
 
 impl FieldSelection<'_> {
     /// Gathers the first fields from a random half of the particles, as [`FieldSelection::add_to_model`] does from all, for the
     /// Gaussians of a `model` that was made of all, and compares with the other half: means in cells, whose sampling noise
-    /// is independent in the halves. `None` without fields.
+    /// is independent in the halves. Of many particles, those of a slab. `None` without fields.
     pub fn agreement(&self, model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<FieldAgreements>> {
         if self.quantities().is_empty() {
             return Ok(None);
         }
         let domain = Domain::from_particles(self.particles);
+        let slab = Slab::new(self.particles, &domain);
         let edge = (CELL * domain.spacing(self.particles.len())).max(domain.longest() / MOST_CELLS);
         let grid = Grid::new(&domain, (domain.longest() / edge).round().max(1.0) as usize);
-        let (fields, cells) = (self.quantities().len().min(CERTIFIED_FIELDS), FieldCells { domain, grid, seed });
+        let (fields, cells) = (self.quantities().len().min(CERTIFIED_FIELDS), FieldCells { slab, domain, grid, seed });
         require("fields in cells", (fields * grid.len() * size_of::<CellSums>()) as u64)?;
         let mut sums = vec![vec![CellSums::default(); grid.len()]; fields];
         for index in 0..self.particles.layers().len() {
@@ -87,13 +135,15 @@ impl FieldSelection<'_> {
             return Ok(());
         };
         let (blocks, particles) = (&model.layers[at].content, self.particles.of_layer(layer));
-        let is_first = |i: usize| cells.is_of_first_half(layer.content.start + i);
+        let half = |i: usize| cells.half(self.particles, layer.content.start + i);
+        let halves = parallel::map(0..particles.len().div_ceil(RUN), |run| {
+            (run * RUN..particles.len().min((run + 1) * RUN)).map(half).collect::<Vec<Half>>()
+        });
         let read = |run: u64, out: &mut Vec<Vec<f64>>| {
             self.read(index, run, out)?;
-            let start = run as usize * RUN;
             for column in out {
-                let others = column.iter_mut().enumerate().filter(|(i, _)| !is_first(start + i));
-                others.for_each(|(_, v)| *v = f64::NAN);
+                let others = column.iter_mut().zip(&halves[run as usize]).filter(|(_, half)| **half != Half::First);
+                others.for_each(|(v, _)| *v = f64::NAN);
             }
             Ok(())
         };
@@ -111,8 +161,12 @@ impl FieldSelection<'_> {
                 let mut found = Vec::with_capacity(chunk.len() * shapes.len());
                 for i in 0..chunk.len() {
                     let x = each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
-                    let (half, weight) =
-                        (usize::from(!is_first(start + i)), chunk.weight.map_or(1.0, |w| f64::from(w[i])));
+                    let half = match halves[run][i] {
+                        Half::First => 0,
+                        Half::Second => 1,
+                        Half::Neither => continue,
+                    };
+                    let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                     let mut column = 0;
                     for (place, (number, shape)) in numbers.iter().zip(&shapes).enumerate() {
                         let first = column;

@@ -55,7 +55,7 @@ impl std::str::FromStr for GaussianSharing {
 
 /// Bytes that a Gaussian and a share of it take about.
 const GAUSSIAN: f64 = 3.85;
-const SHARE_BYTES: f64 = 0.3;
+const SHARE_BYTES: f64 = 0.2;
 
 /// All species of a snapshot as one layer.
 pub(super) struct SharedLayer {
