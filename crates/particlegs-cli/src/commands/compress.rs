@@ -13,7 +13,7 @@ use clap::{Args, ValueHint};
 use particlegs_files::output;
 use particlegs_pipeline::checkpoint::CheckpointStore;
 use particlegs_pipeline::compress::{
-    CompressedModel, Compression, FieldSelection, GaussianSharing, Options, Target, compress_to_total,
+    CompressedModel, Compression, FieldSelection, Options, SharingPolicy, Target, compress_to_total,
 };
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
@@ -71,7 +71,7 @@ pub struct Arguments {
     ///
     /// This saves bytes where types lie in the same places, such as the atoms of a liquid.
     #[arg(long, display_order = LATER, value_name = "auto|yes|no", hide_short_help = true, default_value = "auto", hide_default_value = true)]
-    share_gaussians: GaussianSharing,
+    share_gaussians: SharingPolicy,
     /// File size to reach with fields, such as 11MB.
     ///
     /// --size speaks of positions and masses alone. Up to six fits are made, until the file with its

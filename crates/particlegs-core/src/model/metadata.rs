@@ -39,7 +39,7 @@ pub struct Metadata {
     /// What was kept of the snapshot beside positions and masses; see [`Metadata::quantities`].
     #[serde(default)]
     pub fields: Vec<Quantity>,
-    /// Species that share the Gaussians of one layer, in the file's order; see [`super::Model::with_species_apart`].
+    /// Species that share the Gaussians of one layer, in the file's order. A decoded model has a layer for each, and no list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shared_species: Vec<SharedSpecies>,
     /// What made the model.

@@ -1,6 +1,6 @@
 //! Models of halves of the particles, made as the file was made, for its certificate.
 
-use super::{GaussianSharing, Options, Target, compress};
+use super::{Options, SharingPolicy, Target, compress};
 use crate::Result;
 use crate::checkpoint::NoCheckpoints;
 use crate::context::Context;
@@ -47,7 +47,7 @@ fn of_scope(
         radius: (m.default_radius != default_radius).then_some(m.default_radius),
         certificate: CertificateLevel::None,
         seed,
-        sharing: GaussianSharing::of_recipe(&m.recipe),
+        sharing: SharingPolicy::of_recipe(&m.recipe),
         fields: m.recipe.read.contains_key("fields"),
         ..Options::default()
     };

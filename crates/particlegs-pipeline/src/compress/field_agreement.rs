@@ -33,13 +33,13 @@ type CellSums = [f64; 11];
 struct FieldCells {
     domain: Domain,
     grid: Grid,
-    slab: Slab,
+    slab: FieldSlab,
     seed: u64,
 }
 
 /// Places between two along an axis.
 #[derive(Clone, Copy)]
-struct Slab {
+struct FieldSlab {
     axis: usize,
     from: f64,
     to: f64,
@@ -54,10 +54,10 @@ enum Half {
     Neither,
 }
 
-impl Slab {
-    fn new(particles: &Particles, domain: &Domain) -> Slab {
+impl FieldSlab {
+    fn new(particles: &Particles, domain: &Domain) -> FieldSlab {
         let axis = (0..3).fold(0, |a, k| if domain.length[k] > domain.length[a] { k } else { a });
-        let (n, all) = (particles.len(), Slab { axis, from: f64::NEG_INFINITY, to: f64::INFINITY });
+        let (n, all) = (particles.len(), FieldSlab { axis, from: f64::NEG_INFINITY, to: f64::INFINITY });
         if n <= LOOKED_AT {
             return all;
         }
@@ -65,7 +65,7 @@ impl Slab {
         let mut places: Vec<f64> = (0..POSITIONS).map(place).collect();
         places.sort_unstable_by(f64::total_cmp);
         let wide = POSITIONS * LOOKED_AT / n / 2;
-        Slab { from: places[POSITIONS / 2 - wide], to: places[POSITIONS / 2 + wide], ..all }
+        FieldSlab { from: places[POSITIONS / 2 - wide], to: places[POSITIONS / 2 + wide], ..all }
     }
 
     fn holds(&self, x: [f64; 3]) -> bool {
@@ -100,7 +100,7 @@ impl FieldSelection<'_> {
             return Ok(None);
         }
         let domain = Domain::from_particles(self.particles);
-        let slab = Slab::new(self.particles, &domain);
+        let slab = FieldSlab::new(self.particles, &domain);
         let edge = (CELL * domain.spacing(self.particles.len())).max(domain.longest() / MOST_CELLS);
         let grid = Grid::new(&domain, (domain.longest() / edge).round().max(1.0) as usize);
         let (fields, cells) = (self.quantities().len().min(CERTIFIED_FIELDS), FieldCells { slab, domain, grid, seed });

@@ -45,7 +45,7 @@ pub use options::Options;
 pub(crate) use plan::CompressionPlan;
 pub use run::{CompressedModel, Compression, compress};
 pub(crate) use setup::{BlockSetup, StopPolicy};
-pub use shared_species::GaussianSharing;
+pub use shared_species::SharingPolicy;
 pub use simplify::simplify;
 pub(crate) use size::SizeOutcome;
 pub use total_size::compress_to_total;

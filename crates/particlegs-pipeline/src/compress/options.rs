@@ -1,7 +1,7 @@
 //! What a model is to be.
 
 use super::memory::MemoryLoad;
-use super::shared_species::{self, GaussianSharing};
+use super::shared_species::{self, SharingPolicy};
 use crate::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
 use crate::particles::{Particles, Storage};
 use crate::train::{Config, Limits};
@@ -35,7 +35,7 @@ pub struct Options {
     /// How much of the decoded model is measured and stored.
     pub certificate: CertificateLevel,
     /// Do species share Gaussians?
-    pub sharing: GaussianSharing,
+    pub sharing: SharingPolicy,
     /// Will the model get fields? Their moments are of one species each, so that species cannot share Gaussians.
     pub fields: bool,
     /// What is read of the snapshot, for the file's [`Recipe::read`].
@@ -61,7 +61,7 @@ impl Options {
     /// What makes a model in `blocks` blocks, as its file says it.
     pub fn recipe(&self, blocks: u32) -> Recipe {
         let mut read = self.read.clone();
-        if self.sharing != GaussianSharing::Automatic {
+        if self.sharing != SharingPolicy::Automatic {
             read.insert(shared_species::OPTION.into(), self.sharing.to_string());
         }
         Recipe {

@@ -15,7 +15,7 @@ use std::ops::Range;
 
 /// Do the species of a snapshot share Gaussians?
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GaussianSharing {
+pub enum SharingPolicy {
     /// Where that describes them better in as many bytes.
     #[default]
     Automatic,
@@ -28,23 +28,23 @@ pub enum GaussianSharing {
 /// Its name in recipes.
 pub(super) const OPTION: &str = "share-gaussians";
 
-impl GaussianSharing {
+impl SharingPolicy {
     /// The one that made a model.
     pub(super) fn of_recipe(recipe: &Recipe) -> Self {
         recipe.read.get(OPTION).and_then(|text| text.parse().ok()).unwrap_or_default()
     }
 
-    const NAMES: [(&str, GaussianSharing); 3] =
-        [("auto", GaussianSharing::Automatic), ("yes", GaussianSharing::Yes), ("no", GaussianSharing::No)];
+    const NAMES: [(&str, SharingPolicy); 3] =
+        [("auto", SharingPolicy::Automatic), ("yes", SharingPolicy::Yes), ("no", SharingPolicy::No)];
 }
 
-impl fmt::Display for GaussianSharing {
+impl fmt::Display for SharingPolicy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(Self::NAMES[*self as usize].0)
     }
 }
 
-impl std::str::FromStr for GaussianSharing {
+impl std::str::FromStr for SharingPolicy {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
@@ -107,17 +107,17 @@ impl SharedLayer {
         gaussians_and_radius: (f64, f64),
         context: &Context<'_>,
     ) -> Result<Option<SharedLayer>> {
-        if options.fields && options.sharing == GaussianSharing::Yes {
+        if options.fields && options.sharing == SharingPolicy::Yes {
             return Err(Error::argument_with(
                 "particle types that share Gaussians cannot have fields",
                 "choose one particle type, or leave the fields out",
             ));
         }
         match (options.sharing, SharedLayer::new(particles)) {
-            (GaussianSharing::Automatic, _) if !options.may_share() => Ok(None),
-            (GaussianSharing::No, _) | (GaussianSharing::Automatic, Err(_)) => Ok(None),
-            (GaussianSharing::Yes, shared) => shared.map(Some),
-            (GaussianSharing::Automatic, Ok(shared)) => {
+            (SharingPolicy::Automatic, _) if !options.may_share() => Ok(None),
+            (SharingPolicy::No, _) | (SharingPolicy::Automatic, Err(_)) => Ok(None),
+            (SharingPolicy::Yes, shared) => shared.map(Some),
+            (SharingPolicy::Automatic, Ok(shared)) => {
                 let found =
                     SharingTrial::new(particles, gaussians_and_radius, context)?.filter(SharingTrial::is_better);
                 Ok(found.map(|t| SharedLayer { gaussians: t.gaussians.min(1.0), ..shared }))

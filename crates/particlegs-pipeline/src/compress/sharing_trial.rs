@@ -1,6 +1,6 @@
 //! Whether species are described better by Gaussians that they share: a trial on part of the particles.
 
-use super::{GaussianSharing, Options, Target, compress};
+use super::{Options, SharingPolicy, Target, compress};
 use crate::Result;
 use crate::checkpoint::NoCheckpoints;
 use crate::codec::{self, StoredBlock};
@@ -66,12 +66,12 @@ impl SharingTrial {
         for seed in REGIONS {
             let Some(region) = RegionHalves::new(particles, seed, context)? else { continue };
             let number = gaussians * region.fitted.len() as f64 / particles.len() as f64;
-            let (separate, bytes) = region.fit(GaussianSharing::No, number, radius, context)?;
-            let (mut shared, with_shares) = region.fit(GaussianSharing::Yes, number, radius, context)?;
+            let (separate, bytes) = region.fit(SharingPolicy::No, number, radius, context)?;
+            let (mut shared, with_shares) = region.fit(SharingPolicy::Yes, number, radius, context)?;
             bytes_of_all = [bytes_of_all[0] + bytes, bytes_of_all[1] + with_shares];
             let scale = bytes / with_shares;
             if (scale - 1.0).abs() > 0.01 {
-                shared = region.fit(GaussianSharing::Yes, number * scale, radius, context)?.0;
+                shared = region.fit(SharingPolicy::Yes, number * scale, radius, context)?.0;
             }
             for layer in region.others.layers() {
                 let change = changes.entry(layer.name.clone()).or_default();
@@ -112,7 +112,7 @@ impl RegionHalves {
     }
 
     /// A model of so many Gaussians, and its bytes.
-    fn fit(&self, sharing: GaussianSharing, number: f64, radius: f64, context: &Context<'_>) -> Result<(Model, f64)> {
+    fn fit(&self, sharing: SharingPolicy, number: f64, radius: f64, context: &Context<'_>) -> Result<(Model, f64)> {
         let options = Options {
             target: Target::Gaussians((number as u64).max(self.fitted.layers().len() as u64)),
             effort: Effort::Fast,
