@@ -3,7 +3,6 @@
 use super::block::{BlockParticles, CodedBlock};
 use super::layer::Share;
 use super::plan::CompressionPlan;
-use super::shared_species::SharedLayer;
 use super::size::{SizeOutcome, bytes_a_gaussian};
 use crate::codec::{self, CodedLayer};
 use crate::model::{Certificate, DEFAULT_RATIO, Metadata, Target};
@@ -27,11 +26,11 @@ impl CompressionPlan {
         }
     }
 
-    /// What is left of a target for the Gaussians of species that share them, and the bytes that their blocks may take with
+    /// The `part` of a target that is for the Gaussians of species that share them, and the bytes that their blocks may take with
     /// the shares, where the target says.
-    pub(super) fn without_shares(&self, target: Target, shared: &SharedLayer) -> (Target, Option<u64>) {
+    pub(super) fn without_shares(&self, target: Target, part: f64) -> (Target, Option<u64>) {
         let Some(bytes) = target.bytes(self.raw_bytes()) else { return (target, None) };
-        (Target::Size((bytes as f64 * shared.gaussians) as u64), Some(bytes.saturating_sub(self.overhead())))
+        (Target::Size((bytes as f64 * part) as u64), Some(bytes.saturating_sub(self.overhead())))
     }
 
     /// About how many Gaussians there will be.

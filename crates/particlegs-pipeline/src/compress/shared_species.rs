@@ -131,9 +131,14 @@ impl SharedLayer {
         layer.with(layer.content.len() as u64)
     }
 
-    /// Adds the shares of the species to all coded blocks of the layer, so finely that the blocks take `most` bytes where
-    /// that is possible.
-    pub fn add_shares(&self, blocks: &mut [CodedBlock], most: Option<u64>, context: &Context<'_>) -> Result<()> {
+    /// Adds the shares of the species to all coded blocks of the layer, in steps so fine that the blocks take `most` bytes
+    /// where that is possible. Gives the part of the bytes that the Gaussians take with the finest shares, if these do not fit.
+    pub fn add_shares(
+        &self,
+        blocks: &mut [CodedBlock],
+        most: Option<u64>,
+        context: &Context<'_>,
+    ) -> Result<Option<f64>> {
         let mut stored: Vec<&mut codec::StoredBlock> =
             blocks.iter_mut().flat_map(|b| &mut b.layers).flat_map(|l: &mut CodedLayer| &mut l.content).collect();
         let decoded = stored.iter().map(|b| codec::decode_block(&b.bytes, "the block just coded"));
@@ -166,6 +171,8 @@ impl SharedLayer {
         let bytes =
             |sections: &[Vec<StoredSection>]| -> usize { sections.iter().flatten().map(StoredSection::size).sum() };
         let mut sections = code(1.0);
+        let whole = beside + bytes(&sections);
+        let too_small = most.filter(|most| whole as u64 > *most).map(|_| beside as f64 / whole as f64);
         for coarser in COARSER {
             if most.is_none_or(|most| (beside + bytes(&sections)) as u64 <= most) {
                 break;
@@ -173,7 +180,7 @@ impl SharedLayer {
             sections = code(coarser);
         }
         stored.iter_mut().zip(sections).for_each(|(b, s)| b.sections = s);
-        Ok(())
+        Ok(too_small)
     }
 }
 

@@ -21,9 +21,8 @@ const SPREAD_PRIOR: f64 = 0.5;
 /// What the slopes of a logarithm explain of its variance across a Gaussian, at most: exponentials of slopes that few
 /// particles suggest would outgrow all others.
 const MOST_EXPLAINED_OF_LOGARITHMS: f64 = 0.25;
-/// Passes over the particles; those before the last look at so many of each Gaussian's.
+/// Passes over the particles.
 const PASSES: usize = 4;
-const LOOKED_AT: usize = 32;
 /// Shares at least, where particles are weighed by them: a Gaussian in which few were of a class may have more.
 const LEAST_SHARE: f64 = 1e-3;
 /// A spread's variances are no smaller than this part of their sum, where values are weighed by it.
@@ -94,10 +93,7 @@ pub fn gather(
     let bounds: Vec<Bounds> = blocks.iter().map(|b| b.bounds).collect();
     let runs = particles.len().div_ceil(RUN);
     context.begin("fields", (PASSES * particles.len()) as u64);
-    let gaussians: usize = blocks.iter().map(|b| b.gaussians.len()).sum();
-    let every = (particles.len() / (LOOKED_AT * gaussians.max(1))).clamp(1, PASSES);
     for pass in 0..PASSES {
-        let every = if pass + 1 < PASSES { every } else { 1 };
         for first in (0..runs).step_by(RUNS) {
             let batch: Vec<RunShares> = parallel::try_map(first..runs.min(first + RUNS), |run| {
                 context.check()?;
@@ -113,7 +109,7 @@ pub fn gather(
                 }
                 check_finite(fields, &values, range.start)?;
                 let number = values.split_off(columns).pop().unwrap_or_default();
-                Ok(RunShares::new(particles, (range, every), RunValues { values, number }, &bounds, &sums))
+                Ok(RunShares::new(particles, range, RunValues { values, number }, &bounds, &sums))
             })?;
             for (number, block) in sums.iter_mut().enumerate() {
                 block.add(number as u32, &batch);
@@ -229,10 +225,9 @@ struct RunValues {
 }
 
 impl RunShares {
-    /// Those of one of `every` so many particles.
     fn new(
         particles: &Particles,
-        (range, every): (Range<usize>, usize),
+        range: Range<usize>,
         carried: RunValues,
         bounds: &[Bounds],
         blocks: &[BlockFieldSums<'_>],
@@ -255,8 +250,8 @@ impl RunShares {
             let x = each_axis(|k| position[k][i]);
             let number = block_of(bounds, x);
             block.push(number as u32);
-            let value = |field: &FieldSums| carried.values[field.column][i];
-            if !i.is_multiple_of(every) || blocks[number].fields.iter().all(|f| value(f).is_nan()) {
+            let has_value = |field: &FieldSums| !carried.values[field.column][i].is_nan();
+            if !blocks[number].fields.iter().any(has_value) {
                 continue;
             }
             let sums = &blocks[number];
@@ -264,7 +259,7 @@ impl RunShares {
             for (field, shares) in sums.fields.iter().zip(&mut shares) {
                 own.clone_from(&by_place);
                 let value = |k: usize| carried.values[field.column + k][i];
-                if value(0).is_nan() {
+                if !has_value(field) {
                     continue;
                 }
                 field.weigh(&sums.block.gaussians, x, &value, &mut own, &mut logs);
