@@ -1058,7 +1058,7 @@ def read_correlation(block, content, known):
     a, b = content[:2]
     check(a != b and max(a, b) < len(known) and known[a][1] == known[b][1] == 1 and not known[a][3] | known[b][3], "fields of a correlation")
     pair = known[a][0], known[b][0]
-    check(all(name in block.fields for name in pair), "fields of a correlation")
+    there = all(name in block.fields for name in pair)
     check(not {pair, pair[::-1]} & block.correlations.keys(), "a correlation twice")
     steps, change, start = struct.unpack_from("<3f", content, 2)
     check(0 < steps < 1e30 and 0 < change < 1e30 and math.isfinite(start), "steps of a correlation")
@@ -1072,7 +1072,8 @@ def read_correlation(block, content, known):
         order.append(i)
     stream.finish()
     check(stream.end() == len(content) - 14, "length of a correlation's stream")
-    block.correlations[pair] = [(t - 1.0) / (t + 1.0) for t in (exp(2.0 * z) for z in numbers)]
+    if there:
+        block.correlations[pair] = [(t - 1.0) / (t + 1.0) for t in (exp(2.0 * z) for z in numbers)]
 
 
 def read_field(block, content, known):
@@ -1177,8 +1178,11 @@ def last_class(block, names):
     """The shares of the last class, which follow from the others'."""
     *others, last = names
     there = [block.fields[name] for name in others if name in block.fields]
-    check(last not in block.fields and len(there) in (0, len(others)), "shares of a category")
-    if there:
+    check(last not in block.fields, "shares of a category")
+    if len(there) < len(others):
+        for name in others:
+            block.fields.pop(name, None)
+    elif there:
         rows = block.fields[last] = []
         for i, n in enumerate(block.counts):
             share = max(1.0 - sum((rows[i][0] for rows in there), 0.0), 0.0) if n >= 1 else 0.0

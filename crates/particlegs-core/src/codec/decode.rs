@@ -237,8 +237,13 @@ fn complete(g: &mut Mixture, classes: &[Quantity]) -> std::result::Result<(), St
     if there == 0 && g.fields.get(&last.name).is_none() {
         return Ok(());
     }
-    if there < others.len() || g.fields.get(&last.name).is_some() {
-        return Err(format!("the shares of `{}` do not go with those of the other classes", last.name));
+    if g.fields.get(&last.name).is_some() {
+        return Err(format!("the shares of `{}` follow from those of the other classes", last.name));
+    }
+    if there < others.len() {
+        // A file that ends early: a category is there whole or not at all.
+        others.iter().for_each(|q| drop(g.fields.remove(&q.name)));
+        return Ok(());
     }
     let mut moments = FieldMoments::new(1);
     moments.range = vec![[0.0, 1.0]];
@@ -261,13 +266,14 @@ fn complete(g: &mut Mixture, classes: &[Quantity]) -> std::result::Result<(), St
 fn correlation_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::result::Result<(), String> {
     let (numbers, correlations) = decode_correlation(section, &block.gaussians)?;
     let g = &mut block.gaussians;
-    let name = |n: u8| {
-        let quantity = fields.get(usize::from(n)).filter(|q| q.kind == QuantityKind::Scalar);
-        quantity.filter(|q| g.fields.get(&q.name).is_some()).map(|q| &q.name[..])
-    };
+    let name = |n: u8| fields.get(usize::from(n)).filter(|q| q.kind == QuantityKind::Scalar).map(|q| &q.name[..]);
     let (Some(a), Some(b)) = (name(numbers[0]), name(numbers[1])) else {
-        return Err("a correlation names a field that is no scalar of its block".into());
+        return Err("a correlation names a field that is no scalar".into());
     };
+    if [a, b].iter().any(|name| g.fields.get(name).is_none()) {
+        // A file that ends early.
+        return Ok(());
+    }
     if g.correlation(a, b).is_some() {
         return Err(format!("the correlation of `{a}` and `{b}` is there twice"));
     }
