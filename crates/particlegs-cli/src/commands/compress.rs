@@ -69,7 +69,7 @@ pub struct Arguments {
     star_forming: StarFormingGas,
     /// Should particle types share Gaussians, each with a share of every Gaussian?
     ///
-    /// This saves bytes where types lie in the same places, such as the atoms of a liquid.
+    /// This describes types better that lie in the same places, such as gas and dark matter.
     #[arg(long, display_order = LATER, value_name = "auto|yes|no", hide_short_help = true, default_value = "auto", hide_default_value = true)]
     share_gaussians: SharingPolicy,
     /// File size to reach with fields, such as 11MB.

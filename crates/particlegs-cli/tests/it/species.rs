@@ -89,7 +89,7 @@ fn sharing_that_cannot_be_is_refused() {
     mixed(&dir);
     let yes = "compress snap -o no.pgs --share-gaussians yes";
     dir.fails(&format!("{yes} --fields density"), 2, "the snapshot has no field `density`");
-    dir.fails(&format!("{yes} --particle-type gas"), 2, "1 particle types instead of 2 to 16");
+    dir.fails(&format!("{yes} --particle-type gas"), 2, "one type instead of 2 to 16");
     dir.fails("compress snap -o no.pgs --share-gaussians maybe", 2, "use `auto`, `yes` or `no`");
 }
 

@@ -24,11 +24,6 @@ pub fn decode_with(bytes: &[u8], place: &str, context: &Context<'_>) -> Result<M
     Decoder::new(bytes, place, context)?.finish()
 }
 
-/// [`decode_with`], but species that share Gaussians stay in one layer, as they lie in the file.
-pub fn decode_stored(bytes: &[u8], place: &str, context: &Context<'_>) -> Result<Model> {
-    Decoder::new(bytes, place, context)?.finish_stored()
-}
-
 /// A model file on its way to its model, for who wants to see what there is of it meanwhile. Its pieces (segments of
 /// blocks, of 65 536 Gaussians at most unless they cannot be told apart) are read on their own, in any order:
 /// [`Decoder::finish`] gives the same model whichever were read before. Blocks without all their stages have no pieces:
@@ -221,13 +216,7 @@ fn fields_of(
         block.gaussians.fields.set(&quantity.name, moments);
     }
     let shares = Some(&shares[..]).filter(|s| !s.is_empty());
-    classes(&metadata.fields).chain(shares).try_for_each(|classes| complete(&mut block.gaussians, classes))
-}
-
-/// The classes of each category in a list.
-fn classes(list: &[Quantity]) -> impl Iterator<Item = &[Quantity]> {
-    let category = |q: &Quantity| q.class().map(|(category, _)| category.to_string());
-    list.chunk_by(move |a, b| category(a).is_some() && category(a) == category(b)).filter(|c| c[0].class().is_some())
+    Metadata::categories(&metadata.fields).chain(shares).try_for_each(|classes| complete(&mut block.gaussians, classes))
 }
 
 /// Adds the shares of the last class, which follow from the others'.

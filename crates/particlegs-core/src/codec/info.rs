@@ -91,7 +91,11 @@ impl FileInfo {
         let gaussians = self.gaussians().max(1) as f64;
         let line =
             |name: &str, bytes: u64| format!("{name}: {bytes} bytes, {:.2} per Gaussian", bytes as f64 / gaussians);
-        let fields = self.metadata.fields.iter().zip(&self.fields).map(|(q, f)| line(&q.name, f.bytes));
+        let all = &self.metadata.fields;
+        let fields = all.iter().zip(&self.fields).enumerate().map(|(n, (q, f))| match Metadata::is_stored(all, n) {
+            true => line(&q.name, f.bytes),
+            false => format!("{}: what the other classes leave", q.name),
+        });
         let correlations = (self.correlation_bytes > 0).then(|| line("correlations", self.correlation_bytes));
         fields.chain(correlations).collect()
     }

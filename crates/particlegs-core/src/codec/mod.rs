@@ -45,7 +45,7 @@ mod vizmapper;
 mod wire;
 
 pub use container::{CORRELATION, FIELD, HEAD_BYTES, SHARE, is_model, other_length, promised_length};
-pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_stored, decode_with};
+pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
 pub use encoder::Encoder;
 pub use field::{FieldPrecision, encode_field};
 pub use field_correlation::encode_correlation;

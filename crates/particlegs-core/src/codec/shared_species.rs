@@ -86,8 +86,8 @@ fn offset(shares: &FieldMoments, i: usize, cov: &Sym3) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use crate::codec::{
-        Encoder, FieldPrecision, Precision, SHARE, StoredBlock, StoredSection, assemble, decode, decode_block,
-        decode_stored, encode_field,
+        Decoder, Encoder, FieldPrecision, Precision, SHARE, StoredBlock, StoredSection, assemble, decode, decode_block,
+        encode_field,
     };
     use crate::context::Context;
     use crate::math::{Random, Sym3};
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn species_that_share_gaussians_have_layers_of_their_own() {
         let file = file();
-        let stored = decode_stored(&file, "m", &Context::SILENT).unwrap();
+        let stored = Decoder::new(&file[..], "m", &Context::SILENT).unwrap().finish_stored().unwrap();
         assert_eq!((stored.layers.len(), stored.layers[0].content[0].gaussians.fields.iter().count()), (1, 2));
         let model = decode(&file, "m").unwrap();
         let layer = |l: usize| (&model.layers[l].name[..], model.layers[l].mass, model.layers[l].count());

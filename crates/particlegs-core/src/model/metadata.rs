@@ -196,6 +196,12 @@ impl Metadata {
         }
     }
 
+    /// The classes of each category among `fields`.
+    pub fn categories(fields: &[Quantity]) -> impl Iterator<Item = &[Quantity]> {
+        let category = |q: &Quantity| q.class().map(|(category, _)| category.to_string());
+        fields.chunk_by(move |a, b| category(a) == category(b)).filter(|classes| classes[0].class().is_some())
+    }
+
     /// Does a file store the moments of field `number`? Those of the last class of a category follow from the others'.
     pub fn is_stored(fields: &[Quantity], number: usize) -> bool {
         let category = |n: usize| fields.get(n).and_then(Quantity::class).map(|(category, _)| category);

@@ -1,10 +1,14 @@
 //! What a block may take of the whole, and what the blocks together became: their file, and whether it meets its target.
 
 use super::block::{BlockParticles, CodedBlock};
+use super::clock::Clock;
 use super::layer::Share;
 use super::plan::CompressionPlan;
+use super::shared_species::SharedLayer;
 use super::size::{SizeOutcome, bytes_a_gaussian};
+
 use crate::codec::{self, CodedLayer};
+use crate::context::Context;
 use crate::model::{Certificate, DEFAULT_RATIO, Metadata, Target};
 use crate::space::Bounds;
 use crate::{Error, Hint, Result};
@@ -26,11 +30,34 @@ impl CompressionPlan {
         }
     }
 
-    /// The `part` of a target that is for the Gaussians of species that share them, and the bytes that their blocks may take with
-    /// the shares, where the target says.
-    pub(super) fn without_shares(&self, target: Target, part: f64) -> (Target, Option<u64>) {
-        let Some(bytes) = target.bytes(self.raw_bytes()) else { return (target, None) };
-        (Target::Size((bytes as f64 * part) as u64), Some(bytes.saturating_sub(self.overhead())))
+    /// Blocks that `fit` makes at a target, with the shares of species that share their Gaussians.
+    pub(super) fn with_shares(
+        &self,
+        target: Target,
+        shared: &SharedLayer,
+        fit: &mut dyn FnMut(Target) -> Result<Vec<CodedBlock>>,
+        context: &Context<'_>,
+    ) -> Result<Vec<CodedBlock>> {
+        let add_shares = |coded: &mut [CodedBlock], most| -> Result<Option<f64>> {
+            let mut clock = Clock::default();
+            let part = clock.time("fit", || shared.add_shares(coded, most, context))?;
+            coded.first_mut().into_iter().for_each(|b| b.clock.append(std::mem::take(&mut clock)));
+            Ok(part)
+        };
+        let Some(bytes) = target.bytes(self.raw_bytes()) else {
+            let mut coded = fit(target)?;
+            add_shares(&mut coded, None)?;
+            return Ok(coded);
+        };
+        let most = Some(bytes.saturating_sub(self.overhead()));
+        let part_of_target = |part: f64| Target::Size((bytes as f64 * part) as u64);
+        let mut coded = fit(part_of_target(shared.gaussians))?;
+        // What shares take is known once there are Gaussians: too little room for them is mended once.
+        if let Some(part) = add_shares(&mut coded, most)?.filter(|part| *part < 0.99 * shared.gaussians) {
+            coded = fit(part_of_target(part))?;
+            add_shares(&mut coded, most)?;
+        }
+        Ok(coded)
     }
 
     /// About how many Gaussians there will be.

@@ -118,19 +118,14 @@ impl<'a> Compression<'a> {
             let mut store = clock.time("divide", divide)?;
             let setup = BlockSetup { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, context };
             let mut code = |target| -> Result<Vec<CodedBlock>> {
-                let mut part = shared.as_ref().map_or(1.0, |s| s.gaussians);
-                let mut coded = Vec::new();
-                // What shares take is known once there are Gaussians: too little room for them is mended once.
-                for _ in 0..2 {
-                    let (fitted, most) = plan.without_shares(target, part);
-                    do_blocks(&mut store, if shared.is_some() { fitted } else { target }, setup, pieces)?;
-                    coded = store.take_coded();
-                    let Some(shared) = &shared else { break };
-                    match clock.time("fit", || shared.add_shares(&mut coded, most, context))? {
-                        Some(better) if better < 0.99 * part => part = better,
-                        _ => break,
-                    }
-                }
+                let mut fit = |target| {
+                    do_blocks(&mut store, target, setup, pieces)?;
+                    Ok(store.take_coded())
+                };
+                let mut coded = match &shared {
+                    None => fit(target)?,
+                    Some(shared) => plan.with_shares(target, shared, &mut fit, context)?,
+                };
                 for block in &mut coded {
                     clock.append(std::mem::take(&mut block.clock));
                     trained.append(&mut block.trained);

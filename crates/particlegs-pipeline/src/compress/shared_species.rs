@@ -9,7 +9,7 @@ use crate::context::Context;
 use crate::fit::{BlockField, FieldShape, gather};
 use crate::model::{Block, Layer, Mass, Quantity, Recipe, SharedSpecies};
 use crate::particles::{Particles, RUN};
-use crate::{Error, Result};
+use crate::{Error, Hint, Result};
 use std::fmt;
 use std::ops::Range;
 
@@ -72,10 +72,13 @@ impl SharedLayer {
     /// Species that can share Gaussians: 2 to 16, whose particles have no masses of their own.
     pub fn new(particles: &Particles) -> Result<SharedLayer> {
         let layers = particles.layers();
-        let refused = |what: &str| Error::argument_with(format!("the particles cannot share Gaussians: {what}"), HINT);
-        const HINT: &str = "give each particle type Gaussians of its own";
+        let refused = |what: &str| {
+            let hint = Hint::from("leave out ").option("share-gaussians", "yes");
+            Error::argument_with(format!("the particle types cannot share Gaussians: {what}"), hint)
+        };
         if !(2..=SharedSpecies::MOST).contains(&layers.len()) {
-            return Err(refused(&format!("{} particle types instead of 2 to {}", layers.len(), SharedSpecies::MOST)));
+            let there = if layers.len() == 1 { "one type".into() } else { format!("{} types", layers.len()) };
+            return Err(refused(&format!("{there} instead of 2 to {}", SharedSpecies::MOST)));
         }
         if let Some(layer) = layers.iter().find(|l| l.mass.is_weighted()) {
             return Err(refused(&format!("those of type `{}` have individual masses", layer.name)));

@@ -299,13 +299,11 @@ impl DrawRules {
 
 /// The classes of each category among `fields`, with their values: numbers, or else their places.
 fn categories(fields: &[Quantity]) -> Vec<Vec<(String, f64)>> {
-    let category = |q: &Quantity| q.class().map(|(category, _)| category.to_string());
-    let groups = fields.chunk_by(|a, b| category(a).is_some() && category(a) == category(b));
     let class = |(k, q): (usize, &Quantity)| {
         (q.name.clone(), q.class().and_then(|(_, class)| class.parse().ok()).unwrap_or(k as f64))
     };
     let classes = |group: &[Quantity]| group.iter().enumerate().map(class).collect();
-    groups.filter(|g| g[0].class().is_some()).map(classes).collect()
+    Metadata::categories(fields).map(classes).collect()
 }
 
 impl SampledGaussian {
