@@ -23,7 +23,8 @@ RUSTFLAGS=$flags cargo build --quiet --locked -p particlegs-web --profile web --
 gzip -9 -n -c target/web/wasm32-unknown-unknown/web/particlegs_web.wasm > "$out/engine.wasm.gz"
 
 cd web
-npm ci --silent --no-audit --no-fund
+# Other stages may use what lies there: it is replaced only if another list of packages is wanted.
+[ node_modules/.package-lock.json -nt package-lock.json ] || npm ci --silent --no-audit --no-fund
 npx tsc --noEmit
 case $out in /*) node build.mjs "$out" ;; *) node build.mjs "../$out" ;; esac
 cd ..

@@ -11,4 +11,4 @@ command -v firefox-esr >/dev/null || missing+=(firefox-esr)
 command -v node >/dev/null || missing+=(nodejs)
 command -v npm >/dev/null || missing+=(npm)
 packages "${missing[@]}"
-[ -d web/node_modules ] || npm ci --prefix web --silent --no-audit --no-fund
+[ web/node_modules/.package-lock.json -nt web/package-lock.json ] || npm ci --prefix web --silent --no-audit --no-fund
