@@ -8,6 +8,7 @@ use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Runs of particles that wait together.
 const RUNS: usize = 16;
@@ -23,6 +24,8 @@ const SPREAD_PRIOR: f64 = 0.5;
 const MOST_EXPLAINED_OF_LOGARITHMS: f64 = 0.25;
 /// Passes over the particles.
 const PASSES: usize = 4;
+/// Bytes of shares by place that are held from pass to pass: as much as refinement held before.
+const HELD: usize = 240 << 20;
 /// Shares at least, where particles are weighed by them: a Gaussian in which few were of a class may have more.
 const LEAST_SHARE: f64 = 1e-3;
 /// A spread's variances are no smaller than this part of their sum, where values are weighed by it.
@@ -92,14 +95,16 @@ pub fn gather(
     let mut sums: Vec<BlockFieldSums> = blocks.iter().map(|b| BlockFieldSums::new(b, fields)).collect();
     let bounds: Vec<Bounds> = blocks.iter().map(|b| b.bounds).collect();
     let runs = particles.len().div_ceil(RUN);
+    let mut held: Vec<Option<Arc<PlaceShares>>> = vec![None; runs];
+    let mut room = HELD;
     context.begin("fields", (PASSES * particles.len()) as u64);
     for pass in 0..PASSES {
         for first in (0..runs).step_by(RUNS) {
-            let batch: Vec<RunShares> = parallel::try_map(first..runs.min(first + RUNS), |run| {
+            let batch: Vec<RunShares> = parallel::try_map(first..runs.min(first + RUNS), |run_number| {
                 context.check()?;
-                let range = run * RUN..particles.len().min((run + 1) * RUN);
+                let range = run_number * RUN..particles.len().min((run_number + 1) * RUN);
                 let mut values = Vec::new();
-                read(run as u64, &mut values)?;
+                read(run_number as u64, &mut values)?;
                 let expected = [columns, columns + 1].contains(&values.len());
                 if !expected || values.iter().any(|v| v.len() != range.len()) {
                     return Err(Error::input(
@@ -109,12 +114,22 @@ pub fn gather(
                 }
                 check_finite(fields, &values, range.start)?;
                 let number = values.split_off(columns).pop().unwrap_or_default();
-                Ok(RunShares::new(particles, range, RunValues { values, number }, &bounds, &sums))
+                let run = RunValues { values, number, ..RunValues::new(particles, range) };
+                let place = held[run_number].clone();
+                let place = place.unwrap_or_else(|| Arc::new(PlaceShares::new(&run, &bounds, &sums)));
+                Ok(RunShares::new(place, run, &sums))
             })?;
+            for (held, shares) in held[first..].iter_mut().zip(&batch).filter(|(held, _)| held.is_none()) {
+                let bytes = shares.place.bytes();
+                if bytes <= room {
+                    room -= bytes;
+                    *held = Some(shares.place.clone());
+                }
+            }
             for (number, block) in sums.iter_mut().enumerate() {
                 block.add(number as u32, &batch);
             }
-            context.advance(batch.iter().map(|r| r.weight.len() as u64).sum());
+            context.advance(batch.iter().map(|r| r.run.weight.len() as u64).sum());
         }
         if pass + 1 < PASSES {
             sums.iter_mut().for_each(BlockFieldSums::next_pass);
@@ -207,31 +222,42 @@ struct FieldLikelihood {
     log: f64,
 }
 
-/// Shares of a run's particles.
-struct RunShares {
-    /// For each field, sorted by Gaussian: block, Gaussian, particle of the run, share.
-    shares: Vec<Vec<(u32, u32, u32, f32)>>,
+/// What a run's particles are and carry.
+struct RunValues {
     position: [Vec<f64>; 3],
     weight: Vec<f64>,
-    block: Vec<u32>,
-    carried: RunValues,
-}
-
-/// What a run's particles carry.
-struct RunValues {
     values: Vec<Vec<f64>>,
     /// How many particles each stands for; empty where that is one.
     number: Vec<f64>,
 }
 
-impl RunShares {
-    fn new(
-        particles: &Particles,
-        range: Range<usize>,
-        carried: RunValues,
-        bounds: &[Bounds],
-        blocks: &[BlockFieldSums<'_>],
-    ) -> Self {
+/// A particle's share of a Gaussian.
+struct PlaceShare {
+    block: u32,
+    gaussian: u32,
+    /// Of the run.
+    particle: u32,
+    share: f32,
+}
+
+/// Shares of a run's particles by their places.
+struct PlaceShares {
+    /// By block, Gaussian, particle.
+    shares: Vec<PlaceShare>,
+    /// The block of each particle.
+    block: Vec<u32>,
+}
+
+/// Shares of a run's particles by their places and values.
+struct RunShares {
+    place: Arc<PlaceShares>,
+    run: RunValues,
+    /// For each field, one for each of the shares by place.
+    shares: Vec<Vec<f32>>,
+}
+
+impl RunValues {
+    fn new(particles: &Particles, range: Range<usize>) -> Self {
         let mut buffer = ChunkBuffer::default();
         let chunk = particles.chunk(range.clone(), &mut buffer);
         let position = [0, 1, 2].map(|k| {
@@ -242,33 +268,81 @@ impl RunShares {
             Some(w) => w.iter().map(|&w| f64::from(w)).collect(),
             None => vec![1.0; range.len()],
         };
-        let fields = blocks.first().map_or(0, |b| b.fields.len());
-        let mut shares = vec![Vec::with_capacity(3 * range.len()); fields];
-        let (mut by_place, mut own, mut logs) = (Vec::new(), Vec::new(), Vec::new());
-        let mut block = Vec::with_capacity(range.len());
-        for i in 0..range.len() {
-            let x = each_axis(|k| position[k][i]);
+        RunValues { position, weight, values: Vec::new(), number: Vec::new() }
+    }
+
+    fn place(&self, i: usize) -> [f64; 3] {
+        each_axis(|k| self.position[k][i])
+    }
+}
+
+impl PlaceShares {
+    /// Of particles that have a value of some field.
+    fn new(run: &RunValues, bounds: &[Bounds], blocks: &[BlockFieldSums<'_>]) -> Self {
+        let particles = run.weight.len();
+        let (mut shares, mut own) = (Vec::with_capacity(3 * particles), Vec::new());
+        let mut block = Vec::with_capacity(particles);
+        for i in 0..particles {
+            let x = run.place(i);
             let number = block_of(bounds, x);
             block.push(number as u32);
-            let has_value = |field: &FieldSums| !carried.values[field.column][i].is_nan();
-            if !blocks[number].fields.iter().any(has_value) {
+            if !blocks[number].fields.iter().any(|f| f.has_value(run, i)) {
                 continue;
             }
-            let sums = &blocks[number];
-            sums.assignment.shares(x, &mut by_place);
-            for (field, shares) in sums.fields.iter().zip(&mut shares) {
-                own.clone_from(&by_place);
-                let value = |k: usize| carried.values[field.column + k][i];
-                if !has_value(field) {
-                    continue;
-                }
-                field.weigh(&sums.block.gaussians, x, &value, &mut own, &mut logs);
-                shares.extend(own.iter().map(|&(g, share)| (number as u32, g, i as u32, share as f32)));
-            }
+            blocks[number].assignment.shares(x, &mut own);
+            let entry = |&(gaussian, share): &(u32, f64)| PlaceShare {
+                block: number as u32,
+                gaussian,
+                particle: i as u32,
+                share: share as f32,
+            };
+            shares.extend(own.iter().map(entry));
         }
-        shares.iter_mut().for_each(|s| s.sort_unstable_by_key(|s| (s.0, s.1, s.2)));
-        RunShares { shares, position, weight, block, carried }
+        shares.sort_unstable_by_key(|s| (s.block, s.gaussian, s.particle));
+        shares.shrink_to_fit();
+        PlaceShares { shares, block }
     }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&self.shares[..]) + size_of_val(&self.block[..])
+    }
+}
+
+impl RunShares {
+    fn new(place: Arc<PlaceShares>, run: RunValues, blocks: &[BlockFieldSums<'_>]) -> Self {
+        let fields = blocks.first().map_or(0, |b| b.fields.len());
+        let shares = (0..fields).map(|field| weighed(&place, &run, blocks, field)).collect();
+        RunShares { place, run, shares }
+    }
+}
+
+/// Shares by place, times how likely each particle's value of a field is in the Gaussian, scaled to a sum of 1 for each
+/// particle; 0 without a value.
+fn weighed(place: &PlaceShares, run: &RunValues, blocks: &[BlockFieldSums<'_>], field: usize) -> Vec<f32> {
+    let likelihood = |s: &PlaceShare| {
+        let (block, i) = (&blocks[s.block as usize], s.particle as usize);
+        let own = &block.fields[field];
+        if own.has_value(run, i) {
+            own.log_likelihood(&block.block.gaussians, s.gaussian as usize, run, i)
+        } else {
+            f64::NEG_INFINITY
+        }
+    };
+    let mut logs: Vec<f64> = place.shares.iter().map(likelihood).collect();
+    let mut largest = vec![f64::NEG_INFINITY; run.weight.len()];
+    let mut sum = vec![0.0; run.weight.len()];
+    for (s, log) in place.shares.iter().zip(&logs) {
+        let largest = &mut largest[s.particle as usize];
+        *largest = largest.max(*log);
+    }
+    for (s, log) in place.shares.iter().zip(&mut logs) {
+        let i = s.particle as usize;
+        *log = if *log > f64::NEG_INFINITY { f64::from(s.share) * (*log - largest[i]).exp() } else { 0.0 };
+        sum[i] += *log;
+    }
+    let scaled =
+        |(s, part): (&PlaceShare, f64)| if part > 0.0 { (part / sum[s.particle as usize]) as f32 } else { 0.0 };
+    place.shares.iter().zip(logs).map(scaled).collect()
 }
 
 impl FieldSums {
@@ -276,43 +350,26 @@ impl FieldSums {
         11 + 4 * self.components + self.components * (self.components + 1) / 2 + usize::from(self.logarithmic)
     }
 
-    /// Multiplies shares by how likely the value is, and scales them to a sum of 1.
-    fn weigh(
-        &self,
-        g: &Mixture,
-        x: [f64; 3],
-        value: &dyn Fn(usize) -> f64,
-        shares: &mut [(u32, f64)],
-        logs: &mut Vec<f64>,
-    ) {
-        if self.likelihoods.is_empty() || shares.len() < 2 {
-            return;
+    fn has_value(&self, run: &RunValues, i: usize) -> bool {
+        !run.values[self.column][i].is_nan()
+    }
+
+    /// The logarithm of how likely a particle's value is in a Gaussian, given its place; 0 in the first pass.
+    fn log_likelihood(&self, g: &Mixture, gaussian: usize, run: &RunValues, i: usize) -> f64 {
+        let Some(l) = self.likelihoods.get(gaussian) else { return 0.0 };
+        let d: [f64; 3] = each_axis(|k| run.position[k][i] - g.mean[k][gaussian]);
+        let mut off = [0.0; 3];
+        for (k, off) in off.iter_mut().enumerate().take(self.components) {
+            *off = run.values[self.column + k][i] - l.mean[k] - (0..3).map(|a| l.slope[k][a] * d[a]).sum::<f64>();
         }
-        logs.clear();
-        for (i, share) in shares.iter_mut() {
-            let l = &self.likelihoods[*i as usize];
-            let d: [f64; 3] = each_axis(|k| x[k] - g.mean[k][*i as usize]);
-            let mut off = [0.0; 3];
-            for (k, off) in off.iter_mut().enumerate().take(self.components) {
-                *off = value(k) - l.mean[k] - (0..3).map(|a| l.slope[k][a] * d[a]).sum::<f64>();
-            }
-            if self.share {
-                // What is left of the value tells how likely the class is here.
-                let p = (value(0) - off[0]).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
-                *share *= value(0) * p + (1.0 - value(0)) * (1.0 - p);
-                logs.push(0.0);
-                continue;
-            }
-            let square: f64 = l.inverse.apply(off).iter().zip(off).map(|(a, b)| a * b).sum();
-            logs.push(l.log - 0.5 * square);
+        if self.share {
+            // What is left of the value tells how likely the class is here.
+            let value = run.values[self.column][i];
+            let p = (value - off[0]).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
+            return (value * p + (1.0 - value) * (1.0 - p)).ln();
         }
-        let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let mut sum = 0.0;
-        for (s, log) in shares.iter_mut().zip(logs.iter()) {
-            s.1 *= (*log - largest).exp();
-            sum += s.1;
-        }
-        shares.iter_mut().for_each(|s| s.1 /= sum);
+        let square: f64 = l.inverse.apply(off).iter().zip(off).map(|(a, b)| a * b).sum();
+        l.log - 0.5 * square
     }
 }
 
@@ -345,45 +402,48 @@ impl<'a> BlockFieldSums<'a> {
             let (width, c, column, logarithmic) = (field.width(), field.components, field.column, field.logarithmic);
             parallel::for_each_chunk(&mut field.rows, width * RANGE, |task, rows| {
                 let first = (task * RANGE) as u32;
-                for run in batch {
-                    let shares = &run.shares[index];
-                    let place = |gaussian: u32| shares.partition_point(|s| (s.0, s.1) < (number, gaussian));
-                    for &(_, i, particle, share) in &shares[place(first)..place(first + (rows.len() / width) as u32)] {
-                        let row = &mut rows[(i - first) as usize * width..][..width];
-                        let (i, p) = (i as usize, particle as usize);
+                for batch in batch {
+                    let (run, all) = (&batch.run, &batch.place.shares);
+                    let place = |gaussian: u32| all.partition_point(|s| (s.block, s.gaussian) < (number, gaussian));
+                    let own = place(first)..place(first + (rows.len() / width) as u32);
+                    for (s, &share) in all[own.clone()].iter().zip(&batch.shares[index][own]) {
+                        if share == 0.0 {
+                            continue;
+                        }
+                        let row = &mut rows[(s.gaussian - first) as usize * width..][..width];
+                        let (i, p) = (s.gaussian as usize, s.particle as usize);
                         let w = f64::from(share) * run.weight[p];
                         let d: [f64; 3] = each_axis(|k| run.position[k][p] - g.mean[k][i]);
-                        row[0] += f64::from(share) * run.carried.number.get(p).copied().unwrap_or(1.0);
+                        row[0] += f64::from(share) * run.number.get(p).copied().unwrap_or(1.0);
                         row[1] += w;
                         (0..3).for_each(|k| row[2 + k] += w * d[k]);
                         let outer = Sym3::outer(d);
                         (0..6).for_each(|k| row[5 + k] += w * outer.0[k]);
                         for a in 0..c {
-                            let q = run.carried.values[column + a][p];
+                            let q = run.values[column + a][p];
                             row[11 + a] += w * q;
                             (0..3).for_each(|k| row[11 + c + 3 * a + k] += w * q * d[k]);
                         }
                         let mut product = 11 + 4 * c;
                         for a in 0..c {
                             for b in a..c {
-                                row[product] +=
-                                    w * run.carried.values[column + a][p] * run.carried.values[column + b][p];
+                                row[product] += w * run.values[column + a][p] * run.values[column + b][p];
                                 product += 1;
                             }
                         }
                         if logarithmic {
-                            row[product] += w * run.carried.values[column + 1][p];
+                            row[product] += w * run.values[column + 1][p];
                         }
                     }
                 }
             });
             // The first pass has seen them all.
-            for run in batch.iter().filter(|_| field.likelihoods.is_empty()) {
+            for RunShares { run, place, .. } in batch.iter().filter(|_| field.likelihoods.is_empty()) {
                 for (k, all) in field.all.iter_mut().enumerate() {
-                    let values = &run.carried.values[column + k];
+                    let values = &run.values[column + k];
                     // Sums are of values.
-                    let summed = if logarithmic { &run.carried.values[column + 1] } else { values };
-                    let own = (0..values.len()).filter(|&i| run.block[i] == number);
+                    let summed = if logarithmic { &run.values[column + 1] } else { values };
+                    let own = (0..values.len()).filter(|&i| place.block[i] == number);
                     for (v, q, w) in own.map(|i| (values[i], summed[i], run.weight[i])) {
                         if k == 0 {
                             field.weights[0] += w;
