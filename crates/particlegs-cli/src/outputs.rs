@@ -39,6 +39,13 @@ pub const SVG: Kind =
     replaced("an SVG", |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"));
 pub const PDF: Kind = replaced("a PDF", |_, head| head.starts_with(b"%PDF-"));
 pub const GIF: Kind = replaced("a GIF", |_, head| head.starts_with(b"GIF8"));
+/// A catalogue of haloes, or a mass function.
+pub const CSV: Kind = replaced("a table of haloes", |_, head| {
+    [&b"id,parent_id,"[..], b"mass_low,mass_high,"].iter().any(|names| head.starts_with(names))
+});
+pub const HDF5: Kind = replaced("a catalogue of haloes", |_, head| {
+    head.starts_with(b"\x89HDF\r\n\x1a\n") && head.windows(6).any(|w| w == b"Haloes")
+});
 /// In the container of ISO 14496-12.
 pub const MP4: Kind = replaced("an MP4 film", |_, head| head.get(4..8).is_some_and(|b| b == b"ftyp"));
 /// In the container of Matroska.

@@ -23,6 +23,7 @@ pub mod recover;
 pub mod stats;
 pub use particlegs_train as train;
 
+pub mod haloes;
 pub mod score;
 
 pub mod compress;

@@ -11,6 +11,7 @@ mod devices;
 mod eval;
 mod export;
 mod finetune;
+mod haloes;
 mod info;
 mod man;
 mod merge;
@@ -32,7 +33,7 @@ use particlegs_pipeline::Result;
 pub const GROUPS: [(&str, &[&str]); 6] = [
     ("Make", &["compress", "simplify", "merge"]),
     ("Look", &["view", "render", "reference"]),
-    ("Measure", &["info", "verify", "eval", "compare", "stats"]),
+    ("Measure", &["info", "verify", "eval", "compare", "stats", "haloes"]),
     ("Convert", &["convert", "export", "recover"]),
     ("Cluster", &["plan", "scatter", "block", "status", "finetune"]),
     (
@@ -77,6 +78,9 @@ pub enum Command {
     Recover(recover::Arguments),
     /// Export a model: web page, splats, density grid or table.
     Export(export::Arguments),
+    /// Find haloes in a snapshot or a model: a catalogue.
+    #[command(alias = "halos")]
+    Haloes(haloes::Arguments),
     /// Convert a snapshot to another format; tile, crop or subsample it.
     Convert(convert::Arguments),
     /// Render pictures of all particles of a snapshot.
@@ -116,6 +120,7 @@ pub fn run(command: Command) -> Result<()> {
         Command::Simplify(a) => simplify::run(a),
         Command::Recover(a) => recover::run(a),
         Command::Export(a) => export::run(a),
+        Command::Haloes(a) => haloes::run(a),
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),

@@ -22,6 +22,7 @@ mod virtual_layout;
 mod virtual_sets;
 mod write;
 
+pub use encode::{OutDataSet, OutGroup, OutValue, plan};
 pub use write::{fields, write};
 
 use crate::Format;

@@ -14,25 +14,40 @@ const LEAST: usize = 10;
 /// The centre of a group, relative to the domain's corner: the mean of its members, then of those
 /// within spheres about the last centre that shrink by a tenth a step until fewer than ten are left.
 pub fn group_center(positions: &[[f64; 3]], members: &[u32], domain: &Domain) -> [f64; 3] {
-    let Some(first) = members.first().map(|i| positions[*i as usize]) else { return [0.0; 3] };
-    // Offsets from one member by the shortest way: a group is smaller than half the box.
-    let mut all: Vec<[f64; 3]> =
-        members.iter().map(|i| domain.shortest_way(each_axis(|k| positions[*i as usize][k] - first[k]))).collect();
-    let mean =
-        |x: &[[f64; 3]]| -> [f64; 3] { each_axis(|k| x.iter().map(|p| p[k]).sum::<f64>() / x.len().max(1) as f64) };
-    let square = |p: &[f64; 3], c: &[f64; 3]| (0..3).map(|k| (p[k] - c[k]) * (p[k] - c[k])).sum::<f64>();
-    let mut center = mean(&all);
-    let mut radius = all.iter().map(|p| square(p, &center)).fold(0.0, f64::max).sqrt();
+    let Some((first, all)) = group_offsets(positions, members, domain) else { return [0.0; 3] };
+    let center = mean_place(&all);
+    let radius = all.iter().map(|p| square_between(p, &center)).fold(0.0, f64::max).sqrt();
+    let center = shrunk_center(all, center, radius);
+    domain.local(each_axis(|k| domain.min[k] + first[k] + center[k]))
+}
+
+/// The place of a group's first member, and the offsets of all from it by the shortest way: a group is smaller than half the
+/// box.
+pub fn group_offsets(positions: &[[f64; 3]], members: &[u32], domain: &Domain) -> Option<([f64; 3], Vec<[f64; 3]>)> {
+    let first = positions[*members.first()? as usize];
+    let offset = |i: &u32| domain.shortest_way(each_axis(|k| positions[*i as usize][k] - first[k]));
+    Some((first, members.iter().map(offset).collect()))
+}
+
+pub fn mean_place(x: &[[f64; 3]]) -> [f64; 3] {
+    each_axis(|k| x.iter().map(|p| p[k]).sum::<f64>() / x.len().max(1) as f64)
+}
+
+fn square_between(p: &[f64; 3], c: &[f64; 3]) -> f64 {
+    (0..3).map(|k| (p[k] - c[k]) * (p[k] - c[k])).sum()
+}
+
+/// Where spheres end that begin about `center` and shrink by a tenth a step, each about the mean of those in the last.
+pub fn shrunk_center(mut all: Vec<[f64; 3]>, mut center: [f64; 3], mut radius: f64) -> [f64; 3] {
     while all.len() > LEAST && radius > 0.0 {
         radius *= SHRINK;
-        let inside: Vec<[f64; 3]> = all.iter().filter(|p| square(p, &center) <= radius * radius).copied().collect();
-        if inside.len() < LEAST {
+        all.retain(|p| square_between(p, &center) <= radius * radius);
+        if all.len() < LEAST {
             break;
         }
-        center = mean(&inside);
-        all = inside;
+        center = mean_place(&all);
     }
-    domain.local(each_axis(|k| domain.min[k] + first[k] + center[k]))
+    center
 }
 
 /// Particles within `radius` of each centre.
@@ -104,7 +119,7 @@ pub fn aperture_mass(
 }
 
 /// The value that this share of rising values lies below, straight between two of them; `None` of no values.
-pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
+pub(crate) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let x = share * sorted.len().checked_sub(1)? as f64;
     let (i, f) = (x.floor() as usize, x.fract());
     Some(sorted[i] + f * (sorted[(i + 1).min(sorted.len() - 1)] - sorted[i]))

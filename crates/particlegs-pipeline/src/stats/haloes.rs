@@ -215,9 +215,62 @@ fn of_particles(
 
 /// Gaussians of about one size, by the place of their means.
 struct GaussianSizeClass {
-    lumps: Vec<GaussianInSphere>,
+    gaussians: Vec<GaussianInSphere>,
+    /// Mass of a particle of each.
+    particle: Vec<f64>,
     points: PointGrid,
     reach: f64,
+}
+
+/// The Gaussians of a model, by their places.
+pub(crate) struct GaussianSpheres {
+    classes: Vec<GaussianSizeClass>,
+    rules: Rules,
+}
+
+impl GaussianSpheres {
+    /// To be asked about spheres of at most about `radius`.
+    pub fn new(m: &Model, domain: &Domain, radius: f64) -> Result<Self> {
+        Ok(GaussianSpheres { classes: classes(m, domain, radius)?, rules: Rules::new() })
+    }
+
+    /// Calls `visit` with each Gaussian that may reach a sphere about a place, the place's offset from its mean, and the mass
+    /// of one of its particles.
+    fn visit(
+        &self,
+        center: [f64; 3],
+        radius: f64,
+        context: &Context<'_>,
+        mut visit: impl FnMut(&GaussianInSphere, [f64; 3], f64),
+    ) -> Result<()> {
+        for class in &self.classes {
+            class.points.near(class.points.cell_of(center), class.reach + radius, |run, shift| {
+                for i in run.filter(|_| !context.cancelled()) {
+                    let index = class.points.index[i] as usize;
+                    let one = &class.gaussians[index];
+                    visit(one, each_axis(|k| center[k] - shift[k] - one.mean[k]), class.particle[index]);
+                }
+            });
+            context.check()?;
+        }
+        Ok(())
+    }
+
+    /// Mass inside spheres of ascending `radii` about a place, and its variance if each particle of each Gaussian is drawn
+    /// alone.
+    pub fn enclosed(&self, center: [f64; 3], radii: &[f64], context: &Context<'_>) -> Result<Vec<[f64; 2]>> {
+        let mut inside = vec![[0.0; 2]; radii.len()];
+        let mut own = vec![0.0; radii.len()];
+        self.visit(center, radii.last().copied().unwrap_or(0.0), context, |one, offset, particle| {
+            own.fill(0.0);
+            one.add_within(offset, radii, &self.rules, &mut own);
+            for (sum, mass) in inside.iter_mut().zip(&own).filter(|(_, mass)| **mass > 0.0) {
+                sum[0] += mass;
+                sum[1] += particle * mass * (1.0 - mass / one.mass).max(0.0);
+            }
+        })?;
+        Ok(inside)
+    }
 }
 
 fn of_model(
@@ -227,20 +280,11 @@ fn of_model(
     edges: &[f64],
     context: &Context<'_>,
 ) -> Result<Vec<f64>> {
-    let (classes, rules) = (classes(m, domain, places.largest())?, Rules::new());
+    let spheres = GaussianSpheres::new(m, domain, places.largest())?;
     about_each(places, edges, context, |center, radii, inside| {
-        for class in &classes {
-            let (points, reach) = (&class.points, class.reach + radii[radii.len() - 1]);
-            points.near(points.cell_of(center), reach, |run, shift| {
-                for i in run.filter(|_| !context.cancelled()) {
-                    let lump = &class.lumps[points.index[i] as usize];
-                    let offset: [f64; 3] = each_axis(|k| center[k] - shift[k] - lump.mean[k]);
-                    lump.add_within(offset, radii, &rules, inside);
-                }
-            });
-            context.check()?;
-        }
-        Ok(())
+        spheres.visit(center, radii[radii.len() - 1], context, |one, offset, _| {
+            one.add_within(offset, radii, &spheres.rules, inside);
+        })
     })
 }
 
@@ -248,16 +292,19 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
     let repeats = (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k]).fold(f64::INFINITY, f64::min);
     let widest = if domain.periodic == [true; 3] { WIDEST * domain.longest() } else { f64::MAX };
     let widths = [NARROWEST * domain.longest(), widest];
-    particlegs_files::memory::require("Gaussians about centres", 280 * m.gaussians() as u64)?;
-    let mut by_size = BTreeMap::<i64, Vec<GaussianInSphere>>::new();
+    particlegs_files::memory::require("Gaussians about centres", 290 * m.gaussians() as u64)?;
+    let mut by_size = BTreeMap::<i64, Vec<(GaussianInSphere, f64)>>::new();
     for (unit, g, i) in gaussians(m) {
-        let lump = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), unit * g.mass_of(i), widths);
-        by_size.entry(lump.reach().log2().ceil() as i64).or_default().push(lump);
+        let mass = unit * g.mass_of(i);
+        let one = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), mass, widths);
+        let particle = mass / g.count[i].max(f64::MIN_POSITIVE);
+        by_size.entry(one.reach().log2().ceil() as i64).or_default().push((one, particle));
     }
-    let class = |lumps: Vec<GaussianInSphere>| {
-        let reach = lumps.iter().map(GaussianInSphere::reach).fold(0.0, f64::max).min(IMAGES * repeats);
-        let means: Vec<[f64; 3]> = lumps.iter().map(|l| l.mean).collect();
-        Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, lumps, reach })
+    let class = |members: Vec<(GaussianInSphere, f64)>| {
+        let (gaussians, particle): (Vec<GaussianInSphere>, Vec<f64>) = members.into_iter().unzip();
+        let reach = gaussians.iter().map(GaussianInSphere::reach).fold(0.0, f64::max).min(IMAGES * repeats);
+        let means: Vec<[f64; 3]> = gaussians.iter().map(|g| g.mean).collect();
+        Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, gaussians, particle, reach })
     };
     by_size.into_values().map(class).collect()
 }

@@ -139,6 +139,22 @@ impl LinkedParticles {
             .unwrap_or_else(|| LinkedParticles { index: None, spacing: domain.spacing(p.len()) })
     }
 
+    /// Those of some ranges of particles alone, of `all`.
+    pub fn only(self, ranges: &[Range<usize>], all: usize) -> Self {
+        let before = self.index.as_ref().map_or(all, Vec::len);
+        let index: Vec<u32> = match self.index {
+            Some(index) => index.into_iter().filter(|i| ranges.iter().any(|r| r.contains(&(*i as usize)))).collect(),
+            None => ranges.iter().cloned().flatten().map(|i| i as u32).collect(),
+        };
+        let spacing = self.spacing * (before as f64 / index.len().max(1) as f64).cbrt();
+        LinkedParticles { index: Some(index), spacing }
+    }
+
+    /// Their numbers, ascending; `None` = all.
+    pub fn index(&self) -> Option<&[u32]> {
+        self.index.as_deref()
+    }
+
     /// Some particles are left out of the links.
     pub fn is_part(&self) -> bool {
         self.index.is_some()

@@ -19,7 +19,7 @@ pub(crate) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
 }
 
 /// The positions of some particles, in the order of `index`.
-pub(super) fn gathered(positions: &[[f64; 3]], index: &[u32]) -> Vec<[f64; 3]> {
+pub(crate) fn gathered(positions: &[[f64; 3]], index: &[u32]) -> Vec<[f64; 3]> {
     let mut all = vec![[0.0; 3]; index.len()];
     parallel::for_each(all.chunks_mut(RUN).zip(index.chunks(RUN)), |(out, index)| {
         out.iter_mut().zip(index).for_each(|(x, i)| *x = positions[*i as usize]);

@@ -76,6 +76,11 @@ impl ParticleVelocities {
         &self.particles
     }
 
+    /// Their unit as text, where the source says.
+    pub(crate) fn unit(&self) -> Option<&str> {
+        self.unit.as_deref()
+    }
+
     /// Particles whose velocities in km/s `velocity` gives.
     #[cfg(test)]
     pub(super) fn of_parts(particles: Particles, velocity: impl Fn(usize) -> [f64; 3]) -> Self {
@@ -92,7 +97,7 @@ impl ParticleVelocities {
     }
 
     /// The velocity of a particle.
-    pub(super) fn of(&self, i: usize) -> [f64; 3] {
+    pub(crate) fn of(&self, i: usize) -> [f64; 3] {
         [0, 1, 2].map(|k| f64::from(self.velocity[k][i]))
     }
 

@@ -1,0 +1,526 @@
+//! The whole job: from particles or a model to a catalogue.
+
+use super::members::{LinkOptions, LinkedHaloes};
+use super::overdensity::{HaloDensities, Overdensity};
+use super::properties::{PROPERTIES, Property, PropertyKind, SphereProperties};
+use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
+use super::table::{HaloCatalogue, HaloColumn};
+use crate::context::Context;
+use crate::model::{Cosmology, Epoch, Mass, Model};
+use crate::particles::Particles;
+use crate::recover::Options as RecoverOptions;
+use crate::stats::{Domain, GaussianSpheres, ParticleVelocities, PointGrid, local_positions};
+use crate::{Error, NamedValue, Result, parallel};
+use particlegs_core::math::each_axis;
+use std::borrow::Cow;
+
+/// Particles inside a sphere whose mass is listed, at least.
+const LEAST_MASS: usize = 100;
+/// Parts that a model's particles are left out by, one after the other, for errors.
+const JACKKNIFE: usize = 8;
+/// Softening lengths within which circular velocities and profiles are not looked at.
+const SOFTENINGS: f64 = 3.0;
+/// Softening length in mean spacings, where it is not stated.
+const SOFTENING: f64 = 0.04;
+/// The sphere that particles are gathered in at first, in radii that the group's mass suggests, and its growth.
+const FIRST_REACH: f64 = 1.3;
+const GROWTH: f64 = 1.5;
+/// Numbers of densities.
+const SPHERES: usize = Overdensity::ALL.len();
+
+/// How haloes are found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HaloOptions {
+    /// Linking length in mean spacings of the linked particles.
+    pub linking: f64,
+    /// Linked particles of the smallest halo.
+    pub smallest: usize,
+    /// Layers that are linked; by default those of dark matter where there are some, else all.
+    pub linked: Vec<String>,
+    /// Softening length, world units; `None` = a 25th of the linked particles' mean spacing.
+    pub softening: Option<f64>,
+    /// Share of the simulation's particles that were read: masses are divided by it.
+    pub sample_fraction: f64,
+    /// Mass of a particle, in the unit of mass, where the source does not say.
+    pub particle_mass: Option<f64>,
+    /// Seed of particles that are drawn from a model.
+    pub seed: u64,
+}
+
+impl Default for HaloOptions {
+    fn default() -> Self {
+        HaloOptions {
+            linking: 0.2,
+            smallest: 20,
+            linked: Vec::new(),
+            softening: None,
+            sample_fraction: 1.0,
+            particle_mass: None,
+            seed: 42,
+        }
+    }
+}
+
+/// What haloes are found in.
+#[derive(Clone, Copy)]
+pub enum HaloSource<'a> {
+    /// Particles, and the same with velocities where they have any.
+    Particles(&'a Particles, Option<&'a ParticleVelocities>),
+    /// A model: haloes are found in particles drawn from it, and their masses integrated over its Gaussians.
+    Model(&'a Model),
+}
+
+impl<'a> HaloSource<'a> {
+    fn moment(&self) -> (&'a Epoch, &'a Cosmology) {
+        match self {
+            HaloSource::Particles(p, _) => (&p.meta.epoch, &p.meta.cosmology),
+            HaloSource::Model(m) => (&m.metadata.epoch, &m.metadata.cosmology),
+        }
+    }
+}
+
+/// Finds haloes: friends of friends, their density peaks, and spheres of given mean densities about these.
+///
+/// # Errors
+/// Options out of range; a particle type that does not exist; no mean density ([`HaloDensities::new`]); too little memory.
+pub fn find_haloes(source: HaloSource<'_>, o: &HaloOptions, context: &Context<'_>) -> Result<HaloCatalogue> {
+    check(o)?;
+    let drawn;
+    let (particles, velocities, domain) = match source {
+        HaloSource::Particles(p, v) => (p, v.map(Cow::Borrowed), Domain::from_particles(p)),
+        HaloSource::Model(m) => {
+            let options = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
+            let (particles, fields) = options.draw_with_fields(m.clone(), context)?;
+            let velocities = ParticleVelocities::read(&particles, &fields)?;
+            drawn = particles;
+            (&drawn, velocities.map(Cow::Owned), Domain::from_model(m))
+        }
+    };
+    if particles.is_empty() {
+        return Err(Error::argument("there are no particles"));
+    }
+    let positions = local_positions(particles, &domain);
+    let search = HaloSearch::new(source, particles, velocities.as_deref(), (&domain, &positions), o)?;
+    search.catalogue(context)
+}
+
+fn check(o: &HaloOptions) -> Result<()> {
+    let within = |name: &str, value: f64, [low, high]: [f64; 2]| {
+        let fault = || Error::argument(format!("{name} must be {low} to {high}, not {value}"));
+        (low..=high).contains(&value).then_some(()).ok_or_else(fault)
+    };
+    within("the linking length in mean spacings", o.linking, [1e-6, 2.0])?;
+    within("the smallest number of particles", o.smallest as f64, [2.0, 1e9])?;
+    within("the share of particles that were read", o.sample_fraction, [1e-9, 1.0])?;
+    within("the softening length", o.softening.unwrap_or(0.0), [0.0, f64::MAX])?;
+    within("the mass of a particle", o.particle_mass.unwrap_or(1.0), [f64::MIN_POSITIVE, f64::MAX])
+}
+
+/// One run.
+struct HaloSearch<'a> {
+    source: HaloSource<'a>,
+    particles: &'a Particles,
+    velocities: Option<&'a ParticleVelocities>,
+    domain: &'a Domain,
+    positions: &'a [[f64; 3]],
+    o: &'a HaloOptions,
+    densities: HaloDensities,
+    /// Mass of weight 1.
+    unit: f64,
+    /// Masses are known.
+    masses: bool,
+}
+
+/// What is measured about one centre.
+struct HaloMeasures {
+    spheres: [Option<HaloSphere>; SPHERES],
+    /// Particles inside the first.
+    count: usize,
+    properties: SphereProperties,
+    errors: Option<SphereProperties>,
+    contamination: f64,
+}
+
+/// A sphere, and the error of its mass, of a model.
+#[derive(Clone, Copy)]
+struct HaloSphere {
+    sphere: DensitySphere,
+    error: f64,
+}
+
+impl<'a> HaloSearch<'a> {
+    fn new(
+        source: HaloSource<'a>,
+        particles: &'a Particles,
+        velocities: Option<&'a ParticleVelocities>,
+        (domain, positions): (&'a Domain, &'a [[f64; 3]]),
+        o: &'a HaloOptions,
+    ) -> Result<Self> {
+        let layers = particles.layers();
+        let stated = layers.iter().all(|l| l.mass.unit().is_some()) && particles.meta.weight_name.is_none();
+        let alike = layers.iter().all(|l| l.mass == Mass::Unknown);
+        if o.particle_mass.is_some() && !alike {
+            return Err(Error::argument("a mass of the particles was given, but the file states masses"));
+        }
+        let masses = stated || o.particle_mass.is_some();
+        let each = o.particle_mass.or(particles.meta.particle_mass).unwrap_or(1.0);
+        let unit = each / o.sample_fraction;
+        let mean = (domain.periodic == [true; 3]).then(|| unit * particles.total_mass() / domain.volume());
+        let system = particles.meta.unit_system();
+        let densities = HaloDensities::new(&system, source.moment(), mean, masses)?;
+        Ok(HaloSearch { source, particles, velocities, domain, positions, o, densities, unit, masses })
+    }
+
+    fn mass_of(&self, i: u32) -> f64 {
+        self.unit * self.particles.weights().map_or(1.0, |w| f64::from(w[i as usize]))
+    }
+
+    fn catalogue(&self, context: &Context<'_>) -> Result<HaloCatalogue> {
+        let link = LinkOptions { linking: self.o.linking, smallest: self.o.smallest, linked: &self.o.linked };
+        let mass = |i: u32| self.mass_of(i);
+        let found = LinkedHaloes::find(self.particles, self.positions, self.domain, &link, &mass, context)?;
+        context.begin("haloes", found.centers.len() as u64);
+        let reach = self.first_reach(found.masses.first().copied().unwrap_or(0.0));
+        let points = PointGrid::new(self.positions, self.domain, 0.0)?;
+        let model = match self.source {
+            HaloSource::Particles(..) => None,
+            HaloSource::Model(m) => Some(GaussianSpheres::new(m, self.domain, reach)?),
+        };
+        let softening = self.o.softening.unwrap_or(SOFTENING * found.number_density.powf(-1.0 / 3.0));
+        let measures = parallel::try_map_range(found.centers.len(), |i| {
+            context.check()?;
+            let about = AboutCenter {
+                search: self,
+                points: &points,
+                fine: found.fine.as_deref(),
+                inner: SOFTENINGS * softening,
+            };
+            let measured = about.measure(found.centers[i], found.masses[i], model.as_ref(), context)?;
+            context.advance(1);
+            Ok::<_, Error>(measured)
+        })?;
+        context.end();
+        let parents = self.parents(&found.centers, &measures)?;
+        Ok(self.table(&found, &measures, &parents, softening))
+    }
+
+    /// How far particles are looked for about a group of a mass, at first.
+    fn first_reach(&self, mass: f64) -> f64 {
+        let thinnest = self.thinnest();
+        FIRST_REACH * (mass / thinnest).cbrt()
+    }
+
+    /// The least mass over the cube of the radius.
+    fn thinnest(&self) -> f64 {
+        Overdensity::ALL.iter().filter_map(|kind| self.densities.mass_per_cube(*kind)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The heaviest halo in whose R200m each centre lies that is heavier; its number.
+    fn parents(&self, centers: &[[f64; 3]], measures: &[HaloMeasures]) -> Result<Vec<Option<usize>>> {
+        let sphere =
+            |i: usize| measures[i].spheres[Overdensity::Mean200 as usize].filter(|s| s.sphere.count >= LEAST_MASS);
+        let mass = |i: usize| sphere(i).map_or(0.0, |s| s.sphere.mass);
+        let mut order: Vec<usize> = (0..centers.len()).filter(|i| sphere(*i).is_some()).collect();
+        order.sort_by(|a, b| mass(*b).total_cmp(&mass(*a)).then(a.cmp(b)));
+        let points = PointGrid::new(centers, self.domain, 0.0)?;
+        let mut parents = vec![None; centers.len()];
+        for i in order {
+            let radius = sphere(i).map_or(0.0, |s| s.sphere.radius);
+            points.near(points.cell_of(centers[i]), radius, |run, shift| {
+                for at in run {
+                    let other = points.index[at] as usize;
+                    let square: f64 =
+                        (0..3).map(|k| points.position[at][k] + shift[k] - centers[i][k]).map(|d| d * d).sum();
+                    if other != i && square <= radius * radius && mass(other) < mass(i) && parents[other].is_none() {
+                        parents[other] = Some(i);
+                    }
+                }
+            });
+        }
+        Ok(parents)
+    }
+}
+
+impl HaloSearch<'_> {
+    fn table(
+        &self,
+        found: &LinkedHaloes,
+        measures: &[HaloMeasures],
+        parents: &[Option<usize>],
+        softening: f64,
+    ) -> HaloCatalogue {
+        let (meta, units) = (&self.particles.meta, &self.densities.units);
+        let world = |c: &[f64; 3]| -> [f64; 3] { each_axis(|k| self.domain.min[k] + c[k]) };
+        let centers: Vec<[f64; 3]> = found.centers.iter().map(world).collect();
+        let length = meta.units.length_text().unwrap_or("").to_string();
+        let (mass_unit, mass_factor) = match (units.mass, &meta.units.mass) {
+            (Some(factor), _) => ("Msun/h".to_string(), factor),
+            (None, Some(unit)) => (unit.text.clone(), 1.0),
+            (None, None) => (String::new(), 1.0),
+        };
+        let physical = units.length.zip(units.scale_factor).zip(units.hubble).map(|((l, a), h)| 1e3 * l * a / h);
+        let mut columns = Vec::new();
+        let mut add = |name: &str, unit: &str, description: &str, of: &dyn Fn(usize) -> f64| {
+            let values = (0..centers.len()).map(of).collect();
+            let (name, unit, description) = (name.into(), unit.into(), description.into());
+            columns.push(HaloColumn { name, unit, description, whole: false, values });
+        };
+        add("id", "", "number of the halo", &|i| (i + 1) as f64);
+        add("parent_id", "", "the heaviest halo in whose R200m the centre lies; -1 = none", &|i| {
+            parents[i].map_or(-1.0, |p| (p + 1) as f64)
+        });
+        add("num_p", "", "linked particles", &|i| found.members[i].len() as f64);
+        if let Some(attached) = &found.attached {
+            add("num_attached", "", "particles of other types, each nearest to a linked one", &|i| attached[i] as f64);
+        }
+        for (k, axis) in ["x", "y", "z"].iter().enumerate() {
+            add(axis, &length, "density peak", &|i| centers[i][k]);
+        }
+        if self.masses {
+            add("mfof", &mass_unit, "mass of the particles that are linked and attached", &|i| {
+                found.masses[i] * mass_factor
+            });
+        }
+        add("n200m", "", "particles within R200m", &|i| {
+            if measures[i].count > 0 { measures[i].count as f64 } else { f64::NAN }
+        });
+        let is_model = matches!(self.source, HaloSource::Model(_));
+        for kind in Overdensity::ALL.iter().filter(|kind| self.densities.density[**kind as usize].is_some()) {
+            let name = kind.name();
+            let sphere = |i: usize| measures[i].spheres[*kind as usize].filter(|s| s.sphere.count >= LEAST_MASS);
+            let of = |value: fn(HaloSphere) -> f64| move |i: usize| sphere(i).map_or(f64::NAN, value);
+            let (mass, radius) = (of(|s| s.sphere.mass), of(|s| s.sphere.radius));
+            let mass_error = of(|s| s.error);
+            let radius_error = of(|s| s.sphere.radius * s.error / (3.0 * s.sphere.mass));
+            let (about, error) = (
+                format!("whose mean density is {}", Overdensity::VALUES[*kind as usize].2.replace("The", "the")),
+                "standard error",
+            );
+            if self.masses {
+                add(&format!("m{name}"), &mass_unit, &format!("mass within r{name}"), &|i| mass(i) * mass_factor);
+                if is_model {
+                    add(&format!("m{name}_err"), &mass_unit, error, &|i| mass_error(i) * mass_factor);
+                }
+                if let (Some(factor), Some(h)) = (units.mass, units.hubble) {
+                    add(&format!("m{name}_msun"), "Msun", &format!("mass within r{name}"), &|i| mass(i) * factor / h);
+                }
+            }
+            add(&format!("r{name}"), &length, &format!("radius of the sphere {about}"), &radius);
+            if is_model {
+                add(&format!("r{name}_err"), &length, error, &radius_error);
+            }
+            if let Some(factor) = physical {
+                add(&format!("r{name}_kpc"), "kpc", "the same, physical", &|i| radius(i) * factor);
+            }
+        }
+        let velocity_unit = self.velocities.map(|v| v.unit().unwrap_or("").to_string());
+        let circular = units.velocity_square().filter(|_| self.masses);
+        for (k, p) in PROPERTIES.iter().enumerate() {
+            let Some((unit, scale)) = scale_of(p, velocity_unit.as_deref(), circular, &length) else { continue };
+            if p.least >= 1000 && self.densities.density[Overdensity::Critical200 as usize].is_none() {
+                continue;
+            }
+            add(p.name, unit, p.description, &|i| scale(measures[i].properties.0[k]));
+            if is_model {
+                let error = |i: usize| {
+                    let value = measures[i].properties.0[k];
+                    let error = measures[i].errors.map_or(f64::NAN, |e| e.0[k]);
+                    // To first order.
+                    (scale(value + 0.5 * error) - scale(value - 0.5 * error)).abs()
+                };
+                add(&format!("{}_err", p.name), unit, "standard error", &error);
+            }
+        }
+        if found.fine.is_some() {
+            add("contamination", "", "share of the mass within R200m that is of the zoom's coarse particles", &|i| {
+                measures[i].contamination
+            });
+        }
+        for column in &mut columns {
+            column.whole = ["id", "parent_id", "num_p", "num_attached", "n200m"].contains(&&column.name[..]);
+        }
+        let (notes, remarks) = (self.notes(found), self.remarks(found, softening, &length));
+        HaloCatalogue { columns, remarks, notes, centers }
+    }
+
+    fn notes(&self, found: &LinkedHaloes) -> Vec<String> {
+        let mut notes = self.densities.notes.clone();
+        if !self.masses {
+            notes.push(
+                "the file does not state masses of the particles: masses are left out, n200m counts particles".into(),
+            );
+        }
+        notes.extend(found.note.clone());
+        notes
+    }
+
+    /// What a reader of the file must know.
+    fn remarks(&self, found: &LinkedHaloes, softening: f64, length: &str) -> Vec<String> {
+        let (meta, o) = (&self.particles.meta, self.o);
+        let (epoch, cosmology) = self.source.moment();
+        let stated = |name: &str, value: Option<f64>| value.map(|v| format!("{name} = {v}"));
+        let numbers = [
+            stated("a", epoch.scale_factor),
+            stated("h", cosmology.hubble),
+            stated("Omega_m", cosmology.omega_matter),
+            stated("Omega_Lambda", cosmology.omega_lambda),
+        ];
+        let mut all = vec![
+            format!("haloes of {}", meta.name),
+            format!("friends of friends, linking length {:.6} {length} ({} mean spacings), {} particles and more; spherical overdensities about density peaks", found.linking_length, o.linking, o.smallest),
+            "no unbinding, no subhaloes; a quantity is empty where its sphere has too few particles: masses 100, dispersion, shape and vmax 300, concentration 1000".into(),
+            numbers.into_iter().flatten().collect::<Vec<_>>().join("; "),
+        ];
+        let assumed = if o.softening.is_none() { ", assumed: a 25th of the mean spacing" } else { "" };
+        all.push(format!("softening length {softening:.6} {length}{assumed}; vmax and c200c begin at three of these"));
+        if matches!(self.source, HaloSource::Model(_)) {
+            all.push(format!("of a model: centres, velocities, shapes and profiles of particles drawn from it (seed {}), masses integrated over its Gaussians; errors of masses are those of drawing particles, others by leaving out one of eight parts of the particles", o.seed));
+        }
+        if o.sample_fraction != 1.0 {
+            all.push(format!("masses are divided by {}, the share of the particles that were read", o.sample_fraction));
+        }
+        all.retain(|line| !line.is_empty());
+        all
+    }
+}
+
+/// Unit of a property and what makes a column of its numbers; `None` where its unit is not known.
+fn scale_of<'a>(
+    p: &Property,
+    velocity: Option<&'a str>,
+    circular: Option<f64>,
+    length: &'a str,
+) -> Option<(&'a str, Box<dyn Fn(f64) -> f64>)> {
+    match p.kind {
+        PropertyKind::Velocity => Some((velocity?, Box::new(|v| v))),
+        PropertyKind::Circular => {
+            let factor = circular?;
+            Some(("km/s", Box::new(move |v: f64| (factor * v).sqrt())))
+        }
+        PropertyKind::Length => Some((length, Box::new(|v| v))),
+        PropertyKind::Number => Some(("", Box::new(|v| v))),
+    }
+}
+
+/// What is looked at about a centre.
+struct AboutCenter<'a> {
+    search: &'a HaloSearch<'a>,
+    points: &'a PointGrid,
+    fine: Option<&'a [bool]>,
+    /// Circular velocities and profiles begin here.
+    inner: f64,
+}
+
+impl AboutCenter<'_> {
+    fn measure(
+        &self,
+        center: [f64; 3],
+        mass: f64,
+        model: Option<&GaussianSpheres>,
+        context: &Context<'_>,
+    ) -> Result<HaloMeasures> {
+        let search = self.search;
+        let particles = self.gathered(center, mass);
+        let per_cube: [Option<f64>; SPHERES] =
+            std::array::from_fn(|i| search.densities.mass_per_cube(Overdensity::ALL[i]));
+        let counted = per_cube.map(|per_cube| particles.sphere(per_cube?));
+        let mut spheres = counted.map(|found| Some(HaloSphere { sphere: found?, error: f64::NAN }));
+        if let Some(model) = model {
+            for (sphere, per_cube) in spheres.iter_mut().zip(per_cube) {
+                let enough = sphere.filter(|s| s.sphere.count >= LEAST_MASS);
+                let (Some(counted), Some(per_cube)) = (enough, per_cube) else { continue };
+                // Gaussians have the source's masses.
+                let scale = search.o.particle_mass.unwrap_or(1.0) / search.o.sample_fraction;
+                let found = integrated(model, center, counted.sphere, per_cube / scale, context)?;
+                *sphere = found.map(|s| HaloSphere {
+                    sphere: DensitySphere { mass: scale * s.sphere.mass, ..s.sphere },
+                    error: scale * s.error,
+                });
+            }
+        }
+        let of = |kind: Overdensity| spheres[kind as usize].map(|s| s.sphere);
+        let outer = of(Overdensity::Mean200).map_or(0.0, |s| s.radius);
+        let count = particles.count_within(outer);
+        let inside = &particles.particles[..count];
+        let all: f64 = inside.iter().map(|p| p.mass).sum();
+        let coarse = |p: &&SphereParticle| self.fine.is_some_and(|fine| !fine[p.index as usize]);
+        let contamination = inside.iter().filter(coarse).map(|p| p.mass).sum::<f64>() / all;
+        let critical = of(Overdensity::Critical200).map(|s| s.radius);
+        let properties = |particles: &RadialParticles| {
+            SphereProperties::new(particles, search.velocities, [self.inner, outer], critical, count)
+        };
+        let errors = model.filter(|_| count >= LEAST_MASS).map(|_| {
+            let part = |left_out: usize| {
+                let others = inside.iter().filter(|p| p.index as usize % JACKKNIFE != left_out).copied();
+                properties(&RadialParticles::new(others.collect()))
+            };
+            SphereProperties::jackknife(&std::array::from_fn::<_, JACKKNIFE, _>(part))
+        });
+        Ok(HaloMeasures { spheres, count, properties: properties(&particles), errors, contamination })
+    }
+
+    /// Particles about a centre, as far as the thinnest sphere reaches.
+    fn gathered(&self, center: [f64; 3], mass: f64) -> RadialParticles {
+        let (search, points) = (self.search, self.points);
+        let domain = search.domain;
+        let heights = domain.heights();
+        let furthest = (0..3).filter(|k| domain.periodic[*k]).map(|k| 0.5 * heights[k]).fold(f64::INFINITY, f64::min);
+        let mut reach = search.first_reach(mass).min(furthest);
+        loop {
+            let mut found = Vec::new();
+            points.near(points.cell_of(center), reach, |run, shift| {
+                for at in run {
+                    let offset: [f64; 3] = each_axis(|k| points.position[at][k] + shift[k] - center[k]);
+                    let square = offset.iter().map(|d| d * d).sum::<f64>();
+                    if square <= reach * reach {
+                        let index = points.index[at];
+                        found.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
+                    }
+                }
+            });
+            let all = found.len() == search.positions.len();
+            let particles = RadialParticles::new(found);
+            if all || reach >= furthest || particles.sphere(search.thinnest()).is_some() {
+                return particles;
+            }
+            reach = (GROWTH * reach).min(furthest);
+        }
+    }
+}
+
+/// The sphere of a mean density by integration over Gaussians, near one of drawn particles.
+fn integrated(
+    model: &GaussianSpheres,
+    center: [f64; 3],
+    near: DensitySphere,
+    per_cube: f64,
+    context: &Context<'_>,
+) -> Result<Option<HaloSphere>> {
+    let mut radius = near.radius;
+    let mut step = 0.1;
+    for _ in 0..8 {
+        let radii = [-step, 0.0, step].map(|s: f64| radius * s.exp());
+        let inside = model.enclosed(center, &radii, context)?;
+        let logs = [0, 1, 2].map(|i| inside[i][0].max(f64::MIN_POSITIVE).ln());
+        // The logarithm of the mass as a parabola of that of the radius.
+        let slope = (logs[2] - logs[0]) / (2.0 * step);
+        let curve = (logs[2] - 2.0 * logs[1] + logs[0]) / (step * step);
+        let off = logs[1] - (per_cube * radius.powi(3)).ln();
+        let mut moved = off / (3.0 - slope).max(0.5);
+        for _ in 0..4 {
+            let value = off + (slope - 3.0) * moved + 0.5 * curve * moved * moved;
+            moved -= value / (slope - 3.0 + curve * moved).min(-0.5);
+        }
+        let moved = moved.clamp(-0.5, 0.5);
+        radius *= moved.exp();
+        if moved.abs() < 0.02 {
+            let mass = per_cube * radius.powi(3);
+            let spread = inside[1][1].sqrt() / (1.0 - slope / 3.0).max(0.2);
+            if moved.abs() < 1e-4 || step < 0.01 {
+                return Ok(Some(HaloSphere { sphere: DensitySphere { radius, mass, ..near }, error: spread }));
+            }
+            step = 0.005;
+        }
+    }
+    Ok(None)
+}

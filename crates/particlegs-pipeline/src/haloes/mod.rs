@@ -1,0 +1,22 @@
+//! Floor 5: haloes of particles or of a model.
+//!
+//! Dark matter is linked by friends of friends ([`crate::stats`]'s `groups`), the other species attached to it (`members`).
+//! Each group's density peak is the centre of spheres whose mean densities the cosmology gives (`overdensity`). What is
+//! measured inside them (`sphere`, `properties`) becomes columns of a catalogue (`find`, `table`). Of a model, particles
+//! are drawn to find the centres, and masses are integrated over its Gaussians. Catalogues are compared (`matching`) and
+//! counted by mass (`mass_function`).
+
+mod find;
+mod mass_function;
+mod matching;
+mod members;
+mod overdensity;
+mod properties;
+mod sphere;
+mod table;
+
+pub use find::{HaloOptions, HaloSource, find_haloes};
+pub use mass_function::{MassFunctionBin, mass_function};
+pub use matching::HaloMatch;
+pub use overdensity::Overdensity;
+pub use table::{HaloCatalogue, HaloColumn};

@@ -1,0 +1,51 @@
+//! A catalogue of haloes as named columns.
+
+/// A column of a catalogue, one value a halo.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HaloColumn {
+    /// Name, as other catalogues have it where they have the quantity.
+    pub name: String,
+    /// Unit; empty of numbers without one.
+    pub unit: String,
+    /// What it is.
+    pub description: String,
+    /// Are the values whole numbers?
+    pub whole: bool,
+    /// NaN where there are too few particles.
+    pub values: Vec<f64>,
+}
+
+/// Haloes, by mass, the heaviest first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HaloCatalogue {
+    /// Columns of one length.
+    pub columns: Vec<HaloColumn>,
+    /// How it was made, and what its numbers are: lines of text.
+    pub remarks: Vec<String>,
+    /// What a user should know.
+    pub notes: Vec<String>,
+    /// Centre of each, world units.
+    pub centers: Vec<[f64; 3]>,
+}
+
+impl HaloCatalogue {
+    /// Number of haloes.
+    pub fn len(&self) -> usize {
+        self.centers.len()
+    }
+
+    /// No haloes?
+    pub fn is_empty(&self) -> bool {
+        self.centers.is_empty()
+    }
+
+    /// Values of a column.
+    pub fn column(&self, name: &str) -> Option<&[f64]> {
+        self.columns.iter().find(|c| c.name == name).map(|c| &c.values[..])
+    }
+
+    /// The mass that haloes are compared by: `m200m`, or the number of particles inside where masses are not known.
+    pub fn mass(&self) -> Option<&HaloColumn> {
+        ["m200m", "n200m"].iter().find_map(|name| self.columns.iter().find(|c| c.name == *name))
+    }
+}
