@@ -28,7 +28,7 @@ for page in sorted(docs.glob("*.md")):
     text = page.read_text()
     title = text.splitlines()[0].lstrip("# ")
     (lines if "Made by `particlegs bench" in text else others).append(f"- [{title}]({page.name})")
-more = ["", "What was tried and failed, with figures typed by hand, stands in [the notebook](../notebook/README.md).", ""]
+more = ["", "What was tried and failed, with figures typed by hand, stands in [the notebook](notebook.md).", ""]
 (docs / "README.md").write_text("\n".join(lines + [""] + others + more))
 
 # A figure that no page shows any more is not kept.

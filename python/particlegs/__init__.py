@@ -11,7 +11,7 @@ any side at any particle radius and opacity, and gives densities, statistics and
 
 Functions
 ---------
-open, read, compress, stats, formats
+open, read, compress, stats, haloes, formats
 
 Classes
 -------
@@ -26,6 +26,7 @@ from ._arrays import Grid, Map
 from ._camera import Camera
 from ._compress import compress
 from ._gaussians import Gaussians
+from ._haloes import haloes
 from ._model import Model, read
 from ._open import formats, open
 from ._particlegs import InputError, ModelError, UnreachableError, __version__
@@ -46,6 +47,7 @@ __all__ = [
     "__version__",
     "compress",
     "formats",
+    "haloes",
     "open",
     "read",
     "stats",

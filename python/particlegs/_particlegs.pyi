@@ -205,6 +205,13 @@ def stats(
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> str: ...
+def haloes(
+    source: Union[Snapshot, Model],
+    asked: _Asked,
+    fields: Sequence[tuple[str, Optional[str], Any]] = ...,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> tuple[list[tuple[str, str, str, bool, NDArray[np.float64]]], list[str], list[str]]: ...
 def simplify(
     model: Model,
     ratio: Optional[float] = None,

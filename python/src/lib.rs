@@ -9,6 +9,7 @@ mod compress;
 mod density;
 mod errors;
 mod gaussians;
+mod haloes;
 mod model;
 mod pictures;
 mod snapshot;
@@ -33,6 +34,7 @@ fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(pictures::camera_around, m)?)?;
     m.add_function(wrap_pyfunction!(pictures::density_range, m)?)?;
     m.add_function(wrap_pyfunction!(stats::stats, m)?)?;
+    m.add_function(wrap_pyfunction!(haloes::haloes, m)?)?;
     m.add_function(wrap_pyfunction!(verbs::simplify, m)?)?;
     m.add_function(wrap_pyfunction!(verbs::merge, m)?)?;
     m.add_function(wrap_pyfunction!(verbs::evaluate, m)?)?;

@@ -81,7 +81,7 @@ pub enum StatsSource<'py> {
 }
 
 impl StatsSource<'_> {
-    fn subject(&self) -> Subject<'_> {
+    pub fn subject(&self) -> Subject<'_> {
         match self {
             StatsSource::Snapshot(s) => Subject::Particles(&s.get().particles),
             StatsSource::Model(m) => Subject::Model(m.get().inner()),
@@ -89,7 +89,7 @@ impl StatsSource<'_> {
     }
 
     /// Fields given for a snapshot, else those that it was drawn with.
-    fn fields(&self, given: &[FieldArray<'_>]) -> PyResult<Vec<LayerFields>> {
+    pub fn fields(&self, given: &[FieldArray<'_>]) -> PyResult<Vec<LayerFields>> {
         match self {
             StatsSource::Snapshot(s) if given.is_empty() => Ok(s.get().fields.clone()),
             StatsSource::Snapshot(s) => layer_fields(&s.get().particles, given),

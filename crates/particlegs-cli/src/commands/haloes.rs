@@ -11,9 +11,9 @@ use particlegs_files::output::write_atomic;
 use particlegs_formats::{is_hdf5, write_haloes};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::haloes::{
-    HaloCatalogue, HaloMatch, HaloOptions, HaloSource, MassFunctionBin, find_haloes, mass_function,
+    HaloCatalogue, HaloMatch, HaloOptions, HaloSource, MassFunctionBin, find_haloes, mass_function, stated_cosmology,
 };
-use particlegs_pipeline::model::{Cosmology, Dimension, Epoch, Model, Unit};
+use particlegs_pipeline::model::{Cosmology, Model};
 use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::stats::{Domain, ParticleVelocities};
 use particlegs_pipeline::{Error, Result, codec};
@@ -76,7 +76,7 @@ pub struct Arguments {
     #[arg(long, value_name = "MASS")]
     particle_mass: Option<f64>,
     /// Cosmology, if the file states none, or to override it: h=0.68,Om=0.31,OL=0.69 (flat if OL is not given).
-    #[arg(long, value_name = "NAME=VALUE,...", value_parser = cosmology)]
+    #[arg(long, value_name = "NAME=VALUE,...", value_parser = stated_cosmology)]
     cosmology: Option<Cosmology>,
     /// Redshift, if the file states none, or to override it.
     #[arg(long, value_name = "Z", allow_hyphen_values = true)]
@@ -89,26 +89,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// `h=0.68,Om=0.31,OL=0.69`.
-fn cosmology(text: &str) -> std::result::Result<Cosmology, String> {
-    let mut found = Cosmology::default();
-    for part in text.split(',') {
-        let (name, value) =
-            part.split_once('=').ok_or_else(|| format!("`{part}` is not NAME=VALUE, such as h=0.68"))?;
-        let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
-        let value = value.ok_or_else(|| format!("`{part}` does not have a number from 0 on"))?;
-        match &name.trim().to_lowercase()[..] {
-            "h" if value > 0.0 && value < 10.0 => found.hubble = Some(value),
-            "h0" if value >= 10.0 => found.hubble = Some(value / 100.0),
-            "om" | "om0" | "omega_m" if value > 0.0 => found.omega_matter = Some(value),
-            "ol" | "ode0" | "omega_lambda" => found.omega_lambda = Some(value),
-            _ => return Err(format!("`{part}`: there are h (or H0 in km/s/Mpc), Om and OL")),
-        }
-    }
-    found.omega_lambda = found.omega_lambda.or(found.omega_matter.map(|m| 1.0 - m));
-    Ok(found)
-}
-
 enum HaloInput {
     Particles(Box<Particles>, Option<Box<ParticleVelocities>>),
     Model(Box<Model>),
@@ -116,7 +96,7 @@ enum HaloInput {
 
 impl HaloInput {
     fn open(path: &Path, a: &Arguments, context: &Context<'_>) -> Result<HaloInput> {
-        let mut input = match inputs::model_or_snapshot(path, &a.snapshot, context)? {
+        Ok(match inputs::model_or_snapshot(path, &a.snapshot, context)? {
             PathContent::Model(bytes) => {
                 let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
                 HaloInput::Model(model.into())
@@ -126,33 +106,7 @@ impl HaloInput {
                 let velocities = ParticleVelocities::read(&particles, &fields)?;
                 HaloInput::Particles(particles.into(), velocities.map(Box::new))
             }
-        };
-        input.state(a);
-        Ok(input)
-    }
-
-    /// Takes what the user states over what the file says.
-    fn state(&mut self, a: &Arguments) {
-        let (epoch, cosmology, units): (&mut Epoch, &mut Cosmology, _) = match self {
-            HaloInput::Particles(p, _) => (&mut p.meta.epoch, &mut p.meta.cosmology, &mut p.meta.units),
-            HaloInput::Model(m) => (&mut m.metadata.epoch, &mut m.metadata.cosmology, &mut m.metadata.units),
-        };
-        if let Some(z) = a.redshift {
-            epoch.scale_factor = Some(1.0 / (1.0 + z));
-        }
-        if let Some(stated) = &a.cosmology {
-            cosmology.hubble = stated.hubble.or(cosmology.hubble);
-            cosmology.omega_matter = stated.omega_matter.or(cosmology.omega_matter);
-            cosmology.omega_lambda = stated.omega_lambda.or(cosmology.omega_lambda);
-        }
-        for (stated, unit, dimension) in [
-            (&a.snapshot.mass_unit, &mut units.mass, Dimension::Mass),
-            (&a.snapshot.length_unit, &mut units.length, Dimension::Length),
-        ] {
-            if let Some(text) = stated {
-                *unit = Some(Unit::parse(text, dimension));
-            }
-        }
+        })
     }
 
     fn source(&self) -> HaloSource<'_> {
@@ -185,7 +139,7 @@ struct HaloReport {
     /// With masses: 100 particles and more.
     with_masses: usize,
     largest_mass: Option<f64>,
-    mass_unit: Option<String>,
+    mass_unit: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     agreement: Option<HaloMatch>,
     mass_function: Vec<MassFunctionBin>,
@@ -195,9 +149,6 @@ struct HaloReport {
 }
 
 pub fn run(a: Arguments) -> Result<()> {
-    if a.redshift.is_some_and(|z| !(z > -1.0 && z.is_finite())) {
-        return Err(Error::argument("--redshift must be above -1"));
-    }
     let context = a.common.clone().start()?;
     context.reads([a.input.as_path()].into_iter().chain(a.truth.as_deref()), a.force.force)?;
     context.writes(&a.output, if is_hdf5(&a.output) { &HDF5 } else { &CSV })?;
@@ -217,11 +168,17 @@ pub fn run(a: Arguments) -> Result<()> {
         softening: a.softening,
         sample_fraction: a.sample_fraction,
         particle_mass: a.particle_mass,
+        mass_unit: a.snapshot.mass_unit.clone(),
+        cosmology: a.cosmology.unwrap_or_default(),
+        redshift: a.redshift,
         seed: a.common.seed,
     };
     let input = HaloInput::open(&a.input, &a, &context)?;
     let found = find_haloes(input.source(), &options, &context)?;
     context.notes(&found.notes);
+    if found.column("m200c").is_none() {
+        context.message("note: state what the file does not: --particle-mass, --mass-unit, --cosmology, --redshift");
+    }
     let truth = a.truth.as_ref().map(|path| {
         let truth = HaloInput::open(path, &a, &context)?;
         check_units(&input, &truth, path)?;
@@ -232,19 +189,24 @@ pub fn run(a: Arguments) -> Result<()> {
     let ends = ends([Some(&found), truth.as_ref()]);
     let bins = |c: &HaloCatalogue| ends.map_or(Vec::new(), |ends| mass_function(c, &domain, ends));
     let agreement = truth.as_ref().map(|truth| HaloMatch::new([truth, &found], &domain)).transpose()?.flatten();
-    let masses = || found.mass().map_or(&[][..], |c| &c.values[..]).iter().filter(|m| m.is_finite());
+    let (masses, unit) = found.masses().unwrap_or_default();
+    let masses: Vec<f64> = masses.into_iter().filter(|m| m.is_finite()).collect();
     let report = HaloReport {
         input: a.input.display().to_string(),
         haloes: found.len(),
-        with_masses: masses().count(),
-        largest_mass: masses().copied().reduce(f64::max),
-        mass_unit: found.mass().map(|c| if c.name == "n200m" { "particles".into() } else { c.unit.clone() }),
+        with_masses: masses.len(),
+        largest_mass: masses.iter().copied().reduce(f64::max),
+        mass_unit: unit.to_string(),
         agreement,
         mass_function: bins(&found),
         mass_function_of_truth: truth.as_ref().map_or(Vec::new(), bins),
         notes: found.notes.clone(),
     };
     context.check()?;
+    if found.is_empty() {
+        let what = format!("there are no haloes of {} linked particles and more", a.min_particles);
+        return Err(Error::argument(what));
+    }
     write_haloes(&found, &a.output)?;
     for path in &a.mass_function {
         write_mass_function(path, &report, input.length_unit())?;
@@ -276,15 +238,15 @@ fn check_units(input: &HaloInput, truth: &HaloInput, path: &Path) -> Result<()> 
 fn ends(catalogues: [Option<&HaloCatalogue>; 2]) -> Option<[f64; 2]> {
     let mut ends: Option<[f64; 2]> = None;
     for c in catalogues.into_iter().flatten() {
-        for m in c.mass()?.values.iter().filter(|m| m.is_finite()) {
-            ends = Some(ends.map_or([*m; 2], |[low, high]| [low.min(*m), high.max(*m)]));
+        for m in c.masses()?.0.into_iter().filter(|m| m.is_finite()) {
+            ends = Some(ends.map_or([m; 2], |[low, high]| [low.min(m), high.max(m)]));
         }
     }
     ends
 }
 
 fn write_mass_function(path: &Path, report: &HaloReport, length: Option<&str>) -> Result<()> {
-    let mass = report.mass_unit.as_deref().unwrap_or("");
+    let mass = &report.mass_unit[..];
     let Some(kind) = FileKind::from_path(path) else {
         let truth = |i: usize| report.mass_function_of_truth.get(i);
         return write_atomic(path, |to| {
@@ -353,7 +315,7 @@ fn write_mass_function(path: &Path, report: &HaloReport, length: Option<&str>) -
 }
 
 fn summary(report: &HaloReport, truth: Option<&HaloCatalogue>) -> String {
-    let unit = report.mass_unit.as_deref().unwrap_or("");
+    let unit = &report.mass_unit;
     let mut text = format!("{} haloes, {} of them with masses", report.haloes, report.with_masses);
     if let Some(mass) = report.largest_mass {
         text += &format!("; the heaviest has {mass:.4e} {unit}");

@@ -14,6 +14,7 @@ mod figures;
 mod forged;
 mod formats;
 mod gpu;
+mod haloes;
 mod help;
 mod inputs;
 mod job;

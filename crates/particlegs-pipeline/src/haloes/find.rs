@@ -1,12 +1,12 @@
 //! The whole job: from particles or a model to a catalogue.
 
-use super::members::{LinkOptions, LinkedHaloes};
+use super::members::{LinkOptions, LinkedHaloes, density_peak};
 use super::overdensity::{HaloDensities, Overdensity};
 use super::properties::{PROPERTIES, Property, PropertyKind, SphereProperties};
 use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
 use super::table::{HaloCatalogue, HaloColumn};
 use crate::context::Context;
-use crate::model::{Cosmology, Epoch, Mass, Model};
+use crate::model::{Cosmology, Dimension, Epoch, Mass, Model, Unit, UnitSystem, Units};
 use crate::particles::Particles;
 use crate::recover::Options as RecoverOptions;
 use crate::stats::{Domain, GaussianSpheres, ParticleVelocities, PointGrid, local_positions};
@@ -43,6 +43,12 @@ pub struct HaloOptions {
     pub sample_fraction: f64,
     /// Mass of a particle, in the unit of mass, where the source does not say.
     pub particle_mass: Option<f64>,
+    /// Unit of mass, over what the source says.
+    pub mass_unit: Option<String>,
+    /// Cosmology, over what the source says.
+    pub cosmology: Cosmology,
+    /// Redshift, over what the source says.
+    pub redshift: Option<f64>,
     /// Seed of particles that are drawn from a model.
     pub seed: u64,
 }
@@ -56,6 +62,9 @@ impl Default for HaloOptions {
             softening: None,
             sample_fraction: 1.0,
             particle_mass: None,
+            mass_unit: None,
+            cosmology: Cosmology::default(),
+            redshift: None,
             seed: 42,
         }
     }
@@ -70,11 +79,31 @@ pub enum HaloSource<'a> {
     Model(&'a Model),
 }
 
-impl<'a> HaloSource<'a> {
-    fn moment(&self) -> (&'a Epoch, &'a Cosmology) {
-        match self {
-            HaloSource::Particles(p, _) => (&p.meta.epoch, &p.meta.cosmology),
-            HaloSource::Model(m) => (&m.metadata.epoch, &m.metadata.cosmology),
+/// What is known of a source beside its particles: what a user states, else what it says.
+struct HaloSetting {
+    epoch: Epoch,
+    cosmology: Cosmology,
+    units: Units,
+}
+
+impl HaloSetting {
+    fn new(source: &HaloSource<'_>, o: &HaloOptions) -> Self {
+        let (epoch, cosmology, units) = match source {
+            HaloSource::Particles(p, _) => (&p.meta.epoch, p.meta.cosmology, &p.meta.units),
+            HaloSource::Model(m) => (&m.metadata.epoch, m.metadata.cosmology, &m.metadata.units),
+        };
+        let scale_factor = o.redshift.map(|z| 1.0 / (1.0 + z)).or(epoch.scale_factor);
+        let mass = o.mass_unit.as_ref().map(|text| Unit::parse(text, Dimension::Mass)).or(units.mass.clone());
+        let stated = o.cosmology;
+        HaloSetting {
+            epoch: Epoch { scale_factor, ..epoch.clone() },
+            cosmology: Cosmology {
+                hubble: stated.hubble.or(cosmology.hubble),
+                omega_matter: stated.omega_matter.or(cosmology.omega_matter),
+                omega_lambda: stated.omega_lambda.or(cosmology.omega_lambda),
+                omega_baryon: cosmology.omega_baryon,
+            },
+            units: Units { mass, ..units.clone() },
         }
     }
 }
@@ -112,6 +141,7 @@ fn check(o: &HaloOptions) -> Result<()> {
     within("the linking length in mean spacings", o.linking, [1e-6, 2.0])?;
     within("the smallest number of particles", o.smallest as f64, [2.0, 1e9])?;
     within("the share of particles that were read", o.sample_fraction, [1e-9, 1.0])?;
+    within("the redshift", o.redshift.unwrap_or(0.0), [-0.999, 1e6])?;
     within("the softening length", o.softening.unwrap_or(0.0), [0.0, f64::MAX])?;
     within("the mass of a particle", o.particle_mass.unwrap_or(1.0), [f64::MIN_POSITIVE, f64::MAX])
 }
@@ -119,6 +149,7 @@ fn check(o: &HaloOptions) -> Result<()> {
 /// One run.
 struct HaloSearch<'a> {
     source: HaloSource<'a>,
+    setting: HaloSetting,
     particles: &'a Particles,
     velocities: Option<&'a ParticleVelocities>,
     domain: &'a Domain,
@@ -131,6 +162,17 @@ struct HaloSearch<'a> {
     masses: bool,
 }
 
+/// A halo of a group.
+struct Halo {
+    /// Relative to the domain's corner.
+    center: [f64; 3],
+    /// Linked particles: those of the group, or within R200m where it is not the group's densest.
+    members: usize,
+    /// Is it the densest of its group?
+    is_main: bool,
+    measures: HaloMeasures,
+}
+
 /// What is measured about one centre.
 struct HaloMeasures {
     spheres: [Option<HaloSphere>; SPHERES],
@@ -139,6 +181,13 @@ struct HaloMeasures {
     properties: SphereProperties,
     errors: Option<SphereProperties>,
     contamination: f64,
+}
+
+impl HaloMeasures {
+    /// R200m; 0 where there is none.
+    fn radius(&self) -> f64 {
+        self.spheres[Overdensity::Mean200 as usize].map_or(0.0, |s| s.sphere.radius)
+    }
 }
 
 /// A sphere, and the error of its mass, of a model.
@@ -166,9 +215,11 @@ impl<'a> HaloSearch<'a> {
         let each = o.particle_mass.or(particles.meta.particle_mass).unwrap_or(1.0);
         let unit = each / o.sample_fraction;
         let mean = (domain.periodic == [true; 3]).then(|| unit * particles.total_mass() / domain.volume());
-        let system = particles.meta.unit_system();
-        let densities = HaloDensities::new(&system, source.moment(), mean, masses)?;
-        Ok(HaloSearch { source, particles, velocities, domain, positions, o, densities, unit, masses })
+        let setting = HaloSetting::new(&source, o);
+        let HaloSetting { epoch, cosmology, units } = &setting;
+        let system = UnitSystem::new(units, epoch, cosmology);
+        let densities = HaloDensities::new(&system, (epoch, cosmology), mean, masses)?;
+        Ok(HaloSearch { source, setting, particles, velocities, domain, positions, o, densities, unit, masses })
     }
 
     fn mass_of(&self, i: u32) -> f64 {
@@ -179,7 +230,7 @@ impl<'a> HaloSearch<'a> {
         let link = LinkOptions { linking: self.o.linking, smallest: self.o.smallest, linked: &self.o.linked };
         let mass = |i: u32| self.mass_of(i);
         let found = LinkedHaloes::find(self.particles, self.positions, self.domain, &link, &mass, context)?;
-        context.begin("haloes", found.centers.len() as u64);
+        context.begin("haloes", found.members.len() as u64);
         let reach = self.first_reach(found.masses.first().copied().unwrap_or(0.0));
         let points = PointGrid::new(self.positions, self.domain, 0.0)?;
         let model = match self.source {
@@ -187,21 +238,25 @@ impl<'a> HaloSearch<'a> {
             HaloSource::Model(m) => Some(GaussianSpheres::new(m, self.domain, reach)?),
         };
         let softening = self.o.softening.unwrap_or(SOFTENING * found.number_density.powf(-1.0 / 3.0));
-        let measures = parallel::try_map_range(found.centers.len(), |i| {
+        let about = AboutCenter {
+            search: self,
+            points: &points,
+            fine: found.fine.as_deref(),
+            model: model.as_ref(),
+            number_density: found.number_density,
+            inner: SOFTENINGS * softening,
+        };
+        let haloes = parallel::try_map_range(found.members.len(), |group| {
             context.check()?;
-            let about = AboutCenter {
-                search: self,
-                points: &points,
-                fine: found.fine.as_deref(),
-                inner: SOFTENINGS * softening,
-            };
-            let measured = about.measure(found.centers[i], found.masses[i], model.as_ref(), context)?;
+            let haloes = about.haloes_of(&found.members[group], found.masses[group], context)?;
             context.advance(1);
-            Ok::<_, Error>(measured)
+            Ok::<_, Error>(haloes.into_iter().map(move |halo| (group, halo)))
         })?;
         context.end();
-        let parents = self.parents(&found.centers, &measures)?;
-        Ok(self.table(&found, &measures, &parents, softening))
+        let mut haloes: Vec<(usize, Halo)> = haloes.into_iter().flatten().collect();
+        haloes.sort_by_key(|(group, h)| (std::cmp::Reverse((h.measures.count, h.members)), *group));
+        let parents = self.parents(&haloes)?;
+        Ok(self.table(&found, &haloes, &parents, softening))
     }
 
     /// How far particles are looked for about a group of a mass, at first.
@@ -216,13 +271,15 @@ impl<'a> HaloSearch<'a> {
     }
 
     /// The heaviest halo in whose R200m each centre lies that is heavier; its number.
-    fn parents(&self, centers: &[[f64; 3]], measures: &[HaloMeasures]) -> Result<Vec<Option<usize>>> {
-        let sphere =
-            |i: usize| measures[i].spheres[Overdensity::Mean200 as usize].filter(|s| s.sphere.count >= LEAST_MASS);
+    fn parents(&self, haloes: &[(usize, Halo)]) -> Result<Vec<Option<usize>>> {
+        let centers: Vec<[f64; 3]> = haloes.iter().map(|h| h.1.center).collect();
+        let sphere = |i: usize| {
+            haloes[i].1.measures.spheres[Overdensity::Mean200 as usize].filter(|s| s.sphere.count >= LEAST_MASS)
+        };
         let mass = |i: usize| sphere(i).map_or(0.0, |s| s.sphere.mass);
         let mut order: Vec<usize> = (0..centers.len()).filter(|i| sphere(*i).is_some()).collect();
         order.sort_by(|a, b| mass(*b).total_cmp(&mass(*a)).then(a.cmp(b)));
-        let points = PointGrid::new(centers, self.domain, 0.0)?;
+        let points = PointGrid::new(&centers, self.domain, 0.0)?;
         let mut parents = vec![None; centers.len()];
         for i in order {
             let radius = sphere(i).map_or(0.0, |s| s.sphere.radius);
@@ -245,15 +302,19 @@ impl HaloSearch<'_> {
     fn table(
         &self,
         found: &LinkedHaloes,
-        measures: &[HaloMeasures],
+        haloes: &[(usize, Halo)],
         parents: &[Option<usize>],
         softening: f64,
     ) -> HaloCatalogue {
-        let (meta, units) = (&self.particles.meta, &self.densities.units);
+        let measures: Vec<&HaloMeasures> = haloes.iter().map(|h| &h.1.measures).collect();
+        let mut main = vec![0; found.members.len()];
+        haloes.iter().enumerate().filter(|(_, h)| h.1.is_main).for_each(|(i, h)| main[h.0] = i);
+        let of_group = |i: usize, value: f64| if haloes[i].1.is_main { value } else { f64::NAN };
+        let (setting, units) = (&self.setting, &self.densities.units);
         let world = |c: &[f64; 3]| -> [f64; 3] { each_axis(|k| self.domain.min[k] + c[k]) };
-        let centers: Vec<[f64; 3]> = found.centers.iter().map(world).collect();
-        let length = meta.units.length_text().unwrap_or("").to_string();
-        let (mass_unit, mass_factor) = match (units.mass, &meta.units.mass) {
+        let centers: Vec<[f64; 3]> = haloes.iter().map(|h| world(&h.1.center)).collect();
+        let length = setting.units.length_text().unwrap_or("").to_string();
+        let (mass_unit, mass_factor) = match (units.mass, &setting.units.mass) {
             (Some(factor), _) => ("Msun/h".to_string(), factor),
             (None, Some(unit)) => (unit.text.clone(), 1.0),
             (None, None) => (String::new(), 1.0),
@@ -269,16 +330,29 @@ impl HaloSearch<'_> {
         add("parent_id", "", "the heaviest halo in whose R200m the centre lies; -1 = none", &|i| {
             parents[i].map_or(-1.0, |p| (p + 1) as f64)
         });
-        add("num_p", "", "linked particles", &|i| found.members[i].len() as f64);
+        add(
+            "fof_id",
+            "",
+            "the densest halo of its group of linked particles: itself, or one that it is linked to",
+            &|i| (main[haloes[i].0] + 1) as f64,
+        );
+        add(
+            "num_p",
+            "",
+            "linked particles: of the whole group, or within R200m of a halo that is not its densest",
+            &|i| haloes[i].1.members as f64,
+        );
         if let Some(attached) = &found.attached {
-            add("num_attached", "", "particles of other types, each nearest to a linked one", &|i| attached[i] as f64);
+            add("num_attached", "", "particles of other types, each nearest to a linked one", &|i| {
+                of_group(i, attached[haloes[i].0] as f64)
+            });
         }
         for (k, axis) in ["x", "y", "z"].iter().enumerate() {
             add(axis, &length, "density peak", &|i| centers[i][k]);
         }
         if self.masses {
-            add("mfof", &mass_unit, "mass of the particles that are linked and attached", &|i| {
-                found.masses[i] * mass_factor
+            add("mfof", &mass_unit, "mass of the group: particles that are linked and attached", &|i| {
+                of_group(i, found.masses[haloes[i].0] * mass_factor)
             });
         }
         add("n200m", "", "particles within R200m", &|i| {
@@ -337,7 +411,7 @@ impl HaloSearch<'_> {
             });
         }
         for column in &mut columns {
-            column.whole = ["id", "parent_id", "num_p", "num_attached", "n200m"].contains(&&column.name[..]);
+            column.whole = ["id", "parent_id", "fof_id", "num_p", "num_attached", "n200m"].contains(&&column.name[..]);
         }
         let (notes, remarks) = (self.notes(found), self.remarks(found, softening, &length));
         HaloCatalogue { columns, remarks, notes, centers }
@@ -357,7 +431,7 @@ impl HaloSearch<'_> {
     /// What a reader of the file must know.
     fn remarks(&self, found: &LinkedHaloes, softening: f64, length: &str) -> Vec<String> {
         let (meta, o) = (&self.particles.meta, self.o);
-        let (epoch, cosmology) = self.source.moment();
+        let HaloSetting { epoch, cosmology, .. } = &self.setting;
         let stated = |name: &str, value: Option<f64>| value.map(|v| format!("{name} = {v}"));
         let numbers = [
             stated("a", epoch.scale_factor),
@@ -397,7 +471,7 @@ fn scale_of<'a>(
             let factor = circular?;
             Some(("km/s", Box::new(move |v: f64| (factor * v).sqrt())))
         }
-        PropertyKind::Length => Some((length, Box::new(|v| v))),
+        PropertyKind::Length => circular.map(|_| (length, Box::new(|v| v) as Box<dyn Fn(f64) -> f64>)),
         PropertyKind::Number => Some(("", Box::new(|v| v))),
     }
 }
@@ -407,25 +481,50 @@ struct AboutCenter<'a> {
     search: &'a HaloSearch<'a>,
     points: &'a PointGrid,
     fine: Option<&'a [bool]>,
+    model: Option<&'a GaussianSpheres>,
+    /// Mean number density of linked particles.
+    number_density: f64,
     /// Circular velocities and profiles begin here.
     inner: f64,
 }
 
 impl AboutCenter<'_> {
-    fn measure(
-        &self,
-        center: [f64; 3],
-        mass: f64,
-        model: Option<&GaussianSpheres>,
-        context: &Context<'_>,
-    ) -> Result<HaloMeasures> {
+    /// The haloes of a group: its density peak, and those of what lies outside R200m of the ones before, as long as they have
+    /// the particles of a mass. Bridges of few particles link haloes that are apart.
+    fn haloes_of(&self, members: &[u32], mass: f64, context: &Context<'_>) -> Result<Vec<Halo>> {
+        let (positions, domain) = (self.search.positions, self.search.domain);
+        let mut haloes: Vec<Halo> = Vec::new();
+        let mut left = members.to_vec();
+        while haloes.is_empty() || left.len() >= LEAST_MASS {
+            let center = density_peak(positions, &left, domain, self.number_density);
+            let is_main = haloes.is_empty();
+            let measures = self.measure(center, mass, context)?;
+            let away = |x: [f64; 3], from: [f64; 3]| domain.shortest_way(each_axis(|k| x[k] - from[k]));
+            let square = |d: [f64; 3]| d.iter().map(|v| v * v).sum::<f64>();
+            let covers = |h: &Halo| square(away(center, h.center)) <= h.measures.radius().powi(2);
+            if !is_main && (measures.count < LEAST_MASS || haloes.iter().any(covers)) {
+                break;
+            }
+            let radius = measures.radius();
+            let before = left.len();
+            left.retain(|i| square(away(positions[*i as usize], center)) > radius * radius);
+            let own = if is_main { members.len() } else { before - left.len() };
+            haloes.push(Halo { center, members: own, is_main, measures });
+            if before == left.len() {
+                break;
+            }
+        }
+        Ok(haloes)
+    }
+
+    fn measure(&self, center: [f64; 3], mass: f64, context: &Context<'_>) -> Result<HaloMeasures> {
         let search = self.search;
         let particles = self.gathered(center, mass);
         let per_cube: [Option<f64>; SPHERES] =
             std::array::from_fn(|i| search.densities.mass_per_cube(Overdensity::ALL[i]));
         let counted = per_cube.map(|per_cube| particles.sphere(per_cube?));
         let mut spheres = counted.map(|found| Some(HaloSphere { sphere: found?, error: f64::NAN }));
-        if let Some(model) = model {
+        if let Some(model) = self.model {
             for (sphere, per_cube) in spheres.iter_mut().zip(per_cube) {
                 let enough = sphere.filter(|s| s.sphere.count >= LEAST_MASS);
                 let (Some(counted), Some(per_cube)) = (enough, per_cube) else { continue };
@@ -449,7 +548,7 @@ impl AboutCenter<'_> {
         let properties = |particles: &RadialParticles| {
             SphereProperties::new(particles, search.velocities, [self.inner, outer], critical, count)
         };
-        let errors = model.filter(|_| count >= LEAST_MASS).map(|_| {
+        let errors = self.model.filter(|_| count >= LEAST_MASS).map(|_| {
             let part = |left_out: usize| {
                 let others = inside.iter().filter(|p| p.index as usize % JACKKNIFE != left_out).copied();
                 properties(&RadialParticles::new(others.collect()))

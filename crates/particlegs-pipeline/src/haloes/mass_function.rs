@@ -22,9 +22,9 @@ pub struct MassFunctionBin {
 }
 
 /// The mass function of a catalogue in a box from `least` on: bins of a fifth of a decade that begin there, up to the
-/// heaviest halo. Masses are those of [`HaloCatalogue::mass`]; volumes are in the box's own unit.
+/// heaviest halo. Masses are those of [`HaloCatalogue::masses`]; volumes are in the box's own unit.
 pub fn mass_function(catalogue: &HaloCatalogue, domain: &Domain, [least, most]: [f64; 2]) -> Vec<MassFunctionBin> {
-    let Some(masses) = catalogue.mass().map(|c| &c.values) else { return Vec::new() };
+    let Some((masses, _)) = catalogue.masses() else { return Vec::new() };
     if !(least > 0.0 && most >= least && most.is_finite()) {
         return Vec::new();
     }
@@ -32,12 +32,12 @@ pub fn mass_function(catalogue: &HaloCatalogue, domain: &Domain, [least, most]: 
     let bins = bin(most) as usize + 1;
     let parts = PARTS.pow(3);
     let mut counts = vec![vec![0u64; parts]; bins];
-    for (center, m) in catalogue.centers.iter().zip(masses).filter(|(_, m)| **m >= least && **m <= most) {
+    for (center, m) in catalogue.centers.iter().zip(masses).filter(|(_, m)| *m >= least && *m <= most) {
         let local = domain.local(*center);
         let along =
             |k: usize| (domain.along(&local, k) / domain.length[k] * PARTS as f64).clamp(0.0, PARTS as f64 - 1.0);
         let part = (0..3).fold(0, |part, k| part * PARTS + along(k) as usize);
-        if let Some(counts) = counts.get_mut(bin(*m) as usize) {
+        if let Some(counts) = counts.get_mut(bin(m) as usize) {
             counts[part] += 1;
         }
     }
@@ -67,8 +67,9 @@ mod tests {
         let mut r = Random::new(3, 0, 0);
         let masses: Vec<f64> = (0..8000).map(|_| 100.0 / r.uniform().max(1e-3)).collect();
         let centers = (0..8000).map(|_| [10.0 * r.uniform(), 10.0 * r.uniform(), 10.0 * r.uniform()]).collect();
-        let column = HaloColumn { name: "m200m".into(), values: masses, ..HaloColumn::default() };
-        let catalogue = HaloCatalogue { columns: vec![column], centers, ..HaloCatalogue::default() };
+        let column = |name: &str| HaloColumn { name: name.into(), values: masses.clone(), ..HaloColumn::default() };
+        let columns = vec![column("m200m"), column("r200m")];
+        let catalogue = HaloCatalogue { columns, centers, ..HaloCatalogue::default() };
         let bins = mass_function(&catalogue, &domain, [100.0, 1e5]);
         assert_eq!(bins.iter().map(|b| b.haloes).sum::<u64>(), 8000);
         assert!((bins[0].masses[1] / 100.0 - 10f64.powf(0.2)).abs() < 1e-12 && bins.len() == 16);

@@ -38,7 +38,7 @@ struct ComparedHaloes {
 impl ComparedHaloes {
     fn new(catalogue: &HaloCatalogue, domain: &Domain) -> Option<Self> {
         let column = |name: &str| catalogue.column(name).map(<[f64]>::to_vec);
-        let mass = catalogue.mass()?.values.clone();
+        let (mass, _) = catalogue.masses()?;
         let centers = catalogue.centers.iter().map(|c| domain.local(*c)).collect();
         Some(ComparedHaloes { centers, mass, radius: column("r200m")?, count: column("n200m")? })
     }

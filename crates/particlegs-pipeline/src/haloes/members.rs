@@ -1,4 +1,4 @@
-//! Groups of linked particles, their centres, and what is attached to them.
+//! Groups of linked particles, what is attached to them, and where they are densest.
 
 use crate::Result;
 use crate::context::Context;
@@ -24,8 +24,6 @@ pub struct LinkedHaloes {
     pub linking_length: f64,
     /// Linked particles of each, by their number among all.
     pub members: Vec<Vec<u32>>,
-    /// Density peak of each, relative to the domain's corner.
-    pub centers: Vec<[f64; 3]>,
     /// Mean number density of linked particles, in the region where they lie.
     pub number_density: f64,
     /// Mass of each: linked particles and those attached to them.
@@ -82,15 +80,10 @@ impl LinkedHaloes {
             }
         };
         let number_density = linked.spacing.powi(-3);
-        let centers = parallel::try_map(&groups, |members| {
-            context.check()?;
-            Ok::<_, Error>(density_peak(positions, members, domain, number_density))
-        })?;
         let mut found = LinkedHaloes {
             linking_length: length,
             masses: parallel::map(&groups, |members| members.iter().map(|i| mass(*i)).sum()),
             members: groups,
-            centers,
             number_density,
             attached: None,
             fine,
@@ -170,8 +163,8 @@ fn ranges(p: &Particles, layers: &[String]) -> Vec<Range<usize>> {
     p.layers().iter().filter(|l| layers.contains(&l.name)).map(|l| l.content.clone()).collect()
 }
 
-/// Where a group is densest: the cells with the most members, and from there spheres that shrink.
-fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, number_density: f64) -> [f64; 3] {
+/// Where members of a group are densest, relative to the domain's corner: the cells with the most members, and from there spheres that shrink.
+pub fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, number_density: f64) -> [f64; 3] {
     let Some((first, all)) = group_offsets(positions, members, domain) else { return [0.0; 3] };
     let side = CELL * (members.len() as f64 / (800.0 / 3.0 * PI * number_density)).cbrt();
     let cell = |x: &[f64; 3]| -> [i32; 3] { each_axis(|k| (x[k] / side).floor() as i32) };

@@ -18,5 +18,5 @@ mod table;
 pub use find::{HaloOptions, HaloSource, find_haloes};
 pub use mass_function::{MassFunctionBin, mass_function};
 pub use matching::HaloMatch;
-pub use overdensity::Overdensity;
+pub use overdensity::stated_cosmology;
 pub use table::{HaloCatalogue, HaloColumn};

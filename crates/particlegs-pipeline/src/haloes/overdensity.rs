@@ -116,6 +116,29 @@ impl HaloDensities {
     }
 }
 
+/// What a user states: `h=0.68,Om=0.31,OL=0.69`; flat without OL.
+///
+/// # Errors
+/// In words, what is wrong.
+pub fn stated_cosmology(text: &str) -> std::result::Result<Cosmology, String> {
+    let mut found = Cosmology::default();
+    for part in text.split(',') {
+        let (name, value) =
+            part.split_once('=').ok_or_else(|| format!("`{part}` is not NAME=VALUE, such as h=0.68"))?;
+        let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+        let value = value.ok_or_else(|| format!("`{part}` does not have a number from 0 on"))?;
+        match &name.trim().to_lowercase()[..] {
+            "h" if value > 0.0 && value < 10.0 => found.hubble = Some(value),
+            "h0" if value >= 10.0 => found.hubble = Some(value / 100.0),
+            "om" | "om0" | "omega_m" if value > 0.0 => found.omega_matter = Some(value),
+            "ol" | "ode0" | "omega_lambda" => found.omega_lambda = Some(value),
+            _ => return Err(format!("`{part}`: there are h (or H0 in km/s/Mpc), Om and OL")),
+        }
+    }
+    found.omega_lambda = found.omega_lambda.or(found.omega_matter.map(|m| 1.0 - m));
+    Ok(found)
+}
+
 /// What it takes to know the critical density that is not stated.
 fn missing_of(
     system: &UnitSystem<'_>,
@@ -196,6 +219,16 @@ mod tests {
         );
         assert!((kpc.units.velocity_square().unwrap() / (GRAVITY * 1e10 / (1e-3 * 0.5)) - 1.0).abs() < 1e-6);
         assert!(early.notes[0].contains("some matter was not read"));
+    }
+
+    #[test]
+    fn cosmologies_are_read() {
+        let found = stated_cosmology("H0=70, Om0=0.3").unwrap();
+        assert_eq!((found.hubble, found.omega_matter, found.omega_lambda), (Some(0.7), Some(0.3), Some(0.7)));
+        assert_eq!(stated_cosmology("h=0.68,Om=0.3,OL=0").unwrap().omega_lambda, Some(0.0));
+        for wrong in ["", "h", "h=x", "h=70", "H0=0.7", "Om=-1", "w=-1"] {
+            assert!(stated_cosmology(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

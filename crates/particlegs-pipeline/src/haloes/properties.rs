@@ -19,6 +19,7 @@ pub enum PropertyKind {
     Velocity,
     /// km/s, of masses and radii: needs their units.
     Circular,
+    /// The unit of length, where circular velocities are known.
     Length,
     Number,
 }

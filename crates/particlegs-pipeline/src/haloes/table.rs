@@ -44,8 +44,15 @@ impl HaloCatalogue {
         self.columns.iter().find(|c| c.name == name).map(|c| &c.values[..])
     }
 
-    /// The mass that haloes are compared by: `m200m`, or the number of particles inside where masses are not known.
-    pub fn mass(&self) -> Option<&HaloColumn> {
-        ["m200m", "n200m"].iter().find_map(|name| self.columns.iter().find(|c| c.name == *name))
+    /// What haloes are compared by, and its unit: M200m, or particles within R200m where masses are not known. NaN of haloes
+    /// with too few particles.
+    pub fn masses(&self) -> Option<(Vec<f64>, &str)> {
+        let (column, unit) = match self.columns.iter().find(|c| c.name == "m200m") {
+            Some(column) => (column, &column.unit[..]),
+            None => (self.columns.iter().find(|c| c.name == "n200m")?, "particles"),
+        };
+        let radii = self.column("r200m")?;
+        let value = |(m, r): (&f64, &f64)| if r.is_nan() { f64::NAN } else { *m };
+        Some((column.values.iter().zip(radii).map(value).collect(), unit))
     }
 }

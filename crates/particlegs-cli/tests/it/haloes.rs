@@ -1,0 +1,102 @@
+//! `haloes`: catalogues of particles and of models.
+
+use crate::common::TestFolder;
+use std::collections::BTreeMap;
+
+const STATED: &str = "--particle-mass 5.128166339993477e9 --mass-unit Msun/h";
+
+/// Columns by name; NaN where a row has nothing.
+fn table(text: &str) -> BTreeMap<String, Vec<f64>> {
+    let mut rows = text.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = rows.next().unwrap().split(',').collect();
+    let mut columns: BTreeMap<String, Vec<f64>> = names.iter().map(|n| (n.to_string(), Vec::new())).collect();
+    for row in rows {
+        for (name, value) in names.iter().zip(row.split(',')) {
+            columns.get_mut(*name).unwrap().push(value.parse().unwrap_or(f64::NAN));
+        }
+    }
+    columns
+}
+
+#[test]
+fn haloes_of_a_model_are_those_of_its_particles() {
+    let dir = TestFolder::new();
+    dir.runs("compress SAMPLE -o m.pgs --ratio 300 --effort fast --certificate none");
+    let [said, _] = dir.runs(&format!(
+        "haloes m.pgs -o m.csv --truth SAMPLE {STATED} --mass-function masses.csv,masses.png --json m.json"
+    ));
+    assert!(said.contains("completeness") && said.contains("median"), "{said}");
+    let report = dir.json("m.json");
+    let agreement = &report["agreement"];
+    assert!(agreement["completeness"].as_f64().unwrap() > 0.85, "{agreement}");
+    assert!(agreement["purity"].as_f64().unwrap() > 0.85, "{agreement}");
+    assert!((agreement["mass_median"].as_f64().unwrap() - 1.0).abs() < 0.05, "{agreement}");
+    let of_model = table(&dir.text("m.csv"));
+    let (mass, error) = (&of_model["m200m"], &of_model["m200m_err"]);
+    assert!(mass.iter().zip(error).all(|(m, e)| m.is_nan() == e.is_nan() && !(*e < 0.0 || *e > 0.5 * m)));
+    let masses = table(&dir.text("masses.csv"));
+    let truth: f64 = masses["haloes_truth"].iter().sum();
+    assert!(truth > 50.0 && masses["density"].iter().all(|d| d.is_finite()), "{truth}");
+    assert!(std::fs::read(dir.at("masses.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn catalogues_hold_masses_where_spheres_have_enough_particles_and_open_as_centres() {
+    let dir = TestFolder::new();
+    dir.runs(&format!("haloes SAMPLE -o h.csv {STATED}"));
+    let found = table(&dir.text("h.csv"));
+    let (number, linked) = (&found["n200m"], &found["num_p"]);
+    assert!(number.windows(2).all(|n| n[0] >= n[1]) && linked.iter().all(|n| *n >= 20.0));
+    for (name, least) in [("m200m", 100.0), ("vmax", 300.0), ("c_to_a", 300.0), ("c200c", 1000.0)] {
+        let column = &found[name];
+        assert!(column.iter().zip(number).all(|(v, n)| *n >= least || v.is_nan()), "{name}");
+        assert!(column.iter().filter(|v| v.is_finite()).count() > 5, "{name}");
+    }
+    assert!(!found.contains_key("vx") && !found.contains_key("contamination") && !found.contains_key("m200m_err"));
+    for i in 0..number.len() {
+        let of = |name: &str| found[name][i];
+        if of("m200m").is_nan() {
+            continue;
+        }
+        // Masses are those of the particles inside; 200m is wider than 200c, and that than 500c.
+        assert!((of("m200m") / (5.128166339993477e9 * of("n200m")) - 1.0).abs() < 1e-6);
+        assert!((of("m200m_msun") / of("m200m") * 0.68 - 1.0).abs() < 1e-6);
+        assert!((of("r200m_kpc") / of("r200m") * 0.68 / 1000.0 - 1.0).abs() < 1e-6);
+        assert!(!(of("r200c") > of("r200m") || of("r500c") > of("r200c")));
+        let parent = of("parent_id");
+        assert!(parent == -1.0 || found["m200m"][parent as usize - 1] > of("m200m"));
+    }
+    // Its centres are read again, with their radii.
+    let head: String =
+        dir.text("h.csv").lines().filter(|l| !l.is_empty()).take(120).map(|l| format!("{l}\n")).collect();
+    std::fs::write(dir.at("few.csv"), head).unwrap();
+    let [said, _] = dir.runs("stats SAMPLE SAMPLE -o stats --only haloes --centres few.csv --no-plots");
+    assert!(said.contains("haloes"), "{said}");
+    // The same numbers as HDF5, whatever the threads.
+    dir.runs(&format!("haloes SAMPLE -o h.hdf5 {STATED} --threads 1"));
+    let bytes = std::fs::read(dir.at("h.hdf5")).unwrap();
+    let column: Vec<u8> = number.iter().flat_map(|n| (*n as i64).to_le_bytes()).collect();
+    assert!(bytes.windows(column.len()).any(|w| w == column));
+}
+
+#[test]
+fn what_is_missing_or_wrong_is_said_in_a_line() {
+    let dir = TestFolder::new();
+    let [_, said] = dir.runs("haloes SAMPLE -o h.csv");
+    assert!(said.contains("the file does not state masses") && said.contains("--particle-mass"), "{said}");
+    assert!(!dir.text("h.csv").lines().next().unwrap().contains("m200"), "{said}");
+    for (options, code, what) in [
+        ("--cosmology h=0.7,Om", 2, "NAME=VALUE"),
+        ("--cosmology w=1", 2, "there are h"),
+        ("--linking 9", 2, "the linking length"),
+        ("--link stars", 2, "no particle type `stars`"),
+        ("--sample-fraction 0", 2, "the share of particles"),
+        ("--redshift -2", 2, "the redshift must be"),
+        ("--min-particles 100000", 2, "no haloes"),
+    ] {
+        dir.fails(&format!("haloes SAMPLE -o other.csv {options}"), code, what);
+        assert!(!dir.at("other.csv").exists());
+    }
+    dir.write("haloes.hdf5", b"\x89HDF\r\n\x1a\n another file");
+    dir.fails("haloes SAMPLE -o haloes.hdf5", 6, "haloes.hdf5");
+}
