@@ -60,17 +60,17 @@ pub struct Arguments {
     #[arg(long, value_name = "B", default_value_t = 0.2)]
     linking: f64,
     /// Particle types to link [default: dark matter if there is any, else all].
-    #[arg(long, value_name = "TYPE,...", value_delimiter = ',')]
+    #[arg(long, value_name = "TYPE,...", value_delimiter = ',', hide_short_help = true)]
     link: Vec<String>,
     /// Linked particles of the smallest halo.
-    #[arg(long, value_name = "N", default_value_t = 20)]
+    #[arg(long, value_name = "N", default_value_t = 20, hide_short_help = true)]
     min_particles: usize,
     /// Softening length, in the input's unit; vmax and concentration begin at three of these [default: a 25th of the mean
     /// spacing].
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", hide_short_help = true)]
     softening: Option<f64>,
     /// Fraction of the simulation's particles that the snapshot contains, such as 0.1; masses are divided by it.
-    #[arg(long, value_name = "F", default_value_t = 1.0)]
+    #[arg(long, value_name = "F", default_value_t = 1.0, hide_short_help = true)]
     sample_fraction: f64,
     /// Mass of a particle, in the unit of mass, if the file states none.
     #[arg(long, value_name = "MASS")]

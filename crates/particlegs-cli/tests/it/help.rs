@@ -23,7 +23,7 @@ fn commands() -> Vec<String> {
 #[test]
 fn a_program_without_the_laboratory_says_how_to_get_it() {
     for arguments in [&["bench", "all", "samples/nbody64"][..], &["bench", "--help"], &["bench"]] {
-        crate::common::fails(particlegs().args(arguments), 2, "--features lab");
+        crate::common::fails(particlegs().args(arguments), 2, "built without `bench`");
     }
 }
 

@@ -91,7 +91,9 @@ impl GaussianInSphere {
 /// Spheres in which a Gaussian is its density at their centre and the curvature there.
 struct LocalDensity {
     radius: f64,
-    density: f64,
+    /// The density's peak, and the logarithm of what it is at the centre over that.
+    peak: f64,
+    exponent: f64,
     /// The Laplacian over the density.
     curvature: f64,
 }
@@ -110,15 +112,11 @@ impl LocalDensity {
                 v * v
             });
         let peak = deviation.iter().map(|s| 1.0 / (TAU.sqrt() * s)).product::<f64>();
-        LocalDensity {
-            radius: SMALL / (slopes.sqrt() + widths.sqrt()),
-            density: peak * libm::exp(exponent),
-            curvature: slopes - widths,
-        }
+        LocalDensity { radius: SMALL / (slopes.sqrt() + widths.sqrt()), peak, exponent, curvature: slopes - widths }
     }
 
     fn share(&self, r: f64) -> f64 {
-        4.0 / 3.0 * PI * r * r * r * self.density * (1.0 + r * r / 10.0 * self.curvature)
+        4.0 / 3.0 * PI * r * r * r * (self.peak * libm::exp(self.exponent)) * (1.0 + r * r / 10.0 * self.curvature)
     }
 }
 

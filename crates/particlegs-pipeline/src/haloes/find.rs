@@ -25,6 +25,14 @@ const SOFTENING: f64 = 0.04;
 /// The sphere that particles are gathered in at first, in radii that the group's mass suggests, and its growth.
 const FIRST_REACH: f64 = 1.3;
 const GROWTH: f64 = 1.5;
+/// Steps of the logarithm of the radius in which masses are integrated, and the most of them.
+const CURVE_STEP: f64 = 0.3;
+const MOST_STEPS: f64 = 32.0;
+/// How far beyond the spheres of drawn particles, as a factor, at first; and how often that is raised.
+const CURVE_REACH: f64 = 1.2;
+const CURVES: usize = 4;
+/// Particles that errors are measured of, about: of more, each of some, scaled as errors are with numbers.
+const ERROR_SAMPLE: usize = 1024;
 /// Numbers of densities.
 const SPHERES: usize = Overdensity::ALL.len();
 
@@ -523,18 +531,18 @@ impl AboutCenter<'_> {
         let per_cube: [Option<f64>; SPHERES] =
             std::array::from_fn(|i| search.densities.mass_per_cube(Overdensity::ALL[i]));
         let counted = per_cube.map(|per_cube| particles.sphere(per_cube?));
+        // Fewer particles than a mass takes have no listed sphere, but one in which they are counted.
         let mut spheres = counted.map(|found| Some(HaloSphere { sphere: found?, error: f64::NAN }));
         if let Some(model) = self.model {
-            for (sphere, per_cube) in spheres.iter_mut().zip(per_cube) {
-                let enough = sphere.filter(|s| s.sphere.count >= LEAST_MASS);
-                let (Some(counted), Some(per_cube)) = (enough, per_cube) else { continue };
-                // Gaussians have the source's masses.
-                let scale = search.o.particle_mass.unwrap_or(1.0) / search.o.sample_fraction;
-                let found = integrated(model, center, counted.sphere, per_cube / scale, context)?;
-                *sphere = found.map(|s| HaloSphere {
+            // Gaussians have the source's masses.
+            let scale = search.o.particle_mass.unwrap_or(1.0) / search.o.sample_fraction;
+            let found = integrated(model, center, counted, per_cube.map(|c| Some(c? / scale)), context)?;
+            for (sphere, found) in spheres.iter_mut().zip(found) {
+                let scaled = found.map(|s| HaloSphere {
                     sphere: DensitySphere { mass: scale * s.sphere.mass, ..s.sphere },
                     error: scale * s.error,
                 });
+                *sphere = scaled.or(*sphere);
             }
         }
         let of = |kind: Overdensity| spheres[kind as usize].map(|s| s.sphere);
@@ -549,11 +557,14 @@ impl AboutCenter<'_> {
             SphereProperties::new(particles, search.velocities, [self.inner, outer], critical, count)
         };
         let errors = self.model.filter(|_| count >= LEAST_MASS).map(|_| {
+            let every = count.div_ceil(ERROR_SAMPLE).max(1);
+            let sample = |p: &&SphereParticle| p.index as usize / JACKKNIFE % every == 0;
             let part = |left_out: usize| {
-                let others = inside.iter().filter(|p| p.index as usize % JACKKNIFE != left_out).copied();
+                let others = inside.iter().filter(sample).filter(|p| p.index as usize % JACKKNIFE != left_out).copied();
                 properties(&RadialParticles::new(others.collect()))
             };
-            SphereProperties::jackknife(&std::array::from_fn::<_, JACKKNIFE, _>(part))
+            let parts = std::array::from_fn::<_, JACKKNIFE, _>(part);
+            SphereProperties::jackknife(&parts, (every as f64).sqrt().recip())
         });
         Ok(HaloMeasures { spheres, count, properties: properties(&particles), errors, contamination })
     }
@@ -587,39 +598,77 @@ impl AboutCenter<'_> {
     }
 }
 
-/// The sphere of a mean density by integration over Gaussians, near one of drawn particles.
+/// Logarithms of masses inside spheres, and of radii: what is between is a parabola through the three nearest.
+struct MassCurve {
+    /// Logarithm of the first radius, and the distance of each from the last.
+    first: f64,
+    step: f64,
+    /// Logarithms of the masses, and their variances.
+    masses: Vec<(f64, f64)>,
+}
+
+impl MassCurve {
+    /// By integration over Gaussians, from one radius to another.
+    fn new(model: &GaussianSpheres, center: [f64; 3], ends: [f64; 2], context: &Context<'_>) -> Result<MassCurve> {
+        let [first, last] = ends.map(f64::ln);
+        let number = ((last - first) / CURVE_STEP).ceil().clamp(2.0, MOST_STEPS);
+        let step = (last - first) / number;
+        let radii: Vec<f64> = (0..=number as usize).map(|i| (first + step * i as f64).exp()).collect();
+        let inside = model.enclosed(center, &radii, context)?;
+        let masses = inside.into_iter().map(|[m, variance]| (m.max(f64::MIN_POSITIVE).ln(), variance)).collect();
+        Ok(MassCurve { first, step, masses })
+    }
+
+    /// Where the mass first falls to `per_cube` times the cube of the radius, and its error.
+    fn sphere(&self, per_cube: f64, count: usize) -> Option<HaloSphere> {
+        let excess = |i: usize| self.masses[i].0 - 3.0 * (self.first + self.step * i as f64) - per_cube.ln();
+        let above = (1..self.masses.len()).find(|i| excess(*i) < 0.0)?;
+        if excess(above - 1) < 0.0 {
+            return None;
+        }
+        // The parabola about the middle of the three nodes, in steps.
+        let middle = above.min(self.masses.len() - 2);
+        let [low, at, high] = [middle - 1, middle, middle + 1].map(excess);
+        let (slope, curve) = (0.5 * (high - low), high - 2.0 * at + low);
+        let (mut from, mut to) = ((above - 1) as f64 - middle as f64, above as f64 - middle as f64);
+        for _ in 0..40 {
+            let x = 0.5 * (from + to);
+            *(if at + slope * x + 0.5 * curve * x * x < 0.0 { &mut to } else { &mut from }) = x;
+        }
+        let x = 0.5 * (from + to);
+        let radius = (self.first + self.step * (middle as f64 + x)).exp();
+        let variance = self.masses[above - 1].1
+            + (self.masses[above].1 - self.masses[above - 1].1) * (x - (above - 1) as f64 + middle as f64);
+        // A mass that is larger by a share makes the sphere larger, too.
+        let steepness = -(slope + curve * x) / (3.0 * self.step);
+        let error = variance.max(0.0).sqrt() / steepness.max(0.2);
+        Some(HaloSphere { sphere: DensitySphere { radius, mass: per_cube * radius.powi(3), count }, error })
+    }
+}
+
+/// Spheres of mean densities by integration over Gaussians, near those of drawn particles.
 fn integrated(
     model: &GaussianSpheres,
     center: [f64; 3],
-    near: DensitySphere,
-    per_cube: f64,
+    counted: [Option<DensitySphere>; SPHERES],
+    per_cube: [Option<f64>; SPHERES],
     context: &Context<'_>,
-) -> Result<Option<HaloSphere>> {
-    let mut radius = near.radius;
-    let mut step = 0.1;
-    for _ in 0..8 {
-        let radii = [-step, 0.0, step].map(|s: f64| radius * s.exp());
-        let inside = model.enclosed(center, &radii, context)?;
-        let logs = [0, 1, 2].map(|i| inside[i][0].max(f64::MIN_POSITIVE).ln());
-        // The logarithm of the mass as a parabola of that of the radius.
-        let slope = (logs[2] - logs[0]) / (2.0 * step);
-        let curve = (logs[2] - 2.0 * logs[1] + logs[0]) / (step * step);
-        let off = logs[1] - (per_cube * radius.powi(3)).ln();
-        let mut moved = off / (3.0 - slope).max(0.5);
-        for _ in 0..4 {
-            let value = off + (slope - 3.0) * moved + 0.5 * curve * moved * moved;
-            moved -= value / (slope - 3.0 + curve * moved).min(-0.5);
+) -> Result<[Option<HaloSphere>; SPHERES]> {
+    let enough = |s: &Option<DensitySphere>| s.filter(|s| s.count >= LEAST_MASS);
+    let radii = || counted.iter().filter_map(enough).map(|s| s.radius);
+    let (smallest, largest) = (radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
+    let mut found = [None; SPHERES];
+    let mut reach = CURVE_REACH;
+    for _ in 0..CURVES {
+        if largest <= 0.0 {
+            break;
         }
-        let moved = moved.clamp(-0.5, 0.5);
-        radius *= moved.exp();
-        if moved.abs() < 0.02 {
-            let mass = per_cube * radius.powi(3);
-            let spread = inside[1][1].sqrt() / (1.0 - slope / 3.0).max(0.2);
-            if moved.abs() < 1e-4 || step < 0.01 {
-                return Ok(Some(HaloSphere { sphere: DensitySphere { radius, mass, ..near }, error: spread }));
-            }
-            step = 0.005;
+        let curve = MassCurve::new(model, center, [smallest / reach, largest * reach], context)?;
+        found = std::array::from_fn(|k| curve.sphere(per_cube[k]?, enough(&counted[k])?.count));
+        if (0..SPHERES).all(|k| found[k].is_some() || enough(&counted[k]).is_none()) {
+            break;
         }
+        reach *= CURVE_REACH;
     }
-    Ok(None)
+    Ok(found)
 }

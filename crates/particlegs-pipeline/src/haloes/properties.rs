@@ -82,13 +82,13 @@ impl SphereProperties {
         SphereProperties(all)
     }
 
-    /// Standard errors from values that each lack one part of the particles.
-    pub fn jackknife<const N: usize>(parts: &[SphereProperties; N]) -> Self {
+    /// Standard errors from values that each lack one part of the particles, times `scale`.
+    pub fn jackknife<const N: usize>(parts: &[SphereProperties; N], scale: f64) -> Self {
         let n = N as f64;
         let error = |k: usize| {
             let mean = parts.iter().map(|p| p.0[k]).sum::<f64>() / n;
             let square = parts.iter().map(|p| (p.0[k] - mean) * (p.0[k] - mean)).sum::<f64>();
-            ((n - 1.0) / n * square).sqrt()
+            scale * ((n - 1.0) / n * square).sqrt()
         };
         SphereProperties(std::array::from_fn(error))
     }

@@ -164,7 +164,7 @@ pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Op
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let (mut a, mut b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
     let (mut at_a, mut at_b) = (likelihood(a), likelihood(b));
-    while high - low > 1e-4 {
+    while high - low > 1e-3 {
         if at_a > at_b {
             (high, b, at_b) = (b, a, at_a);
             a = high - GOLDEN * (high - low);

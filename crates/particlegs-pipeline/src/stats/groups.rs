@@ -73,6 +73,8 @@ struct CellRows<'a> {
     runs: Vec<CellRun>,
     /// Occupied rows in ascending order: (x, y) and the first of their runs; one more at the end.
     rows: Vec<([i64; 2], u32)>,
+    /// Occupied planes in ascending order: x and the first of their rows; one more at the end.
+    planes: Vec<(i64, u32)>,
     position: Vec<[f64; 3]>,
     index: Vec<u32>,
 }
@@ -146,8 +148,14 @@ impl<'a> CellRows<'a> {
             }
         }
         rows.push(([i64::MAX; 2], runs.len() as u32));
+        let mut planes: Vec<(i64, u32)> = Vec::new();
+        for (i, (place, _)) in rows.iter().enumerate() {
+            if planes.last().is_none_or(|p| p.0 != place[0]) {
+                planes.push((place[0], i as u32));
+            }
+        }
         let position = gathered(positions, &order);
-        CellRows { domain, cells, height, most, runs, rows, position, index: order }
+        CellRows { domain, cells, height, most, runs, rows, planes, position, index: order }
     }
 
     /// Pairs of cells that hold friends and are not in one set yet, row by row.
@@ -197,8 +205,10 @@ impl<'a> CellRows<'a> {
         let [x, y] = self.rows[row].0;
         let (x, tx) = self.wrapped(0, x + dx)?;
         let (y, ty) = self.wrapped(1, y + dy)?;
-        let found = self.rows[..self.rows.len() - 1].binary_search_by(|r| r.0.cmp(&[x, y])).ok()?;
-        Some((found, [tx, ty]))
+        let plane = self.planes[..self.planes.len() - 1].binary_search_by_key(&x, |p| p.0).ok()?;
+        let first = self.planes[plane].1 as usize;
+        let rows = &self.rows[first..self.planes[plane + 1].1 as usize];
+        Some((first + rows.binary_search_by_key(&y, |r| r.0[1]).ok()?, [tx, ty]))
     }
 
     fn wrapped(&self, axis: usize, i: i64) -> Option<(i64, f64)> {

@@ -220,8 +220,8 @@ fn of_particles(
 /// Gaussians of about one size, by the place of their means.
 struct GaussianSizeClass {
     gaussians: Vec<GaussianInSphere>,
-    /// Mass of a particle of each.
-    particle: Vec<f64>,
+    /// The variance of the mass p of each in a sphere, over p (1 - p) of its mass.
+    spread: Vec<f64>,
     points: PointGrid,
     reach: f64,
 }
@@ -238,8 +238,8 @@ impl GaussianSpheres {
         Ok(GaussianSpheres { classes: classes(m, domain, radius)?, rules: Rules::new() })
     }
 
-    /// Calls `visit` with each Gaussian that may reach a sphere about a place, the place's offset from its mean, and the mass
-    /// of one of its particles.
+    /// Calls `visit` with each Gaussian that may reach a sphere about a place, the place's offset from its mean, and its
+    /// variance's factor.
     fn visit(
         &self,
         center: [f64; 3],
@@ -252,7 +252,7 @@ impl GaussianSpheres {
                 for i in run.filter(|_| !context.cancelled()) {
                     let index = class.points.index[i] as usize;
                     let one = &class.gaussians[index];
-                    visit(one, each_axis(|k| center[k] - shift[k] - one.mean[k]), class.particle[index]);
+                    visit(one, each_axis(|k| center[k] - shift[k] - one.mean[k]), class.spread[index]);
                 }
             });
             context.check()?;
@@ -265,13 +265,12 @@ impl GaussianSpheres {
     pub fn enclosed(&self, center: [f64; 3], radii: &[f64], context: &Context<'_>) -> Result<Vec<[f64; 2]>> {
         let mut inside = vec![[0.0; 2]; radii.len()];
         let mut own = vec![0.0; radii.len()];
-        self.visit(center, radii.last().copied().unwrap_or(0.0), context, |one, offset, particle| {
+        self.visit(center, radii.last().copied().unwrap_or(0.0), context, |one, offset, spread| {
             own.fill(0.0);
             one.add_within(offset, radii, &self.rules, &mut own);
-            let misfit = 1.0 + MISFIT[0] * libm::pow(one.mass / particle, MISFIT[1]);
             for (sum, mass) in inside.iter_mut().zip(&own).filter(|(_, mass)| **mass > 0.0) {
                 sum[0] += mass;
-                sum[1] += particle * mass * (1.0 - mass / one.mass).max(0.0) * misfit;
+                sum[1] += spread * mass * (1.0 - mass / one.mass).max(0.0);
             }
         })?;
         Ok(inside)
@@ -302,14 +301,15 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
     for (unit, g, i) in gaussians(m) {
         let mass = unit * g.mass_of(i);
         let one = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), mass, widths);
-        let particle = mass / g.count[i].max(f64::MIN_POSITIVE);
-        by_size.entry(one.reach().log2().ceil() as i64).or_default().push((one, particle));
+        let number = g.count[i].max(f64::MIN_POSITIVE);
+        let spread = mass / number * (1.0 + MISFIT[0] * libm::pow(number, MISFIT[1]));
+        by_size.entry(one.reach().log2().ceil() as i64).or_default().push((one, spread));
     }
     let class = |members: Vec<(GaussianInSphere, f64)>| {
-        let (gaussians, particle): (Vec<GaussianInSphere>, Vec<f64>) = members.into_iter().unzip();
+        let (gaussians, spread): (Vec<GaussianInSphere>, Vec<f64>) = members.into_iter().unzip();
         let reach = gaussians.iter().map(GaussianInSphere::reach).fold(0.0, f64::max).min(IMAGES * repeats);
         let means: Vec<[f64; 3]> = gaussians.iter().map(|g| g.mean).collect();
-        Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, gaussians, particle, reach })
+        Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, gaussians, spread, reach })
     };
     by_size.into_values().map(class).collect()
 }
