@@ -1,7 +1,7 @@
-//! The edges of a box as a camera sees them, with the names of its axes.
+//! What a camera sees of lines in space: the edges of a box with the names of its axes, and circles about places.
 
 use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{Camera, Projection};
+use particlegs_pipeline::camera::{Camera, Frame, Projection};
 use particlegs_pipeline::math::each_axis;
 use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::space::{Bounds, Cell};
@@ -13,6 +13,69 @@ pub type CubeOutline = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], String)>);
 const AWAY: f64 = 0.035;
 /// Of the distance to the focal point: what is nearer is behind the camera.
 const NEAR: f64 = 1e-3;
+/// Sides of a circle.
+const SIDES: usize = 48;
+/// Radius of the smallest circle that is drawn, in pixels.
+const SMALLEST: f64 = 2.0;
+
+/// Where a camera sees points.
+struct LineView {
+    frame: Frame,
+    near: f64,
+    focal: f64,
+    size: Size,
+    projection: Projection,
+}
+
+impl LineView {
+    fn new(camera: &Camera, size: Size) -> Result<Self> {
+        let near = match camera.projection {
+            Projection::Perspective { .. } => NEAR * camera.distance(),
+            Projection::Orthographic { .. } => f64::NEG_INFINITY,
+        };
+        let (frame, focal, projection) = (camera.frame()?, camera.focal_pixels(size), camera.projection);
+        Ok(LineView { frame, near, focal, size, projection })
+    }
+
+    /// Pixels of a length of 1 at a point about the camera.
+    fn scale(&self, p: [f64; 3]) -> f64 {
+        match self.projection {
+            Projection::Perspective { .. } => self.focal / -p[2],
+            Projection::Orthographic { .. } => self.focal,
+        }
+    }
+
+    /// The part of a line about the camera that the picture shows, in shares of its width and height.
+    fn line(&self, ends: [[f64; 3]; 2]) -> Option<[[f64; 2]; 2]> {
+        let place = |p: [f64; 3]| {
+            let scale = self.scale(p);
+            [0.5 + scale * p[0] / self.size.width as f64, 0.5 - scale * p[1] / self.size.height as f64]
+        };
+        within(in_front(ends, self.near)?.map(place))
+    }
+}
+
+/// Circles of some radii about places, across the line of sight, as lines in shares of the picture's width and height.
+/// Those beyond the clipping range, and those that are too small to see, are left out.
+pub fn circles(camera: &Camera, size: Size, all: &[([f64; 3], f64)]) -> Result<Vec<[[f64; 2]; 2]>> {
+    let view = LineView::new(camera, size)?;
+    let corner = |i: usize| (i as f64 / SIDES as f64 * std::f64::consts::TAU).sin_cos();
+    let mut lines = Vec::new();
+    for (place, radius) in all {
+        let center = view.frame.to_camera(*place);
+        let [near, far] = camera.clipping_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let seen = -center[2] > view.near && (near..=far).contains(&-center[2]);
+        if !seen || radius * view.scale(center) < SMALLEST {
+            continue;
+        }
+        let at = |i: usize| {
+            let (sine, cosine) = corner(i);
+            [center[0] + radius * cosine, center[1] + radius * sine, center[2]]
+        };
+        lines.extend((0..SIDES).filter_map(|i| view.line([at(i), at(i + 1)])));
+    }
+    Ok(lines)
+}
 
 /// The edges of a cell, or of bounds.
 pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) -> Result<CubeOutline> {
@@ -23,22 +86,10 @@ pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) 
             (bounds.min, [[e[0], 0.0, 0.0], [0.0, e[1], 0.0], [0.0, 0.0, e[2]]])
         }
     };
-    let frame = camera.frame()?;
+    let view = LineView::new(camera, size)?;
     let at = |n: [usize; 3]| {
         let world = each_axis(|k| corner[k] + (0..3).map(|a| n[a] as f64 * vectors[a][k]).sum::<f64>());
-        frame.to_camera(world)
-    };
-    let near = match camera.projection {
-        Projection::Perspective { .. } => NEAR * camera.distance(),
-        Projection::Orthographic { .. } => f64::NEG_INFINITY,
-    };
-    let focal = camera.focal_pixels(size);
-    let place = |p: [f64; 3]| {
-        let scale = match camera.projection {
-            Projection::Perspective { .. } => focal / -p[2],
-            Projection::Orthographic { .. } => focal,
-        };
-        [0.5 + scale * p[0] / size.width as f64, 0.5 - scale * p[1] / size.height as f64]
+        view.frame.to_camera(world)
     };
     let (mut lines, mut sides) = (Vec::new(), [const { Vec::new() }; 3]);
     for axis in 0..3 {
@@ -47,8 +98,7 @@ pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) 
             (from[(axis + 1) % 3], from[(axis + 2) % 3]) = (others & 1, others >> 1);
             let mut to = from;
             to[axis] = 1;
-            let Some([a, b]) = in_front([at(from), at(to)], near) else { continue };
-            let Some(line) = within([place(a), place(b)]) else { continue };
+            let Some(line) = view.line([at(from), at(to)]) else { continue };
             lines.push(line);
             sides[axis].push(line);
         }
@@ -122,6 +172,26 @@ mod tests {
     use particlegs_pipeline::camera::spherical_camera;
 
     const SIZE: Size = Size { width: 160, height: 90 };
+
+    #[test]
+    fn circles_are_about_their_places_and_small_ones_are_left_out() {
+        let camera = Camera {
+            position: [0.0, 0.0, 10.0],
+            focal_point: [0.0; 3],
+            view_up: [0.0, 1.0, 0.0],
+            projection: Projection::Orthographic { height_world: 4.0 },
+            clipping_range: Some([9.0, 11.0]),
+        };
+        let size = Size { width: 200, height: 100 };
+        let all = [([1.0, 0.0, 0.5], 0.5), ([0.0; 3], 0.05), ([0.0, 0.0, 5.0], 0.5), ([4.0, 0.0, 0.0], 0.5)];
+        let lines = circles(&camera, size, &all).unwrap();
+        // The first is whole, half of the last is in the picture.
+        assert!((SIDES..2 * SIDES).contains(&lines.len()), "{}", lines.len());
+        for [from, _] in &lines[..SIDES] {
+            let (x, y) = ((from[0] - 0.5) * 8.0 - 1.0, (from[1] - 0.5) * 4.0);
+            assert!((x.hypot(y) - 0.5).abs() < 1e-9);
+        }
+    }
 
     #[test]
     fn a_box_in_view_has_twelve_edges_within_the_picture() {

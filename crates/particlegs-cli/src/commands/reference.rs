@@ -140,7 +140,7 @@ struct ReferenceReport {
 
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let files = [&a.view.views, &a.sequence.path].into_iter().flatten();
+    let files = [&a.view.views, &a.sequence.path, &a.figure.overlay].into_iter().flatten();
     context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
     let range = if a.field.field.is_some() { a.density.field_range() } else { a.density.asked_range() }?;
     let particles = ParticleArgs::without_window(&a.snapshot, &a.selection);
@@ -194,8 +194,10 @@ pub fn run(a: &Arguments) -> Result<()> {
     };
     let about = field.iter().fold(about, |about, (f, _)| a.field.stored(f, about));
     let (args, quantities) = (&a.figure, &quantities);
-    let legend = field.as_ref().map(|(f, _)| f.legend.clone());
-    let finish = Finisher { args, colormap, field: legend, quantities, subject: &subject, legend: Vec::new(), about };
+    let circles = args.circles((particles.meta.unit_system(), cell), &context)?;
+    let of_field = field.as_ref().map(|(f, _)| f.legend.clone());
+    let (legend, subject) = (Vec::new(), &subject);
+    let finish = Finisher { args, colormap, field: of_field, quantities, subject, legend, circles, about };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let device = a.device.open()?;
     if device.is_some() && density {
@@ -203,7 +205,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         return Err(Error::argument_with(what, "omit --device"));
     }
     let on_device = device.map(|d| d.particles(reference.input(), &context)).transpose()?;
-    let painter = renderer(&reference, on_device, (style, field.as_ref()), &subject, &context);
+    let painter = renderer(&reference, on_device, (style, field.as_ref()), subject, &context);
     let job = DrawingJob { painter: &painter, finish: &finish, set: &set, range, hints: false, context: &context };
     let drawn = job.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };

@@ -231,7 +231,7 @@ impl RenderOptions {
 
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
+    let files = [&a.view.views, &a.sequence.path, &a.like, &a.figure.overlay].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
     let mut asked = RenderOptions::new(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
@@ -282,6 +282,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         quantities: &quantities,
         subject: &subject,
         legend: legend(&asked, model),
+        circles: asked.figure.circles((m.unit_system(), m.cell), &context)?,
         about: match &field {
             Some(field) => asked.field.stored(field, about(&asked, &read, &quantities)),
             None => about(&asked, &read, &quantities),

@@ -34,6 +34,8 @@ pub struct Finisher<'a> {
     pub subject: &'a ViewSubject,
     /// Legend of the layers' colours.
     pub legend: Vec<(String, [u8; 3])>,
+    /// Centres and radii of circles on the picture, world units.
+    pub circles: Vec<([f64; 3], f64)>,
     /// Provenance stored in files, without each picture's view and range.
     pub about: PictureProvenance,
 }
@@ -142,6 +144,7 @@ impl Finisher<'_> {
             }
             Some(Axes::None) | None => {}
         }
+        panel.lines.extend(cube::circles(&view.camera, size, &self.circles)?);
         Ok(panel)
     }
 

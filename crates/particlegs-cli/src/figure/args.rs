@@ -1,9 +1,15 @@
 //! Annotations and printed size of pictures. Shared by `render` and `reference`.
 
 use super::{BarPlacement, FileKind, PaperColour, missing};
+use crate::centres;
 use clap::{Args, ValueEnum};
+use particlegs_files::input::name_of;
+use particlegs_pipeline::Error;
 use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::UnitSystem;
 use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::space::Cell;
+use std::path::PathBuf;
 
 /// Default width of a figure (a journal column) and font size, in points.
 const COLUMN: f64 = 84.0 * 72.0 / 25.4;
@@ -27,6 +33,11 @@ pub struct FigureArgs {
     /// Draw a scale bar, as densities, PDF and SVG have by default.
     #[arg(long, hide_short_help = true, conflicts_with = "no_annotations")]
     pub scale_bar: bool,
+    /// Draw a circle around each centre of a list, such as the catalogue that `haloes` writes.
+    ///
+    /// The file is read like that of `stats --centres`; its radii are those of the circles.
+    #[arg(long, value_name = "FILE", value_hint = clap::ValueHint::FilePath, conflicts_with = "no_annotations")]
+    pub overlay: Option<PathBuf>,
     /// Title above the picture.
     #[arg(long, value_name = "TEXT", hide_short_help = true, conflicts_with = "no_annotations")]
     pub title: Option<String>,
@@ -79,8 +90,28 @@ impl FigureArgs {
     /// Does a picture of this style have annotations in such a file?
     pub fn is_figure(&self, bars: bool, kind: FileKind) -> bool {
         let asked = self.axes.is_some_and(|a| a != Axes::None) || self.scale_bar || self.title.is_some();
+        let asked = asked || self.overlay.is_some();
         let sized = self.figure_width.is_some() || self.font_size.is_some();
         kind != FileKind::Png || !self.no_annotations && (bars || asked || sized)
+    }
+
+    /// Centres and radii of the circles, in the units of what is drawn.
+    pub fn circles(
+        &self,
+        place: (UnitSystem<'_>, Option<Cell>),
+        context: &Context<'_>,
+    ) -> particlegs_pipeline::Result<Vec<([f64; 3], f64)>> {
+        let Some(path) = &self.overlay else { return Ok(Vec::new()) };
+        let all = centres::convert(centres::read(path, context)?, path, place, context)?;
+        let circles: Vec<([f64; 3], f64)> = all.into_iter().filter_map(|(at, radius)| Some((at, radius?))).collect();
+        if circles.is_empty() {
+            return Err(Error::input_with(
+                name_of(path),
+                "no centre has a radius",
+                "name a column `radius` or `r200m`",
+            ));
+        }
+        Ok(circles)
     }
 
     /// Is a scale bar drawn?
