@@ -5,9 +5,10 @@ use crate::atoms::{AtomSnapshot, AtomSpecies, cell_of, widened};
 use crate::columns::ColumnarField;
 use crate::compression::refuse;
 use crate::format::FileHead;
-use crate::frames::{ChosenFrame, with_last_frame};
+use crate::frames::{self, ChosenFrame, with_last_frame};
 use crate::numbers::{Bytes, NumberType};
-use crate::snapshot::{named, no_frame, only};
+use crate::snapshot::{named, only};
+use crate::topology::snapshot::NO_NAMES;
 use crate::{Choice, Description, Format, Snapshot, TextResult, TrajectoryFrames};
 use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
 use particlegs_pipeline::particles::SnapshotMeta;
@@ -186,21 +187,21 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let header = DcdHeader::read(&bytes).map_err(broken)?;
     let length = bytes.len() as u64 - header.start;
     let (count, left) = (length / header.frame_bytes(), length % header.frame_bytes());
-    let mut notes = vec!["the file stores no names of atoms: all are one species".to_string()];
+    let mut notes = vec![NO_NAMES.to_string()];
     if header.is_lammps {
         notes.push("LAMMPS wrote the file and states neither its units nor the time".into());
     }
-    let chosen = choice.frame.unwrap_or(count.saturating_sub(1));
     if left > 0 {
         let what = format!("frame {count} is cut off: it has {left} of {} bytes", header.frame_bytes());
-        if choice.frame.is_none_or(|frame| frame >= count) {
+        if choice.frame.is_none_or(|frame| frame < 0 || frame as u64 >= count) {
             return Err(with_last_frame(broken(what), count));
         }
         notes.push(what);
     }
-    if chosen >= count {
-        return Err(if count == 0 { broken("the file has no frames".into()) } else { no_frame(path, chosen, count) });
+    if count == 0 {
+        return Err(broken("the file has no frames".into()));
     }
+    let chosen = frames::number(path, choice.frame, count)?;
     if choice.frame.is_none() && count > 1 {
         notes.push(ChosenFrame::<()>::note_of_the_last(count));
     }

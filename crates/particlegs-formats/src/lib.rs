@@ -38,6 +38,7 @@ mod raw;
 mod read;
 mod registry;
 mod snapshot;
+mod topology;
 mod writers;
 
 mod csv;
@@ -70,6 +71,7 @@ pub use format::Format;
 pub use path_kind::PathKind;
 pub use snapshot::{Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 pub use splats::write_splats;
+pub use topology::selection::AtomSelection;
 pub use writers::Writer;
 
 /// A result whose error is in words, without the file.
