@@ -108,9 +108,13 @@ mod tests {
     #[test]
     fn frames_count_from_either_end() {
         let trajectories = ["mdanalysis.dcd", "mdanalysis.pdb", "mdanalysis.trr", "mdanalysis.xtc"];
-        for name in
-            trajectories.into_iter().chain(["byhand.h5md", "ase_frames.extxyz", "two_frames.dump.gz", "hoomd.gsd"])
-        {
+        for name in trajectories.into_iter().chain([
+            "byhand.h5md",
+            "ase_frames.extxyz",
+            "ase.xdatcar",
+            "two_frames.dump.gz",
+            "hoomd.gsd",
+        ]) {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name);
             let of = |frame: i64| Choice { frame: Some(frame), ..Choice::default() }.open(&[path.clone()]);
             let count = of(0).unwrap().description().frames.unwrap().count as i64;

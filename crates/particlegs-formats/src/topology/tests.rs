@@ -156,3 +156,19 @@ fn what_does_not_fit_is_refused() {
         assert!(said(name, &choice).contains(why), "{name}: {}", said(name, &choice));
     }
 }
+
+#[test]
+fn damaged_topologies_are_read_or_refused_in_one_line() {
+    let whole = std::fs::read(file("data/molecules/parmed.psf")).unwrap();
+    for at in (0..whole.len()).step_by(7) {
+        let mut flipped = whole.clone();
+        flipped[at] ^= 1 << (at % 8);
+        for bytes in [&whole[..at], &flipped] {
+            let topology = scratch(bytes);
+            let choice = Choice { topology: Some(topology.path().into()), ..choice(None, Some("water or index 3")) };
+            if let Err(e) = choice.open(&[file("fixtures/mdanalysis.xtc")]) {
+                assert!(!e.to_string().contains('\n'), "{at}: {e}");
+            }
+        }
+    }
+}
