@@ -234,8 +234,8 @@ fn open_trajectory(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapsho
     Ok(Box::new(described(path, found.frame.0, description).with_unwrapped(choice)?))
 }
 
-/// The next frame and its number in the file, without positions where it is not wanted; its `head` where it has one of
-/// its own, else that of the frame before.
+/// The next frame and its number in the file; without positions where it is not wanted. The head of the one `before`
+/// holds unless it has its own.
 fn frame(
     path: &PathBuf,
     lines: &mut PoscarLines<'_>,

@@ -66,7 +66,7 @@ fn atoms_are_named_by_a_topology_and_selected() {
     with("plan run.xtc -o job");
     // Tasks run in other folders.
     std::fs::create_dir(dir.at("else")).unwrap();
-    for task in ["scatter ../job 0", "block ../job 0", "merge ../job -o ../of-job.pgs"] {
+    for task in ["block ../job 0", "merge ../job -o ../of-job.pgs"] {
         success(particlegs().current_dir(dir.at("else")).args(task.split(' ')).arg("-q"));
     }
     assert!(dir.bytes("of-job.pgs") == dir.bytes("m.pgs"));
