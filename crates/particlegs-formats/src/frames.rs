@@ -116,7 +116,7 @@ mod tests {
             "hoomd.gsd",
         ]) {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name);
-            let of = |frame: i64| Choice { frame: Some(frame), ..Choice::default() }.open(&[path.clone()]);
+            let of = |frame: i64| Choice { frame: Some(frame), ..Choice::default() }.open(std::slice::from_ref(&path));
             let count = of(0).unwrap().description().frames.unwrap().count as i64;
             assert!(count > 1, "{name}");
             for number in 0..count {
