@@ -1,9 +1,9 @@
 //! What the targets of the particle formats share.
 
-use particlegs_formats::Choice;
+use particlegs_formats::{AtomSelection, Choice};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::particles::RUN;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 /// The file that each input is written to; readers map files.
@@ -19,8 +19,21 @@ fn file() -> &'static PathBuf {
 /// Any bytes as a file of format `name`: described, and every species read to its end.
 pub fn fuzz_format(name: &str, data: &[u8]) {
     std::fs::write(file(), data).expect("room for the input");
-    let options = Choice { format: Some(name.into()), ..Choice::default() };
-    let Ok(snapshot) = options.open(&[file().clone()]) else { return };
+    read(&Choice { format: Some(name.into()), ..Choice::default() }, file());
+}
+
+/// Any first line as a selection, and the rest as the topology of a trajectory of 50 atoms.
+pub fn fuzz_topology(data: &[u8]) {
+    let (text, topology) = data.split_at(data.iter().position(|&b| b == b'\n').unwrap_or(data.len()));
+    std::fs::write(file(), topology.get(1..).unwrap_or_default()).expect("room for the input");
+    let select = AtomSelection::parse(&String::from_utf8_lossy(text)).ok();
+    let trajectory = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/particlegs-formats/tests/fixtures/mdanalysis.xtc");
+    read(&Choice { topology: Some(file().clone()), select, ..Choice::default() }, trajectory.as_ref());
+}
+
+/// Reads every species to its end.
+fn read(options: &Choice, path: &Path) {
+    let Ok(snapshot) = options.open(&[path.into()]) else { return };
     for (index, species) in snapshot.description().species.iter().enumerate() {
         let Ok(reader) = snapshot.reader(index, &Choice::default()) else { continue };
         assert_eq!(reader.count(), species.count);

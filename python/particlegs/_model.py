@@ -654,8 +654,8 @@ class Model:
         Parameters
         ----------
         path : path
-            The ending chooses the content: splats (``.ply``, ``.glb``), a density grid (``.npy``, ``.vti``, ``.fits``),
-            Gaussians (``.npz``, ``.csv``), or a web page (``.html``).
+            The ending chooses the content: splats (``.ply``, ``.glb``), a density grid (``.npy``, ``.vti``,
+            ``.fits``, ``.dx``, ``.mrc``), Gaussians (``.npz``, ``.csv``), or a web page (``.html``).
         kind : str, optional
             The kind of content, if the ending does not tell it.
         layers : sequence of str, optional

@@ -22,6 +22,8 @@ def open(  # noqa: A001
     positions: Optional[str] = None,
     mass_field: Optional[str] = "auto",
     frame: Optional[int] = None,
+    topology: Optional[Path] = None,
+    select: Optional[str] = None,
     layers_by: Literal["species", "mass"] = "species",
     box: Any = None,
     units: Optional[str] = None,
@@ -56,7 +58,11 @@ def open(  # noqa: A001
         Fields of positions and of masses (or other additive weights). ``mass_field=None`` gives all particles the same
         weight; ``"auto"`` reads the masses of a species if they differ. ``weights`` is the old name of `mass_field`.
     frame : int, optional
-        Frame of a trajectory, from 0; the last by default.
+        Frame of a trajectory, from 0, or from the end (-1); the last by default.
+    topology : path, optional
+        File that names the atoms of a trajectory without names (XTC, TRR, DCD, H5MD): GRO, PDB, PSF or LAMMPS data.
+    select : str, optional
+        Atoms to read, such as ``"name OW"`` or ``"protein and not name H*"``.
     layers_by : {"species", "mass"}
         Make a layer for each species, or for each particle mass.
     box : float or three, optional
@@ -110,6 +116,8 @@ def open(  # noqa: A001
         "positions": positions,
         "mass_field": "none" if mass_field is None else str(mass_field),
         "frame": frame,
+        "topology": None if topology is None else os.fspath(topology),
+        "select": select,
         "by_mass": layers_by == "mass",
         "box_lengths": None if box is None else _coerce.lengths(box, units, "the box"),
         "length_unit": units,

@@ -3,7 +3,7 @@
 use crate::errors::IntoPyResult;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_formats::{Choice, Weights};
+use particlegs_formats::{AtomSelection, Choice, Weights};
 use particlegs_pipeline::model::{Dimension, Unit};
 use particlegs_pipeline::particles::{Selection, Storage};
 use particlegs_pipeline::space::Bounds;
@@ -19,7 +19,9 @@ pub struct ReadOptions {
     positions: Option<String>,
     /// `auto`, `none` or a field.
     mass_field: String,
-    frame: Option<u64>,
+    frame: Option<i64>,
+    topology: Option<PathBuf>,
+    select: Option<String>,
     by_mass: bool,
     box_lengths: Option<[f64; 3]>,
     length_unit: Option<String>,
@@ -50,6 +52,8 @@ impl ReadOptions {
         Ok(Choice {
             format: self.format,
             frame: self.frame,
+            topology: self.topology,
+            select: self.select.as_deref().map(AtomSelection::parse).transpose()?,
             species: self.species,
             positions: self.positions,
             weights: match &self.mass_field[..] {

@@ -73,7 +73,7 @@ def test_models_are_scored_and_verified(snap, model):
         model.verify(ROWS[::-1])
 
 
-@pytest.mark.parametrize("ending", ["ply", "glb", "npy", "vti", "fits", "npz", "csv", "html"])
+@pytest.mark.parametrize("ending", ["ply", "glb", "npy", "vti", "fits", "dx", "mrc", "npz", "csv", "html"])
 def test_models_are_exported(model, tmp_path, ending):
     path = tmp_path / f"m.{ending}"
     assert model.export(path, cells=8, color="density") == path.stat().st_size

@@ -3,7 +3,7 @@
 
     check.py PREFIX
 
-PREFIX.info is what `particlegs info --json` says; PREFIX.npz, .csv, .npy with .json, .vti, .fits, .ply.csv (the
+PREFIX.info is what `particlegs info --json` says; PREFIX.npz, .csv, .npy with .json, .vti, .fits, .dx, .mrc, .ply.csv (the
 PLY by splat-transform) and .glb.three, .gltf.three (glTF by three.js) what is looked at. Formulas are those of
 docs/guide/export.md, by SciPy's functions.
 """
@@ -145,6 +145,7 @@ def grids(z):
         if all(grid["periodic"]):
             assert abs(cells - own) < 0.5 * side[k] * abs(phase), f"middle along {k}: {cells}, {own}"
 
+    maps(values, origin, side)
     reader = vtk.vtkXMLImageDataReader()
     reader.SetFileName(PREFIX + ".vti")
     reader.Update()
@@ -184,6 +185,24 @@ def grids(z):
                 for name, own in zip(names, components):
                     np.testing.assert_array_equal(hdus[name].data.ravel(), own)
                     assert WCS(hdus[name].header).wcs.crval[0] == WCS(head).wcs.crval[0]
+
+
+def maps(values, origin, side):
+    """Points at the middles of cells, in Angstrom where lengths are in nm."""
+    import mrcfile
+    from gridData import Grid
+
+    scale = 10.0 if INFO["length_unit"] == "nm" else 1.0
+    first, side = scale * (origin + side / 2), scale * side
+    for name in ("dx", "mrc"):
+        grid = Grid(f"{PREFIX}.{name}")
+        close(f"{name} values", grid.grid, values / scale**3, 1e-6)
+        close(f"{name} origin", grid.origin, first, 1e-6)
+        close(f"{name} cells", np.diag(grid.delta) if grid.delta.ndim > 1 else grid.delta, side, 1e-6)
+    assert mrcfile.validate(PREFIX + ".mrc")
+    with mrcfile.open(PREFIX + ".mrc") as mrc:
+        assert (mrc.data.T == grid.grid).all() and "lost: " in "".join(label.decode() for label in mrc.header.label)
+        close("MRC mean", [mrc.header.dmean, mrc.header.rms], [mrc.data.mean(dtype=float), mrc.data.std(dtype=float)], 1e-5)
 
 
 def main():

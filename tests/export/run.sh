@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Exported models opened by others' readers, and their numbers held to the model: PLY by splat-transform, glTF by
-# Khronos' validator and three.js, NPY and NPZ by NumPy, VTI by VTK, FITS by astropy, CSV by Python's csv.
+# Khronos' validator and three.js, NPY and NPZ by NumPy, VTI by VTK, FITS by astropy, DX by GridDataFormats, MRC
+# by mrcfile, CSV by Python's csv.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=tests/common.sh
@@ -22,8 +23,8 @@ if [ "$(cat "$readers/installed" 2>/dev/null)" != "$wanted" ]; then
     npm install --prefix "$readers" --no-audit --no-fund --ignore-scripts --loglevel error $wanted
     echo "$wanted" >"$readers/installed"
 fi
-if ! "$python" -c 'import astropy, scipy, vtk' 2>/dev/null; then
-    "$python" -m pip install --quiet --disable-pip-version-check astropy scipy vtk
+if ! "$python" -c 'import astropy, gridData, mrcfile, scipy, vtk' 2>/dev/null; then
+    "$python" -m pip install --quiet --disable-pip-version-check astropy GridDataFormats mrcfile scipy vtk
 fi
 
 work=$(mktemp -d)
@@ -32,18 +33,20 @@ trap 'rm -rf "$work"' EXIT
 "$particlegs" compress samples/nbody64 -o "$work/sample.pgs" --effort fast --ratio 100 --certificate none --quiet >/dev/null
 "$particlegs" compress crates/particlegs-formats/tests/fixtures/species.hdf5 -o "$work/layers.pgs" --gaussians 20 \
     --length-unit kpc --fields all --certificate none --quiet >/dev/null
+"$particlegs" compress crates/particlegs-formats/tests/fixtures/mdanalysis.xtc -o "$work/molecules.pgs" --gaussians 20 \
+    --certificate none --quiet >/dev/null
 cp crates/particlegs-pipeline/tests/fixtures/format-1.0-alpha.pgs "$work/alpha.pgs"
 
 # The newest Node resolves packages from where a script lies.
 cp tests/export/gltf.mjs "$readers/gltf.mjs"
-for model in sample layers alpha; do
+for model in sample layers molecules alpha; do
     "$particlegs" info "$work/$model.pgs" --json "$work/$model.info" >/dev/null
     kinds='ply glb gltf npz csv'
-    if [ "$model" != alpha ]; then kinds+=' npy vti fits'; fi
+    if [ "$model" != alpha ]; then kinds+=' npy vti fits dx mrc'; fi
     for kind in $kinds; do
         more=''
         case $kind in
-        npy) more='--grid 40' ;;
+        npy | dx | mrc) more='--grid 40' ;;
         vti | fits)
             more='--grid 40'
             if [ "$model" = layers ]; then more+=' --fields all'; fi

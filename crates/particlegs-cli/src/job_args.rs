@@ -34,7 +34,9 @@ impl JobSnapshot {
             Ok(path)
         };
         let paths = paths.iter().map(absolute).collect::<Result<_>>()?;
-        Ok(JobSnapshot { paths, particles: particles.clone(), seed })
+        let mut particles = particles.clone();
+        particles.opening.topology = particles.opening.topology.as_ref().map(absolute).transpose()?;
+        Ok(JobSnapshot { paths, particles, seed })
     }
 
     pub fn from_job(job: &Job) -> Result<Self> {

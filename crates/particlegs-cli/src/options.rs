@@ -108,7 +108,7 @@ const RULES: &[OptionRule] = rules! {
     "view export": "colormap range", |g| g.exports() != Some(Group::Splats) && g.has("style") && !g.density() =>
         DENSITY[0], DENSITY[1];
     "export": "grid cell", |g| g.exports().is_some_and(|e| e != Group::Grid) =>
-        "density on a grid: it needs an output that ends in .npy, .vti or .fits";
+        "density on a grid: it needs an output that ends in .npy, .vti, .fits, .dx or .mrc";
 };
 
 pub fn check(matches: &ArgMatches) -> Result<()> {

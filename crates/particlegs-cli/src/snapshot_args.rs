@@ -1,7 +1,7 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
-use particlegs_formats::{Choice, Weights};
+use particlegs_formats::{AtomSelection, Choice, Weights};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::{Particles, Selection, Storage};
@@ -28,9 +28,20 @@ pub struct SnapshotArgs {
     #[arg(long, alias = "weights", value_name = "FIELD|none", hide_short_help = true)]
     #[serde(rename = "weights")]
     pub mass_field: Option<String>,
-    /// Frame of a trajectory, counted from 0 [default: the last].
-    #[arg(long, value_name = "N", hide_short_help = true)]
-    pub frame: Option<u64>,
+    /// Frame of a trajectory, counted from 0, or from the end: -1 is the last [default: the last].
+    #[arg(long, value_name = "N", hide_short_help = true, allow_negative_numbers = true)]
+    pub frame: Option<i64>,
+    /// File that names the atoms of a trajectory without names: GRO, PDB, PSF or LAMMPS data.
+    #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = clap::ValueHint::FilePath)]
+    #[serde(default)]
+    pub topology: Option<PathBuf>,
+    /// Atoms to read, such as "name OW", "protein and not name H*" or "resid 1:10".
+    ///
+    /// Words: name, resname, resid, element, type, index (each with one or more values), protein, water, all, not, and,
+    /// or, parentheses. A * stands for any letters.
+    #[arg(long, value_name = "TEXT", hide_short_help = true)]
+    #[serde(default)]
+    pub select: Option<String>,
     /// What each layer of the model contains.
     #[arg(long, alias = "layers", value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = LayersBy::Species)]
     pub layers_by: LayersBy,
@@ -184,6 +195,8 @@ impl SnapshotArgs {
             ("--positions", self.positions.clone()),
             ("--mass-field", self.mass_field.clone()),
             ("--frame", self.frame.map(|n| n.to_string())),
+            ("--topology", self.topology.as_ref().map(|path| path.display().to_string())),
+            ("--select", self.select.as_ref().map(|text| format!("\"{text}\""))),
             ("--layers-by", by_mass),
             ("--box", self.box_lengths.as_ref().map(numbers)),
             ("--length-unit", self.length_unit.clone()),
@@ -213,6 +226,8 @@ impl SnapshotArgs {
         Ok(Choice {
             format: self.format.clone(),
             frame: self.frame,
+            topology: self.topology.clone(),
+            select: self.select.as_deref().map(AtomSelection::parse).transpose()?,
             species: self.particle_type.clone(),
             positions: self.positions.clone(),
             weights,

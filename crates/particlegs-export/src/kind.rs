@@ -21,6 +21,10 @@ particlegs_pipeline::named_values! {
         Vti = "vti",
         /// Density on a grid: FITS cube.
         Fits = "fits",
+        /// Density on a grid: OpenDX text, for viewers of molecules.
+        Dx = "dx",
+        /// Density on a grid: MRC2014 map, for viewers of molecules.
+        Mrc = "mrc",
         Npz = "npz",
         /// The Gaussians themselves: a table of text.
         Csv = "csv",
@@ -47,7 +51,7 @@ impl Kind {
     pub fn group(self) -> Group {
         match self {
             Kind::Ply | Kind::Glb | Kind::Gltf => Group::Splats,
-            Kind::Npy | Kind::Vti | Kind::Fits => Group::Grid,
+            Kind::Npy | Kind::Vti | Kind::Fits | Kind::Dx | Kind::Mrc => Group::Grid,
             Kind::Npz | Kind::Csv => Group::Gaussians,
             Kind::Html => Group::Page,
         }
@@ -63,6 +67,7 @@ impl Kind {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
         let ending = match ending.as_deref() {
             Some("fit") => Some("fits"),
+            Some("map" | "ccp4") => Some("mrc"),
             other => other,
         };
         let meant = Kind::ALL.into_iter().find(|k| Some(k.ending()) == ending);
@@ -107,6 +112,8 @@ impl Kind {
             Kind::Npy => kept("a NumPy array", |_, head| head.starts_with(b"\x93NUMPY")),
             Kind::Vti => kept("a VTK ImageData", |_, head| holds(head, "\"ImageData\"")),
             Kind::Fits => kept("a FITS", |_, head| head.starts_with(b"SIMPLE  =")),
+            Kind::Dx => kept("an OpenDX", |_, head| holds(head, "class gridpositions counts")),
+            Kind::Mrc => kept("an MRC", |_, head| head.get(208..212) == Some(b"MAP ")),
             Kind::Npz => kept("a NumPy archive", |_, head| head.starts_with(b"PK")),
             Kind::Html => kept("an HTML page", |_, head| head.starts_with(b"<!doctype html>")),
             Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(TABLE_BEGIN.as_bytes())),
@@ -142,7 +149,7 @@ mod tests {
             assert_eq!(of(&format!("x.{}", kind.ending()), Some(*kind)).unwrap(), *kind);
             assert_eq!(of("-", Some(*kind)).unwrap(), *kind);
         }
-        assert_eq!(of("x.fit", None).unwrap(), Kind::Fits);
+        assert_eq!([of("x.fit", None).unwrap(), of("x.ccp4", None).unwrap()], [Kind::Fits, Kind::Mrc]);
         assert!(of("x.ply", Some(Kind::Csv)).is_err());
         for (out, words) in [("x", ".npz"), ("-", "`kind`"), ("x.hdf5", "`recover`"), ("x.png", "`render`")] {
             let error = of(out, None).unwrap_err();

@@ -4,13 +4,16 @@
 
 #![allow(missing_docs)]
 
+mod angstrom;
 mod colors;
 mod csv;
+mod dx;
 mod fits;
 mod gaussians;
 mod gltf;
 mod grid;
 mod kind;
+mod mrc;
 mod notes;
 mod npz;
 mod splats;
@@ -102,6 +105,8 @@ pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, c
     match kind {
         Kind::Vti => vti::write(density, notes, out, context),
         Kind::Fits => fits::write(density, notes, out, context),
+        Kind::Dx => dx::write(density, notes, out, context),
+        Kind::Mrc => mrc::write(density, notes, out, context),
         _ => written(out, 4 * density.values.len() as u64, context, |sink| {
             sink.put(&npy_header("<f4", &density.grid.cells.map(|n| n as u64)))?;
             for run in density.values.chunks(RUN) {

@@ -1,5 +1,6 @@
 //! What an exported file says of itself: where it is from, and what is lost.
 
+use super::angstrom::lost_unit;
 use super::{Group, Kind};
 use particlegs_pipeline::camera::Normalisation;
 use particlegs_pipeline::model::{LawKind, Model, Quantity};
@@ -26,7 +27,8 @@ impl Notes {
             (_, Kind::Csv) => Some("slopes of fields, and covariances of vectors".to_string()),
             _ => Some(format!("the fields: {}", names.join(", "))),
         };
-        let lost = lost.chain(without_fields).collect();
+        let without_unit = lost_unit(kind, m.units.length_text());
+        let lost = lost.chain(without_fields).chain(without_unit).collect();
         let mut notes = Notes { facts: facts(model, name), words: words(model, name), lost };
         if kind.group() == Group::Splats {
             let frame = Normalisation::new(&m.bounds);

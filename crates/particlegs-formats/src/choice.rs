@@ -1,8 +1,11 @@
 //! What a user chooses to read of a snapshot.
 
+use crate::snapshot::named;
+use crate::topology::selection::AtomSelection;
 use particlegs_files::input::SpoolFile;
 use particlegs_pipeline::particles::Selection;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What to read of a snapshot.
@@ -10,8 +13,12 @@ use std::sync::Arc;
 pub struct Choice {
     /// Name of the format ([`Format::name`](crate::Format::name)) instead of what the content says.
     pub format: Option<String>,
-    /// Frame of a file that holds several, from 0; the last by default.
-    pub frame: Option<u64>,
+    /// Frame of a file that holds several, from 0, or from the end where it is negative; the last, -1, by default.
+    pub frame: Option<i64>,
+    /// A file that names the atoms of one that has no names: GRO, PDB, PSF or LAMMPS data.
+    pub topology: Option<PathBuf>,
+    /// The atoms that are read; all by default.
+    pub select: Option<AtomSelection>,
     /// Names, numbers or aliases of species; all by default. Each becomes a layer.
     pub species: Vec<String>,
     /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
@@ -58,6 +65,11 @@ pub enum Weights {
 }
 
 impl Choice {
+    /// Are atoms told apart one by one, not by the species of their format?
+    pub(crate) fn by_atoms(&self) -> bool {
+        self.topology.is_some() || self.select.is_some()
+    }
+
     /// As a model's recipe says it: which particles are read, and as what, by options of the command. Box, units and
     /// particles that are left out stand in its metadata.
     pub fn options(&self) -> BTreeMap<String, String> {
@@ -72,6 +84,8 @@ impl Choice {
             ("positions", self.positions.clone()),
             ("weights", weights),
             ("frame", self.frame.map(|f| f.to_string())),
+            ("topology", self.topology.as_deref().map(|path| named(path).name)),
+            ("select", self.select.as_ref().map(ToString::to_string)),
             ("layers-by", self.by_mass.then(|| "mass".into())),
             ("unwrapped", self.keep_unwrapped.then(|| "keep".into())),
             ("gadget-blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),

@@ -1,19 +1,22 @@
 //! Trajectories of CHARMM, NAMD, X-PLOR and LAMMPS (DCD): Fortran records of f32 in either byte order, frames of one size,
-//! and no names.
+//! of which later ones may lack fixed atoms, and no names.
 
 use crate::atoms::{AtomSnapshot, AtomSpecies, cell_of, widened};
 use crate::columns::ColumnarField;
 use crate::compression::refuse;
 use crate::format::FileHead;
-use crate::frames::{ChosenFrame, with_last_frame};
+use crate::frames::{self, ChosenFrame, with_last_frame};
 use crate::numbers::{Bytes, NumberType};
-use crate::snapshot::{named, no_frame, only};
+use crate::snapshot::{named, only};
+use crate::topology::snapshot::NO_NAMES;
 use crate::{Choice, Description, Format, Snapshot, TextResult, TrajectoryFrames};
+use particlegs_files::memory;
 use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 pub const FORMAT: Format = Format { name: "dcd", title: "CHARMM or NAMD trajectory (DCD)", detect, open };
 
@@ -67,6 +70,17 @@ impl FortranRecords {
             _ => Err(format!("the record of {length} bytes at byte {at} is damaged or cut off")),
         }
     }
+
+    /// The `count` ascending numbers of atoms, from 1 to `most`, that the record at byte `at` holds; here from 0.
+    fn atoms(self, bytes: &[u8], at: u64, [count, most]: [u64; 2]) -> TextResult<Vec<u32>> {
+        let [first, length, _] = self.record(bytes, at)?;
+        let number = |k: u64| self.number(NumberType::U32, bytes, first + 4 * k).map_or(0, |n| n as u64);
+        let ascend = (0..count).all(|k| number(k) > if k == 0 { 0 } else { number(k - 1) });
+        if length != 4 * count || !ascend || count > 0 && number(count - 1) > most {
+            return Err(format!("the record at byte {at} does not name the {count} atoms that move"));
+        }
+        Ok((0..count).map(|k| number(k) as u32 - 1).collect())
+    }
 }
 
 struct DcdHeader {
@@ -81,6 +95,8 @@ struct DcdHeader {
     step: f64,
     /// Did LAMMPS write it, in units that it does not state?
     is_lammps: bool,
+    /// The atoms that move, where some are fixed: later frames than the first hold these alone.
+    free: Option<Vec<u32>>,
     /// Where frames begin.
     start: u64,
 }
@@ -98,9 +114,12 @@ impl DcdHeader {
         let [at, length, start] = records.record(bytes, atoms)?;
         let count = records.number(NumberType::I32, bytes, at).filter(|&n| length == 4 && n >= 0.0);
         let atoms = count.ok_or("it does not state a number of atoms")? as u64;
-        if whole(8) != 0 {
-            return Err(format!("{} atoms are fixed and stored once, which this program does not read", whole(8)));
-        }
+        let free = match u64::try_from(whole(8)).ok().and_then(|fixed| atoms.checked_sub(fixed)) {
+            None => return Err(format!("of {atoms} atoms {} are fixed", whole(8))),
+            Some(free) if free == atoms => None,
+            Some(free) => Some(records.atoms(bytes, start, [free, atoms])?),
+        };
+        let start = if free.is_some() { records.record(bytes, start)?[2] } else { start };
         Ok(DcdHeader {
             records,
             atoms,
@@ -110,27 +129,47 @@ impl DcdHeader {
             every: whole(2),
             step: if is_charmm { widened(number(NumberType::F32, 9) as f32) } else { number(NumberType::F64, 9) },
             is_lammps: memchr::memmem::find(title, b"LAMMPS").is_some(),
+            free,
             start,
         })
     }
 
-    /// Bytes of a record of one coordinate.
-    fn axis(&self) -> u64 {
-        4 * self.atoms + 2 * self.records.marker
+    /// Atoms that a frame holds.
+    fn atoms_of(&self, frame: u64) -> u64 {
+        self.free.as_ref().filter(|_| frame > 0).map_or(self.atoms, |free| free.len() as u64)
+    }
+
+    /// Bytes of a record of one of its coordinates.
+    fn axis(&self, frame: u64) -> u64 {
+        4 * self.atoms_of(frame) + 2 * self.records.marker
     }
 
     fn cell_bytes(&self) -> u64 {
         if self.has_cell { CELL + 2 * self.records.marker } else { 0 }
     }
 
-    fn frame_bytes(&self) -> u64 {
-        self.cell_bytes() + (3 + self.more) * self.axis()
+    fn frame_bytes(&self, frame: u64) -> u64 {
+        self.cell_bytes() + (3 + self.more) * self.axis(frame)
     }
 
-    /// Checks the records of the frame at byte `at`.
-    fn check(&self, bytes: &[u8], at: u64) -> TextResult<()> {
-        let mut next = at;
-        let lengths = [CELL].into_iter().filter(|_| self.has_cell).chain([4 * self.atoms; 3]);
+    /// Where a frame begins.
+    fn place(&self, frame: u64) -> u64 {
+        let later = |later: u64| self.frame_bytes(0) + (later - 1) * self.frame_bytes(1);
+        self.start + if frame == 0 { 0 } else { later(frame) }
+    }
+
+    /// How many whole frames `length` bytes hold, and the bytes left.
+    fn frames_in(&self, length: u64) -> [u64; 2] {
+        match length.checked_sub(self.frame_bytes(0)) {
+            None => [0, length],
+            Some(later) => [1 + later / self.frame_bytes(1), later % self.frame_bytes(1)],
+        }
+    }
+
+    /// Checks the records of a frame.
+    fn check(&self, bytes: &[u8], frame: u64) -> TextResult<()> {
+        let mut next = self.place(frame);
+        let lengths = [CELL].into_iter().filter(|_| self.has_cell).chain([4 * self.atoms_of(frame); 3]);
         for wanted in lengths {
             let [_, length, end] = self.records.record(bytes, next)?;
             if length != wanted {
@@ -158,15 +197,38 @@ impl DcdHeader {
         cell_of([a, b, c], angles)
     }
 
-    fn positions(&self, at: u64) -> ColumnarField {
+    /// The first byte of coordinate `k` of a frame.
+    fn coordinate(&self, frame: u64, k: u64) -> u64 {
+        self.place(frame) + self.cell_bytes() + self.records.marker + k * self.axis(frame)
+    }
+
+    /// Positions of the atoms that move over those of the first frame, in a file's bytes; each coordinate of all behind
+    /// the one before.
+    fn with_fixed(&self, bytes: &[u8], frame: u64, free: &[u32]) -> Result<Vec<u8>> {
+        memory::require("the positions of this frame", 12 * self.atoms)?;
+        let mut out = Vec::with_capacity(12 * self.atoms as usize);
+        for k in 0..3 {
+            let (first, moved) = (self.coordinate(0, k) as usize, self.coordinate(frame, k) as usize);
+            let start = out.len();
+            out.extend_from_slice(&bytes[first..first + 4 * self.atoms as usize]);
+            for (number, &atom) in free.iter().enumerate() {
+                let to = start + 4 * atom as usize;
+                out[to..to + 4].copy_from_slice(&bytes[moved + 4 * number..][..4]);
+            }
+        }
+        Ok(out)
+    }
+
+    /// Positions whose coordinates begin at byte `base` and `base_step` bytes further on.
+    fn positions(&self, [base, base_step]: [u64; 2]) -> ColumnarField {
         ColumnarField {
             name: "pos".into(),
             kind_name: NumberType::F32.name().into(),
             kind: Some(NumberType::F32),
             big_endian: self.records.big_endian,
             components: 3,
-            base: at + self.cell_bytes() + self.records.marker,
-            base_step: self.axis(),
+            base,
+            base_step,
             stride: 4,
             ..ColumnarField::default()
         }
@@ -185,27 +247,33 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let broken = |what: String| Error::input_with(path, what, "the file is damaged or cut short: copy it again");
     let header = DcdHeader::read(&bytes).map_err(broken)?;
     let length = bytes.len() as u64 - header.start;
-    let (count, left) = (length / header.frame_bytes(), length % header.frame_bytes());
-    let mut notes = vec!["the file stores no names of atoms: all are one species".to_string()];
+    let [count, left] = header.frames_in(length);
+    let mut notes = vec![NO_NAMES.to_string()];
     if header.is_lammps {
         notes.push("LAMMPS wrote the file and states neither its units nor the time".into());
     }
-    let chosen = choice.frame.unwrap_or(count.saturating_sub(1));
     if left > 0 {
-        let what = format!("frame {count} is cut off: it has {left} of {} bytes", header.frame_bytes());
-        if choice.frame.is_none_or(|frame| frame >= count) {
+        let what = format!("frame {count} is cut off: it has {left} of {} bytes", header.frame_bytes(count));
+        if choice.frame.is_none_or(|frame| frame < 0 || frame as u64 >= count) {
             return Err(with_last_frame(broken(what), count));
         }
         notes.push(what);
     }
-    if chosen >= count {
-        return Err(if count == 0 { broken("the file has no frames".into()) } else { no_frame(path, chosen, count) });
+    if count == 0 {
+        return Err(broken("the file has no frames".into()));
     }
+    let chosen = frames::number(path, choice.frame, count)?;
     if choice.frame.is_none() && count > 1 {
         notes.push(ChosenFrame::<()>::note_of_the_last(count));
     }
-    let at = header.start + chosen * header.frame_bytes();
-    header.check(&bytes, at).map_err(|what| broken(format!("frame {chosen}: {what}")))?;
+    header.check(&bytes, chosen).map_err(|what| broken(format!("frame {chosen}: {what}")))?;
+    let own = match header.free.as_ref().filter(|_| chosen > 0) {
+        None => None,
+        Some(free) => {
+            header.check(&bytes, 0).map_err(|what| broken(format!("frame 0: {what}")))?;
+            Some(header.with_fixed(&bytes, chosen, free)?)
+        }
+    };
     let step = header.every.checked_mul(chosen as i64).and_then(|steps| steps.checked_add(header.first));
     let time = step
         .map(|step| rounded(step as f64 * header.step * AKMA))
@@ -217,7 +285,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         format: format!("{}, {}-endian", FORMAT.title, if header.records.big_endian { "big" } else { "little" }),
         files: paths.to_vec(),
         meta: SnapshotMeta {
-            cell: if header.has_cell { header.cell(&bytes, at) } else { None },
+            cell: if header.has_cell { header.cell(&bytes, header.place(chosen)) } else { None },
             units,
             epoch: Epoch { time, ..frames.epoch() },
             ..named(path)
@@ -226,7 +294,11 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         notes,
         ..Description::default()
     };
-    let atoms = AtomSpecies::all(vec![(header.positions(at), unit)], header.atoms);
+    let (bytes, place) = match own {
+        None => (bytes, [header.coordinate(chosen, 0), header.axis(chosen)]),
+        Some(own) => (Bytes::Owned(Arc::new(own)), [0, 4 * header.atoms]),
+    };
+    let atoms = AtomSpecies::all(vec![(header.positions(place), unit)], header.atoms);
     Ok(Box::new(AtomSnapshot::new(description, bytes, vec![atoms]).with_unwrapped(choice)?))
 }
 

@@ -1,7 +1,6 @@
 //! Formats that are known and not read: what they are, and what turns them into one that is read.
 
 use crate::format::{FileHead, is_whole};
-use crate::poscar::is_poscar;
 use crate::text::split::{Separator, number, tokens};
 use particlegs_pipeline::Hint;
 use std::path::Path;
@@ -91,11 +90,6 @@ static FOREIGN: &[ForeignFormat] = &[
     foreign("a RAMSES output", |s| s.begins(&[b"ncpu        ="]), Python(YT, "yt")),
     foreign("an mmCIF file", |s| s.names(b"_atom_site.Cartn_x", 1 << 16), Ovito),
     foreign("a CIF file", |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")), Ase("cif")),
-    foreign(
-        "a VASP trajectory (XDATCAR)",
-        |s| is_poscar(s) && s.lines().any(|l| l.starts_with(b"Direct configuration=")),
-        Ase("vasp-xdatcar"),
-    ),
     foreign(
         "a GROMOS structure (G96)",
         |s| s.begins(&[b"TITLE"]) && s.lines().any(|l| l.starts_with(b"POSITION")),

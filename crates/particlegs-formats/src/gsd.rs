@@ -3,9 +3,9 @@
 
 use crate::atoms::{AtomField, AtomSnapshot, AtomSpecies, array, widened};
 use crate::compression::refuse;
-use crate::frames::ChosenFrame;
+use crate::frames::{self, ChosenFrame};
 use crate::numbers::{Bytes, NumberType};
-use crate::snapshot::{named, no_frame, only};
+use crate::snapshot::{named, only};
 use crate::{Choice, Description, Format, Snapshot, SpeciesMass, TextResult, TrajectoryFrames};
 use particlegs_files::memory;
 use particlegs_pipeline::particles::SnapshotMeta;
@@ -146,10 +146,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     if file.frames == 0 {
         return Err(broken("the file has no frames".into()));
     }
-    let chosen = choice.frame.unwrap_or(file.frames - 1);
-    if chosen >= file.frames {
-        return Err(no_frame(path, chosen, file.frames));
-    }
+    let chosen = frames::number(path, choice.frame, file.frames)?;
     let chunks = file.chunks(chosen);
     let chunk = |name: &str| match chunks.iter().find(|c| c.0 == name) {
         None => Ok(None),

@@ -39,6 +39,7 @@ mod raw;
 mod read;
 mod registry;
 mod snapshot;
+mod topology;
 mod writers;
 
 mod csv;
@@ -72,6 +73,7 @@ pub use halo_file::{is_hdf5, write_haloes};
 pub use path_kind::PathKind;
 pub use snapshot::{Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 pub use splats::write_splats;
+pub use topology::selection::AtomSelection;
 pub use writers::Writer;
 
 /// A result whose error is in words, without the file.

@@ -3,7 +3,7 @@
 use crate::foreign::foreign_of;
 use crate::format::{FileHead, Format, LOOKED_AT};
 use crate::registry::{named, names};
-use crate::{Choice, PathKind, Snapshot};
+use crate::{Choice, PathKind, Snapshot, topology};
 use particlegs_files::input::{Source, SpoolFile};
 use particlegs_pipeline::{Error, Hint, Result};
 use std::path::{Path, PathBuf};
@@ -60,11 +60,15 @@ impl Choice {
             Some(name) => named(name)?,
         };
         self.fits(format.name, &first.display().to_string())?;
-        (format.open)(paths, self)
+        let snapshot = (format.open)(paths, self)?;
+        if self.by_atoms() { topology::snapshot::named(snapshot, format.name, first, self) } else { Ok(snapshot) }
     }
 
     /// Rejects choices that have no meaning in a format.
     pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
+        if self.by_atoms() && format == "raw" {
+            return Err(Error::input(place, "raw columns have no atoms that can be named"));
+        }
         if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
             return Err(Error::input(place, "block names can only be given for Gadget files of format 1"));
         }

@@ -6,18 +6,19 @@ use crate::format::FileHead;
 use crate::gro::{MOST_NUMBERS, moment, substance};
 use crate::snapshot::{named, only};
 use crate::text::content::TextContent;
-use crate::text::frames::{TextFrame, scan};
+use crate::text::frames::{FrameScan, TextFrame, scan};
 use crate::text::lines::{LineReader, of_block};
 use crate::text::parse::{RowRule, TableLayout, itself};
 use crate::text::snapshot::{TableColumns, TextSnapshot, header_number, kinds};
 use crate::text::split::{FixedColumns, Separator, number};
 use crate::text::table::{TableBuilder, TextTable};
+use crate::topology::{AtomRow, Topology};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, TextResult};
 use particlegs_pipeline::model::{Epoch, Units};
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 pub const FORMAT: Format = Format { name: "pdb", title: "PDB file", detect, open };
 
@@ -50,15 +51,14 @@ struct PdbFrameHead {
     cell: Option<Cell>,
     moment: (Option<f64>, Option<i64>),
     has_elements: bool,
+    /// Are all atoms one species?
+    is_one: bool,
 }
 
 fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let content = TextContent::open(path)?;
-    // What stands before the first model holds for all.
-    let mut head = PdbFrameHead::default();
-    let found =
-        scan(&content, choice.frame, |lines, number, wanted| frame(&content, lines, &mut head, number, wanted))?;
+    let found = scanned(&content, choice)?;
     let meta = SnapshotMeta {
         cell: found.head.cell,
         units: Units::new(Some("Angstrom"), None, None),
@@ -76,6 +76,34 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     };
     let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
     Ok(Box::new(made.with_unwrapped(false, choice)?))
+}
+
+fn scanned(content: &TextContent, choice: &Choice) -> Result<FrameScan<PdbFrameHead>> {
+    // What stands before the first model holds for all.
+    let mut head = PdbFrameHead { is_one: choice.by_atoms(), ..PdbFrameHead::default() };
+    let before = head.clone();
+    scan(content, choice.frame, |lines, number, wanted| {
+        if number == 0 {
+            head = before.clone();
+        }
+        frame(content, lines, &mut head, number, wanted)
+    })
+}
+
+/// The atoms of a model.
+pub fn topology(path: &Path, choice: &Choice) -> Result<Topology> {
+    let content = TextContent::open(path)?;
+    let found = scanned(&content, choice)?;
+    let bytes = FixedColumns::new([COLUMNS[0].1, COLUMNS[1].1, COLUMNS[2].1, [22, 26]]);
+    let mut topology = Topology::new(path);
+    found.table.for_each_row(|line| {
+        let value = |column| bytes.value(line, column).unwrap_or_default();
+        let [element, residue, name, number] = [0, 1, 2, 3].map(value);
+        let residue_number = std::str::from_utf8(number).ok().and_then(|text| text.parse().ok());
+        topology.species.push(if found.head.has_elements { element } else { substance(residue) });
+        topology.push(AtomRow { name, residue, residue_number, element, ..AtomRow::default() })
+    })?;
+    Ok(topology)
 }
 
 fn columns(table: &TextTable) -> TableColumns {
@@ -127,7 +155,7 @@ fn frame<'c>(
         lines.line()?;
     }
     let key = if head.has_elements { 0 } else { 1 };
-    let mut rows = TableBuilder::new(content, layout(head.has_elements), Some(key), lines.place());
+    let mut rows = TableBuilder::new(content, layout(head.has_elements), (!head.is_one).then_some(key), lines.place());
     let mut end = lines.place();
     loop {
         let place = lines.place();

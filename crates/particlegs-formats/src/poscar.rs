@@ -1,8 +1,9 @@
-//! Structures of VASP (POSCAR, CONTCAR), plain or compressed: a scale, three vectors, numbers of atoms, positions, perhaps
-//! velocities: <https://www.vasp.at/wiki/index.php/POSCAR>.
+//! Structures of VASP (POSCAR, CONTCAR) and their trajectories (XDATCAR), plain or compressed: a scale, three vectors,
+//! numbers of atoms, positions, perhaps velocities: <https://www.vasp.at/wiki/index.php/POSCAR>.
 
 use crate::atoms::{AtomSnapshot, AtomSpecies, FieldBuffer};
 use crate::format::{FileHead, is_whole};
+use crate::frames::choose;
 use crate::snapshot::{named, only};
 use crate::text::content::{TextContent, TextPosition};
 use crate::text::lines::LineReader;
@@ -14,13 +15,27 @@ use particlegs_pipeline::model::{Dimension, Unit, Units};
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-pub const FORMAT: Format = Format { name: "poscar", title: "VASP structure (POSCAR)", detect, open };
+pub const FORMAT: Format = Format {
+    name: "poscar",
+    title: "VASP structure (POSCAR)",
+    detect: |head| is_poscar(head) && !is_trajectory(head),
+    open,
+};
+pub const XDATCAR: Format = Format {
+    name: "xdatcar",
+    title: "VASP trajectory (XDATCAR)",
+    detect: |head| is_poscar(head) && is_trajectory(head),
+    open: open_trajectory,
+};
 
 /// Trajectories have such a line before each frame.
-fn detect(head: &FileHead) -> bool {
-    is_poscar(head) && !head.lines().take(16).any(|l| l.starts_with(b"Direct configuration="))
+const FRAME: &[u8] = b"Direct configuration=";
+
+fn is_trajectory(head: &FileHead) -> bool {
+    head.lines().take(16).any(|l| l.starts_with(FRAME))
 }
 
 /// A comment, a scale, three vectors, perhaps symbols, numbers of atoms, how positions are meant.
@@ -36,10 +51,22 @@ pub fn is_poscar(head: &FileHead) -> bool {
 const ATOM: u64 = 120;
 const STEP: u64 = 1 << 16;
 
-struct Poscar {
+/// What stands before the positions.
+struct PoscarHead {
+    scale: [f64; 3],
     vectors: [[f64; 3]; 3],
     /// Names of the kinds of atoms, in order, and how many there are of each.
     kinds: Vec<(String, u64)>,
+}
+
+impl PoscarHead {
+    fn count(&self) -> u64 {
+        self.kinds.iter().map(|k| k.1).fold(0, u64::saturating_add)
+    }
+}
+
+struct Poscar {
+    head: Arc<PoscarHead>,
     position: Vec<f64>,
     /// Empty where there are none.
     velocity: Vec<f64>,
@@ -72,9 +99,9 @@ fn three(words: &[Vec<u8>]) -> TextResult<[f64; 3]> {
     Ok([header_number(x)?, header_number(y)?, header_number(z)?])
 }
 
-fn read(path: &PathBuf, content: &TextContent) -> Result<Poscar> {
-    let mut lines = PoscarLines { lines: LineReader::open(content, TextPosition::START, None)? };
+fn head(path: &PathBuf, lines: &mut PoscarLines<'_>) -> Result<PoscarHead> {
     lines.needed(path)?;
+    let at = lines.lines.place().line;
     let scale = lines.needed(path)?;
     let scale: Vec<f64> =
         scale.iter().map(|w| header_number(w)).collect::<TextResult<_>>().map_err(|what| lines.error(path, what))?;
@@ -83,15 +110,27 @@ fn read(path: &PathBuf, content: &TextContent) -> Result<Poscar> {
         let words = lines.needed(path)?;
         *vector = three(&words).map_err(|what| lines.error(path, what))?;
     }
-    let scale = scales(&scale, vectors).ok_or_else(|| Error::input(path, "line 2: the scale is invalid"))?;
+    let scale = scales(&scale, vectors);
+    let scale = scale.ok_or_else(|| Error::input(path, format!("line {at}: the scale is invalid")))?;
     vectors.iter_mut().for_each(|v| (0..3).for_each(|k| v[k] *= scale[k]));
-    let kinds = kinds(path, &mut lines)?;
-    let count = kinds.iter().map(|k| k.1).fold(0, u64::saturating_add);
+    Ok(PoscarHead { scale, vectors, kinds: kinds(path, lines)? })
+}
+
+fn read(path: &PathBuf, content: &TextContent) -> Result<Poscar> {
+    let mut lines = PoscarLines { lines: LineReader::open(content, TextPosition::START, None)? };
+    let head = head(path, &mut lines)?;
     let mut mode = lines.needed(path)?;
     if first_letter(&mode) == Some(b'S') {
         mode = lines.needed(path)?;
     }
     let is_cartesian = matches!(first_letter(&mode), Some(b'C' | b'K'));
+    let position = positions(path, &mut lines, &head, is_cartesian)?;
+    let velocity = velocities(&mut lines, head.count())?;
+    Ok(Poscar { head: head.into(), position, velocity })
+}
+
+fn positions(path: &PathBuf, lines: &mut PoscarLines<'_>, head: &PoscarHead, is_cartesian: bool) -> Result<Vec<f64>> {
+    let (scale, vectors, count) = (head.scale, head.vectors, head.count());
     let place = |v: [f64; 3]| match is_cartesian {
         true => [0, 1, 2].map(|k| v[k] * scale[k]),
         false => [0, 1, 2].map(|k| v[0] * vectors[0][k] + v[1] * vectors[1][k] + v[2] * vectors[2][k]),
@@ -107,8 +146,7 @@ fn read(path: &PathBuf, content: &TextContent) -> Result<Poscar> {
         };
         position.extend(place(three(&words).map_err(|what| lines.error(path, what))?));
     }
-    let velocity = velocities(&mut lines, count)?;
-    Ok(Poscar { vectors, kinds, position, velocity })
+    Ok(position)
 }
 
 /// Perhaps symbols, and numbers of atoms.
@@ -170,7 +208,71 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let content = TextContent::open(path)?;
     let found = read(path, &content)?;
-    let cell = Cell::stated([0.0; 3], found.vectors, [true; 3]);
+    let description = Description { format: content.title(FORMAT.title), ..Description::default() };
+    Ok(Box::new(described(path, found, description)))
+}
+
+fn open_trajectory(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let content = TextContent::open(path)?;
+    let begin = || LineReader::open(&content, TextPosition::START, None).map(|lines| PoscarLines { lines });
+    let (mut lines, mut head) = (begin()?, None);
+    let found = choose(path, choice.frame, |number, is_wanted| {
+        if number == 0 {
+            (lines, head) = (begin()?, None);
+        }
+        frame(path, &mut lines, &mut head, is_wanted)
+    })?;
+    let frames = found.frames(Some(found.frame.1));
+    let description = Description {
+        format: content.title(XDATCAR.title),
+        meta: SnapshotMeta { epoch: frames.epoch(), ..SnapshotMeta::default() },
+        frames: Some(frames),
+        notes: found.notes,
+        ..Description::default()
+    };
+    Ok(Box::new(described(path, found.frame.0, description).with_unwrapped(choice)?))
+}
+
+/// The next frame and its number in the file; without positions where it is not wanted. The head of the one `before`
+/// holds unless it has its own.
+fn frame(
+    path: &PathBuf,
+    lines: &mut PoscarLines<'_>,
+    before: &mut Option<Arc<PoscarHead>>,
+    is_wanted: bool,
+) -> Result<Option<(Poscar, i64)>> {
+    match lines.lines.peek()? {
+        None => return Ok(None),
+        Some(line) if !line.starts_with(FRAME) => {
+            if line.trim_ascii().is_empty() && before.is_some() {
+                return Ok(None);
+            }
+            *before = Some(head(path, lines)?.into());
+        }
+        Some(_) => {}
+    }
+    let title = lines.lines.line()?.map(<[u8]>::to_vec).unwrap_or_default();
+    let number = title.strip_prefix(FRAME).and_then(|text| std::str::from_utf8(text.trim_ascii()).ok()?.parse().ok());
+    let (Some(number), Some(head)) = (number, before.clone()) else {
+        return Err(lines.error(path, format!("{} is not the beginning of a frame", shown(&title))));
+    };
+    let position = match is_wanted {
+        true => positions(path, lines, &head, false)?,
+        false => {
+            let (count, passed) = (head.count(), lines.lines.pass(head.count(), |_, _| Ok(()))?);
+            if passed < count {
+                let what = format!("the file is cut off: it states {count} atoms, but only {passed} lines follow");
+                return Err(Error::input(path, what));
+            }
+            Vec::new()
+        }
+    };
+    Ok(Some((Poscar { head, position, velocity: Vec::new() }, number)))
+}
+
+/// The snapshot of what was found; `description` says what else there is.
+fn described(path: &Path, found: Poscar, mut description: Description) -> AtomSnapshot {
     let mut buffer = FieldBuffer::default();
     buffer.add("pos", 3, Some("Angstrom"), &found.position);
     if !found.velocity.is_empty() {
@@ -180,7 +282,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     // A symbol may stand twice.
     let mut names: Vec<(String, Vec<String>)> = Vec::new();
     let mut types = Vec::new();
-    for (name, count) in &found.kinds {
+    for (name, count) in &found.head.kinds {
         let at = names.iter().position(|n| n.0 == *name).unwrap_or(names.len());
         if at == names.len() {
             names.push((name.clone(), vec![name.to_lowercase()]));
@@ -189,17 +291,14 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     }
     let atoms = AtomSpecies::all(fields, types.len() as u64);
     let species = if types.is_empty() { Vec::new() } else { atoms.by_type(&types, &names) };
-    let description = Description {
-        format: content.title(FORMAT.title),
-        files: paths.to_vec(),
-        meta: SnapshotMeta {
-            cell,
-            units: Units { time: Some(Unit::parse("fs", Dimension::Time)), ..Units::new(Some("Angstrom"), None, None) },
-            ..named(path)
-        },
-        ..Description::default()
+    description.files = vec![path.to_path_buf()];
+    description.meta = SnapshotMeta {
+        cell: Cell::stated([0.0; 3], found.head.vectors, [true; 3]),
+        units: Units { time: Some(Unit::parse("fs", Dimension::Time)), ..Units::new(Some("Angstrom"), None, None) },
+        name: named(path).name,
+        ..description.meta
     };
-    Ok(Box::new(AtomSnapshot::new(description, bytes, species)))
+    AtomSnapshot::new(description, bytes, species)
 }
 
 #[cfg(test)]

@@ -25,6 +25,7 @@ pub(crate) static FORMATS: &[Format] = &[
     crate::lammps::data::FORMAT,
     crate::pdb::FORMAT,
     crate::poscar::FORMAT,
+    crate::poscar::XDATCAR,
     crate::gro::FORMAT,
     crate::xyz::FORMAT,
     crate::splats::SPLAT,

@@ -65,12 +65,6 @@ pub(crate) fn named(path: &Path) -> SnapshotMeta {
     SnapshotMeta { name, ..SnapshotMeta::default() }
 }
 
-/// The error for a frame that is not among the `count` that there are, one at least.
-pub(crate) fn no_frame(path: &Path, frame: u64, count: u64) -> Error {
-    let there = if count == 1 { "the only frame is 0".into() } else { format!("the frames are 0 to {}", count - 1) };
-    Error::input(path, format!("there is no frame {frame}; {there}"))
-}
-
 /// The one file of a format in single files.
 pub(crate) fn only(paths: &[PathBuf]) -> Result<&PathBuf> {
     match paths {

@@ -97,7 +97,7 @@ pub fn written(particles: &Particles, path: &Path, name: &str) -> u64 {
 }
 
 /// A file of tests/fixtures or tests/data, at a frame or the last, and what the field `name` of a species holds.
-pub fn fixture(path: &str, frame: Option<u64>) -> Box<dyn Snapshot> {
+pub fn fixture(path: &str, frame: Option<i64>) -> Box<dyn Snapshot> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(path);
     Choice { frame, ..Choice::default() }.open(&[path]).unwrap()
 }

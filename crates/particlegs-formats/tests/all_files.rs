@@ -76,7 +76,7 @@ fn check_fixture(path: &Path) -> Result<(), String> {
 fn check_box(name: &str, snapshot: &dyn Snapshot) -> Result<(), String> {
     let states_one = [
         "hdf5", "gio", "dump", "dump.gz", "dump.bz2", "dump.zst", "extxyz", "gro", "xtc", "trr", "dcd", "h5md", "pdb",
-        "data", "vasp", "gsd", "h5",
+        "data", "vasp", "xdatcar", "gsd", "h5",
     ];
     let states_one =
         states_one.iter().any(|e| name.ends_with(e)) || name.starts_with("gadget") || name.ends_with("npz");

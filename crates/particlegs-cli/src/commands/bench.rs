@@ -96,7 +96,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         return Err(Error::argument("`bench` needs a snapshot and a folder for the results: SNAPSHOT -o DIR"));
     };
     let context = a.common.clone().start()?;
-    context.reads(a.snapshots.iter().map(PathBuf::as_path), false)?;
+    context.reads(a.snapshots.iter().chain(&a.snapshot.topology).map(PathBuf::as_path), false)?;
     let kept = bench_files::folder(output, &context)?;
     let snapshots = a.open(&context)?;
     let work = BenchProgress(&context);

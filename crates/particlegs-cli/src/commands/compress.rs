@@ -199,7 +199,8 @@ impl Arguments {
 
     /// Declares inputs and outputs. Returns whether there is a model already that this command may have made.
     fn plan(&self, options: &Options, context: &CommandContext) -> Result<bool> {
-        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.tune.config_file());
+        let inputs = self.input.iter().chain(&self.particles.opening.topology).map(PathBuf::as_path);
+        let inputs = inputs.chain(self.fit.train.tune.config_file());
         context.reads(inputs, self.force.force)?;
         if let Some(folder) = &self.pictures {
             // The model may go into the same folder.

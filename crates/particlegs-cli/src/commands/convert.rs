@@ -66,7 +66,7 @@ fn writers() -> Vec<&'static str> {
 
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
+    context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
     let mut choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.particles.opening, &context)? {
             PathContent::Model(bytes) => return splats(&a, one, &bytes, &context),

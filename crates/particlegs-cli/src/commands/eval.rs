@@ -78,7 +78,8 @@ struct EvalReport {
 
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let inputs = a.input.iter().map(PathBuf::as_path).chain([a.model.as_path()]).chain(a.views.as_deref());
+    let inputs =
+        a.input.iter().chain([&a.model]).chain(&a.views).chain(&a.particles.opening.topology).map(PathBuf::as_path);
     context.reads(inputs, false)?;
     if let Some(folder) = &a.pictures {
         context.makes_folder(folder)?;

@@ -32,7 +32,8 @@ Examples:
 What is lost; each file says so itself:
   .ply .glb .gltf   counts, masses and the box; the splats are for viewers that sort and blend, and
                     approximate an optical-depth model at one radius and opacity
-  .npy .vti .fits   structure smaller than a cell: cells hold mass or number per volume
+  .npy .vti .fits .dx .mrc
+                    structure smaller than a cell: cells hold mass or number per volume
   .npz .csv         blocks, certificate and VizMapper; the Gaussians are complete
   .html             nothing: the page contains the model file
 
@@ -48,6 +49,7 @@ Examples:
   particlegs export M.pgs -o density.vti --cell 0.5           # for ParaView
   particlegs export M.pgs -o density.vti --fields velocity    # with its mean and dispersion in each cell
   particlegs export M.pgs -o density.fits --layer dm
+  particlegs export M.pgs -o water.mrc --layer water          # or .dx: for VMD, PyMOL, ChimeraX
   particlegs export M.pgs -o gaussians.npz                    # means, covariances, counts, masses
   particlegs export M.pgs -o - --kind csv | head
 
@@ -57,7 +59,7 @@ pub struct Arguments {
     /// Model file.
     #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// File to write: .html .ply .glb .gltf .npy .vti .fits .npz .csv.
+    /// File to write: .html .ply .glb .gltf .npy .vti .fits .dx .mrc .npz .csv.
     ///
     /// The extension selects what is written.
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::FilePath)]
@@ -93,7 +95,7 @@ struct SplatArgs {
 }
 
 #[derive(Args)]
-#[command(next_help_heading = "Density on a grid (.npy, .vti, .fits)")]
+#[command(next_help_heading = "Density on a grid (.npy, .vti, .fits, .dx, .mrc)")]
 struct GridArgs {
     /// Cells along the longest edge of the box [default: 128].
     #[arg(long, value_name = "N", conflicts_with = "cell")]

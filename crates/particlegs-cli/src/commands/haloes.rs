@@ -150,7 +150,8 @@ struct HaloReport {
 
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads([a.input.as_path()].into_iter().chain(a.truth.as_deref()), a.force.force)?;
+    let files = [&a.truth, &a.snapshot.topology].into_iter().flatten().map(PathBuf::as_path);
+    context.reads([a.input.as_path()].into_iter().chain(files), a.force.force)?;
     context.writes(&a.output, if is_hdf5(&a.output) { &HDF5 } else { &CSV })?;
     for path in &a.mass_function {
         let kind = match FileKind::from_path(path) {

@@ -30,7 +30,7 @@ pub struct Arguments {
 
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads(a.input.iter().map(PathBuf::as_path), false)?;
+    context.reads(a.input.iter().chain(&a.snapshot.topology).map(PathBuf::as_path), false)?;
     match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             PathContent::Model(bytes) => info_model::print(&context, one, &bytes),

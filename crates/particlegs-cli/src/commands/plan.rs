@@ -103,7 +103,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let snapshot = JobSnapshot::new(&a.input, &a.particles, a.common.seed)?;
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
-    context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.tune.config_file()), a.force.force)?;
+    let inputs = a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path);
+    context.reads(inputs.chain(a.fit.train.tune.config_file()), a.force.force)?;
     if a.emit.is_some() && context.outputs().on_standard_output() {
         return Err(Error::argument("--emit prints its script to standard output: write --json to a file"));
     }

@@ -140,7 +140,7 @@ struct ReferenceReport {
 
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let files = [&a.view.views, &a.sequence.path, &a.figure.overlay].into_iter().flatten();
+    let files = [&a.view.views, &a.sequence.path, &a.figure.overlay, &a.snapshot.topology].into_iter().flatten();
     context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
     let range = if a.field.field.is_some() { a.density.field_range() } else { a.density.asked_range() }?;
     let particles = ParticleArgs::without_window(&a.snapshot, &a.selection);

@@ -235,7 +235,10 @@ struct StatsReport<'a> {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let mut options = options(&a)?;
-    context.reads([a.truth.as_path(), &a.other].into_iter().chain(a.measure.centres.as_deref()), false)?;
+    context.reads(
+        [&a.truth, &a.other].into_iter().chain(&a.measure.centres).chain(&a.snapshot.topology).map(PathBuf::as_path),
+        false,
+    )?;
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let list = a.measure.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;

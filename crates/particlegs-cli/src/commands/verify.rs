@@ -70,7 +70,8 @@ pub fn run(a: Arguments) -> Result<()> {
     if Job::is_job(&a.model) {
         return verify_job(&a, &context);
     }
-    context.reads(a.snapshot.iter().map(PathBuf::as_path).chain([a.model.as_path()]), false)?;
+    context
+        .reads(a.snapshot.iter().chain([&a.model]).chain(&a.particles.opening.topology).map(PathBuf::as_path), false)?;
     if a.store {
         context.outputs().rewrites(&a.model)?;
     }

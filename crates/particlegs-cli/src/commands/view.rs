@@ -86,7 +86,10 @@ pub struct Arguments {
 
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads(a.models.iter().chain(&a.particles).chain(a.page.files()).map(PathBuf::as_path), false)?;
+    context.reads(
+        a.models.iter().chain(&a.particles).chain(&a.snapshot.topology).chain(a.page.files()).map(PathBuf::as_path),
+        false,
+    )?;
     let server = listen(&a, &context)?;
     let mut viewed = ModelFiles::read(&a.models, &context)?;
     let opening = a.page.opening(&a.dials, &a.layers, &viewed.infos(), &context)?;

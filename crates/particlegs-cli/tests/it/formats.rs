@@ -1,6 +1,6 @@
 //! Files of other programs: info, selection, layers, units, round trips.
 
-use crate::common::{TestFolder, said};
+use crate::common::{TestFolder, fixture, particlegs, said, success};
 use serde_json::Value;
 
 /// JSON of `info`.
@@ -43,6 +43,41 @@ fn trajectories_are_read_by_frames_with_velocities() {
         assert!(d.to_string().contains("velocity") || d.to_string().contains("vel"), "{name}");
     }
     dir.fails("info FIXTURES/mdanalysis.xtc --frame 3", 3, "there is no frame 3; the frames are 0 to 2");
+}
+
+/// Positions of one file, names and masses of another, some of the atoms; in a job as in one go.
+#[test]
+fn atoms_are_named_by_a_topology_and_selected() {
+    let dir = TestFolder::new();
+    std::fs::copy(fixture("mdanalysis.xtc"), dir.at("run.xtc")).unwrap();
+    std::fs::copy(fixture("mdanalysis.gro"), dir.at("conf.gro")).unwrap();
+    let d = info(&dir, "run.xtc --topology conf.gro --frame -2");
+    let species = |d: &Value, k: usize| (d["species"][k]["name"].clone(), d["species"][k]["count"].as_u64());
+    assert_eq!((species(&d, 0), species(&d, 1)), (("water".into(), Some(40)), ("NA".into(), Some(10))));
+    assert_eq!((d["frames"]["chosen"].as_u64(), &d["meta"]["mass_unit"]), (Some(1), &"amu".into()));
+    assert!(d["notes"].to_string().contains("masses are standard atomic weights"), "{d}");
+    let options = "-q --gaussians 6 --blocks 1 --certificate none --topology conf.gro --frame -1 --select";
+    let with = |command: &str| success(dir.command(&format!("{command} {options}")).arg("name H"));
+    with("compress run.xtc -o m.pgs");
+    let d = info(&dir, "m.pgs");
+    assert_eq!(d["metadata"]["particles"].as_u64(), Some(20));
+    let recipe = dir.model("m.pgs").metadata.recipe.to_string();
+    assert!(recipe.contains("--frame -1 --select \"name H\" --topology conf.gro"), "{recipe}");
+    with("plan run.xtc -o job");
+    // Tasks run in other folders.
+    std::fs::create_dir(dir.at("else")).unwrap();
+    for task in ["block ../job 0", "merge ../job -o ../of-job.pgs"] {
+        success(particlegs().current_dir(dir.at("else")).args(task.split(' ')).arg("-q"));
+    }
+    assert!(dir.bytes("of-job.pgs") == dir.bytes("m.pgs"));
+    for (words, code, why) in [
+        ("info run.xtc --select water", 3, "the file has no names of atoms"),
+        ("info run.xtc --topology run.xtc", 3, "holds no topology"),
+        ("info conf.gro --select (water", 2, "the selection `(water`: a `(` has no `)`"),
+        ("convert run.xtc --topology conf.gro -o conf.gro --to npy --force", 8, "conf.gro"),
+    ] {
+        dir.fails(words, code, why);
+    }
 }
 
 #[test]

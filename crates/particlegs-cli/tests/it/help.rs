@@ -111,7 +111,7 @@ fn completions_offer_the_values() {
         "viridis inferno magma cividis ember arctic thermal ice grey",
         "hdf5 genericio npy npz ply",
         "raw npy hdf5 vtp lammps",
-        "html ply glb gltf npy vti fits npz csv",
+        "html ply glb gltf npy vti fits dx mrc npz csv",
         "fast default",
         "none fast best paper",
         "optical-depth alpha-blend",

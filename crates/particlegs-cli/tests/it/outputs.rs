@@ -61,6 +61,8 @@ const CASES: &[OutputCase] = &[
     case("export m.pgs -o OUT --grid 8", OutputKind::Export, "npy"),
     case("export m.pgs -o OUT --grid 8", OutputKind::Export, "vti"),
     case("export m.pgs -o OUT --grid 8", OutputKind::Export, "fits"),
+    case("export m.pgs -o OUT --grid 8", OutputKind::Export, "dx"),
+    case("export m.pgs -o OUT --grid 8", OutputKind::Export, "mrc"),
     case("export m.pgs -o OUT", OutputKind::Export, "npz"),
     case("export m.pgs -o OUT", OutputKind::Export, "csv"),
     case("plan snap -o OUT --blocks 2 --certificate none", OutputKind::Job, ""),

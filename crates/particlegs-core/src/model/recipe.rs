@@ -187,7 +187,8 @@ impl fmt::Display for Recipe {
         let option = |name: &str, value: Option<String>| value.map_or(String::new(), |v| format!(" --{name} {v}"));
         let read = self.read.iter().map(|(name, value)| {
             let name = if name == "weights" { "mass-field" } else { name };
-            format!(" --{name} {value}").trim_end().to_string()
+            let quote = if value.contains(' ') { "\"" } else { "" };
+            format!(" --{name} {quote}{value}{quote}").trim_end().to_string()
         });
         let fields = [
             ("target", self.target.to_string()),
@@ -229,10 +230,11 @@ mod tests {
     fn recipes_are_shown_as_the_command() {
         assert_eq!(asked(65.0).to_string(), "compress --ratio 65 --effort default --seed 42");
         let training = TrainingRecipe { preset: Some("best".into()), ..TrainingRecipe::default() };
-        let read = [("every", "2"), ("left-out", ""), ("weights", "none")].map(|(n, v)| (n.into(), v.into()));
+        let read = [("every", "2"), ("left-out", ""), ("select", "name OW"), ("weights", "none")]
+            .map(|(n, v)| (n.into(), v.into()));
         let recipe =
             Recipe { read: read.into(), training: Some(training), blocks: 3, opacity: Some(0.1), ..asked(65.0) };
-        let all = "compress --ratio 65 --effort default --seed 42 --train best --every 2 --left-out --mass-field none --opacity 0.1 --blocks 3";
+        let all = "compress --ratio 65 --effort default --seed 42 --train best --every 2 --left-out --select \"name OW\" --mass-field none --opacity 0.1 --blocks 3";
         assert_eq!(recipe.to_string(), all);
         let small = recipe.merged().then(RecipeStep::Simplify(Target::Gaussians(20)));
         assert_eq!(small.to_string(), format!("simplify --gaussians 20 of: merge of: {all}"));

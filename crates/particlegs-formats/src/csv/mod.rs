@@ -34,7 +34,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
         return Err(Error::argument("name one text table at a time"));
     };
-    if options.frame.is_some_and(|frame| frame > 0) {
+    if options.frame.is_some_and(|frame| ![0, -1].contains(&frame)) {
         return Err(Error::input(path, "a text table has only one frame"));
     }
     let content = TextContent::open(path)?;

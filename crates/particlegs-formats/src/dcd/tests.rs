@@ -32,9 +32,57 @@ fn broken_trajectories_are_refused() {
     assert!(fault(&many).contains("frame 0 is cut off"), "{}", fault(&many));
     let mut fixed = NAMD.to_vec();
     fixed[4 + 4 + 32] = 3;
-    assert!(fault(&fixed).contains("3 atoms are fixed"), "{}", fault(&fixed));
+    assert!(fault(&fixed).contains("does not name the 47 atoms that move"), "{}", fault(&fixed));
     let mut wrong = NAMD.to_vec();
     let last = wrong.len() - 4;
     wrong[last] ^= 1;
     assert!(fault(&wrong).contains("frame 2: the record of 200 bytes"), "{}", fault(&wrong));
+}
+
+/// A file as CHARMM writes it: atoms 2 and 4 of 5 move, and later frames hold them alone.
+#[test]
+fn fixed_atoms_are_those_of_the_first_frame() {
+    let record = |content: Vec<u8>| {
+        let length = (content.len() as u32).to_le_bytes();
+        [&length[..], &content, &length].concat()
+    };
+    let words = |numbers: &[i32]| record(numbers.iter().flat_map(|n| n.to_le_bytes()).collect());
+    let axis = |values: &[f32]| record(values.iter().flat_map(|v| v.to_le_bytes()).collect());
+    let mut control = [0i32; 20];
+    (control[0], control[2], control[8], control[19]) = (3, 1, 3, 24);
+    let numbers = control.iter().flat_map(|n| n.to_le_bytes());
+    let head = record(b"CORD".iter().copied().chain(numbers).collect());
+    let title = record([&1u32.to_le_bytes()[..], &[b' '; 80]].concat());
+    let file = |free: &[i32], later: &[f32]| {
+        let frame = |values: &[f32]| [axis(values), axis(values), axis(&vec![7.0; values.len()])].concat();
+        [
+            head.clone(),
+            title.clone(),
+            words(&[5]),
+            words(free),
+            frame(&[0.0, 1.0, 2.0, 3.0, 4.0]),
+            frame(later),
+            frame(&[-3.0, -4.0]),
+        ]
+        .concat()
+    };
+    let whole = file(&[2, 4], &[-1.0, -2.0]);
+    for (frame, x) in
+        [(0, [0.0, 1.0, 2.0, 3.0, 4.0]), (1, [0.0, -1.0, 2.0, -2.0, 4.0]), (-1, [0.0, -3.0, 2.0, -4.0, 4.0])]
+    {
+        let path = crate::testing::scratch(&whole);
+        let choice = crate::Choice { frame: Some(frame), ..crate::Choice::default() };
+        let snapshot = choice.open(&[path.path().into()]).unwrap();
+        assert_eq!(crate::testing::vectors(&*snapshot, 0, "pos"), x.map(|x| [x, x, 7.0]), "{frame}");
+        assert_eq!(snapshot.description().frames.unwrap().count, 3);
+    }
+    for (broken, why) in [
+        (file(&[2, 6], &[-1.0, -2.0]), "does not name the 2 atoms that move"),
+        (file(&[4, 2], &[-1.0, -2.0]), "does not name the 2 atoms that move"),
+        (file(&[2], &[-1.0, -2.0]), "does not name the 2 atoms that move"),
+        (file(&[2, 4], &[-1.0]), "is cut off: it has"),
+        (whole[..whole.len() - 1].to_vec(), "frame 2 is cut off: it has 47 of 48 bytes"),
+    ] {
+        assert!(fault(&broken).contains(why), "{why}: {}", fault(&broken));
+    }
 }

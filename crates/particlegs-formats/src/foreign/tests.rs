@@ -17,14 +17,7 @@ fn describe(name: &str, bytes: &[u8]) -> (String, String) {
 
 #[test]
 fn files_of_molecular_dynamics_are_named_with_their_converter() {
-    let xdatcar = "cell\n1.0\n30 0 0\n0 30 0\n0 0 30\nO\n1\nDirect configuration= 1\n0.5 0.5 0.1\n";
     for (name, text, title, command) in [
-        (
-            "XDATCAR",
-            xdatcar,
-            "a VASP trajectory",
-            "ase convert -i vasp-xdatcar -o extxyz /XDATCAR xdatcar_converted.extxyz",
-        ),
         ("a.cif", "data_x\n_cell_length_a 3\n_cell_length_b 3\n", "a CIF file", "-i cif"),
         ("b.cif", "data_x\nloop_\n_atom_site.Cartn_x\n1 2 3\n", "an mmCIF file", "ovito"),
     ] {

@@ -10,12 +10,13 @@ use crate::text::parse::{RowRule, TableLayout};
 use crate::text::snapshot::{TableColumns, TextSnapshot, header_number, kinds};
 use crate::text::split::{FixedColumns, Separator, shown, tokens};
 use crate::text::table::{TableBuilder, TextTable};
+use crate::topology::{AtomRow, Topology};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, TextResult};
 use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 pub const FORMAT: Format = Format { name: "gro", title: "GROMACS structure (GRO)", detect, open };
 
@@ -53,7 +54,8 @@ struct GroFrameHead {
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = crate::snapshot::only(paths)?;
     let content = TextContent::open(path)?;
-    let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted))?;
+    let as_one = options.by_atoms();
+    let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted, as_one))?;
     let units = Units { time: Some(Unit::parse("ps", Dimension::Time)), ..Units::new(Some("nm"), None, None) };
     let meta = SnapshotMeta {
         cell: found.head.cell,
@@ -74,6 +76,21 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     Ok(Box::new(made.with_unwrapped(false, options)?))
 }
 
+/// The atoms of a frame.
+pub fn topology(path: &Path, choice: &Choice) -> Result<Topology> {
+    let content = TextContent::open(path)?;
+    let found = scan(&content, choice.frame, |lines, number, wanted| frame(&content, lines, number, wanted, true))?;
+    let bytes = FixedColumns::new([[0, 5], [5, 10], [10, 15]]);
+    let mut topology = Topology::new(path);
+    found.table.for_each_row(|line| {
+        let [number, residue, name] = [0, 1, 2].map(|column| bytes.value(line, column).unwrap_or_default());
+        let residue_number = std::str::from_utf8(number).ok().and_then(|text| text.parse().ok());
+        topology.species.push(substance(residue));
+        topology.push(AtomRow { name, residue, residue_number, ..AtomRow::default() })
+    })?;
+    Ok(topology)
+}
+
 fn columns(head: &GroFrameHead, table: &TextTable) -> TableColumns {
     let field = |name, kind, components, unit: Option<&str>| SpeciesField {
         unit: unit.map(String::from),
@@ -90,12 +107,13 @@ fn columns(head: &GroFrameHead, table: &TextTable) -> TableColumns {
     TableColumns { fields, positions: "pos".into(), mass: None }
 }
 
-/// Reads the frame that begins at the next line.
+/// Reads the frame that begins at the next line; all atoms are one species where `as_one` says so.
 fn frame<'c>(
     content: &'c TextContent,
     lines: &mut LineReader<'c>,
     number: u64,
     wanted: bool,
+    as_one: bool,
 ) -> Result<Option<TextFrame<'c, GroFrameHead>>> {
     let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
     let Some(title) = lines.line()?.map(<[u8]>::to_vec) else { return Ok(None) };
@@ -114,7 +132,7 @@ fn frame<'c>(
     let width = width.ok_or_else(|| error(format!(", line {}: there are no three numbers in columns", at + 1)))?;
     let velocity = first.get(BEFORE + 3 * width..BEFORE + 4 * width).unwrap_or_default();
     let has_velocities = has_atoms && !velocity.trim_ascii().is_empty();
-    let mut rows = TableBuilder::new(content, layout(width, has_velocities), Some(0), lines.place());
+    let mut rows = TableBuilder::new(content, layout(width, has_velocities), (!as_one).then_some(0), lines.place());
     let found = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
     let end = lines.place();
     let cell = lines.line()?.map(<[u8]>::to_vec);
@@ -145,24 +163,25 @@ fn layout(width: usize, has_velocities: bool) -> TableLayout {
 }
 
 /// Residues of proteins, by the names that force fields have for them; and of water.
-const PROTEIN: [&str; 49] = [
+const PROTEIN: [&str; 60] = [
     "ALA", "ARG", "ASN", "ASP", "CYS", "GLN", "GLU", "GLY", "HIS", "ILE", "LEU", "LYS", "MET", "PHE", "PRO", "SER",
     "THR", "TRP", "TYR", "VAL", "ACE", "NME", "NH2", "MSE", "ARGN", "ASH", "ASPH", "ASPP", "CYM", "CYSH", "CYS2",
     "CYX", "GLH", "GLUH", "GLUP", "HID", "HIE", "HIP", "HISA", "HISB", "HISH", "HIS1", "HIS2", "HSD", "HSE", "HSP",
-    "LYN", "LYSH", "HISE",
+    "LYN", "LYSH", "HISE", "ALAD", "ASF", "ASN1", "CME", "CYS1", "DAB", "HISD", "HYP", "ORN", "PGLU", "QLN",
 ];
-const WATER: [&str; 11] = ["SOL", "HOH", "WAT", "H2O", "SPC", "SPCE", "TIP3", "TIP4", "TIP5", "T3P", "W"];
+const WATER: [&str; 18] = [
+    "SOL", "HOH", "WAT", "H2O", "SPC", "SPCE", "TIP", "TIP2", "TIP3", "TIP4", "TIP5", "T3P", "T4P", "T5P", "HHO",
+    "OH2", "OHH", "W",
+];
 
 /// The species of a residue: residues of proteins are one, as are waters. Others are their own.
 pub fn substance(residue: &[u8]) -> &[u8] {
-    let is = |names: &[&str]| names.iter().any(|name| name.as_bytes() == residue);
+    let is = |names: &[&str], residue: &[u8]| names.iter().any(|name| name.as_bytes() == residue);
     match residue {
-        _ if is(&PROTEIN) => b"protein",
-        _ if is(&WATER) => b"water",
+        _ if is(&PROTEIN, residue) => b"protein",
+        _ if is(&WATER, residue) => b"water",
         // Ends of chains, as AMBER calls them: NALA, CALA.
-        [b'N' | b'C', rest @ ..] if rest.len() == 3 && PROTEIN[..20].iter().any(|name| name.as_bytes() == rest) => {
-            b"protein"
-        }
+        [b'N' | b'C', rest @ ..] if rest.len() == 3 && is(&PROTEIN, rest) => b"protein",
         _ => residue,
     }
 }

@@ -6,6 +6,7 @@ use crate::compression::refuse;
 use crate::frames::choose;
 use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
+use crate::topology::snapshot::NO_NAMES;
 use crate::{Choice, Description, Format, Snapshot, TextResult};
 use particlegs_pipeline::model::Epoch;
 use particlegs_pipeline::particles::SnapshotMeta;
@@ -73,7 +74,8 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     refuse(path, FORMAT.title)?;
     let mut file = XdrFile::open(path)?;
     let (mut next, mut with_positions) = (0, None);
-    let found = choose(path, choice.frame, |number| {
+    let found = choose(path, choice.frame, |number, _| {
+        next = if number == 0 { 0 } else { next };
         if next >= file.length {
             return Ok(None);
         }
@@ -91,7 +93,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         return Err(Error::input_with(path, what, last.unwrap_or_default()));
     }
     let mut notes = found.notes;
-    notes.push("the file stores no names of atoms: all are one species".into());
+    notes.push(NO_NAMES.into());
     let description = Description {
         format: format!("{}, f{}", FORMAT.title, 8 * frame.real),
         files: paths.to_vec(),

@@ -7,6 +7,7 @@ use crate::compression::refuse;
 use crate::frames::choose;
 use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
+use crate::topology::snapshot::NO_NAMES;
 use crate::{Choice, Description, Format, Snapshot, TextResult};
 use particlegs_files::memory;
 use particlegs_pipeline::Result;
@@ -92,7 +93,8 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     refuse(path, FORMAT.title)?;
     let mut file = XdrFile::open(path)?;
     let mut next = 0;
-    let found = choose(path, choice.frame, |number| {
+    let found = choose(path, choice.frame, |number, _| {
+        next = if number == 0 { 0 } else { next };
         if next >= file.length {
             return Ok(None);
         }
@@ -110,10 +112,9 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let mut notes = found.notes;
     if let Some(head) = &frame.packed {
         let grid = widened(1.0 / head.precision);
-        notes.push(format!(
-            "the file stores positions rounded to {grid} nm, and no names of atoms: all are one species"
-        ));
+        notes.push(format!("the file stores positions rounded to {grid} nm"));
     }
+    notes.push(NO_NAMES.into());
     let description = Description {
         format: FORMAT.title.into(),
         files: paths.to_vec(),

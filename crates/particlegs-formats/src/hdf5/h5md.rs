@@ -6,10 +6,10 @@ use super::container::{Container, DataSet, TOP};
 use super::reader::{DataSetSequence, assemble, positions, side_by_side};
 use crate::atoms::{AtomSpecies, OwnRows, cell_of};
 use crate::cache::ChunkCache;
-use crate::frames::ChosenFrame;
+use crate::frames::{self, ChosenFrame};
 use crate::npy::layout::positions_named;
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::snapshot::{named, no_frame};
+use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, wrapping};
 use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
 use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
@@ -127,10 +127,7 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
     let container = Container::open(path)?;
     let Some(group) = H5mdGroup::plain(&container) else { return Ok(None) };
     let count = group.frames.unwrap_or(1);
-    let frame = choice.frame.unwrap_or(count.saturating_sub(1));
-    if frame >= count {
-        return Err(no_frame(path, frame, count));
-    }
+    let frame = frames::number(path, choice.frame, count)?;
     let own = |name: &str| values(&container, [TOP, name], Some(frame)).ok();
     let unit = |name: &str, names: [(&str, &str); 2]| {
         let set = container.data_set(TOP, name).ok()?;
@@ -163,7 +160,7 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
     };
     let groups = vec![group];
     let mut snapshot = H5mdSnapshot { description, container, groups, frame, species: Vec::new(), wraps: false };
-    snapshot.find_species()?;
+    snapshot.find_species(choice.by_atoms())?;
     snapshot.settle(choice)?;
     Ok(Some(Box::new(snapshot)))
 }
@@ -176,12 +173,9 @@ pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dy
         return Err(Error::input(path, what));
     };
     let count = first.frames.unwrap_or(1);
-    let frame = choice.frame.unwrap_or(count.saturating_sub(1));
-    if count == 0 {
-        return Err(Error::input(path, "the file has no frames"));
-    }
-    if frame >= count || groups.iter().any(|g| g.frames.is_some_and(|n| n <= frame)) {
-        return Err(no_frame(path, frame, count));
+    let frame = frames::number(path, choice.frame, count)?;
+    if let Some(group) = groups.iter().find(|g| g.frames.is_some_and(|n| n <= frame)) {
+        return Err(Error::input(path, format!("the group `{}` has no frame {frame}", group.name)));
     }
     let mut notes = Vec::new();
     if choice.frame.is_none() && count > 1 {
@@ -215,7 +209,7 @@ pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dy
         ..Description::default()
     };
     let mut snapshot = H5mdSnapshot { description, container, groups, frame, species: Vec::new(), wraps: false };
-    snapshot.find_species()?;
+    snapshot.find_species(choice.by_atoms())?;
     snapshot.settle(choice)?;
     Ok(Box::new(snapshot))
 }
@@ -268,8 +262,8 @@ fn cell(container: &Container, group: &str, frame: u64, notes: &mut Vec<String>)
 }
 
 impl H5mdSnapshot {
-    /// Groups are species; where there is one, its numbers of species tell them apart.
-    fn find_species(&mut self) -> Result<()> {
+    /// Groups are species; where there is one, its numbers of species tell them apart, if not all are `as_one`.
+    fn find_species(&mut self, as_one: bool) -> Result<()> {
         for index in 0..self.groups.len() {
             let one = &self.groups[index];
             let fields: Vec<SpeciesField> = one.elements.iter().map(H5mdElement::field).collect();
@@ -278,7 +272,8 @@ impl H5mdSnapshot {
             let all = Species { name, aliases: Vec::new(), count: one.rows, mass, positions, fields };
             self.description.species.push(all.clone());
             self.species.push((index, None));
-            if self.groups.len() > 1 || self.groups[0].element("species").is_none_or(|e| e.shape().len() != 1) {
+            if as_one || self.groups.len() > 1 || self.groups[0].element("species").is_none_or(|e| e.shape().len() != 1)
+            {
                 continue;
             }
             let mut types = Vec::new();

@@ -7,9 +7,9 @@ use super::header::{HeaderGroups, TYPES};
 use super::reader::{self, FilePart, GroupSource};
 use super::units::{self, Simulation};
 use crate::foreign::{YT, python};
-use crate::frames::ChosenFrame;
+use crate::frames::{self, ChosenFrame};
 use crate::npy::layout::{mass_named, positions_named};
-use crate::snapshot::{named, no_frame};
+use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 use particlegs_pipeline::model::{Cosmology, Dimension, Units};
 use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
@@ -169,7 +169,7 @@ fn moment(group: &str) -> Option<i64> {
 fn keep_frame(
     tables: &mut Vec<ParticleTable>,
     path: &Path,
-    chosen: Option<u64>,
+    chosen: Option<i64>,
     notes: &mut Vec<String>,
 ) -> Result<Option<TrajectoryFrames>> {
     let Some(moments) = tables.iter().map(|t| moment(&t.group)).collect::<Option<BTreeSet<i64>>>() else {
@@ -179,10 +179,9 @@ fn keep_frame(
     if count < 2 {
         return Ok(None);
     }
-    let frame = chosen.unwrap_or(count - 1);
-    let step = moments.iter().nth(usize::try_from(frame).unwrap_or(usize::MAX)).copied();
-    let step = step.ok_or_else(|| no_frame(path, frame, count))?;
-    tables.retain(|t| moment(&t.group) == Some(step));
+    let frame = frames::number(path, chosen, count)?;
+    let step = moments.into_iter().nth(frame as usize);
+    tables.retain(|t| moment(&t.group) == step);
     for table in tables.iter_mut() {
         let name = table.group.split('/').rfind(|name| moment(name).is_none());
         table.species.name = name.unwrap_or("particles").into();
@@ -190,7 +189,7 @@ fn keep_frame(
     if chosen.is_none() {
         notes.push(ChosenFrame::<()>::note_of_the_last(count));
     }
-    Ok(Some(TrajectoryFrames { count, chosen: frame, step: Some(step) }))
+    Ok(Some(TrajectoryFrames { count, chosen: frame, step }))
 }
 
 /// The particles of a group: by the names of its data sets, else by the positions `chosen`.

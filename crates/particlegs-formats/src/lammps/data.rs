@@ -10,6 +10,8 @@ use crate::text::content::{TextContent, TextPosition};
 use crate::text::lines::LineReader;
 use crate::text::snapshot::header_number;
 use crate::text::split::{Separator, number, shown, tokens};
+use crate::text::table::MOST_SPECIES;
+use crate::topology::{AtomRow, Topology};
 use crate::{Choice, Description, Format, Snapshot, SpeciesMass, TextResult};
 use particlegs_files::memory;
 use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
@@ -179,7 +181,7 @@ impl LammpsData {
                     let found = last.or_else(|| self.types.iter().position(|t| *t == name).map(|k| k as u32));
                     self.kind.push(found.unwrap_or(self.types.len() as u32));
                     // More than can be told apart are one species.
-                    if found.is_none() && self.types.len() <= crate::text::table::MOST_SPECIES {
+                    if found.is_none() && self.types.len() <= MOST_SPECIES {
                         self.types.push(name.into_owned());
                     } else if found.is_none() {
                         *self.kind.last_mut().ok_or("no atom")? = 0;
@@ -201,6 +203,12 @@ impl LammpsData {
         let real = |word: &[u8]| number(word).ok_or_else(|| format!("{} is not a number", shown(word)));
         self.velocities.push((id, [real(x)?, real(y)?, real(z)?]));
         Ok(())
+    }
+
+    /// The mass of a type, by what rows call it.
+    fn mass(&self, kind: &String) -> Option<f64> {
+        let of_label = || self.labels.iter().find(|l| l.1 == kind).and_then(|l| self.masses.get(l.0));
+        self.masses.get(kind).or_else(of_label).copied()
     }
 
     /// Velocities in the order of the atoms.
@@ -265,12 +273,12 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
         let text = |word: &[u8]| String::from_utf8_lossy(word).into_owned();
         let found = match (section, &words[..]) {
             (DataSection::Header, words) => data.header(words),
-            (DataSection::Masses, [kind, mass, ..]) if data.masses.len() <= crate::text::table::MOST_SPECIES => {
+            (DataSection::Masses, [kind, mass, ..]) if data.masses.len() <= MOST_SPECIES => {
                 header_number(mass).map(|mass| {
                     data.masses.insert(text(kind), mass);
                 })
             }
-            (DataSection::Labels, [number, label]) if data.labels.len() <= crate::text::table::MOST_SPECIES => {
+            (DataSection::Labels, [number, label]) if data.labels.len() <= MOST_SPECIES => {
                 data.labels.insert(text(number), text(label));
                 Ok(())
             }
@@ -325,12 +333,14 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let names: Vec<(String, Vec<String>)> = data.types.iter().map(|name| type_names(name, &data.labels)).collect();
     let rows = data.id.len() as u64;
     let all = AtomSpecies::all(fields, rows);
-    let mut species = if rows == 0 { Vec::new() } else { all.by_type(&data.kind, &names) };
+    let mut species = match rows {
+        0 => Vec::new(),
+        _ if choice.by_atoms() => vec![all],
+        _ => all.by_type(&data.kind, &names),
+    };
     for one in &mut species {
         let number = names.iter().position(|n| n.0 == one.name).map(|k| &data.types[k]);
-        let of_label = |label: &String| data.labels.iter().find(|l| l.1 == label).and_then(|l| data.masses.get(l.0));
-        let mass = number.and_then(|n| data.masses.get(n).or_else(|| of_label(n)));
-        one.mass = mass.map_or(SpeciesMass::Unknown, |&mass| SpeciesMass::Each(mass));
+        one.mass = number.and_then(|n| data.mass(n)).map_or(SpeciesMass::Unknown, SpeciesMass::Each);
     }
     let description = Description {
         format: content.title(FORMAT.title),
@@ -348,6 +358,34 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         ..Description::default()
     };
     Ok(Box::new(AtomSnapshot::new(description, bytes, species).with_unwrapped(choice)?))
+}
+
+/// The atoms, as they stand or by their numbers.
+pub fn topology(path: &Path, sorted: bool) -> Result<Topology> {
+    let data = read(path, &TextContent::open(path)?)?;
+    if data.types.len() > MOST_SPECIES {
+        return Err(Error::input(path, format!("it has more than {MOST_SPECIES} types of atoms")));
+    }
+    let mut order: Vec<usize> = (0..data.id.len()).collect();
+    if sorted {
+        order.sort_by_key(|&atom| data.id[atom]);
+    }
+    let types: Vec<(String, Option<f64>)> =
+        data.types.iter().map(|name| (type_names(name, &data.labels).0, data.mass(name))).collect();
+    let weighs = types.iter().all(|kind| kind.1.is_some());
+    let mass_unit = data.units.as_deref().and_then(|units| units_of(units)[1]);
+    let mut topology = Topology { mass_unit, ..Topology::new(path) };
+    for atom in order {
+        let kind = data.kind[atom] as usize;
+        topology.species.push(types[kind].0.as_bytes());
+        topology.push(AtomRow {
+            residue_number: data.molecule.get(atom).copied(),
+            kind: Some(data.types[kind].as_bytes()),
+            mass: types[kind].1.filter(|_| weighs),
+            ..AtomRow::default()
+        })?;
+    }
+    Ok(topology)
 }
 
 /// What a type is called, and its other names: its number, and the label that the file has for it.

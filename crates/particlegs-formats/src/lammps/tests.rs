@@ -11,7 +11,7 @@ fn open(text: &str) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
     open_frame(text, None)
 }
 
-fn open_frame(text: &str, frame: Option<u64>) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
+fn open_frame(text: &str, frame: Option<i64>) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
     let file = scratch(text.as_bytes());
     (FORMAT.open)(&[file.path().to_path_buf()], &Choice { frame, ..Choice::default() })
 }

@@ -24,14 +24,20 @@ pub struct FrameScan<H> {
 
 /// Finds all frames of `content` and keeps frame `chosen`, or the last. `next` reads the frame that
 /// begins at the next line (`None` at the end), and its rows where its last argument says so. The
-/// second one is the frame's number.
+/// second one is the frame's number, 0 again where it begins anew.
 pub fn scan<'c, H>(
     content: &'c TextContent,
-    chosen: Option<u64>,
+    chosen: Option<i64>,
     mut next: impl FnMut(&mut LineReader<'c>, u64, bool) -> Result<Option<TextFrame<'c, H>>>,
 ) -> Result<FrameScan<H>> {
-    let mut lines = LineReader::open(content, super::content::TextPosition::START, None)?;
-    let found = choose(content.path(), chosen, |number| next(&mut lines, number, chosen.is_none_or(|c| c == number)))?;
+    let open = || LineReader::open(content, super::content::TextPosition::START, None);
+    let mut lines = open()?;
+    let found = choose(content.path(), chosen, |number, is_wanted| {
+        if number == 0 {
+            lines = open()?;
+        }
+        next(&mut lines, number, is_wanted)
+    })?;
     let frames = found.frames(found.frame.step);
     let mut notes = found.notes;
     if lines.ends_open() {

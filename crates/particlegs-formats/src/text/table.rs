@@ -203,6 +203,17 @@ impl<'a> TableBuilder<'a> {
     }
 }
 
+impl TextTable {
+    /// Gives every row, in order.
+    pub fn for_each_row(&self, mut each: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        let mut lines = LineReader::open(&self.content, self.start, Some(self.end.offset))?;
+        let rows = lines.pass(u64::MAX, |_, block| {
+            of_block(block).map(|(line, _)| line).filter(|line| self.layout.is_row(line)).try_for_each(&mut each)
+        });
+        rows.map(drop)
+    }
+}
+
 fn integer(value: &[u8]) -> Option<i64> {
     std::str::from_utf8(value).ok()?.parse().ok()
 }

@@ -4,7 +4,7 @@ use super::document::CollectionEntry;
 use super::file::VtkXmlFile;
 use crate::TrajectoryFrames;
 use crate::ascii::shown;
-use crate::snapshot::no_frame;
+use crate::frames;
 use particlegs_pipeline::{Error, Result};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
@@ -22,7 +22,7 @@ pub struct CollectionParts {
 }
 
 /// Opens `path` and what it lists, of moment `frame` or the last.
-pub fn open(path: &Path, frame: Option<u64>) -> Result<CollectionParts> {
+pub fn open(path: &Path, frame: Option<i64>) -> Result<CollectionParts> {
     let mut parts = CollectionParts::default();
     parts.add(path, frame, 0)?;
     if parts.files.is_empty() {
@@ -41,7 +41,7 @@ pub fn named(path: &Path) -> Vec<PathBuf> {
 }
 
 impl CollectionParts {
-    fn add(&mut self, path: &Path, frame: Option<u64>, depth: usize) -> Result<()> {
+    fn add(&mut self, path: &Path, frame: Option<i64>, depth: usize) -> Result<()> {
         let file = VtkXmlFile::open(path)?;
         let document = &file.document;
         match &document.kind[..] {
@@ -88,7 +88,7 @@ impl CollectionParts {
 fn moment(
     path: &Path,
     listed: &[CollectionEntry],
-    frame: Option<u64>,
+    frame: Option<i64>,
 ) -> Result<(Vec<CollectionEntry>, TrajectoryFrames)> {
     let mut moments: Vec<Vec<CollectionEntry>> = Vec::new();
     let mut known = HashMap::new();
@@ -101,13 +101,11 @@ fn moment(
         }
     }
     let count = moments.len() as u64;
-    let chosen = frame.unwrap_or(count.saturating_sub(1));
-    let missing = || match count {
-        0 => Error::input(path, "the list of files is empty"),
-        count => no_frame(path, chosen, count),
-    };
-    let files = usize::try_from(chosen).ok().and_then(|i| moments.get(i)).ok_or_else(missing)?;
-    Ok((files.clone(), TrajectoryFrames { count, chosen, step: None }))
+    if count == 0 {
+        return Err(Error::input(path, "the list of files is empty"));
+    }
+    let chosen = frames::number(path, frame, count)?;
+    Ok((moments.swap_remove(chosen as usize), TrajectoryFrames { count, chosen, step: None }))
 }
 
 /// The file `name` that the list `path` names, which lies beside or below it.

@@ -4,7 +4,7 @@ use crate::{Choice, Description, SpeciesMass, Weights};
 
 fn open(
     text: &str,
-    frame: Option<u64>,
+    frame: Option<i64>,
     choice: &Choice,
 ) -> particlegs_pipeline::Result<(Description, Vec<SpeciesParticles>)> {
     let file = scratch(text.as_bytes());

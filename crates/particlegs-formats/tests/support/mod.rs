@@ -123,7 +123,7 @@ pub fn format_of(path: &Path) -> Option<&'static str> {
 }
 
 /// Opens a file, optionally with a format and a frame.
-pub fn open(path: &Path, format: Option<&str>, frame: Option<u64>) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
+pub fn open(path: &Path, format: Option<&str>, frame: Option<i64>) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
     let options = Choice { format: format.map(String::from), frame, ..Choice::default() };
     options.open(&[path.to_path_buf()])
 }

@@ -1,4 +1,4 @@
-//! Density on a grid: NPY, VTI and FITS.
+//! Density on a grid: NPY, VTI, FITS, OpenDX and MRC.
 
 use super::{exported, folder};
 use crate::common::{TestFolder, snapshot};
@@ -84,4 +84,56 @@ fn an_array_and_its_description_stay_together() {
     // Standard output gets only the array.
     let printed = dir.command("export m.pgs -o - --kind npy --grid 8 -q").assert().success();
     assert_eq!(printed.get_output().stdout, first[0]);
+}
+
+/// Viewers of molecules know lengths in Angstrom alone: those in nm are converted, others stay and are said to be lost.
+#[test]
+fn maps_for_viewers_of_molecules_are_in_angstrom() {
+    let dir = folder(LawKind::OpticalDepth);
+    dir.runs("compress FIXTURES/mdanalysis.xtc -o nm.pgs --gaussians 4 --certificate none -q");
+    for (model, scale) in [("nm", 10.0), ("m", 1.0)] {
+        let grid = exported(&dir, &format!("{model}.pgs -o {model}.npy --grid 6"))["grid"].clone();
+        let number = |key: &str, k: usize| grid[key][k].as_f64().unwrap();
+        let middle = |k: usize| scale * (number("origin", k) + 0.5 * number("cell", k));
+        let values: Vec<f32> = npy(&dir.bytes(&format!("{model}.npy")))
+            .iter()
+            .map(|v| (f64::from(*v) * f64::powi(scale, -3)) as f32)
+            .collect();
+        for kind in ["dx", "mrc"] {
+            let lost = exported(&dir, &format!("{model}.pgs -o {model}.{kind} --grid 6"))["lost"].to_string();
+            assert_eq!(lost.contains("viewers take them for Angstrom"), model == "m", "{lost}");
+        }
+        let dx = String::from_utf8(dir.bytes(&format!("{model}.dx"))).unwrap();
+        let said = if model == "nm" {
+            "lengths in Angstrom, density in particles / Angstrom^3"
+        } else {
+            "lengths as they are"
+        };
+        assert!(dx.starts_with(&format!("# this file: {said}")), "{dx}");
+        let words = |start: &str| -> Vec<f64> {
+            let line = dx.lines().find(|l| l.starts_with(start)).unwrap();
+            line[start.len()..].split(' ').map(|w| w.parse().unwrap()).collect()
+        };
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-5 * b.abs().max(1.0);
+        let cells: Vec<usize> = (0..3).map(|k| grid["cells"][k].as_u64().unwrap() as usize).collect();
+        assert!((0..3).all(|k| near(words("origin ")[k], middle(k))
+            && words("object 1 class gridpositions counts ")[k] as usize == cells[k]));
+        assert!(near(words("delta ")[0], scale * number("cell", 0)));
+        let rows =
+            dx.lines().skip_while(|l| !l.ends_with("data follows")).skip(1).take_while(|l| !l.starts_with("attribute"));
+        let seen: Vec<f32> = rows.flat_map(|l| l.split(' ')).map(|w| w.parse().unwrap()).collect();
+        assert!(seen == values);
+        let mrc = dir.bytes(&format!("{model}.mrc"));
+        let word = |k: usize| <[u8; 4]>::try_from(&mrc[4 * k - 4..4 * k]).unwrap();
+        let float = |k: usize| f64::from(f32::from_le_bytes(word(k)));
+        assert_eq!((&word(53), u32::from_le_bytes(word(4)), mrc.len()), (b"MAP ", 2, 1024 + 4 * values.len()));
+        assert!((0..3).all(
+            |k| near(float(50 + k), middle(k)) && near(float(11 + k), scale * number("cell", k) * cells[k] as f64)
+        ));
+        let at = |x: usize, y: usize, z: usize| {
+            f32::from_le_bytes(*mrc[1024..].as_chunks::<4>().0.get((z * cells[1] + y) * cells[0] + x).unwrap())
+        };
+        let same = |i: usize| values[i] == at(i / cells[2] / cells[1], i / cells[2] % cells[1], i % cells[2]);
+        assert!((0..values.len()).all(same));
+    }
 }

@@ -10,7 +10,7 @@ use crate::models::tiny;
 use particlegs_pipeline::model::LawKind;
 use serde_json::Value;
 
-const KINDS: [&str; 8] = ["ply", "glb", "gltf", "npy", "vti", "fits", "npz", "csv"];
+const KINDS: [&str; 10] = ["ply", "glb", "gltf", "npy", "vti", "fits", "dx", "mrc", "npz", "csv"];
 
 /// A folder with a model `m.pgs` of 64 Gaussians of the sample.
 fn folder(law: LawKind) -> TestFolder {
@@ -35,7 +35,7 @@ fn exported(dir: &TestFolder, words: &str) -> Value {
 fn every_export_says_what_it_is_and_what_is_lost() {
     let dir = folder(LawKind::OpticalDepth);
     for kind in KINDS {
-        let grid = if ["npy", "vti", "fits"].contains(&kind) { "--grid 16" } else { "" };
+        let grid = if ["npy", "vti", "fits", "dx", "mrc"].contains(&kind) { "--grid 16" } else { "" };
         let report = exported(&dir, &format!("m.pgs -o out.{kind} {grid}"));
         assert_eq!((report["kind"].as_str(), report["gaussians"].as_u64()), (Some(kind), Some(64)));
         let written = dir.bytes(&format!("out.{kind}"));
