@@ -3,7 +3,8 @@
 docs/results/haloes.md. Needs numpy.
 
   lab/haloes.py models particlegs WORK RATIO NAME=SNAPSHOT:OPTIONS ...
-  lab/haloes.py compaso particlegs WORK ABACUS    (raw columns and haloes.csv)
+  lab/haloes.py compaso particlegs WORK ABACUS            (raw columns and haloes.csv)
+  lab/haloes.py enclosed particlegs WORK ABACUS MODEL ...
 """
 
 import json
@@ -24,32 +25,35 @@ def run(*words):
 
 
 def models(program, work, ratio, *sets):
+    """Haloes of draws with three seeds: the median, and how far the draws lie apart."""
     print(
-        f"| ratio {ratio} | haloes of 300 and more | completeness | purity | M200m: median | scatter "
-        "| 100 to 300 particles, number | 300 and more, number | (M - truth) / error: rms |"
+        f"| ratio {ratio} | haloes | completeness | purity | M200m: median | scatter "
+        "| number of 100 to 300 particles | of 300 and more | (M - truth) / error: rms |"
     )
     print("|---|---|---|---|---|---|---|---|---|")
     for item in sets:
         name, _, rest = item.partition("=")
         snapshot, _, options = rest.partition(":")
-        model, out = Path(work) / f"{name}-{ratio}.pgs", Path(work) / f"{name}-{ratio}"
+        model, truth = Path(work) / f"{name}-{ratio}.pgs", Path(work) / f"{name}.csv"
         if not model.exists():
             run(program, "compress", snapshot, "-o", model, "--ratio", ratio, "--certificate", "none", "--quiet")
-        found, truth = out.with_suffix(".csv"), Path(work) / f"{name}.csv"
         run(program, "haloes", snapshot, "-o", truth, "--force", "--quiet", *options.split())
-        run(program, "haloes", model, "-o", found, "--truth", snapshot, "--json", out.with_suffix(".json"),
-            "--force", "--quiet", *options.split())  # fmt: skip
-        a = json.loads(out.with_suffix(".json").read_text())["agreement"]
-        of_truth, of_model = table(truth), table(found)
+        of_truth, rows = table(truth), []
+        for seed in (42, 1, 2):
+            found, result = (Path(work) / f"{name}-{ratio}-{seed}.{end}" for end in ("csv", "json"))
+            run(program, "haloes", model, "-o", found, "--truth", snapshot, "--json", result, "--seed", seed,
+                "--force", "--quiet", *options.split())  # fmt: skip
+            a, of_model = json.loads(result.read_text())["agreement"], table(found)
 
-        def number(low, high, of_truth=of_truth, of_model=of_model):
-            count = [((t["n200m"] >= low) & (t["n200m"] < high)).sum() for t in (of_model, of_truth)]
-            return f"{count[0]} / {count[1]} = {count[0] / max(count[1], 1):.3f}"
+            def number(low, high, of_truth=of_truth, of_model=of_model):
+                count = [((t["n200m"] >= low) & (t["n200m"] < high)).sum() for t in (of_model, of_truth)]
+                return count[0] / max(count[1], 1)
 
-        print(
-            f"| {name} | {a['truth']} | {a['completeness']:.3f} | {a['purity']:.3f} | {a['mass_median'] - 1:+.2%} "
-            f"| {a['mass_scatter']:.1%} | {number(100, 300)} | {number(300, np.inf)} | {pull(of_truth, of_model):.2f} |"
-        )
+            masses = [a["completeness"], a["purity"], a["mass_median"], a["mass_scatter"]]
+            rows.append([*masses, number(100, 300), number(300, np.inf), pull(of_truth, of_model)])
+        middle, low, high = np.median(rows, 0), np.min(rows, 0), np.max(rows, 0)
+        cells = [f"{m:.3f} ({a:.3f} to {b:.3f})" for m, a, b in zip(middle, low, high, strict=True)]
+        print(f"| {name} | {a['truth']} | " + " | ".join(cells) + " |")
 
 
 def pull(truth, model):
@@ -94,5 +98,23 @@ def compaso(program, work, folder):
     print(f"\nn200m and r200m against numpy, {np.isfinite(ours['r200m']).sum()} haloes: furthest {worst:.1e}")
 
 
+def enclosed(program, work, folder, *models):
+    """Mass about CompaSO's centres of 300 particles and more, model over particles."""
+    theirs = np.genfromtxt(Path(folder) / "haloes.csv", delimiter=",", names=True)
+    centres = Path(work) / "centres.txt"
+    np.savetxt(centres, np.stack([theirs[k] for k in "xyz"], 1)[theirs["particles"] >= 300], header="x y z")
+    print("| model | r, Mpc/h | haloes | median | quartiles about it |")
+    print("|---|---|---|---|---|")
+    for model in models:
+        out = Path(work) / "stats"
+        run(program, "stats", folder, model, "-o", out, "--only", "haloes", "--centres", centres, "--halo-radius", "1",
+            "--no-plots", "--quiet")  # fmt: skip
+        rows = np.genfromtxt(out / "halo_mass.csv", delimiter=",", names=True)
+        for r in (1.0, 0.31, 0.096):
+            h = rows[np.argmin(np.abs(np.log(rows["r"] / r)))]
+            around = [h[f"quartile_{end}"] / h["median"] - 1 for end in ("low", "high")]
+            print(f"| {Path(model).stem} | {h['r']:.3f} | {h['haloes']:.0f} | {h['median'] - 1:+.1%} | {around[0]:+.1%}, {around[1]:+.1%} |")
+
+
 if __name__ == "__main__":
-    {"models": models, "compaso": compaso}[sys.argv[1]](*sys.argv[2:])
+    {"models": models, "compaso": compaso, "enclosed": enclosed}[sys.argv[1]](*sys.argv[2:])
