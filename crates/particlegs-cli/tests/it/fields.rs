@@ -464,6 +464,23 @@ fn a_job_gives_the_fields_that_compress_gives() {
     // A block is a model with its own fields.
     assert!(dir.model("job/blocks/00001.pgs").blocks().all(|b| b.gaussians.fields.get("velocity").is_some()));
     dir.runs("verify job");
+    // What blocks measure of fields adds up to what `compress` measures.
+    let options = options.replace("none", "quick") + " --radius 0.005";
+    same_by_job(&dir, "snap", "quick", &options);
+    dir.runs(&format!("plan snap -o blocks {}", options.replace("quick", "blocks")));
+    dir.runs("scatter blocks -q");
+    (0..3).for_each(|block| drop(dir.runs(&format!("block blocks {block} -q"))));
+    dir.runs("merge blocks -o added.pgs -q");
+    let figures = |name: &str, field: usize| {
+        let own = &dir.says(&format!("info {name}"))["certificate"]["fields"]["each"][field];
+        ["edge", "cells", "signal", "error"].map(|figure| own[figure].as_f64().unwrap())
+    };
+    for field in 0..2 {
+        let [a, b] = ["merged.pgs", "added.pgs"].map(|name| figures(name, field));
+        assert!(a.iter().zip(b).all(|(a, b)| (b - a).abs() <= 1e-5 * a) && a[2] > a[3], "{a:?} {b:?}");
+    }
+    let [text, _] = dir.runs("verify added.pgs snap");
+    assert!(text.contains("fields field 2: error") && !text.contains("differs"), "{text}");
     // Text has float64.
     let columns = ["xx", "yy", "zz", "vx"].map(|name| read(&dir.at("snap"), name));
     let rows =
