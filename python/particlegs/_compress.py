@@ -81,7 +81,7 @@ def compress(
     blocks : int, optional
         Number of blocks.
     share_gaussians : {"auto", "yes", "no"}
-        Whether the particle types share Gaussians: by default where that describes them better. Types with fields do not.
+        Whether particle types share Gaussians: by default where that describes them better. Types with fields do not.
     scratch : path, optional
         Folder for the scratch files of `memory`.
     fields : dict of array_like, optional

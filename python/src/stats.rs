@@ -110,7 +110,7 @@ fn particle_fields(
 ) -> Result<Option<ParticleFields>> {
     match subject {
         _ if !o.needs_fields() => Ok(None),
-        Subject::Particles(p) if fields.is_empty() => Ok(None),
+        Subject::Particles(_) if fields.is_empty() => Ok(None),
         Subject::Particles(p) => ParticleFields::read(p, fields, o),
         Subject::Model(m) => ParticleFields::draw(m, o, context),
     }

@@ -142,7 +142,7 @@ def test_a_map_is_drawn_on_its_scale(model):
 
 
 def test_joint_histograms_compare_two_fields():
-    place, velocity, temperature = flow(20_000)
+    place, _, temperature = flow(20_000)
     given = {"temperature": temperature, "metals": temperature**0.5}
     snap = pg.Snapshot(place)
     model = pg.compress(snap, gaussians=60, certificate="none", fields=given)

@@ -39,7 +39,9 @@ def test_species_are_slices():
 
 def test_types_share_gaussians_where_they_are_told_to():
     both = pg.Snapshot(ROWS, box=10, layers={"gas": 1500, "dm": 1500})
-    made = {choice: pg.compress(both, gaussians=40, certificate="none", share_gaussians=choice) for choice in ("yes", "no")}
+    made = {
+        choice: pg.compress(both, gaussians=40, certificate="none", share_gaussians=choice) for choice in ("yes", "no")
+    }
     layers = [[layer["name"] for layer in m.layers] for m in made.values()]
     assert layers == [["gas", "dm"]] * 2
     # Those of each type lie in the same places where they are shared.
