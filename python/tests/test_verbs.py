@@ -43,7 +43,7 @@ def test_types_share_gaussians_where_they_are_told_to():
         choice: pg.compress(both, gaussians=40, certificate="none", share_gaussians=choice) for choice in ("yes", "no")
     }
     layers = [[layer["name"] for layer in m.layers] for m in made.values()]
-    assert layers == [["gas", "dm"]] * 2
+    assert layers == [["dm", "gas"]] * 2
     # Those of each type lie in the same places where they are shared.
     means = {choice: m.gaussians.means for choice, m in made.items()}
     assert len(means["yes"]) == 2 * len(means["no"])
