@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::fit::{FieldMeans, FieldShape, gather};
 use crate::model::{CERTIFIED_FIELDS, FieldAgreements, Model};
 use crate::particles::{ChunkBuffer, RUN};
-use crate::score::{FieldCellSums, FieldCells, FieldPlace, FieldSums};
+use crate::score::{FieldCellSums, FieldCellTable, FieldCells, FieldPlace};
 use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
@@ -35,8 +35,8 @@ impl FieldSelection<'_> {
         cells: &FieldCells,
         counts: &[u64],
         context: &Context<'_>,
-    ) -> Result<Vec<FieldSums>> {
-        let mut sums = vec![FieldSums::new(); self.quantities().len().min(CERTIFIED_FIELDS)];
+    ) -> Result<Vec<FieldCellTable>> {
+        let mut sums = vec![FieldCellTable::new(); self.quantities().len().min(CERTIFIED_FIELDS)];
         for (index, (_, count)) in self.particles.layers().iter().zip(counts).enumerate() {
             if *count >= LEAST_PARTICLES && !sums.is_empty() {
                 self.add_layer(index, model, cells, &mut sums, context)?;
@@ -50,7 +50,7 @@ impl FieldSelection<'_> {
         index: usize,
         model: &Model,
         cells: &FieldCells,
-        sums: &mut [FieldSums],
+        sums: &mut [FieldCellTable],
         context: &Context<'_>,
     ) -> Result<()> {
         let layer = &self.particles.layers()[index];

@@ -9,7 +9,7 @@ use crate::context::Context;
 use crate::fit::value_fault;
 use crate::model::Model;
 use crate::particles::{FieldColumns, LayerFields, LayeredParticles, Number, Particles, SourceField};
-use crate::score::{FieldCells, FieldSums};
+use crate::score::{FieldCellTable, FieldCells};
 
 /// For each layer, columns of its particles.
 pub(super) type FieldBits = Vec<Vec<Vec<f32>>>;
@@ -101,7 +101,7 @@ impl Job {
         (particles, bits): (&Particles, &FieldBits),
         cells: &FieldCells,
         context: &Context<'_>,
-    ) -> Result<Vec<FieldSums>> {
+    ) -> Result<Vec<FieldCellTable>> {
         let (plan, sources) = self.fields_of_bits(bits);
         let counts: Vec<u64> = self.manifest.plan.layers.iter().map(|l| l.content).collect();
         FieldSelection::planned(plan, particles, &sources).sums(model, cells, &counts, context)

@@ -23,7 +23,7 @@ const LEAST_REGIONS: f64 = 16.0;
 pub(crate) type FieldCellSums = [f64; 11];
 
 /// Of a field, by the cells' numbers.
-pub(crate) type FieldSums = BTreeMap<u64, FieldCellSums>;
+pub(crate) type FieldCellTable = BTreeMap<u64, FieldCellSums>;
 
 /// Cells over the box of all particles, which of these are looked at, and the seed that halves their particles.
 pub(crate) struct FieldCells {
@@ -75,7 +75,7 @@ impl FieldCells {
 
     /// Signal and error of the means in cells, both without sampling noise: the variance of the model's means, their
     /// covariance with those of the second half, and that of the means of both halves.
-    pub fn agreement(&self, sums: &FieldSums) -> FieldAgreement {
+    pub fn agreement(&self, sums: &FieldCellTable) -> FieldAgreement {
         let edge = self.grid.side.iter().copied().fold(0.0, f64::max);
         FieldAgreement { edge, ..compared(sums.values()) }
     }
@@ -110,7 +110,7 @@ fn compared<'a>(sums: impl Iterator<Item = &'a FieldCellSums>) -> FieldAgreement
 const BYTES: usize = 8 + size_of::<FieldCellSums>();
 
 /// The sums as a section of a part, little-endian.
-pub(crate) fn field_section(sums: &FieldSums) -> Vec<u8> {
+pub(crate) fn field_section(sums: &FieldCellTable) -> Vec<u8> {
     let of_cell = |(cell, own): (&u64, &FieldCellSums)| {
         cell.to_le_bytes().into_iter().chain(own.iter().flat_map(|v| v.to_le_bytes())).collect::<Vec<u8>>()
     };
@@ -118,7 +118,7 @@ pub(crate) fn field_section(sums: &FieldSums) -> Vec<u8> {
 }
 
 /// Adds the sums of a section; `None` where they are none of these.
-pub(super) fn add_field_section(sums: &mut FieldSums, bytes: &[u8]) -> Option<()> {
+pub(super) fn add_field_section(sums: &mut FieldCellTable, bytes: &[u8]) -> Option<()> {
     let (cells, []) = bytes.as_chunks::<BYTES>() else { return None };
     for cell in cells {
         let (numbers, _) = cell.as_chunks::<8>();
@@ -177,11 +177,11 @@ mod tests {
 
     #[test]
     fn sections_add_up_and_contradictions_do_not() {
-        let mut sums = FieldSums::from([(3, [1.5; 11]), (1 << 40, [-2.0; 11])]);
+        let mut sums = FieldCellTable::from([(3, [1.5; 11]), (1 << 40, [-2.0; 11])]);
         let bytes = field_section(&sums);
         assert_eq!(bytes.len(), 2 * BYTES);
         add_field_section(&mut sums, &bytes).unwrap();
-        assert_eq!(sums, FieldSums::from([(3, [3.0; 11]), (1 << 40, [-4.0; 11])]));
+        assert_eq!(sums, FieldCellTable::from([(3, [3.0; 11]), (1 << 40, [-4.0; 11])]));
         assert!(add_field_section(&mut sums, &bytes[1..]).is_none());
     }
 }

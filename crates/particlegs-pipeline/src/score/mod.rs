@@ -36,7 +36,7 @@ use density::density_of;
 pub use evaluate::evaluate;
 #[cfg(test)]
 pub(crate) use evaluate::shot_noise;
-pub(crate) use field_sums::{FieldCellSums, FieldCells, FieldPlace, FieldSums, field_section};
+pub(crate) use field_sums::{FieldCellSums, FieldCellTable, FieldCells, FieldPlace, field_section};
 pub(crate) use goal::GoalMetric;
 pub(crate) use held_out::HeldOutPictures;
 pub(crate) use part_sums::PartSums;

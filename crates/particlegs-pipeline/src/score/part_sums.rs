@@ -1,7 +1,7 @@
 //! A certificate of sums over parts: what was never in one process.
 
 use super::density::{DensityAgreement, density_metrics, model_and_uniform};
-use super::field_sums::{FieldSums, add_field_section};
+use super::field_sums::{FieldCellTable, add_field_section};
 use super::science::{file_holds, science_metrics};
 use super::sums::{MeasurementFrame, SumsSection, add_rows};
 use super::views::{SIZE, view_metrics};
@@ -111,7 +111,7 @@ impl PartSums<'_> {
         let mut agreements = FieldAgreements::default();
         for (number, to) in agreements.each.iter_mut().enumerate().take(self.fields) {
             context.check()?;
-            let mut sums = FieldSums::new();
+            let mut sums = FieldCellTable::new();
             for part in 0..self.parts {
                 let bytes = (self.read)(part, SumsSection::Field(number))?;
                 add_field_section(&mut sums, &bytes).ok_or_else(|| self.none(part))?;
