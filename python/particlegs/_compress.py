@@ -13,7 +13,7 @@ from . import _coerce, _particlegs
 from ._model import Model
 from ._particlegs import InputError
 from ._snapshot import Snapshot, as_snapshot
-from ._types import CertificateLevel, Effort, Law, Path, Progress, Training
+from ._types import CertificateLevel, Effort, Law, Path, Progress, Sharing, Training
 
 
 def compress(
@@ -37,6 +37,7 @@ def compress(
     certificate: CertificateLevel = "quick",
     memory: Union[int, str, None] = None,
     blocks: Optional[int] = None,
+    share_gaussians: Sharing = "auto",
     scratch: Optional[Path] = None,
     fields: Optional[Mapping[str, Any]] = None,
     box: Any = None,
@@ -79,6 +80,8 @@ def compress(
         Memory limit, such as ``"2GiB"``; larger snapshots are fitted block by block.
     blocks : int, optional
         Number of blocks.
+    share_gaussians : {"auto", "yes", "no"}
+        Whether particle types share Gaussians: by default where that describes them better. Types with fields do not.
     scratch : path, optional
         Folder for the scratch files of `memory`.
     fields : dict of array_like, optional
@@ -139,6 +142,7 @@ def compress(
         "certificate": certificate,
         "memory": _coerce.bytes_of(memory),
         "blocks": blocks,
+        "share_gaussians": share_gaussians,
         "seed": seed,
     }
     if box is not None and isinstance(snapshot, Snapshot):

@@ -38,6 +38,42 @@ class Power:
 
 
 @dataclass(frozen=True)
+class JointHistogram:
+    """How the mass of a particle type is spread over the values of two fields.
+
+    Attributes
+    ----------
+    particle_type : str
+        Name of the particle type.
+    fields : (str, str)
+        Names of the fields, x and y.
+    units : (str or None, str or None)
+        Their units.
+    x, y : numpy.ndarray, float64, shape (n + 1,)
+        Edges of the bins.
+    truth, other : numpy.ndarray, float64, shape (n, n)
+        Share of the mass in each cell, x first; of the particles where these have no masses.
+    difference : float
+        Share of the mass that lies in other cells.
+    noise : float
+        What `difference` is on average between two samples of one distribution.
+    correlation : (float, float)
+        Pearson's coefficient of both, of the logarithms along logarithmic axes; NaN where a field does not vary.
+    """
+
+    particle_type: str
+    fields: tuple[str, str]
+    units: tuple[Optional[str], Optional[str]]
+    x: Float64
+    y: Float64
+    truth: Float64
+    other: Float64
+    difference: float
+    noise: float
+    correlation: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Correlation:
     """Two-point correlation by pair counts.
 

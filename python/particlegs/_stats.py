@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _coerce, _particlegs
-from ._measured import Correlation, Groups, Likelihood, Panel, Power, RadialDistribution
+from ._measured import Correlation, Groups, JointHistogram, Likelihood, Panel, Power, RadialDistribution
 from ._model import Model
 from ._snapshot import Snapshot, as_snapshot
 from ._types import Assignment, Convention, Float64, Names, Numbers, Progress
@@ -30,10 +30,27 @@ def _numbers(values: Iterable[Optional[float]]) -> Float64:
     return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
 
 
+def _joint(found: dict[str, Any]) -> JointHistogram:
+    x, y = (_numbers(edges) for edges in found["edges"])
+    truth, other = (_numbers(share).reshape(len(x) - 1, len(y) - 1) for share in found["share"])
+    return JointHistogram(
+        particle_type=found["layer"],
+        fields=tuple(found["fields"]),
+        units=tuple(found["units"]),
+        x=x,
+        y=y,
+        truth=truth,
+        other=other,
+        difference=found["difference"],
+        noise=found["noise"],
+        correlation=tuple(_numbers(found["correlation"])),
+    )
+
+
 class Stats:
     """Results: attributes for the common measures, `data` for all.
 
-    The attributes `power`, `xi`, `rdf`, `groups` and `likelihood` are None if they were not measured.
+    The attributes `power`, `xi`, `rdf`, `groups` and `likelihood` are None if they were not measured; `joint` is empty.
 
     Attributes
     ----------
@@ -122,6 +139,11 @@ class Stats:
         """Bits per particle under the model, and their error; None if not measured."""
         found = self.data["likelihood"]
         return None if found is None else Likelihood(**found)
+
+    @property
+    def joint(self) -> list[JointHistogram]:
+        """Joint histograms of two fields, one for each particle type; empty if not measured."""
+        return [_joint(j) for j in self.data["joint"] or []]
 
     def plot(self, figure: Optional[Figure] = None, *, labels: tuple[str, str] = ("truth", "model")) -> Figure:
         """Plots the power spectra, correlation, groups and g(r) that were measured, each with its ratio.
@@ -242,6 +264,9 @@ def stats(
     aperture: float = 0.128,
     neighbours: int = 500_000,
     open: bool = False,  # noqa: A002
+    joint: Optional[Sequence[str]] = None,
+    joint_bins: int = 50,
+    fields: Sequence[Optional[Mapping[str, ArrayLike]]] = (None, None),
     velocities: Sequence[Optional[ArrayLike]] = (None, None),
     seed: int = 42,
     threads: Optional[int] = None,
@@ -257,7 +282,7 @@ def stats(
         the likelihood of the particles under the model is measured too.
     only : sequence of str
         Measures: density, spectrum, pairs, groups, neighbours, moments, likelihood, rdf, profile, haloes, multipoles,
-        momentum, dispersion; all by default.
+        momentum, dispersion, joint; all by default.
     convention : {"correct", "paper"}
         Definitions of the measures.
     grid, spectrum_grid : int
@@ -290,6 +315,12 @@ def stats(
         Number of particles to find the nearest neighbours of.
     open : bool
         Treat no axis as periodic.
+    joint : (str, str), optional
+        Two scalar fields for `joint`, their joint histogram; by default the first two that both sides have.
+    joint_bins : int
+        Bins along either axis of the joint histogram.
+    fields : (mapping or None, mapping or None)
+        Fields of the snapshots `truth` and `other`, as for `compress`. Models and recovered particles have their own.
     velocities : (array_like or None, array_like or None)
         Peculiar velocities of the snapshots `truth` and `other`, shape (n, 3), km/s, for `multipoles`, `momentum` and
         `dispersion`. Models and recovered particles have their own.
@@ -321,10 +352,15 @@ def stats(
         "linking_length": None if linking_length is None else str(linking_length),
         "aperture": aperture,
         "neighbours": neighbours,
+        "joint": None if joint is None else _coerce.texts(joint),
+        "joint_bins": joint_bins,
         "open": open,
         "seed": seed,
     }
-    given = [None if v is None else _coerce.field(v, "velocity") for v in velocities]
-    fields = [[] if v is None else [("velocity", v[0] or "km/s", v[1])] for v in given]
-    found = _particlegs.stats(sides[0]._native, sides[1]._native, asked, fields, threads, _coerce.progress(progress))
+    own = [[(name, *_coerce.field(values, name)) for name, values in (f or {}).items()] for f in fields]
+    for arrays, v in zip(own, velocities):
+        if v is not None:
+            unit, values = _coerce.field(v, "velocity")
+            arrays.append(("velocity", unit or "km/s", values))
+    found = _particlegs.stats(sides[0]._native, sides[1]._native, asked, own, threads, _coerce.progress(progress))
     return Stats(json.loads(found), sides[0].length_unit)

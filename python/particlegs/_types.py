@@ -29,6 +29,7 @@ Training = Literal["fast", "best", "paper"]
 CertificateLevel = Literal["none", "quick", "full"]
 Assignment = Literal["ngp", "cic", "tsc"]
 Convention = Literal["correct", "paper"]
+Sharing = Literal["auto", "yes", "no"]
 
 
 class Known(TypedDict, total=False):

@@ -33,7 +33,7 @@ fn hint_text(hint: &Hint) -> String {
     let argument = |name: &str, value: &str| match (name, value) {
         ("skip-invalid", _) => "skip_invalid=True".into(),
         ("mass-field", "none") => "mass_field=None".into(),
-        ("layers-by", _) => format!("layers_by=\"{value}\""),
+        ("layers-by" | "share-gaussians", _) => format!("{}=\"{value}\"", name.replace('-', "_")),
         ("particle-type", _) => "species=".into(),
         ("gadget-blocks", _) => format!("blocks=\"{value}\".split(\",\")"),
         ("positions", "A,B,C") => "positions=\"A,B,C\"".into(),

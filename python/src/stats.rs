@@ -8,8 +8,7 @@ use crate::work::WorkOptions;
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::particles::LayerFields;
-use particlegs_pipeline::recover::Options as RecoverOptions;
-use particlegs_pipeline::stats::{Measure, ParticleVelocities, StatsOptions, StatsSide, Subject, compare};
+use particlegs_pipeline::stats::{Measure, ParticleFields, StatsOptions, StatsSide, Subject, compare};
 use pyo3::prelude::*;
 
 /// What to measure; the names are those of the command.
@@ -35,6 +34,8 @@ pub struct MeasureOptions {
     linking_length: Option<String>,
     aperture: f64,
     neighbours: usize,
+    joint: Option<[String; 2]>,
+    joint_bins: usize,
     open: bool,
     seed: u64,
 }
@@ -67,6 +68,8 @@ impl MeasureOptions {
             linking_length: self.linking_length,
             aperture: self.aperture,
             neighbour_sample: self.neighbours,
+            joint: self.joint,
+            joint_bins: self.joint_bins,
             seed: self.seed,
             ..StatsOptions::default()
         })
@@ -98,22 +101,18 @@ impl StatsSource<'_> {
     }
 }
 
-/// Velocities of particles with these fields, or of those drawn from a model.
-fn velocities(
+/// Particles with these fields, or those drawn from a model.
+fn particle_fields(
     subject: Subject<'_>,
     fields: &[LayerFields],
     o: &StatsOptions,
     context: &Context<'_>,
-) -> Result<Option<ParticleVelocities>> {
+) -> Result<Option<ParticleFields>> {
     match subject {
-        _ if !o.needs_velocities() => Ok(None),
-        Subject::Particles(p) => ParticleVelocities::read(p, fields),
-        Subject::Model(m) if m.metadata.fields.is_empty() => Ok(None),
-        Subject::Model(m) => {
-            let drawn = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
-            let (particles, fields) = drawn.draw_with_fields(m.clone(), context)?;
-            ParticleVelocities::read(&particles, &fields)
-        }
+        _ if !o.needs_fields() => Ok(None),
+        Subject::Particles(_) if fields.is_empty() => Ok(None),
+        Subject::Particles(p) => ParticleFields::read(p, fields, o),
+        Subject::Model(m) => ParticleFields::draw(m, o, context),
     }
 }
 
@@ -133,9 +132,9 @@ pub fn stats(
     let fields = [truth.fields(&fields[0])?, other.fields(&fields[1])?];
     let subjects = [truth.subject(), other.subject()];
     let found = WorkOptions { threads, progress }.run(py, |progress| {
-        let of = |side: usize| velocities(subjects[side], &fields[side], &options, progress);
+        let of = |side: usize| particle_fields(subjects[side], &fields[side], &options, progress);
         let own = [of(0)?, of(1)?];
-        let side = |i: usize| StatsSide { subject: subjects[i], velocities: own[i].as_ref() };
+        let side = |i: usize| StatsSide { subject: subjects[i], fields: own[i].as_ref() };
         compare(side(0), side(1), &options, progress)
     })?;
     Ok(serde_json::to_string(&found).expect("plain data"))

@@ -139,3 +139,23 @@ def test_a_map_is_drawn_on_its_scale(model):
     assert isinstance(heat.plot(vmin=1e4).norm, LogNorm)
     with pytest.raises(pg.InputError, match="no field `dust` to weigh"):
         model.map("temperature", weight="dust")
+
+
+def test_joint_histograms_compare_two_fields():
+    place, _, temperature = flow(20_000)
+    given = {"temperature": temperature, "metals": temperature**0.5}
+    snap = pg.Snapshot(place)
+    model = pg.compress(snap, gaussians=60, certificate="none", fields=given)
+    found = pg.stats(snap, model, only=["joint"], joint_bins=10, fields=(given, None)).joint
+    assert [j.fields for j in found] == [("temperature", "metals")]
+    joint = found[0]
+    assert joint.truth.shape == (10, 10) and joint.x.shape == (11,) and joint.truth.sum() == pytest.approx(1.0)
+    assert joint.correlation[0] > 0.99 and joint.correlation[1] > 0.9 and 0.0 < joint.noise < 0.1
+    edges = [joint.x, joint.y]
+    plain = np.histogram2d(temperature, temperature**0.5, bins=edges)[0] / len(place)
+    np.testing.assert_allclose(joint.truth, plain, atol=2e-4)
+    recovered = pg.stats(model, model.recover(), only=["joint"], joint=["metals", "temperature"]).joint[0]
+    assert recovered.fields == ("metals", "temperature") and recovered.difference < 2.0 * recovered.noise
+    assert pg.stats(snap, model, only=["joint"]).joint == []
+    with pytest.raises(pg.InputError, match="two different fields"):
+        pg.stats(snap, model, only=["joint"], joint=["metals", "Metals"], fields=(given, None))

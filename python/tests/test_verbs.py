@@ -37,6 +37,24 @@ def test_species_are_slices():
         both[0]
 
 
+def test_types_share_gaussians_where_they_are_told_to():
+    both = pg.Snapshot(ROWS, box=10, layers={"gas": 1500, "dm": 1500})
+    made = {
+        choice: pg.compress(both, gaussians=40, certificate="none", share_gaussians=choice) for choice in ("yes", "no")
+    }
+    layers = [[layer["name"] for layer in m.layers] for m in made.values()]
+    assert layers == [["dm", "gas"]] * 2
+    # Those of each type lie in the same places where they are shared.
+    means = {choice: m.gaussians.means for choice, m in made.items()}
+    assert len(means["yes"]) == 2 * len(means["no"])
+    with pytest.raises(pg.InputError, match='share_gaussians="maybe": use `auto`, `yes` or `no`'):
+        pg.compress(both, share_gaussians="maybe")
+    with pytest.raises(pg.InputError, match="cannot have fields"):
+        pg.compress(both, share_gaussians="yes", fields={"heat": np.ones(3000)})
+    with pytest.raises(pg.InputError, match='leave out share_gaussians="yes"'):
+        pg.compress(ROWS, share_gaussians="yes")
+
+
 def test_regions_are_those_of_the_command(snap):
     inside = np.all((ROWS >= 4) & (ROWS < 6), axis=1)
     part = snap.region(4, (6, 6, 6))

@@ -4,7 +4,7 @@ use crate::common::CommandContext;
 use crate::snapshot_args::ParticleArgs;
 use particlegs_files::input::{is_stream, name_of};
 use particlegs_pipeline::job::Job;
-use particlegs_pipeline::particles::{LayeredParticles, Particles, Storage};
+use particlegs_pipeline::particles::{LayerFields, LayeredParticles, Particles, Storage};
 use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -77,9 +77,13 @@ impl JobSnapshot {
         Ok(context.told_before(|| self.source(&Storage::Memory, job.has_fields(), context))?.0)
     }
 
-    /// The particles of a job; `plan` printed their notes.
-    pub fn particles(&self, context: &CommandContext) -> Result<Particles> {
-        context.told_before(|| self.particles.read(&self.paths, self.seed, &Storage::Memory, context))
+    /// The particles of a job, and the fields of their layers where it has any; `plan` printed their notes.
+    pub fn particles(&self, job: &Job, context: &CommandContext) -> Result<(Particles, Vec<LayerFields>)> {
+        let (mut choice, storage) = (self.particles.choice(self.seed)?, Storage::Memory);
+        context.told_before(|| match job.has_fields() {
+            true => choice.read_fields(&self.paths, &storage, context),
+            false => Ok((choice.read(&self.paths, &storage, context)?, Vec::new())),
+        })
     }
 }
 

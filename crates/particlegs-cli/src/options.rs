@@ -91,6 +91,7 @@ const RULES: &[OptionRule] = rules! {
     "stats": "halo_bins", |g| g.without(&["haloes"]) => "the measure `haloes`, which --only leaves out";
     "stats": "neighbours", |g| g.without(&["neighbours"]) =>
         "the measure `neighbours`, which --only leaves out";
+    "stats": "joint joint_bins", |g| g.without(&["joint"]) => "the measure `joint`, which --only leaves out";
     "stats": "spectrum_assignment no_interlacing", |g| g.is("convention", "paper") =>
         "--convention correct: the published definitions are fixed";
     "export": "color", |g| g.exports() != Some(Group::Splats) =>

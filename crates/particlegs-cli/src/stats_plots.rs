@@ -1,13 +1,16 @@
 //! Plots of statistics, and the central slices.
 
 use crate::figure::{
-    self, ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, Plot, PlotAxis, Point, Series, write_plots,
+    self, ColourBar, EdgeAxis, Figure, FigureImage, FigureSpace, FileKind, Panel, PaperColour, Plot, PlotAxis, Point,
+    Series, png_file::PngMetadata, write_plots,
 };
+use particlegs_files::output::write_bytes;
 use particlegs_pipeline::Result;
 use particlegs_pipeline::model::per_length;
 use particlegs_pipeline::picture::{Colormap, Rgb8, Size, write_png};
 use particlegs_pipeline::stats::{
-    AxisProfile, Convention, DensityReport, MultipoleShell, NearestDistances, PairCounts, Shell, SizeClass, Statistics,
+    AxisProfile, Convention, DensityReport, JointHistogram, MultipoleShell, NearestDistances, PairCounts, Shell,
+    SizeClass, Statistics,
 };
 use std::path::Path;
 
@@ -34,6 +37,17 @@ pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>, kinds: &[Fil
     let figures = spectra(s, &units).into_iter().chain(xi(s, &units)).chain(of_particles).chain(of_velocities);
     for figure in figures.chain(profiles(s, &units)).chain(halo_profile(s, &units)) {
         write_plots(folder, &figure, kinds)?;
+    }
+    if let Some(all) = &s.joint {
+        let figure = joint(all);
+        for kind in kinds {
+            let (em, space) = match kind {
+                FileKind::Png => (SLICE_LETTERS, FigureSpace::Pixels),
+                _ => (POINTS, FigureSpace::Width(PAGE)),
+            };
+            let bytes = figure::layout(&figure, em, space)?.bytes(*kind, &PngMetadata::default())?;
+            write_bytes(&folder.join(format!("joint.{}", kind.name())), &bytes)?;
+        }
     }
     if let Some(d) = &s.density {
         write_plots(folder, &pdf(d), kinds)?;
@@ -254,8 +268,52 @@ fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     Some(chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect()))
 }
 
-/// Font size of slices, pixels.
+/// Font size of slices, pixels; of a page of histograms, points, and its width.
 const SLICE_LETTERS: f64 = 16.0;
+const POINTS: f64 = 9.0;
+const PAGE: f64 = 500.0;
+/// Shares of a cell that have colours, below the largest.
+const LEAST_SHARE: f64 = 1e-4;
+
+/// Truth and other side by side, a row a particle type: the logarithm of the share of mass in a cell over the largest.
+fn joint(all: &[JointHistogram]) -> Figure {
+    let color = |share: f64| match share.log10() / -LEAST_SHARE.log10() + 1.0 {
+        v if v >= 0.0 => Colormap::Viridis.color(v as f32),
+        _ => [255; 3],
+    };
+    let mut panels = Vec::new();
+    for j in all {
+        let [columns, rows] = j.edges.each_ref().map(|e| e.len() - 1);
+        // About 400 pixels along an edge, each cell a square of pixels.
+        let scale = (400 / columns).max(1);
+        let size = Size { width: columns * scale, height: rows * scale };
+        let largest = j.share.iter().flatten().copied().fold(0.0, f64::max);
+        let axes = [0, 1].map(|k| {
+            let unit = j.units[k].as_ref().map_or(String::new(), |u| format!(" [{u}]"));
+            let [low, high] = [j.edges[k][0], j.edges[k][j.edges[k].len() - 1]];
+            let (name, [low, high]) = match j.logarithmic[k] {
+                true => (format!("log10 {}", j.fields[k]), [low.log10(), high.log10()]),
+                false => (j.fields[k].clone(), [low, high]),
+            };
+            EdgeAxis { label: name + &unit, low, high }
+        });
+        for (share, side) in j.share.iter().zip(["truth", "other"]) {
+            let pixel = |at: usize| {
+                let (across, up) = (at % size.width / scale, rows - 1 - at / size.width / scale);
+                color(share[across * rows + up] / largest)
+            };
+            let picture = Rgb8 { size, data: (0..size.pixels()).map(pixel).collect() };
+            panels.push(Panel {
+                caption: Some(format!("{}: {side}", j.layer)),
+                axes: Some(axes.clone()),
+                ..Panel::plain(FigureImage::Color(picture))
+            });
+        }
+    }
+    let title = "mass in a cell / largest".into();
+    let bar = ColourBar::logarithmic(title, [LEAST_SHARE, 1.0], |share| Colormap::Viridis.color(share));
+    Figure { bar: Some(bar), ground: PaperColour::White, ..Figure::plain(panels, 2) }
+}
 
 /// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.
 fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {

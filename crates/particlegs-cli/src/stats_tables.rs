@@ -75,12 +75,26 @@ pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
         }
         csv.write(folder, "halo_dispersion.csv")?;
     }
+    write_joint(folder, s)?;
     write_density(folder, s)?;
     write_rdf(folder, s)?;
     write_profiles(folder, s)?;
     write_haloes(folder, s)?;
     write_groups(folder, s)?;
     write_neighbours(folder, s)
+}
+
+fn write_joint(folder: &Path, s: &Statistics) -> Result<()> {
+    let Some(all) = &s.joint else { return Ok(()) };
+    let mut csv = Csv::new("particle_type,x_low,x_high,y_low,y_high,truth,other");
+    for j in all {
+        let ([x, y], [a, b]) = (&j.edges, &j.share);
+        for cell in 0..a.len() {
+            let (i, k) = (cell / (y.len() - 1), cell % (y.len() - 1));
+            row!(csv: j.layer.replace([',', '"'], " "), x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]);
+        }
+    }
+    csv.write(folder, "joint.csv")
 }
 
 fn write_density(folder: &Path, s: &Statistics) -> Result<()> {
@@ -273,6 +287,15 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
             &format!("haloes: dispersion, {} centres", d.compared),
             format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
         );
+    }
+    for j in s.joint.iter().flatten() {
+        let name = |k: usize| if j.logarithmic[k] { format!("log {}", j.fields[k]) } else { j.fields[k].clone() };
+        line(&format!("{}: {} and {}", j.layer, name(0), name(1)), {
+            let [difference, noise] = [j.difference, j.noise].map(|v| 100.0 * v);
+            format!("{difference:.2} % of the mass is in other cells, sampling noise {noise:.2} %")
+        });
+        let r = |side: usize| j.correlation[side].map_or("-".into(), |r| format!("{r:.3}"));
+        line(&format!("{}: their correlation", j.layer), format!("{}, truth {}", r(1), r(0)));
     }
     if let Some(l) = &s.likelihood {
         line(

@@ -121,11 +121,14 @@ impl MarkWriter<'_> {
         }
         self.words(labels[0], [at.x + 0.5 * at.w, at.bottom() + tick + 2.3 * em], Anchor::Middle);
         let x = at.x - tick - ticks[1].widest(em) - (SPACE + 0.6) * em;
-        self.turned(labels[1], [x, at.y + 0.5 * at.h]);
+        self.turned(labels[1], [x, at.y + 0.5 * at.h], at.h);
     }
 
-    fn turned(&mut self, text: &str, at: [f64; 2]) {
-        self.write(TextLine { turned: true, ..self.text(text, at, self.em, Anchor::Middle) });
+    fn turned(&mut self, text: &str, at: [f64; 2], height: f64) {
+        let room = (height + 0.8 * self.em) / font::width(text, self.em).max(1e-9);
+        // Sheets of pixels grow with it.
+        let em = if self.fine { self.em * room.clamp(0.5, 1.0) } else { self.em };
+        self.write(TextLine { turned: true, ..self.text(text, at, em, Anchor::Middle) });
     }
 
     /// A scale bar under its picture, or on it.
@@ -215,7 +218,7 @@ impl MarkWriter<'_> {
         match outside {
             true => {
                 let x = all.right() + right + bar_width(bar, em) - 0.3 * em;
-                self.turned(&bar.title, [x, strip.y + 0.5 * strip.h]);
+                self.turned(&bar.title, [x, strip.y + 0.5 * strip.h], strip.h);
             }
             false => self.on_picture(&bar.title, [last.right() - em, last.y + 1.4 * em], Anchor::End),
         }

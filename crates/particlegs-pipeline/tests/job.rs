@@ -4,12 +4,13 @@
 mod common;
 
 use common::layer;
-use particlegs_pipeline::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
+use particlegs_pipeline::checkpoint::NoCheckpoints;
+use particlegs_pipeline::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify, compress};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::fit::Effort;
 use particlegs_pipeline::job::Job;
-use particlegs_pipeline::model::{CertificateLevel, LawKind, Limit, Units};
-use particlegs_pipeline::particles::{LayeredParticles, Particles, Storage};
+use particlegs_pipeline::model::{CertificateLevel, LawKind, Limit, Mass, Units};
+use particlegs_pipeline::particles::{Column, LayeredParticles, Particles, Storage};
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::train::{Config, Limits, Preset};
 use particlegs_pipeline::{Error, codec};
@@ -208,6 +209,24 @@ fn certificates_add_up_over_blocks() {
     assert_eq!(held(added_up.power_within_5_percent_to), held(of_one.power_within_5_percent_to));
     assert!(added_up.r_above_0_9_to.place().is_some());
     assert_eq!((quick.blocks, added.views.orbits[0].paraview.model), (None, None));
+}
+
+/// As in most snapshots of gas and dark matter.
+#[test]
+fn a_layer_with_weights_lies_beside_one_without_in_a_block() {
+    let (sample, folder) = (sample(), tempfile::tempdir().unwrap());
+    let weight = |i: usize| if i < 130_000 { 5.0 } else { 1.0 + (i % 3) as f32 };
+    let weights = Column::owned((0..sample.len()).map(weight).collect());
+    let mut layers = sample.layers().to_vec();
+    (layers[0].mass, layers[1].mass) = (Mass::Each(5.0), Mass::Weights(None));
+    let particles = sample.with_weights(weights).with_layers(layers);
+    let (target, effort, certificate) = (Target::Ratio(200.0), Effort::Fast, CertificateLevel::None);
+    let options = Options { target, effort, certificate, blocks: Some(2), ..Options::default() };
+    let job = common::planned(&particles, &folder.path().join("job"), options.clone());
+    (0..2).for_each(|b| drop(job.block(b, || panic!("buckets are enough"), &Context::SILENT).unwrap()));
+    let merged = job.merge(CertificateLevel::None, None, &Context::SILENT).unwrap();
+    let options = Options { seed: 3, ..options };
+    assert!(merged == compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap().bytes);
 }
 
 /// Sums that are missing are measured again, without another fit, and altered ones are named.

@@ -87,8 +87,8 @@ pub mod camera {
 pub mod stats {
     pub use particlegs_pipeline::stats::{
         Assignment, Convention, DensityComparison, DensityReport, Domain, Grid, GroupReport, HaloDispersions,
-        HaloProfiles, Measure, MultipoleShell, Multipoles, NearestDistances, PairCounts, ParticleVelocities, Spectra,
-        Statistics, StatsOptions, StatsSide, Subject, compare,
+        HaloProfiles, JointHistogram, Measure, MultipoleShell, Multipoles, NearestDistances, PairCounts,
+        ParticleFields, Spectra, Statistics, StatsOptions, StatsSide, Subject, compare,
     };
 }
 

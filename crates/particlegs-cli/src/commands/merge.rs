@@ -135,8 +135,8 @@ fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(
     job.check_done()?;
     let particles = match level {
         CertificateLevel::None | CertificateLevel::Blocks => None,
-        _ => Some(snapshot.particles(context)?),
+        _ => Some(snapshot.particles(&job, context)?),
     };
-    let bytes = job.merge(level, particles.as_ref(), context)?;
+    let bytes = job.merge(level, particles.as_ref().map(|(p, fields)| (p, &fields[..])), context)?;
     Ok((bytes, job.blocks() as usize, kept))
 }

@@ -12,10 +12,9 @@ use particlegs_files::output;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Model, UnitSystem};
 use particlegs_pipeline::particles::{Particles, Storage};
-use particlegs_pipeline::recover::Options as RecoverOptions;
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::stats::{
-    Assignment, Convention, Measure, ParticleVelocities, Statistics, StatsOptions, StatsSide, Subject, compare,
+    Assignment, Convention, Measure, ParticleFields, Statistics, StatsOptions, StatsSide, Subject, compare,
 };
 use particlegs_pipeline::{Error, Result, codec};
 use std::path::{Path, PathBuf};
@@ -31,8 +30,8 @@ Examples:
     after_long_help = "\
 Writes stats.json, tables as CSV, and plots as SVG and PNG unless --plots says otherwise. A model is
 measured from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass
-around centres; velocities are those of particles drawn from it; pairs, groups, neighbours and g(r)
-need particles.
+around centres; velocities and other fields are those of particles drawn from it; pairs, groups,
+neighbours and g(r) need particles.
 A model and particles, in either order, also give the likelihood of the particles under the model.
 docs/guide/statistics.md defines every measure.
 
@@ -43,6 +42,7 @@ Examples:
   particlegs stats melt.dump recovered -o stats --only rdf,profile --profile-axis z
   particlegs stats snapshot model.pgs -o stats --only haloes --centres catalogue.csv
   particlegs stats snapshot model.pgs -o stats --only multipoles,momentum,dispersion
+  particlegs stats snapshot model.pgs -o stats --only joint --joint density,temperature
   particlegs stats snapshot model.pgs -o stats --only spectrum --plots pdf"
 )]
 pub struct Arguments {
@@ -145,6 +145,12 @@ struct MeasureArgs {
     /// Neighbours: number of particles to find the nearest neighbour of.
     #[arg(long, value_name = "N", default_value_t = 500_000, hide_short_help = true)]
     neighbours: usize,
+    /// Joint histogram: the two scalar fields [default: the first two that both sides have].
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, hide_short_help = true)]
+    joint: Option<Vec<String>>,
+    /// Joint histogram: number of bins along either axis.
+    #[arg(long, value_name = "N", default_value_t = 50, hide_short_help = true)]
+    joint_bins: usize,
 }
 
 enum StatsSubject {
@@ -154,7 +160,7 @@ enum StatsSubject {
 
 struct StatsInput {
     source: StatsSubject,
-    velocities: Option<ParticleVelocities>,
+    fields: Option<ParticleFields>,
 }
 
 impl StatsInput {
@@ -162,19 +168,18 @@ impl StatsInput {
         match inputs::model_or_snapshot(path, args, context)? {
             PathContent::Model(bytes) => {
                 let model = args.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
-                let draw = o.needs_velocities() && !model.metadata.fields.is_empty();
-                let velocities =
-                    if draw { found(drawn_velocities(&model, o.seed, context), o, context)? } else { None };
-                Ok(StatsInput { source: StatsSubject::Model(model.into()), velocities })
+                let drawn = o.needs_fields().then(|| ParticleFields::draw(&model, o, context));
+                let fields = found(drawn.unwrap_or(Ok(None)), o, context)?;
+                Ok(StatsInput { source: StatsSubject::Model(model.into()), fields })
             }
-            PathContent::Snapshot(mut choice) if o.needs_velocities() => {
+            PathContent::Snapshot(mut choice) if o.needs_fields() => {
                 let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
-                let velocities = found(ParticleVelocities::read(&particles, &fields), o, context)?;
-                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), velocities })
+                let fields = found(ParticleFields::read(&particles, &fields, o), o, context)?;
+                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), fields })
             }
             PathContent::Snapshot(choice) => {
                 let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, context)?;
-                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), velocities: None })
+                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), fields: None })
             }
         }
     }
@@ -184,7 +189,7 @@ impl StatsInput {
             StatsSubject::Particles(p) => Subject::Particles(p),
             StatsSubject::Model(m) => Subject::Model(m),
         };
-        StatsSide { subject, velocities: self.velocities.as_ref() }
+        StatsSide { subject, fields: self.fields.as_ref() }
     }
 
     /// Units and box.
@@ -201,21 +206,15 @@ impl StatsInput {
     }
 }
 
-fn drawn_velocities(model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<ParticleVelocities>> {
-    let options = RecoverOptions { seed, ..RecoverOptions::default() };
-    let (particles, fields) = options.draw_with_fields(model.clone(), context)?;
-    ParticleVelocities::read(&particles, &fields)
-}
-
-/// Velocities; where everything is measured, those that cannot be used are left out with a note.
+/// Fields; where everything is measured, those that cannot be used are left out with a note.
 fn found(
-    velocities: Result<Option<ParticleVelocities>>,
+    fields: Result<Option<ParticleFields>>,
     o: &StatsOptions,
     context: &Context<'_>,
-) -> Result<Option<ParticleVelocities>> {
-    match velocities {
+) -> Result<Option<ParticleFields>> {
+    match fields {
         Err(error @ (Error::Memory { .. } | Error::Input { .. })) if o.measures.len() == Measure::ALL.len() => {
-            context.message(&format!("note: velocities are left out: {error}"));
+            context.message(&format!("note: fields are left out: {error}"));
             Ok(None)
         }
         other => other,
@@ -272,6 +271,11 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         Some([low, high]) => Some([*low, *high]),
         Some(_) => return Err(Error::argument("--separations takes two lengths LO,HI")),
     };
+    let joint = match a.measure.joint.as_deref() {
+        None => None,
+        Some([x, y]) => Some([x, y].map(|name| name.trim().to_string())),
+        Some(_) => return Err(Error::argument("--joint takes two fields X,Y")),
+    };
     let measures = if a.only.is_empty() { Measure::ALL.to_vec() } else { a.only.clone() };
     Ok(StatsOptions {
         measures,
@@ -294,6 +298,8 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         linking_length: a.measure.linking_length.clone(),
         aperture: a.measure.aperture,
         neighbour_sample: a.measure.neighbours,
+        joint,
+        joint_bins: a.measure.joint_bins,
         seed: a.common.seed,
         ..StatsOptions::default()
     })

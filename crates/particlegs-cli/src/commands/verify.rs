@@ -291,7 +291,7 @@ fn measure(
     let mut measured = compress::certify(model, without_certificate, &particles, seed, level, context)?;
     // Models of joined fields have none.
     let of_fields = model.certificate.is_none_or(|c| c.fields.is_some() || level != stored);
-    if !names.is_empty() && measured.blocks.is_none() && of_fields {
+    if !names.is_empty() && of_fields {
         let chosen = model.metadata.recipe.read.get("star-forming").and_then(|text| text.parse().ok());
         let star_forming = chosen.unwrap_or_default();
         let fields = FieldSelection::new(&names, star_forming, &particles, &sources, model.metadata.law)?;

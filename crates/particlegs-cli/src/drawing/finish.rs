@@ -98,11 +98,14 @@ impl Finisher<'_> {
         }
         let length = round_below(LONGEST_BAR * width);
         let unit = journal_unit(self.quantities.length_unit().unwrap_or_default());
-        let unit = if unit.is_empty() { "(unit not known)".into() } else { unit };
+        let unknown = if unit.is_empty() { "unit not known" } else { "" };
         let comoving = if self.quantities.is_comoving() { "comoving" } else { "" };
-        let notes = [comoving, note].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
+        let notes = [unknown, comoving, note].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
         let notes = if notes.is_empty() { String::new() } else { format!(" ({notes})") };
-        Ok(ScaleBar { share: length / width, label: format!("{} {unit}{notes}", number(length)) })
+        Ok(ScaleBar {
+            share: length / width,
+            label: format!("{} {unit}", number(length)).trim_end().to_string() + &notes,
+        })
     }
 
     /// Note on a requested scale bar that a view cannot have.

@@ -7,6 +7,7 @@ use particlegs_pipeline::{Error, Result};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::Write;
+use std::ops::Range;
 use std::path::Path;
 
 /// An encoded frame.
@@ -14,13 +15,8 @@ pub struct GifFrame(Frame<'static>);
 
 /// Most colours of a frame.
 const COLOURS: usize = 256;
-/// If the most frequent colours cover this share of the pixels (all but the edges of letters), they are the palette;
-/// otherwise a neural network chooses one (Dekker 1994).
-const ALMOST_ALL: f64 = 0.97;
-/// With more colours than this, the network chooses.
-const MANY: usize = 4096;
-/// The network learns from one in so many pixels.
-const SPEED: i32 = 10;
+/// Most colours that are told apart before a palette is chosen: of more, those of 6 bits for each of red, green and blue.
+const MANY: usize = 1 << 15;
 /// Viewers treat shorter delays as a tenth of a second.
 const SHORTEST: u16 = 2;
 
@@ -35,38 +31,94 @@ pub fn coded(image: FigureImage, fps: u32) -> Result<GifFrame> {
             let palette: Vec<u8> = (0..=255).flat_map(|v| [v; 3]).collect();
             Frame { width, height, buffer: Cow::Owned(gray.data), palette: Some(palette), ..Frame::default() }
         }
-        FigureImage::Color(colours) => match of_few(&colours.data) {
-            Some((buffer, palette)) => {
-                Frame { width, height, buffer: Cow::Owned(buffer), palette: Some(palette), ..Frame::default() }
-            }
-            None => Frame::from_rgb_speed(width, height, colours.data.as_flattened(), SPEED),
-        },
+        FigureImage::Color(colours) => {
+            let (buffer, palette) = indexed(&colours.data);
+            Frame { width, height, buffer: Cow::Owned(buffer), palette: Some(palette), ..Frame::default() }
+        }
     };
     frame.delay = ((100 + fps / 2) / fps.max(1)).clamp(SHORTEST.into(), 100) as u16;
     frame.make_lzw_pre_encoded();
     Ok(GifFrame(frame))
 }
 
-/// Palette indices of the pixels; `None` if there are too many colours.
-fn of_few(pixels: &[[u8; 3]]) -> Option<(Vec<u8>, Vec<u8>)> {
-    let mut counts: HashMap<[u8; 3], u32> = HashMap::new();
-    for pixel in pixels {
-        *counts.entry(*pixel).or_default() += 1;
-        if counts.len() > MANY {
-            return None;
+/// A colour that pixels have, and the root of their number: few pixels of a colour bar count beside a picture.
+struct PixelColour {
+    /// By which it is found.
+    key: [u8; 3],
+    value: [f64; 3],
+    weight: f64,
+}
+
+/// Colours that share an entry of the palette.
+struct ColourBox {
+    range: Range<usize>,
+    mean: [f64; 3],
+    /// Where they vary most: red, green or blue, and how much.
+    axis: usize,
+    error: f64,
+}
+
+impl ColourBox {
+    fn new(colours: &[PixelColour], range: Range<usize>) -> ColourBox {
+        let own = &colours[range.clone()];
+        let total: f64 = own.iter().map(|c| c.weight).sum();
+        let mean = [0, 1, 2].map(|k| own.iter().map(|c| c.weight * c.value[k]).sum::<f64>() / total);
+        let errors = [0, 1, 2].map(|k| own.iter().map(|c| c.weight * (c.value[k] - mean[k]).powi(2)).sum::<f64>());
+        let axis = (0..3).fold(0, |a, k| if errors[k] > errors[a] { k } else { a });
+        ColourBox { range, mean, axis, error: errors[axis] }
+    }
+}
+
+/// Palette indices of the pixels, and the palette: exact up to [`COLOURS`]; else boxes of colours, of which the one that
+/// varies most is cut at its mean.
+fn indexed(pixels: &[[u8; 3]]) -> (Vec<u8>, Vec<u8>) {
+    let mut colours = distinct(pixels, 0xff);
+    let mask = if colours.len() > MANY { 0xfc } else { 0xff };
+    if mask != 0xff {
+        colours = distinct(pixels, mask);
+    }
+    let mut boxes = vec![ColourBox::new(&colours, 0..colours.len())];
+    while boxes.len() < COLOURS {
+        let widest = (0..boxes.len()).fold(0, |a, i| if boxes[i].error > boxes[a].error { i } else { a });
+        let ColourBox { range, mean, axis, error } = &boxes[widest];
+        // Rounding leaves some to boxes of one colour.
+        if *error < 1e-6 {
+            break;
         }
+        let (range, mean, axis) = (range.clone(), mean[*axis], *axis);
+        let own = &mut colours[range.clone()];
+        own.sort_by(|a, b| a.value[axis].total_cmp(&b.value[axis]));
+        let cut = range.start + own.partition_point(|c| c.value[axis] <= mean);
+        boxes[widest] = ColourBox::new(&colours, range.start..cut);
+        boxes.push(ColourBox::new(&colours, cut..range.end));
     }
-    let mut by_count: Vec<([u8; 3], u32)> = counts.into_iter().collect();
-    by_count.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-    let kept: u32 = by_count.iter().take(COLOURS).map(|c| c.1).sum();
-    if f64::from(kept) < ALMOST_ALL * pixels.len() as f64 {
-        return None;
+    let number =
+        boxes.iter().enumerate().flat_map(|(i, b)| colours[b.range.clone()].iter().map(move |c| (c.key, i as u8)));
+    let number: HashMap<[u8; 3], u8> = number.collect();
+    // A page stays white although the edges of letters are nearly so.
+    let entry = |b: &ColourBox| {
+        let own = &colours[b.range.clone()];
+        let most = own.iter().find(|c| c.weight > 0.5 * own.iter().map(|c| c.weight).sum::<f64>());
+        most.map_or(b.mean, |c| c.value).map(|v| v.round() as u8)
+    };
+    let palette = boxes.iter().flat_map(entry).collect();
+    (pixels.iter().map(|p| number[&p.map(|v| v & mask)]).collect(), palette)
+}
+
+/// The colours of the pixels that differ in the bits of `mask`, in order.
+fn distinct(pixels: &[[u8; 3]], mask: u8) -> Vec<PixelColour> {
+    let mut sums: HashMap<[u8; 3], [u64; 4]> = HashMap::new();
+    for p in pixels {
+        let sum = sums.entry(p.map(|v| v & mask)).or_default();
+        *sum = [sum[0] + u64::from(p[0]), sum[1] + u64::from(p[1]), sum[2] + u64::from(p[2]), sum[3] + 1];
     }
-    let palette: Vec<[u8; 3]> = by_count.iter().take(COLOURS).map(|c| c.0).collect();
-    let apart = |a: [u8; 3], b: [u8; 3]| (0..3).map(|k| i32::from(a[k]).abs_diff(i32::from(b[k])).pow(2)).sum::<u32>();
-    let nearest = |c: [u8; 3]| (0..palette.len()).min_by_key(|i| apart(palette[*i], c)).unwrap_or(0) as u8;
-    let number: HashMap<[u8; 3], u8> = by_count.iter().map(|(c, _)| (*c, nearest(*c))).collect();
-    Some((pixels.iter().map(|p| number[p]).collect(), palette.into_iter().flatten().collect()))
+    let colour = |(key, [r, g, b, n]): ([u8; 3], [u64; 4])| {
+        let value = [r, g, b].map(|v| v as f64 / n as f64);
+        PixelColour { key, value, weight: (n as f64).sqrt() }
+    };
+    let mut all: Vec<PixelColour> = sums.into_iter().map(colour).collect();
+    all.sort_unstable_by_key(|c| c.key);
+    all
 }
 
 /// Writes frames as one looping GIF.
@@ -110,16 +162,21 @@ mod tests {
         assert_eq!(next(), few.data);
     }
 
+    /// Those of a colour bar as well, which few pixels have.
     #[test]
     fn many_colours_are_approximated() {
-        let pixels: Vec<[u8; 3]> = (0..2000).map(|i| [(i % 255) as u8, (i / 255) as u8 * 4, 7]).collect();
-        assert!(of_few(&pixels).is_none());
-        // Few that fill the picture, and some between them.
-        let mut mostly: Vec<[u8; 3]> = (0..25_600).map(|i| [(i % 256) as u8, 0, 7]).collect();
-        mostly.extend((0..60).map(|i| [4 * i as u8, 3, 7]));
-        let (numbers, palette) = of_few(&mostly).unwrap();
-        assert_eq!(palette.len(), 3 * COLOURS);
-        let far = numbers.iter().zip(&mostly).map(|(n, p)| palette[3 * *n as usize].abs_diff(p[0])).max();
-        assert_eq!(far, Some(0));
+        let shade = |i: u64| [(i % 256) as u8, (i / 7 % 256) as u8, (i / 90 % 16) as u8];
+        let mut pixels: Vec<[u8; 3]> = (0..60_000).map(|i| shade(i % 900)).collect();
+        pixels.extend((0..256u64).map(|i| [i as u8, 200, 100]));
+        let worst = |pixels: &[[u8; 3]]| {
+            let (numbers, palette) = indexed(pixels);
+            assert!(palette.len() <= 3 * COLOURS);
+            let off = |(n, p): (&u8, &[u8; 3])| (0..3).map(|k| palette[3 * usize::from(*n) + k].abs_diff(p[k])).max();
+            numbers.iter().zip(pixels).filter_map(off).max().unwrap()
+        };
+        assert!(worst(&pixels) <= 10, "{}", worst(&pixels));
+        // As many as a photograph has.
+        let many: Vec<[u8; 3]> = (0..80_000u64).map(|i| [(i % 256) as u8, (i / 256) as u8, (i % 7) as u8]).collect();
+        assert!(worst(&many) <= 24, "{}", worst(&many));
     }
 }

@@ -220,6 +220,51 @@ fn maps_of_a_model_are_those_of_its_particles() {
 }
 
 #[test]
+fn joint_histograms_compare_two_fields() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("snap"));
+    // Pressures over four decades that rise with temperature.
+    let temperature = read(&dir.at("snap"), "temperature");
+    let pressure: Vec<f32> = temperature.iter().map(|t| 10f64.powf(5e-4 * (t - 1e4)) as f32).collect();
+    write(&dir.at("snap"), "pressure", &pressure);
+    dir.runs("compress snap -o m.pgs --gaussians 60 --certificate none --fields temperature,pressure,velocity");
+    let joint = "--only joint --joint temperature,pressure --joint-bins 8";
+    let [text, _] = dir.runs(&format!("stats snap m.pgs -o s {joint} --plots png,svg,pdf"));
+    assert!(
+        text.contains(": temperature and log pressure") && text.contains("% of the mass is in other cells"),
+        "{text}"
+    );
+    let found = dir.json("s/stats.json");
+    let own = &found["joint"][0];
+    assert_eq!(own["logarithmic"], serde_json::json!([false, true]));
+    let number = |name: &str| own[name].as_f64().unwrap();
+    assert!(number("difference") < 0.3 && number("noise") > 0.01, "{} {}", number("difference"), number("noise"));
+    assert!(own["correlation"].as_array().unwrap().iter().all(|r| r.as_f64().unwrap() > 0.9), "{}", own["correlation"]);
+    assert_eq!(dir.text("s/joint.csv").lines().count(), 65);
+    for ending in ["png", "svg", "pdf"] {
+        assert!(dir.at(&format!("s/joint.{ending}")).is_file(), "{ending}");
+    }
+    dir.runs(&format!("stats snap m.pgs -o again {joint} --plots png,svg,pdf --threads 1"));
+    for name in ["stats.json", "joint.csv", "joint.png", "joint.svg"] {
+        assert_eq!(dir.bytes(&format!("s/{name}")), dir.bytes(&format!("again/{name}")), "{name}");
+    }
+    // Without a choice, the first two that both have; those of a model that do not correlate are refused, and the rest goes on.
+    let [text, _] = dir.runs("stats snap m.pgs -o first --only joint,moments --no-plots");
+    assert!(text.contains("log pressure and temperature"), "{text}");
+    dir.runs("compress snap -o one.pgs --gaussians 60 --certificate none --fields temperature");
+    let [_, said] = dir.runs("stats snap one.pgs -o none --only joint,moments");
+    assert!(
+        said.contains("no joint histogram: no particle type has the same two scalar fields on both sides"),
+        "{said}"
+    );
+    assert!(dir.json("none/stats.json")["joint"].is_null() && !dir.json("none/stats.json")["moments"].is_null());
+    dir.fails("stats snap m.pgs -o no --joint pressure", 2, "--joint takes two fields X,Y");
+    dir.fails("stats snap m.pgs -o no --joint pressure,Pressure", 2, "two different fields");
+    dir.fails("stats snap m.pgs -o no --only moments --joint-bins 5", 2, "the measure `joint`");
+    assert!(!dir.at("no").exists());
+}
+
+#[test]
 fn exported_gaussians_have_their_fields() {
     let dir = TestFolder::new();
     snapshot(&dir.at("snap"));
@@ -419,6 +464,23 @@ fn a_job_gives_the_fields_that_compress_gives() {
     // A block is a model with its own fields.
     assert!(dir.model("job/blocks/00001.pgs").blocks().all(|b| b.gaussians.fields.get("velocity").is_some()));
     dir.runs("verify job");
+    // What blocks measure of fields adds up to what `compress` measures.
+    let options = options.replace("none", "quick") + " --radius 0.005";
+    same_by_job(&dir, "snap", "quick", &options);
+    dir.runs(&format!("plan snap -o blocks {}", options.replace("quick", "blocks")));
+    dir.runs("scatter blocks -q");
+    (0..3).for_each(|block| drop(dir.runs(&format!("block blocks {block} -q"))));
+    dir.runs("merge blocks -o added.pgs -q");
+    let figures = |name: &str, field: usize| {
+        let own = &dir.says(&format!("info {name}"))["certificate"]["fields"]["each"][field];
+        ["edge", "cells", "signal", "error"].map(|figure| own[figure].as_f64().unwrap())
+    };
+    for field in 0..2 {
+        let [a, b] = ["merged.pgs", "added.pgs"].map(|name| figures(name, field));
+        assert!(a.iter().zip(b).all(|(a, b)| (b - a).abs() <= 1e-5 * a) && a[2] > a[3], "{a:?} {b:?}");
+    }
+    let [text, _] = dir.runs("verify added.pgs snap");
+    assert!(text.contains("fields field 2: error") && !text.contains("differs"), "{text}");
     // Text has float64.
     let columns = ["xx", "yy", "zz", "vx"].map(|name| read(&dir.at("snap"), name));
     let rows =

@@ -40,6 +40,8 @@ pub enum Purpose {
     CertificateSubset = u32::from_be_bytes(*b"cesu"),
     /// Which half of the particles a field is gathered from, to be compared with the other.
     FieldHalves = u32::from_be_bytes(*b"cefi"),
+    /// Parts of a large box in which that is done.
+    FieldRegions = u32::from_be_bytes(*b"cefr"),
     /// The order of a training run's cameras.
     TrainingShuffle = u32::from_be_bytes(*b"trsh"),
     /// Radii and opacities of a training run's pictures.

@@ -295,12 +295,9 @@ impl<'a> FieldSelection<'a> {
                 }
             }
         }
-        let certificate = match model.certificate {
-            Some(c) if c.blocks.is_none() => {
-                Some(Certificate { fields: self.agreement(model, c.views.seed, context)?, ..c })
-            }
-            other => other,
-        };
+        let measured =
+            |c: Certificate| Ok::<_, Error>(Certificate { fields: self.agreement(model, c.views.seed, context)?, ..c });
+        let certificate = model.certificate.map(measured).transpose()?;
         codec::assemble(&metadata, certificate.as_ref(), coded)
     }
 }

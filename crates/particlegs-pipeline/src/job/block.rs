@@ -60,8 +60,9 @@ impl Job {
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
         {
             if !self.is_measured(block) {
-                let (particles, _) = self.gather(block, source, context)?;
-                self.measure(block, &codec::read_file(&self.block_path(block, "pgs"), context)?, &particles, context)?;
+                let (particles, fields) = self.gather(block, source, context)?;
+                let file = codec::read_file(&self.block_path(block, "pgs"), context)?;
+                self.measure(block, &file, (&particles, &fields), context)?;
             }
             return Ok(report);
         }
@@ -132,8 +133,8 @@ impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
             bytes = job.with_fields(bytes, particles, fields, context)?;
         }
         output::write_bytes(&job.block_path(block, "pgs"), &bytes)?;
-        if let Some((particles, _)) = particles {
-            job.measure(block, &bytes, &particles, context)?;
+        if let Some((particles, fields)) = &particles {
+            job.measure(block, &bytes, (particles, fields), context)?;
         }
         let info = codec::read_info(&bytes, "the block just coded")?;
         let report = BlockReport {

@@ -7,7 +7,9 @@ use crate::codec;
 use crate::compress::{FieldPlan, FieldSelection, MOST_FIELDS};
 use crate::context::Context;
 use crate::fit::value_fault;
+use crate::model::Model;
 use crate::particles::{FieldColumns, LayerFields, LayeredParticles, Number, Particles, SourceField};
+use crate::score::{FieldCellTable, FieldCells};
 
 /// For each layer, columns of its particles.
 pub(super) type FieldBits = Vec<Vec<Vec<f32>>>;
@@ -84,10 +86,30 @@ impl Job {
         bits: &FieldBits,
         context: &Context<'_>,
     ) -> Result<Vec<u8>> {
-        let planned = &self.manifest.fields;
-        if planned.is_empty() {
+        if !self.has_fields() {
             return Ok(bytes);
         }
+        let model = codec::decode_with(&bytes, "the block just coded", context)?;
+        let (plan, sources) = self.fields_of_bits(bits);
+        FieldSelection::planned(plan, particles, &sources).add_to(&bytes, &model, context)
+    }
+
+    /// What is added up of the fields of a block, whose `model` was made of these particles.
+    pub(super) fn field_sums(
+        &self,
+        model: &Model,
+        (particles, bits): (&Particles, &FieldBits),
+        cells: &FieldCells,
+        context: &Context<'_>,
+    ) -> Result<Vec<FieldCellTable>> {
+        let (plan, sources) = self.fields_of_bits(bits);
+        let counts: Vec<u64> = self.manifest.plan.layers.iter().map(|l| l.content).collect();
+        FieldSelection::planned(plan, particles, &sources).sums(model, cells, &counts, context)
+    }
+
+    /// The planned fields as the columns of a block have them.
+    fn fields_of_bits(&self, bits: &FieldBits) -> (FieldPlan, Vec<LayerFields>) {
+        let planned = &self.manifest.fields;
         let (mut plan, mut sources) = (planned.clone(), Vec::new());
         for (chosen, columns) in plan.layers.iter_mut().zip(bits) {
             let (mut fields, mut values) = (Vec::new(), Vec::new());
@@ -112,8 +134,7 @@ impl Job {
             }
             sources.push(LayerFields::from_columns(fields, values));
         }
-        let model = codec::decode_with(&bytes, "the block just coded", context)?;
-        FieldSelection::planned(plan, particles, &sources).add_to(&bytes, &model, context)
+        (plan, sources)
     }
 }
 

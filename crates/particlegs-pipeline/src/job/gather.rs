@@ -159,6 +159,10 @@ impl<'a> BlockGatherer<'a> {
         for (column, values) in self.columns.iter_mut().zip(values.chunks_exact(n.max(1))) {
             column[start..start + n].copy_from_slice(values);
         }
+        // Beside layers with weights, others weigh the mass of their particles.
+        if let Some(weights) = self.columns.get_mut(own) {
+            weights[start..start + n].fill(self.layers[layer].mass.unit_or_one() as f32);
+        }
         self.filled[layer] += n;
     }
 

@@ -2,25 +2,26 @@
 
 use super::manifest::Job;
 use crate::codec::{self, StoredBlock, StoredSection};
-use crate::compress::{CodedBlock, DecodedFile};
+use crate::compress::{CodedBlock, DecodedFile, FieldSelection};
 use crate::context::Context;
-use crate::model::{Certificate, CertificateLevel};
-use crate::particles::Particles;
+use crate::model::{Certificate, CertificateLevel, FieldAgreements};
+use crate::particles::{LayerFields, Particles};
 use crate::score::CertificateInput;
 use crate::{Error, Hint, Result};
 use std::fmt::Display;
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
-    /// `particles`, as much as the level says, or by what the blocks' tasks measured, and the file holds the certificate.
+    /// `particles` and the fields of their layers, as much as the level says, or by what the blocks' tasks measured, and the
+    /// file holds the certificate.
     pub fn merge(
         &self,
         level: CertificateLevel,
-        particles: Option<&Particles>,
+        particles: Option<(&Particles, &[LayerFields])>,
         context: &Context<'_>,
     ) -> Result<Vec<u8>> {
         let plan = &self.manifest.plan;
-        if particles.is_some_and(|p| p.source_hash() != plan.metadata.source_hash) {
+        if particles.is_some_and(|(p, _)| p.source_hash() != plan.metadata.source_hash) {
             return Err(self.changed("its hash is different"));
         }
         self.check_done()?;
@@ -49,25 +50,28 @@ impl Job {
             CertificateLevel::Blocks => Some(self.added_up(context)?),
             CertificateLevel::Quick | CertificateLevel::Full => {
                 let needed = || Error::argument("this certificate needs the snapshot");
-                let particles = particles.ok_or_else(needed)?;
-                let measure =
-                    CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
-                let bytes = DecodedFile::new(file, Some(measure), context)?.bytes;
-                return self.with_sections(bytes, blocks, sections);
+                let (particles, fields) = particles.ok_or_else(needed)?;
+                let seed = plan.recipe().seed;
+                let measure = CertificateInput { particles, seed, level, memory: None, reached: None };
+                let DecodedFile { bytes, model, .. } = DecodedFile::new(file, Some(measure), context)?;
+                let selection = FieldSelection::planned(self.manifest.fields.clone(), particles, fields);
+                return self.with_sections(bytes, blocks, sections, selection.agreement(&model, seed, context)?);
             }
         };
+        let fields = certificate.as_ref().and_then(|c| c.fields);
         // Looked at block by block, in less memory than the whole model takes.
-        let bytes = self.with_sections(file(certificate.as_ref())?, blocks, sections)?;
+        let bytes = self.with_sections(file(certificate.as_ref())?, blocks, sections, fields)?;
         codec::check(&bytes, "the merged file", context)?;
         Ok(bytes)
     }
 
-    /// The file with what was taken from its blocks.
+    /// The file with what was taken from its blocks, and what its certificate says of fields.
     fn with_sections(
         &self,
         bytes: Vec<u8>,
         mut blocks: Vec<CodedBlock>,
         sections: Vec<Vec<StoredSection>>,
+        fields: Option<FieldAgreements>,
     ) -> Result<Vec<u8>> {
         if !self.has_fields() {
             return Ok(bytes);
@@ -76,7 +80,8 @@ impl Job {
         let mut plan = self.manifest.plan.clone();
         plan.metadata.fields.clone_from(&self.manifest.fields.quantities);
         // As the file has it, rounded.
-        plan.file(&blocks, codec::read_info(&bytes, "the merged file")?.certificate.as_ref())
+        let certificate = codec::read_info(&bytes, "the merged file")?.certificate;
+        plan.file(&blocks, certificate.map(|c| Certificate { fields, ..c }).as_ref())
     }
 
     /// Are all blocks done?

@@ -3,11 +3,12 @@
 //! Little-endian: magic, the plan's id; the sections of [`SumsSection::ALL`], one after the other; for each its u64 length and
 //! CRC-32; CRC-32 of all that is neither section nor this. One section is read without the others.
 
+use super::fields::FieldBits;
 use super::manifest::Job;
 use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
-use crate::score::{MeasurementFrame, PartSums, SumsSection};
+use crate::score::{MeasurementFrame, PartSums, SumsSection, field_section};
 use crate::{Error, Hint, Result, codec};
 use particlegs_files::input::open_file;
 use particlegs_files::output;
@@ -15,7 +16,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
-const MAGIC: &[u8; 8] = b"PGSSUMS1";
+const MAGIC: &[u8; 8] = b"PGSSUMS2";
 const HEAD: usize = 8 + 32;
 const CHANGED: &str = "the file was changed";
 /// A section's length and checksum.
@@ -29,7 +30,13 @@ impl Job {
     }
 
     /// Measures a block, `file` being the bytes of its model, where the plan wants it.
-    pub(super) fn measure(&self, block: u32, file: &[u8], particles: &Particles, context: &Context<'_>) -> Result<()> {
+    pub(super) fn measure(
+        &self,
+        block: u32,
+        file: &[u8],
+        (particles, fields): (&Particles, &FieldBits),
+        context: &Context<'_>,
+    ) -> Result<()> {
         if self.certificate() != CertificateLevel::Blocks {
             return Ok(());
         }
@@ -40,12 +47,17 @@ impl Job {
         let frame = MeasurementFrame::new(&plan.metadata, plan.recipe().seed);
         let mut failed = None;
         context.begin("measuring the block", 0);
+        let fields = self.field_sums(&model, (particles, fields), &frame.fields, context)?;
         let fill = |to: &mut dyn Write| {
             to.write_all(MAGIC)?;
             to.write_all(&self.id)?;
             let mut tail = Vec::with_capacity(TAIL);
             for section in SumsSection::ALL {
-                let bytes = frame.measure(section, &model, particles, context).map_err(|e| {
+                let measured = match section {
+                    SumsSection::Field(number) => Ok(fields.get(number).map_or(Vec::new(), field_section)),
+                    _ => frame.measure(section, &model, particles, context),
+                };
+                let bytes = measured.map_err(|e| {
                     failed = Some(e);
                     std::io::Error::other("not measured")
                 })?;
@@ -80,8 +92,8 @@ impl Job {
         }
         let frame = MeasurementFrame::new(&plan.metadata, plan.recipe().seed);
         let read = |block, section| BlockSums::open(self, block)?.read(section);
-        PartSums { frame: &frame, seed: plan.recipe().seed, parts: plan.recipe().blocks, read: &read }
-            .certificate(context)
+        let (seed, parts, fields) = (plan.recipe().seed, plan.recipe().blocks, self.manifest.fields.quantities.len());
+        PartSums { frame: &frame, seed, parts, fields, read: &read }.certificate(context)
     }
 
     /// Reads a block's sums through, where the plan has them.

@@ -391,6 +391,15 @@ impl LayerFields {
         velocity.into_iter().chain(self.fields.iter().filter(is_real).map(|f| f.name.clone())).collect()
     }
 
+    /// Those names of scalars, without masses; a temperature that is computed comes first.
+    pub(crate) fn scalars(&self) -> Vec<String> {
+        let keep = StarFormingGas::Keep;
+        let computed = self.temperature(TEMPERATURE, keep).map(|_| TEMPERATURE.to_string());
+        let is_mass = |name: &str| ["mass", "masses"].iter().any(|mass| name.eq_ignore_ascii_case(mass));
+        let is_one = |name: &String| !is_mass(name) && self.find(name, keep).is_ok_and(|f| f.columns.len() == 1);
+        computed.into_iter().chain(self.real_fields().into_iter().filter(is_one)).collect()
+    }
+
     pub(super) fn read_positions(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {
         self.positions.as_ref().map_or(Ok(()), |p| p.read(run, out))
     }

@@ -1,9 +1,9 @@
 //! Particles drawn into memory, to be measured.
 
 use super::draw::{DrawRules, DrawScratch};
-use super::job::common_fields;
+use super::job::{common_fields, fields_of_layers};
 use super::options::{Method, Options};
-use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
+use super::plan::{LayerPlan, RecoveryPlan, belongs, meta_of, moved, origin_of};
 use crate::context::Context;
 use crate::model::{Mass, Model, Quantity, QuantityKind};
 use crate::particles::{Column, LayerFields, Number, Particles, Run, SnapshotMeta, SourceField};
@@ -23,31 +23,45 @@ impl Options {
 
     /// The same, and the fields of each layer of the particles: those that every layer of the model has.
     pub fn draw_with_fields(&self, model: Model, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
+        let common = common_fields(&model);
+        self.draw_fields(model, common, context)
+    }
+
+    /// The same, with all fields that a layer of the model has.
+    pub fn draw_with_own_fields(&self, model: Model, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
+        let all = fields_of_layers(&model);
+        self.draw_fields(model, all, context)
+    }
+
+    fn draw_fields(
+        &self,
+        model: Model,
+        mut drawn: Vec<Quantity>,
+        context: &Context<'_>,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
         self.check()?;
-        let mut common = common_fields(&model);
         // Vectors first, as readers give them.
-        common.sort_by_key(|q| q.kind != QuantityKind::Vector);
-        let names: Vec<String> = common.iter().map(|q| q.name.clone()).collect();
-        let components: usize = common.iter().map(|q| q.component_names().len()).sum();
+        drawn.sort_by_key(|q| q.kind != QuantityKind::Vector);
+        let names: Vec<String> = drawn.iter().map(|q| q.name.clone()).collect();
+        let components: usize = drawn.iter().map(|q| q.component_names().len()).sum();
         let metadata = model.metadata.clone();
         let origin = origin_of(&metadata);
         let model = moved(model, origin);
         let local = model.metadata.clone();
         let mut plan = RecoveryPlan::new(model, self.particles, self.method)?;
-        plan.keep_fields(&common);
+        plan.keep_fields(&drawn);
         require("drawn particles", plan.total.saturating_mul(16 + 8 * components as u64))?;
         let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, context.simd());
-        let (columns, mut values) = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;
+        let (columns, values) = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;
         let layers = plan.described();
         let mut meta = meta_of(&metadata, &layers);
         meta.fields = names;
         let layers: Vec<_> = layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
-        let mut fields = Vec::with_capacity(layers.len());
-        for layer in layers.iter().rev() {
-            let own = values.iter_mut().map(|column| column.split_off(layer.content.start)).collect();
-            fields.push(LayerFields::from_columns(common.iter().map(source_field).collect(), own));
-        }
-        fields.reverse();
+        let of_layer = |(layer, own): (&LayerPlan, Vec<Vec<f64>>)| {
+            let has = |q: &&Quantity| layer.layer.content.fields.iter().any(|(name, _)| belongs(name, &q.name));
+            LayerFields::from_columns(drawn.iter().filter(has).map(source_field).collect(), own)
+        };
+        let fields = plan.layers.iter().zip(values).map(of_layer).collect();
         Ok((Particles::from_column_list(columns, origin, meta, layers), fields))
     }
 }
@@ -79,18 +93,18 @@ pub(crate) fn draw(
     Ok(Particles::from_column_list(columns, origin, meta, Vec::new()))
 }
 
-/// Columns x, y, z and perhaps weights, these times what their layer's masses give; and those of the fields.
+/// Columns x, y, z and perhaps weights, these times what their layer's masses give; and those of each layer's fields.
 fn columns(
     plan: &RecoveryPlan,
     rules: &DrawRules,
     weighted: bool,
     unit: &(dyn Fn(Mass) -> f64 + Sync),
     context: &Context<'_>,
-) -> Result<(Vec<Column>, Vec<Vec<f64>>)> {
+) -> Result<(Vec<Column>, Vec<Vec<Vec<f64>>>)> {
     let width = if weighted { 4 } else { 3 };
     let mut columns: Vec<_> = (0..width).map(|_| Vec::with_capacity(plan.total as usize)).collect();
     context.begin("drawing particles", plan.total);
-    let mut values: Vec<Vec<f64>> = Vec::new();
+    let mut values: Vec<Vec<Vec<f64>>> = Vec::new();
     let spaces = parallel::Scratch::<DrawScratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
         let runs = parallel::try_map(first..plan.runs().min(first + BATCH), |id| {
@@ -101,12 +115,14 @@ fn columns(
             let unit = unit(layer.layer.mass) as f32;
             run.columns[3].iter_mut().for_each(|w| *w *= unit);
             context.advance(run.columns[0].len() as u64);
-            Ok((run.columns, run.fields))
+            Ok((number, run.columns, run.fields))
         })?;
-        for (own, fields) in &runs {
-            columns.iter_mut().zip(own).for_each(|(all, part)| all.extend_from_slice(part));
-            values.resize_with(fields.len(), Vec::new);
-            values.iter_mut().zip(fields).for_each(|(all, part)| all.extend_from_slice(part));
+        for (number, own, fields) in runs {
+            columns.iter_mut().zip(&own).for_each(|(all, part)| all.extend_from_slice(part));
+            match values.last_mut().filter(|_| number > 0) {
+                Some(layer) => layer.iter_mut().zip(&fields).for_each(|(all, part)| all.extend_from_slice(part)),
+                None => values.push(fields),
+            }
         }
     }
     context.end();

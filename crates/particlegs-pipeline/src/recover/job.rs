@@ -5,7 +5,7 @@ use super::notes::notes;
 use super::options::Options;
 use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::context::Context;
-use crate::model::{Model, Quantity, QuantityKind};
+use crate::model::{Block, Layer, Model, Quantity, QuantityKind};
 use crate::particles::{RUN, RawForm, Run, SnapshotDescription, SnapshotLayout, SnapshotWriter};
 use crate::{Error, Result, parallel};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -71,10 +71,21 @@ pub fn drawn_fields(folder: &Path) -> Vec<String> {
 
 /// The fields that every layer has, with a scalar in the place of the classes of a category.
 pub(super) fn common_fields(model: &Model) -> Vec<Quantity> {
-    let has =
-        |q: &&Quantity| model.blocks().all(|b| b.gaussians.is_empty() || b.gaussians.fields.get(&q.name).is_some());
+    drawn(model, |q| model.layers.iter().all(|l| has(l, q)))
+}
+
+/// The fields that any layer has, in the same form.
+pub(super) fn fields_of_layers(model: &Model) -> Vec<Quantity> {
+    drawn(model, |q| model.layers.iter().any(|l| has(l, q)))
+}
+
+fn has(layer: &Layer<Vec<Block>>, q: &Quantity) -> bool {
+    layer.content.iter().all(|b| b.gaussians.is_empty() || b.gaussians.fields.get(&q.name).is_some())
+}
+
+fn drawn(model: &Model, wanted: impl Fn(&Quantity) -> bool) -> Vec<Quantity> {
     let mut drawn: Vec<Quantity> = Vec::new();
-    for q in model.metadata.fields.iter().filter(has) {
+    for q in model.metadata.fields.iter().filter(|q| wanted(q)) {
         match q.class() {
             None => drawn.push(q.clone()),
             Some((category, _)) if drawn.last().is_some_and(|d| d.name == category) => {}

@@ -84,8 +84,7 @@ impl RecoveryPlan {
         for layer in &mut self.layers {
             let all = std::mem::take(&mut layer.layer.content.fields);
             for q in drawn {
-                let class = format!("{}=", q.name);
-                let own = all.iter().filter(|(name, _)| *name == q.name || name.starts_with(&class));
+                let own = all.iter().filter(|(name, _)| belongs(name, &q.name));
                 own.for_each(|(name, field)| layer.layer.content.fields.set(name, field.clone()));
             }
         }
@@ -116,6 +115,11 @@ impl RecoveryPlan {
         let start = id * RUN as u64;
         (layer, id, start..layer.count().min(start + RUN as u64))
     }
+}
+
+/// Is `name` that of a field, or of a class of it?
+pub(super) fn belongs(name: &str, field: &str) -> bool {
+    name.strip_prefix(field).is_some_and(|rest| rest.is_empty() || rest.starts_with('='))
 }
 
 impl LayerPlan {

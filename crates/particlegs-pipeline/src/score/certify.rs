@@ -129,7 +129,7 @@ impl CertificateInput<'_> {
 fn as_one_block(model: &Model, particles: &Particles, seed: u64, context: &Context<'_>) -> Result<Certificate> {
     let frame = MeasurementFrame::new(&model.metadata, seed);
     let read = |_: u32, section| frame.measure(section, model, particles, context);
-    PartSums { frame: &frame, seed, parts: 1, read: &read }.certificate(context)
+    PartSums { frame: &frame, seed, parts: 1, fields: 0, read: &read }.certificate(context)
 }
 
 /// Distances to the nearest neighbour among the particles and among those drawn.

@@ -10,6 +10,7 @@ mod certify;
 mod cross_validation;
 mod density;
 mod evaluate;
+mod field_sums;
 mod goal;
 mod held_out;
 mod layers;
@@ -35,6 +36,7 @@ use density::density_of;
 pub use evaluate::evaluate;
 #[cfg(test)]
 pub(crate) use evaluate::shot_noise;
+pub(crate) use field_sums::{FieldCellSums, FieldCellTable, FieldCells, FieldPlace, field_section};
 pub(crate) use goal::GoalMetric;
 pub(crate) use held_out::HeldOutPictures;
 pub(crate) use part_sums::PartSums;

@@ -1,12 +1,14 @@
 //! A certificate of sums over parts: what was never in one process.
 
 use super::density::{DensityAgreement, density_metrics, model_and_uniform};
+use super::field_sums::{FieldCellTable, add_field_section};
 use super::science::{file_holds, science_metrics};
 use super::sums::{MeasurementFrame, SumsSection, add_rows};
 use super::views::{SIZE, view_metrics};
 use crate::context::Context;
 use crate::model::{
-    CELL_SIZES, CellDensity, Certificate, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics, ScienceSubject,
+    CELL_SIZES, CellDensity, Certificate, FieldAgreements, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics,
+    ScienceSubject,
 };
 use crate::picture::{Gray8, Plane, Scores};
 use crate::reference::uniform_box;
@@ -24,6 +26,8 @@ pub(crate) struct PartSums<'a> {
     pub frame: &'a MeasurementFrame,
     pub seed: u64,
     pub parts: u32,
+    /// Fields of the model.
+    pub fields: usize,
     pub read: SectionReader<'a>,
 }
 
@@ -37,6 +41,7 @@ impl PartSums<'_> {
             density: density_metrics(self.density(context)?),
             densities: self.cells(context)?,
             science: self.science(context)?,
+            fields: self.fields(context)?,
             blocks: Some(self.parts),
             ..Certificate::default()
         };
@@ -99,6 +104,21 @@ impl PartSums<'_> {
         let Some(grid) = &self.frame.cells else { return Ok(None) };
         let side = |side| self.field(SumsSection::Cells(side), grid, context);
         Ok(agreements([side(0)?, side(1)?], self.frame.metadata.count as usize))
+    }
+
+    /// `None` without fields.
+    fn fields(&self, context: &Context<'_>) -> Result<Option<FieldAgreements>> {
+        let mut agreements = FieldAgreements::default();
+        for (number, to) in agreements.each.iter_mut().enumerate().take(self.fields) {
+            context.check()?;
+            let mut sums = FieldCellTable::new();
+            for part in 0..self.parts {
+                let bytes = (self.read)(part, SumsSection::Field(number))?;
+                add_field_section(&mut sums, &bytes).ok_or_else(|| self.none(part))?;
+            }
+            *to = Some(self.frame.fields.agreement(&sums));
+        }
+        Ok((self.fields > 0).then_some(agreements))
     }
 
     fn science(&self, context: &Context<'_>) -> Result<Option<ScienceMetrics>> {

@@ -7,12 +7,13 @@
 use super::cells::finest;
 use super::density::{DensityGrid, GRID};
 use super::evaluate::clipped;
+use super::field_sums::FieldCells;
 use super::science::spectrum_options;
 use super::views::{SIZE, certificate_views};
 use crate::Result;
 use crate::camera::View;
 use crate::context::Context;
-use crate::model::{Metadata, Model};
+use crate::model::{CERTIFIED_FIELDS, Metadata, Model};
 use crate::particles::Particles;
 use crate::reference::Reference;
 use crate::render::{self, Scene};
@@ -31,12 +32,14 @@ pub(crate) enum SumsSection {
     Spectrum(usize, usize),
     /// Optical depth in a view.
     View(usize, usize),
+    /// A field in its cells ([`super::field_section`]), empty where there is none.
+    Field(usize),
 }
 
 impl SumsSection {
     /// All, in the order of a part.
-    pub const ALL: [SumsSection; 15] = {
-        use SumsSection::{Cells, Density, Spectrum, View, Weights};
+    pub const ALL: [SumsSection; 15 + CERTIFIED_FIELDS] = {
+        use SumsSection::{Cells, Density, Field, Spectrum, View, Weights};
         [
             Weights,
             Density(0),
@@ -53,6 +56,14 @@ impl SumsSection {
             View(1, 0),
             View(1, 1),
             View(1, 2),
+            Field(0),
+            Field(1),
+            Field(2),
+            Field(3),
+            Field(4),
+            Field(5),
+            Field(6),
+            Field(7),
         ]
     };
 }
@@ -67,6 +78,7 @@ pub(crate) struct MeasurementFrame {
     /// The smallest cells, where there are enough.
     pub cells: Option<Grid>,
     pub spectrum: SpectrumOptions,
+    pub fields: FieldCells,
 }
 
 impl MeasurementFrame {
@@ -82,6 +94,7 @@ impl MeasurementFrame {
             cells: finest(&domain, count),
             // Parts do not know how many Gaussians there are of all.
             spectrum: SpectrumOptions { assignment: Assignment::Cic, ..spectrum_options(&domain, count) },
+            fields: FieldCells::new(metadata, seed),
             metadata: metadata.clone(),
         }
     }
@@ -99,10 +112,11 @@ impl MeasurementFrame {
             SumsSection::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
             SumsSection::Spectrum(..) => of(&self.spectrum_grid()),
             SumsSection::View(..) => [SIZE.pixels(), SIZE.width],
+            SumsSection::Field(_) => [0, 1],
         }
     }
 
-    /// One section of a part: `particles` and the `model` made of them.
+    /// One section of a part: `particles` and the `model` made of them. Those of fields are measured elsewhere.
     pub fn measure(
         &self,
         section: SumsSection,
@@ -123,6 +137,7 @@ impl MeasurementFrame {
                 rows(&part.field(side, &self.spectrum_grid(), self.spectrum.assignment, 0.5 * moved as f64)?, width)
             }
             SumsSection::View(side, view) => rows(&part.optical_depth(side, &self.views[view])?, width),
+            SumsSection::Field(_) => Vec::new(),
         })
     }
 }

@@ -130,7 +130,7 @@ impl Assessment {
     }
 
     /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up), density, power
-    /// spectrum, groups and spacing, in this order; then each field that was measured.
+    /// spectrum, groups and spacing, in this order; then each field that was measured, or that none was.
     /// Without a certificate nothing is measured.
     pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Assessment> {
         let Some(c) = certificate else {
@@ -144,7 +144,10 @@ impl Assessment {
             [pictures(c), at_large_radius(c), close_up(c), density, spectrum(c, metadata), groups, spacing(c, unit)];
         let fields = metadata.fields.iter().zip(c.fields.iter().flat_map(|f| f.each));
         let fields = fields.filter_map(|(q, found)| Some((UseCase::Field, field(q, &found?, unit))));
-        let uses = UseCase::ALL.into_iter().zip(findings).chain(fields);
+        let unknown = c.fields.is_none() && !metadata.fields.is_empty();
+        let none = (Grade::NotMeasured, "the fields were not compared with the particles".to_string());
+        let unknown = unknown.then_some((UseCase::Field, none));
+        let uses = UseCase::ALL.into_iter().zip(findings).chain(fields).chain(unknown);
         uses.map(|(of, (word, why))| Assessment { of, word, why }).collect()
     }
 }
@@ -382,10 +385,10 @@ fn field(q: &Quantity, f: &FieldAgreement, unit: Option<&str>) -> Finding {
         return (Grade::NotMeasured, format!("{name}: means in cells do not stand out of the noise"));
     };
     let of_field = q.unit.as_ref().map_or(String::new(), |u| format!(" {}", u.text));
+    let explains = if explained > 0.0 { format!("{:.1} %", 100.0 * explained) } else { "none".into() };
     let why = format!(
-        "{name}: explains {:.1} % of the variance of means in cells of {}{}; RMS error {}{of_field} of {}{of_field}, of particles that \
+        "{name}: explains {explains} of the variance of means in cells of {}{}; RMS error {}{of_field} of {}{of_field}, of particles that \
          the field was not gathered from",
-        100.0 * explained,
         decimals(f.edge),
         unit.map_or(String::new(), |u| format!(" {u}")),
         decimals(f.error),
@@ -601,9 +604,12 @@ mod tests {
             fields.iter().map(|f| f.word).collect::<Vec<_>>(),
             [Grade::Holds, Grade::Roughly, Grade::NotMeasured]
         );
+        let unknown = Assessment::verdict(Some(&certificate()), &metadata);
+        assert_eq!(unknown.last().unwrap().why, "the fields were not compared with the particles");
         assert_eq!(fields[0].figure(), "velocity: explains 96.0 % of the variance of means in cells of 2.0000");
         assert!(fields[0].why.contains("RMS error 40.0000 km/s of 200.0000 km/s"), "{}", fields[0].why);
-        assert!(Assessment::verdict(Some(&certificate()), &metadata).iter().all(|f| f.of != UseCase::Field));
+        let without = Assessment::verdict(Some(&certificate()), &boxed());
+        assert!(without.iter().all(|f| f.of != UseCase::Field));
     }
 
     #[test]

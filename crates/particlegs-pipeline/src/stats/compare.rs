@@ -5,6 +5,7 @@ use super::boxes::check_boxes;
 use super::density::{central_slice, compare_density, density_pdf, mean_mass};
 use super::dispersion::halo_dispersions;
 use super::haloes::{HaloPlaces, HaloSide, halo_profiles};
+use super::joint::joint_histograms;
 use super::likelihood::likelihood;
 use super::linking::{LinkedGroups, LinkedParticles, length_in};
 use super::moments::axis_moments;
@@ -22,7 +23,7 @@ use super::velocities::{displacement, unit_of, velocity_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
     AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, Multipoles,
-    NearestDistances, PairCounts, ParticleVelocities, SizeClass, StatsOptions, StatsSide, Subject, Summary, deposit,
+    NearestDistances, PairCounts, ParticleFields, SizeClass, StatsOptions, StatsSide, Subject, Summary, deposit,
     deposit_bytes, deposit_steps, longest_link, size_histogram,
 };
 use crate::context::Context;
@@ -120,6 +121,7 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
         .zip(places.as_ref())
         .map(|(pair, places)| halo_dispersions(pair, &job.domain, places, context))
         .transpose()?;
+    let joint = if wants(Measure::Joint) { Some(joint_histograms(sides, o, &mut notes, context)?) } else { None };
     let mut statistics = Statistics {
         options: o.clone(),
         domain: job.domain,
@@ -141,6 +143,7 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
         multipoles,
         momentum,
         dispersion,
+        joint: joint.filter(|all| !all.is_empty()),
         summary: Summary::default(),
         notes,
     };
@@ -165,6 +168,7 @@ fn check(o: &StatsOptions) -> Result<()> {
     within("the sample of neighbours", o.neighbour_sample as f64, 2.0, 4e9)?;
     within("the axis of a profile", o.profile_axis as f64, 0.0, 2.0)?;
     within("the number of slabs of a profile", o.profile_bins as f64, 1.0, 10_000.0)?;
+    within("the number of bins of a joint histogram", o.joint_bins as f64, 2.0, 1000.0)?;
     within("the number of shells around a halo", o.halo_bins as f64, 1.0, 1000.0)?;
     if let Some(r) = o.rdf_max {
         within("the largest distance of g(r)", r, f64::MIN_POSITIVE, f64::MAX)?;
@@ -178,6 +182,9 @@ fn check(o: &StatsOptions) -> Result<()> {
     }
     if let Some(k) = o.k_max {
         within("the largest wave number", k, f64::MIN_POSITIVE, f64::MAX)?;
+    }
+    if o.joint.as_ref().is_some_and(|[x, y]| x.eq_ignore_ascii_case(y)) {
+        return Err(Error::argument("a joint histogram needs two different fields"));
     }
     match o.separations {
         Some([low, high]) if !(low > 0.0 && high > low && high.is_finite()) => {
@@ -472,7 +479,7 @@ impl ComparisonJob<'_> {
         &self,
         sides: [StatsSide<'s>; 2],
         notes: &mut Vec<String>,
-    ) -> Result<Option<[Cow<'s, ParticleVelocities>; 2]>> {
+    ) -> Result<Option<[Cow<'s, ParticleFields>; 2]>> {
         let found = velocity_pair(sides)?;
         if let Err(why) = &found {
             let wanted: Vec<&str> = OF_VELOCITIES.iter().filter(|m| self.wants(&[**m])).map(|m| m.name()).collect();
@@ -484,7 +491,7 @@ impl ComparisonJob<'_> {
     /// `None`, and a note, where velocities cannot be turned into lengths, and in a box that is not periodic.
     fn multipoles(
         &self,
-        pair: [&ParticleVelocities; 2],
+        pair: [&ParticleFields; 2],
         unit: Option<&str>,
         notes: &mut Vec<String>,
     ) -> Result<Option<Multipoles>> {

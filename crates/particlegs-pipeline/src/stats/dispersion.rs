@@ -4,7 +4,7 @@ use super::Domain;
 use super::aperture::quantile;
 use super::haloes::HaloPlaces;
 use super::points::{PointGrid, local_positions};
-use super::velocities::ParticleVelocities;
+use super::velocities::ParticleFields;
 use crate::context::Context;
 use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
@@ -49,7 +49,7 @@ impl HaloDispersions {
 
 /// Compares dispersions.
 pub fn halo_dispersions(
-    pair: [&ParticleVelocities; 2],
+    pair: [&ParticleFields; 2],
     domain: &Domain,
     places: &HaloPlaces<'_>,
     context: &Context<'_>,
@@ -78,12 +78,12 @@ pub fn halo_dispersions(
 
 /// Particles and dispersion about each centre.
 fn about_each(
-    side: &ParticleVelocities,
+    side: &ParticleFields,
     domain: &Domain,
     places: &HaloPlaces<'_>,
     context: &Context<'_>,
 ) -> Result<Vec<(u64, f64)>> {
-    let points = PointGrid::new(&local_positions(side.particles(), domain), domain, places.largest())?;
+    let points = PointGrid::new(&local_positions(&side.particles, domain), domain, places.largest())?;
     parallel::try_map_range(places.centers.len(), |center| {
         context.check()?;
         let (place, radius) = (places.centers[center], places.radii[center]);
@@ -125,7 +125,7 @@ mod tests {
             domain.local(each_axis(|k| domain.min[k] + at[k] + 0.1 * r.normal())).map(|v| v + 5.0)
         });
         let side = |sizes: [f64; 2], seed| {
-            ParticleVelocities::of_parts(from_points(places.clone()), |i| {
+            ParticleFields::of_parts(from_points(places.clone()), |i| {
                 let mut r = Random::new(seed, 0, i as u64);
                 [1000.0, 0.0, -300.0].map(|bulk: f64| bulk + sizes[usize::from(i >= n)] * r.normal())
             })

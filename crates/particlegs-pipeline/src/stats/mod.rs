@@ -8,7 +8,7 @@
 //! Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres (`haloes`) are of
 //! particles or of the Gaussians themselves (`sphere`), which particles are scored under, too (`likelihood`).
 //! Particles with velocities (`velocities`) have power in redshift space and of their momentum (`multipoles`), and
-//! dispersions about centres (`dispersion`).
+//! dispersions about centres (`dispersion`); those with scalars have joint histograms of two (`joint`).
 
 mod aperture;
 mod boxes;
@@ -21,6 +21,7 @@ mod gaussian;
 mod grid;
 mod groups;
 mod haloes;
+mod joint;
 mod likelihood;
 mod linking;
 mod moments;
@@ -61,6 +62,7 @@ pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
 pub(crate) use haloes::GaussianSpheres;
 pub use haloes::HaloProfiles;
+pub use joint::JointHistogram;
 pub(crate) use likelihood::likelihood;
 pub use likelihood::{Likelihood, MeanAndDispersion};
 pub(crate) use linking::LinkedParticles;
@@ -80,4 +82,4 @@ pub(crate) use spectrum::{CachedTransform, SpectrumOptions, power_spectra, spect
 pub use spectrum::{Shell, Spectra};
 pub use subject::Subject;
 pub(crate) use summary::{FEWEST_GROUPS, largest_deviation_of_numbers, sizes_within};
-pub use velocities::{ParticleVelocities, StatsSide};
+pub use velocities::{ParticleFields, StatsSide};

@@ -1,7 +1,7 @@
 //! Multipoles of the power spectrum in redshift space, and the power spectrum of the momentum.
 
 use super::spectrum::{ShellSums, SpectrumOptions, spectra_of_sums, transform_pair};
-use super::velocities::ParticleVelocities;
+use super::velocities::ParticleFields;
 use super::{Domain, Grid, Spectra, Subject};
 use crate::Result;
 use crate::context::Context;
@@ -50,7 +50,7 @@ fn legendre(degree: i32, mu: f64) -> f64 {
 
 /// P0, P2 and P4 of a pair whose velocities in km/s move particles by `displacement` each.
 pub fn multipoles(
-    pair: [&ParticleVelocities; 2],
+    pair: [&ParticleFields; 2],
     displacement: f64,
     domain: &Domain,
     o: &SpectrumOptions,
@@ -72,7 +72,7 @@ pub fn multipoles(
             }
         }
     }
-    let shot_noise = pair.map(|v| Subject::Particles(v.particles()).shot_noise(domain));
+    let shot_noise = pair.map(|v| Subject::Particles(&v.particles).shot_noise(domain));
     // Shells of few modes do not see all directions: noise is subtracted mode by mode.
     let power = |degree: i32, [_, weight, xx, yy, _]: [f64; 5]| {
         let noise = shot_noise.map(|n| n * weight);
@@ -90,15 +90,15 @@ pub fn multipoles(
 
 /// The power of the momentum (1 + delta) v, the sum of its components': (unit of velocity)^2 times volume.
 pub fn momentum_spectra(
-    pair: [&ParticleVelocities; 2],
+    pair: [&ParticleFields; 2],
     domain: &Domain,
     o: &SpectrumOptions,
     context: &Context<'_>,
 ) -> Result<Spectra> {
     let grid = Grid::new(domain, o.cells);
     // Of a cell, in the units that momenta are deposited in.
-    let cell = |v: &ParticleVelocities| {
-        let p = v.particles();
+    let cell = |v: &ParticleFields| {
+        let p = &v.particles;
         p.total_mass() * p.meta.particle_mass.unwrap_or(1.0) / grid.len() as f64
     };
     let means = pair.map(|v| Some(cell(v)));
@@ -140,11 +140,11 @@ mod tests {
     }
 
     /// A wave along x: x = q + A sin(k q), 2 pi over its length 2 in a box of 4, of random places or a lattice.
-    fn wave(n: usize, amplitude: f64, velocity: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> ParticleVelocities {
+    fn wave(n: usize, amplitude: f64, velocity: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> ParticleFields {
         let place = |i: usize| [i / (n * n), i / n % n, i % n].map(|v| 4.0 * (v as f64 + 0.5) / n as f64);
         let q = || (0..n * n * n).map(place);
         let moved = q().map(|[x, y, z]| [x + amplitude * (PI * x).sin(), y, z]);
-        ParticleVelocities::of_parts(crate::testing::from_points(moved), |i| velocity(i, place(i)))
+        ParticleFields::of_parts(crate::testing::from_points(moved), |i| velocity(i, place(i)))
     }
 
     #[test]
@@ -154,7 +154,7 @@ mod tests {
         let o = SpectrumOptions { k_max: 4.0, ..options(48) };
         let subject = Subject::Particles(&p);
         let real = super::super::power_spectra([subject; 2], &domain, &o, &Context::SILENT).unwrap();
-        let still = ParticleVelocities::of_parts(p.clone(), |_| [0.0; 3]);
+        let still = ParticleFields::of_parts(p.clone(), |_| [0.0; 3]);
         let found = multipoles([&still; 2], 0.01, &domain, &o, &Context::SILENT).unwrap();
         assert_eq!(found.shells.len(), real.shells.len());
         for (s, r) in found.shells.iter().zip(&real.shells) {
@@ -202,7 +202,7 @@ mod tests {
         let v = wave(40, amplitude, random);
         let o = options(32);
         let still = wave(40, amplitude, |_, _| [0.0; 3]);
-        let power = |v: &ParticleVelocities, displacement| {
+        let power = |v: &ParticleFields, displacement| {
             let found = multipoles([v; 2], displacement, &BOX, &o, &Context::SILENT).unwrap();
             *found.shells.iter().find(|s| (s.edges[0]..s.edges[1]).contains(&PI)).unwrap()
         };
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn a_constant_velocity_of_a_gas_has_no_momentum_beyond_shot_noise() {
-        let gas = ParticleVelocities::of_parts(poisson(20_000, [4.0; 3], 3), |_| [100.0, -50.0, 20.0]);
+        let gas = ParticleFields::of_parts(poisson(20_000, [4.0; 3], 3), |_| [100.0, -50.0, 20.0]);
         let run = |threads| {
             on_threads(threads, || momentum_spectra([&gas; 2], &BOX, &options(24), &Context::SILENT).unwrap())
         };

@@ -20,6 +20,7 @@ particlegs_core::named_values! {
         Multipoles = "multipoles": "P0, P2 and P4 in redshift space",
         Momentum = "momentum": "P(k) of the momentum",
         Dispersion = "dispersion": "Velocity dispersion around centres",
+        Joint = "joint": "Joint histogram of two fields, such as density and temperature",
     }
 }
 
@@ -86,6 +87,10 @@ pub struct StatsOptions {
     pub aperture: f64,
     /// Particles whose nearest neighbour is sought.
     pub neighbour_sample: usize,
+    /// The two scalars of joint histograms; `None` = the first that both sides have.
+    pub joint: Option<[String; 2]>,
+    /// Bins along either axis of joint histograms.
+    pub joint_bins: usize,
     /// Seed of samples.
     pub seed: u64,
 }
@@ -94,6 +99,11 @@ impl StatsOptions {
     /// Is anything measured of velocities?
     pub fn needs_velocities(&self) -> bool {
         self.measures.iter().any(|m| OF_VELOCITIES.contains(m))
+    }
+
+    /// Is anything measured of fields?
+    pub fn needs_fields(&self) -> bool {
+        self.needs_velocities() || self.measures.contains(&Measure::Joint)
     }
 }
 
@@ -126,6 +136,8 @@ impl Default for StatsOptions {
             smallest_group: 20,
             aperture: 0.128,
             neighbour_sample: 500_000,
+            joint: None,
+            joint_bins: 50,
             seed: 42,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{
     ApertureMass, AxisMoments, AxisProfile, DensityComparison, DensityPdf, Domain, HaloDispersions, HaloProfiles,
-    Likelihood, Multipoles, NearestDistances, PairCounts, SizeClass, Spectra, StatsOptions,
+    JointHistogram, Likelihood, Multipoles, NearestDistances, PairCounts, SizeClass, Spectra, StatsOptions,
 };
 use serde::{Serialize, Serializer};
 
@@ -52,6 +52,8 @@ pub struct Statistics {
     pub momentum: Option<Spectra>,
     /// Velocity dispersions about centres.
     pub dispersion: Option<HaloDispersions>,
+    /// Joint histograms of two fields, one for each layer that has both on both sides.
+    pub joint: Option<Vec<JointHistogram>>,
     /// The figures that a table shows.
     pub summary: Summary,
     /// What a reader must know: choices made, things left out.
@@ -112,6 +114,8 @@ pub struct Summary {
     pub momentum_within_5_percent_to: Option<f64>,
     /// Median of velocity dispersions about centres, other / truth.
     pub halo_dispersion: Option<f64>,
+    /// Share of the mass that lies in other cells of a joint histogram: the largest of all layers.
+    pub joint_difference: Option<f64>,
 }
 
 /// Densities on one grid.

@@ -44,6 +44,7 @@ impl Summary {
             largest_quadrupole_deviation: s.multipoles.as_ref().and_then(Multipoles::largest_quadrupole_deviation),
             momentum_within_5_percent_to: s.momentum.as_ref().and_then(|m| m.power_within(0.05)),
             halo_dispersion: s.dispersion.as_ref().and_then(|d| d.median),
+            joint_difference: s.joint.iter().flatten().map(|j| j.difference).reduce(f64::max),
         }
     }
 }

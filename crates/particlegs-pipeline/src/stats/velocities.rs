@@ -1,9 +1,10 @@
-//! Particles with velocities: what is measured of them, and how far velocities move them in redshift space.
+//! Particles with fields: velocities, what is measured of them, and how far they move particles in redshift space.
 
-use super::{Domain, Subject};
-use crate::model::{Cosmology, Epoch};
+use super::{Domain, StatsOptions, Subject};
+use crate::context::Context;
+use crate::model::{Cosmology, Epoch, Model};
 use crate::particles::{ChunkBuffer, Column, KM_S, LayerFields, Particles, RUN, StarFormingGas};
-use crate::{Error, Result, parallel};
+use crate::{Error, Result, parallel, recover};
 use particlegs_files::memory::require;
 use std::borrow::Cow;
 
@@ -12,45 +13,66 @@ const MEGAPARSEC: f64 = 3.085_677_581_491_367e22;
 /// Numbers that two files state differ where they do by more than this share.
 const SAME: f64 = 1e-5;
 
-/// Particles and their velocities.
+/// Particles and their fields.
 #[derive(Clone)]
-pub struct ParticleVelocities {
-    particles: Particles,
-    /// Along x, y and z, one value a particle.
+pub struct ParticleFields {
+    pub(super) particles: Particles,
+    /// Fields of each layer.
+    pub(super) layers: Vec<LayerFields>,
+    /// Along x, y and z, one value a particle; empty where a layer has none.
     velocity: [Vec<f32>; 3],
-    /// Unit as text, where the source says.
+    /// Its unit as text, where the source says.
     unit: Option<String>,
 }
 
-/// A side of a comparison: what is measured, and particles with velocities. Of a model these are drawn from it.
+/// A side of a comparison: what is measured, and particles with fields. Of a model these are drawn from it.
 #[derive(Clone, Copy)]
 pub struct StatsSide<'a> {
     /// Particles, or a model.
     pub subject: Subject<'a>,
-    /// The same particles, or those of the model, with velocities, where there are any.
-    pub velocities: Option<&'a ParticleVelocities>,
+    /// The same particles, or those of the model, with fields, where there are any.
+    pub fields: Option<&'a ParticleFields>,
 }
 
 impl<'a> From<Subject<'a>> for StatsSide<'a> {
     fn from(subject: Subject<'a>) -> Self {
-        StatsSide { subject, velocities: None }
+        StatsSide { subject, fields: None }
     }
 }
 
-impl ParticleVelocities {
-    /// Reads the velocities of particles from the fields of their layers; `None` where one of these has none.
-    pub fn read(particles: &Particles, layers: &[LayerFields]) -> Result<Option<Self>> {
-        if layers.len() != particles.layers().len() {
+impl ParticleFields {
+    /// Particles with the `fields` of their layers, of which velocities are read if `o` needs them. `None` where there is
+    /// nothing to measure.
+    pub fn read(particles: &Particles, fields: &[LayerFields], o: &StatsOptions) -> Result<Option<Self>> {
+        if fields.len() != particles.layers().len() {
             return Ok(None);
         }
-        let Some(found) =
-            layers.iter().map(|l| l.find("velocity", StarFormingGas::Keep).ok()).collect::<Option<Vec<_>>>()
-        else {
+        let (particles, layers) = (particles.clone(), fields.to_vec());
+        let mut own = ParticleFields { particles, layers, velocity: Default::default(), unit: None };
+        if o.needs_velocities() {
+            own.read_velocities()?;
+        }
+        Ok(Some(own))
+    }
+
+    /// What [`ParticleFields::read`] gives of particles drawn from `model`.
+    pub fn draw(model: &Model, o: &StatsOptions, context: &Context<'_>) -> Result<Option<Self>> {
+        if model.metadata.fields.is_empty() {
             return Ok(None);
-        };
+        }
+        let options = recover::Options { seed: o.seed, ..recover::Options::default() };
+        let (particles, fields) = options.draw_with_own_fields(model.clone(), context)?;
+        ParticleFields::read(&particles, &fields, o)
+    }
+
+    /// Reads velocities where every layer has them.
+    fn read_velocities(&mut self) -> Result<()> {
+        let (particles, layers) = (&self.particles, &self.layers);
+        let find = |l: &LayerFields| l.find("velocity", StarFormingGas::Keep).ok();
+        let Some(found) = layers.iter().map(find).collect::<Option<Vec<_>>>() else { return Ok(()) };
         let unit = found.first().and_then(|f| f.unit.clone());
         if found.iter().any(|f| f.columns.len() != 3 || f.unit != unit) {
-            return Ok(None);
+            return Ok(());
         }
         require("velocities", 12 * particles.len() as u64)?;
         let mut velocity = [0; 3].map(|_| vec![0f32; particles.len()]);
@@ -68,12 +90,8 @@ impl ParticleVelocities {
             let what = format!("the velocity of particle {i} is not a finite number");
             return Err(Error::input(&particles.meta.name, what));
         }
-        Ok(Some(ParticleVelocities { particles: particles.clone(), velocity, unit }))
-    }
-
-    /// The particles.
-    pub(super) fn particles(&self) -> &Particles {
-        &self.particles
+        (self.velocity, self.unit) = (velocity, unit);
+        Ok(())
     }
 
     /// Their unit as text, where the source says.
@@ -85,7 +103,8 @@ impl ParticleVelocities {
     #[cfg(test)]
     pub(super) fn of_parts(particles: Particles, velocity: impl Fn(usize) -> [f64; 3]) -> Self {
         let column = |k: usize| (0..particles.len()).map(|i| velocity(i)[k] as f32).collect();
-        ParticleVelocities { velocity: [column(0), column(1), column(2)], unit: Some(KM_S.into()), particles }
+        let velocity = [column(0), column(1), column(2)];
+        ParticleFields { velocity, unit: Some(KM_S.into()), particles, layers: Vec::new() }
     }
 
     /// Shot noise of the momentum's power: V sum (w v)^2 / (sum w)^2.
@@ -137,9 +156,10 @@ impl ParticleVelocities {
 /// The velocities of both sides, in the units of the truth; else why there are none that can be compared.
 pub(super) fn velocity_pair<'a>(
     sides: [StatsSide<'a>; 2],
-) -> Result<std::result::Result<[Cow<'a, ParticleVelocities>; 2], String>> {
-    let [Some(truth), Some(other)] = sides.map(|s| s.velocities) else {
-        let side = if sides[0].velocities.is_none() { "truth" } else { "other" };
+) -> Result<std::result::Result<[Cow<'a, ParticleFields>; 2], String>> {
+    let moving = sides.map(|s| s.fields.filter(|f| f.velocity[0].len() == f.particles.len()));
+    let [Some(truth), Some(other)] = moving else {
+        let side = if moving[0].is_none() { "truth" } else { "other" };
         return Ok(Err(format!("the {side} has no velocities")));
     };
     if let (Some(a), Some(b)) = (&truth.unit, &other.unit)
@@ -150,13 +170,13 @@ pub(super) fn velocity_pair<'a>(
     let (converted, _) = Subject::Particles(&other.particles).in_units_of(sides[0].subject)?;
     let other = match converted.and_then(super::subject::ConvertedSubject::particles) {
         None => Cow::Borrowed(other),
-        Some(particles) => Cow::Owned(ParticleVelocities { particles, ..other.clone() }),
+        Some(particles) => Cow::Owned(ParticleFields { particles, ..other.clone() }),
     };
     Ok(Ok([Cow::Borrowed(truth), other]))
 }
 
 /// The unit of velocities of a pair: what one does not state is as in the other.
-pub(super) fn unit_of<'a>(pair: &'a [Cow<'_, ParticleVelocities>; 2]) -> Option<&'a str> {
+pub(super) fn unit_of<'a>(pair: &'a [Cow<'_, ParticleFields>; 2]) -> Option<&'a str> {
     pair.iter().find_map(|v| v.unit.as_deref())
 }
 
@@ -266,21 +286,23 @@ mod tests {
             let columns = vec![vec![1.0, 2.0], vec![3.0, 4.0], vec![z, 6.0]];
             [LayerFields::from_columns(vec![field(name, 0.5)], columns)]
         };
-        let found = ParticleVelocities::read(&p, &layers("Velocities", 5.0)).unwrap().unwrap();
+        let read = |name: &str, z: f64| ParticleFields::read(&p, &layers(name, z), &StatsOptions::default());
+        let found = read("Velocities", 5.0).unwrap().unwrap();
         assert_eq!((found.of(1), found.unit.as_deref()), ([1.0, 2.0, 3.0], Some("km/s")));
         let moved = found.in_redshift_space(2, 0.1).unwrap();
         assert_eq!(moved.position(0), [1.0, 0.0, f64::from(0.75f32)]);
-        assert!(ParticleVelocities::read(&p, &layers("heat", 5.0)).unwrap().is_none());
-        let error = ParticleVelocities::read(&p, &layers("vel", f64::NAN)).err().unwrap();
+        let still = read("heat", 5.0).unwrap().unwrap();
+        let error = read("vel", f64::NAN).err().unwrap();
         assert!(error.to_string().contains("the velocity of particle 0"), "{error}");
         // What one side does not state is as in the other.
-        let unstated = ParticleVelocities { unit: None, ..found.clone() };
-        let side = |v| StatsSide { subject: Subject::Particles(&p), velocities: v };
+        let unstated = ParticleFields { unit: None, ..found.clone() };
+        let side = |fields| StatsSide { subject: Subject::Particles(&p), fields };
         let pair = velocity_pair([side(Some(&unstated)), side(Some(&found))]).unwrap().unwrap();
         assert_eq!(unit_of(&pair), Some("km/s"));
-        let other = ParticleVelocities { unit: Some("m/s".into()), ..found.clone() };
+        let other = ParticleFields { unit: Some("m/s".into()), ..found.clone() };
         let refused = |a, b| velocity_pair([side(a), side(b)]).unwrap().err().unwrap();
         assert_eq!(refused(Some(&found), Some(&other)), "velocities are in km/s in the truth and in m/s in the other");
         assert_eq!(refused(Some(&found), None), "the other has no velocities");
+        assert_eq!(refused(Some(&still), Some(&found)), "the truth has no velocities");
     }
 }
