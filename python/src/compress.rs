@@ -77,9 +77,10 @@ impl CompressOptions {
             seed: self.seed,
             blocks: self.blocks,
             memory: self.memory,
-            sharing: self.share_gaussians.parse().map_err(|why| {
-                InputError::new_err(format!("share_gaussians=\"{}\": {why}", self.share_gaussians))
-            })?,
+            sharing: self
+                .share_gaussians
+                .parse()
+                .map_err(|why| InputError::new_err(format!("share_gaussians=\"{}\": {why}", self.share_gaussians)))?,
             certificate: match named("certificate", &self.certificate)? {
                 CertificateLevel::Blocks => {
                     return Err(InputError::new_err("certificate must be none, quick or full, not \"blocks\""));

@@ -7,7 +7,7 @@ use crate::work::WorkOptions;
 use numpy::{IntoPyArray, PyArray1};
 use particlegs_pipeline::haloes::{HaloOptions, HaloSource, find_haloes, stated_cosmology};
 use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::stats::{ParticleVelocities, Subject};
+use particlegs_pipeline::stats::{ParticleFields, Subject};
 use pyo3::prelude::*;
 
 /// How to find haloes; the names are those of the command.
@@ -61,7 +61,7 @@ pub fn haloes<'py>(
     let options = asked.options()?;
     let (fields, subject) = (source.fields(&fields)?, source.subject());
     let found = WorkOptions { threads, progress }.run(py, |context| {
-        let velocities = |p: &Particles| ParticleVelocities::read(p, &fields);
+        let velocities = |p: &Particles| ParticleFields::moving(p, &fields);
         match subject {
             Subject::Model(m) => find_haloes(HaloSource::Model(m), &options, context),
             Subject::Particles(p) => find_haloes(HaloSource::Particles(p, velocities(p)?.as_ref()), &options, context),

@@ -15,7 +15,7 @@ use particlegs_pipeline::haloes::{
 };
 use particlegs_pipeline::model::{Cosmology, Model};
 use particlegs_pipeline::particles::{Particles, Storage};
-use particlegs_pipeline::stats::{Domain, ParticleVelocities};
+use particlegs_pipeline::stats::{Domain, ParticleFields};
 use particlegs_pipeline::{Error, Result, codec};
 use std::path::{Path, PathBuf};
 
@@ -90,7 +90,7 @@ pub struct Arguments {
 }
 
 enum HaloInput {
-    Particles(Box<Particles>, Option<Box<ParticleVelocities>>),
+    Particles(Box<Particles>, Option<Box<ParticleFields>>),
     Model(Box<Model>),
 }
 
@@ -103,7 +103,7 @@ impl HaloInput {
             }
             PathContent::Snapshot(mut choice) => {
                 let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
-                let velocities = ParticleVelocities::read(&particles, &fields)?;
+                let velocities = ParticleFields::moving(&particles, &fields)?;
                 HaloInput::Particles(particles.into(), velocities.map(Box::new))
             }
         })

@@ -9,7 +9,7 @@ use crate::context::Context;
 use crate::model::{Cosmology, Dimension, Epoch, Mass, Model, Unit, UnitSystem, Units};
 use crate::particles::Particles;
 use crate::recover::Options as RecoverOptions;
-use crate::stats::{Domain, GaussianSpheres, ParticleVelocities, PointGrid, local_positions};
+use crate::stats::{Domain, GaussianSpheres, ParticleFields, PointGrid, local_positions};
 use crate::{Error, NamedValue, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::borrow::Cow;
@@ -82,7 +82,7 @@ impl Default for HaloOptions {
 #[derive(Clone, Copy)]
 pub enum HaloSource<'a> {
     /// Particles, and the same with velocities where they have any.
-    Particles(&'a Particles, Option<&'a ParticleVelocities>),
+    Particles(&'a Particles, Option<&'a ParticleFields>),
     /// A model: haloes are found in particles drawn from it, and their masses integrated over its Gaussians.
     Model(&'a Model),
 }
@@ -128,7 +128,7 @@ pub fn find_haloes(source: HaloSource<'_>, o: &HaloOptions, context: &Context<'_
         HaloSource::Model(m) => {
             let options = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
             let (particles, fields) = options.draw_with_fields(m.clone(), context)?;
-            let velocities = ParticleVelocities::read(&particles, &fields)?;
+            let velocities = ParticleFields::moving(&particles, &fields)?;
             drawn = particles;
             (&drawn, velocities.map(Cow::Owned), Domain::from_model(m))
         }
@@ -159,7 +159,7 @@ struct HaloSearch<'a> {
     source: HaloSource<'a>,
     setting: HaloSetting,
     particles: &'a Particles,
-    velocities: Option<&'a ParticleVelocities>,
+    velocities: Option<&'a ParticleFields>,
     domain: &'a Domain,
     positions: &'a [[f64; 3]],
     o: &'a HaloOptions,
@@ -209,7 +209,7 @@ impl<'a> HaloSearch<'a> {
     fn new(
         source: HaloSource<'a>,
         particles: &'a Particles,
-        velocities: Option<&'a ParticleVelocities>,
+        velocities: Option<&'a ParticleFields>,
         (domain, positions): (&'a Domain, &'a [[f64; 3]]),
         o: &'a HaloOptions,
     ) -> Result<Self> {

@@ -1,7 +1,7 @@
 //! Properties of a halo's particles beside the masses of its spheres.
 
 use super::sphere::{HaloShape, RadialParticles, concentration, dispersion_of, mean_of};
-use crate::stats::ParticleVelocities;
+use crate::stats::ParticleFields;
 
 /// A column that is measured of particles within R200m.
 pub struct Property {
@@ -53,7 +53,7 @@ impl SphereProperties {
     /// R200m; `critical` = R200c. `count` decides what is measured.
     pub fn new(
         particles: &RadialParticles,
-        velocities: Option<&ParticleVelocities>,
+        velocities: Option<&ParticleFields>,
         [inner, outer]: [f64; 2],
         critical: Option<f64>,
         count: usize,

@@ -1,5 +1,6 @@
 //! Particles with fields: velocities, what is measured of them, and how far they move particles in redshift space.
 
+use super::options::OF_VELOCITIES;
 use super::{Domain, StatsOptions, Subject};
 use crate::context::Context;
 use crate::model::{Cosmology, Epoch, Model};
@@ -53,6 +54,16 @@ impl ParticleFields {
             own.read_velocities()?;
         }
         Ok(Some(own))
+    }
+
+    /// Particles with velocities; `None` where a layer has none.
+    pub fn moving(particles: &Particles, fields: &[LayerFields]) -> Result<Option<Self>> {
+        let o = StatsOptions { measures: OF_VELOCITIES.to_vec(), ..StatsOptions::default() };
+        Ok(ParticleFields::read(particles, fields, &o)?.filter(ParticleFields::has_velocities))
+    }
+
+    fn has_velocities(&self) -> bool {
+        self.velocity[0].len() == self.particles.len()
     }
 
     /// What [`ParticleFields::read`] gives of particles drawn from `model`.
@@ -157,7 +168,7 @@ impl ParticleFields {
 pub(super) fn velocity_pair<'a>(
     sides: [StatsSide<'a>; 2],
 ) -> Result<std::result::Result<[Cow<'a, ParticleFields>; 2], String>> {
-    let moving = sides.map(|s| s.fields.filter(|f| f.velocity[0].len() == f.particles.len()));
+    let moving = sides.map(|s| s.fields.filter(|f| f.has_velocities()));
     let [Some(truth), Some(other)] = moving else {
         let side = if moving[0].is_none() { "truth" } else { "other" };
         return Ok(Err(format!("the {side} has no velocities")));
