@@ -21,15 +21,17 @@ for page in sorted(measured.glob("*.md")):
 # The list: the title of every page, and what of it is from where.
 lines = ["# Results", "", "Every figure on these pages was written by a program. By `particlegs bench`"
          " ([the laboratory](../guide/laboratory.md); `scripts/results.sh`):", ""]
+of_lab = ["By scripts in `lab/`:", ""]
 others = ["By scripts, from JSON that lies beside them:", ""]
 for page in sorted(docs.glob("*.md")):
-    if page.name == "README.md":
+    if page.name in ("README.md", "notebook.md"):
         continue
     text = page.read_text()
     title = text.splitlines()[0].lstrip("# ")
-    (lines if "Made by `particlegs bench" in text else others).append(f"- [{title}]({page.name})")
+    own = others if not re.search(r"`lab/\w+\.py", text) else of_lab
+    (lines if "Made by `particlegs bench" in text else own).append(f"- [{title}]({page.name})")
 more = ["", "What was tried and failed, with figures typed by hand, stands in [the notebook](notebook.md).", ""]
-(docs / "README.md").write_text("\n".join(lines + [""] + others + more))
+(docs / "README.md").write_text("\n".join(lines + [""] + of_lab + [""] + others + more))
 
 # A figure that no page shows any more is not kept.
 shown = {name for page in docs.glob("*.md") for name in re.findall(r"\(figures/([^)]+)\)", page.read_text())}

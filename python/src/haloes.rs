@@ -45,7 +45,7 @@ impl FinderOptions {
 }
 
 /// A column: name, unit, description, whether its values are whole numbers, and these.
-type Column<'py> = (String, String, String, bool, Bound<'py, PyArray1<f64>>);
+type CatalogueColumn<'py> = (String, String, String, bool, Bound<'py, PyArray1<f64>>);
 
 /// Finds haloes of a snapshot, with fields, or of a model; returns columns, remarks and notes.
 #[pyfunction]
@@ -57,7 +57,7 @@ pub fn haloes<'py>(
     fields: Vec<FieldArray<'py>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Vec<Column<'py>>, Vec<String>, Vec<String>)> {
+) -> PyResult<(Vec<CatalogueColumn<'py>>, Vec<String>, Vec<String>)> {
     let options = asked.options()?;
     let (fields, subject) = (source.fields(&fields)?, source.subject());
     let found = WorkOptions { threads, progress }.run(py, |context| {

@@ -2,7 +2,7 @@
 
 use super::members::{LinkOptions, LinkedHaloes, density_peak};
 use super::overdensity::{HaloDensities, Overdensity};
-use super::properties::{PROPERTIES, Property, PropertyKind, SphereProperties};
+use super::properties::{HaloProperty, HaloPropertyKind, PROPERTIES, SphereProperties};
 use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
 use super::table::{HaloCatalogue, HaloColumn};
 use crate::context::Context;
@@ -468,19 +468,19 @@ impl HaloSearch<'_> {
 
 /// Unit of a property and what makes a column of its numbers; `None` where its unit is not known.
 fn scale_of<'a>(
-    p: &Property,
+    p: &HaloProperty,
     velocity: Option<&'a str>,
     circular: Option<f64>,
     length: &'a str,
 ) -> Option<(&'a str, Box<dyn Fn(f64) -> f64>)> {
     match p.kind {
-        PropertyKind::Velocity => Some((velocity?, Box::new(|v| v))),
-        PropertyKind::Circular => {
+        HaloPropertyKind::Velocity => Some((velocity?, Box::new(|v| v))),
+        HaloPropertyKind::Circular => {
             let factor = circular?;
             Some(("km/s", Box::new(move |v: f64| (factor * v).sqrt())))
         }
-        PropertyKind::Length => circular.map(|_| (length, Box::new(|v| v) as Box<dyn Fn(f64) -> f64>)),
-        PropertyKind::Number => Some(("", Box::new(|v| v))),
+        HaloPropertyKind::Length => circular.map(|_| (length, Box::new(|v| v) as Box<dyn Fn(f64) -> f64>)),
+        HaloPropertyKind::Number => Some(("", Box::new(|v| v))),
     }
 }
 
@@ -671,4 +671,101 @@ fn integrated(
         reach *= CURVE_REACH;
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::model::Layer;
+    use crate::particles::Column;
+    use crate::space::Cell;
+    use crate::testing::from_points;
+
+    /// Clouds of particles, each a place, a width and a number, and `spread` particles anywhere, in a periodic box of 10.
+    fn places(clouds: &[([f64; 3], f64, usize)], spread: usize, seed: u64) -> Vec<[f64; 3]> {
+        let mut r = Random::new(seed, 0, 0);
+        let mut all = Vec::new();
+        for (center, width, n) in clouds {
+            all.extend((0..*n).map(|_| each_axis(|k| (center[k] + width * r.normal()).rem_euclid(10.0))));
+        }
+        all.extend((0..spread).map(|_| each_axis(|_| 10.0 * r.uniform())));
+        all
+    }
+
+    /// Particles of layers: a name, a mass and places.
+    fn particles(layers: &[(&str, f32, Vec<[f64; 3]>)]) -> Particles {
+        let mut p = from_points(layers.iter().flat_map(|l| l.2.clone()));
+        p.meta.cell = Some(Cell::orthogonal([10.0; 3]));
+        p.meta.units = Units::new(Some("Mpc/h"), Some("1e10 Msun/h"), Some(true));
+        p.meta.epoch.scale_factor = Some(0.5);
+        p.meta.cosmology =
+            Cosmology { hubble: Some(0.7), omega_matter: Some(0.3), omega_lambda: Some(0.7), omega_baryon: None };
+        let weights = layers.iter().flat_map(|l| std::iter::repeat_n(l.1, l.2.len())).collect();
+        let mut first = 0;
+        let layers = layers.iter().map(|(name, _, places)| {
+            first += places.len();
+            Layer { name: name.to_string(), mass: Mass::Weights(Some(1.0)), content: first - places.len()..first }
+        });
+        let layers = layers.collect();
+        p.with_weights(Column::owned(weights)).with_layers(layers)
+    }
+
+    fn haloes(p: &Particles, o: &HaloOptions) -> HaloCatalogue {
+        find_haloes(HaloSource::Particles(p, None), o, &Context::SILENT).unwrap()
+    }
+
+    #[test]
+    fn gas_is_attached_to_dark_matter_and_weighs_in_its_spheres() {
+        let cloud = |n| [([0.02, 5.0, 5.0], 0.05, n)];
+        let p = particles(&[
+            ("PartType0", 0.5, places(&cloud(1000), 2000, 1)),
+            ("PartType1", 2.0, places(&cloud(4000), 8000, 2)),
+        ]);
+        let found = haloes(&p, &HaloOptions::default());
+        let of = |name: &str| found.column(name).unwrap()[0];
+        let linked = of("num_p");
+        assert!((3800.0..4020.0).contains(&linked) && (900.0..1010.0).contains(&of("num_attached")));
+        // The unit of mass is 1e10 Msun/h.
+        assert!((of("mfof") / (1e10 * (2.0 * linked + 0.5 * of("num_attached"))) - 1.0).abs() < 1e-9);
+        assert!((of("m200m") / 1e10 / 8500.0 - 1.0).abs() < 0.05, "{}", of("m200m"));
+        assert!((of("r200m_kpc") / (of("r200m") * 1e3 * 0.5 / 0.7) - 1.0).abs() < 1e-9);
+        assert!(found.centers[0][0] < 0.1 && found.column("contamination").is_none());
+        let all = HaloOptions { linked: vec!["gas".into(), "dm".into()], ..HaloOptions::default() };
+        assert!(haloes(&p, &all).column("num_attached").is_none());
+        let tenth = HaloOptions { sample_fraction: 0.1, ..HaloOptions::default() };
+        assert!(haloes(&p, &tenth).column("mfof").unwrap()[0] / of("mfof") > 9.9);
+    }
+
+    #[test]
+    fn clouds_that_a_bridge_links_are_two_haloes_and_satellites_have_a_parent() {
+        let clouds = [([3.0; 3], 0.1, 4000), ([4.5, 3.0, 3.0], 0.08, 1500)];
+        let mut all = places(&clouds, 2000, 3);
+        all.extend((0..60).map(|i| [3.0 + 0.025 * f64::from(i), 3.0, 3.0]));
+        // Its own group, within the first one's sphere.
+        all.extend(places(&[([3.0, 3.62, 3.0], 0.01, 150)], 0, 4));
+        let found = haloes(&particles(&[("dm", 1.0, all)]), &HaloOptions::default());
+        let of = |name: &str| found.column(name).unwrap();
+        assert!(of("n200m")[0] > 4000.0 && of("n200m")[1] > 1400.0 && of("n200m")[1] < 1800.0);
+        assert_eq!((of("fof_id")[0], of("fof_id")[1]), (1.0, 1.0));
+        assert!(of("mfof")[1].is_nan() && (found.centers[1][0] - 4.5).abs() < 0.05);
+        assert_eq!(of("parent_id")[..2], [-1.0, -1.0]);
+        let satellite = (0..found.len()).find(|i| (found.centers[*i][1] - 3.62).abs() < 0.02).unwrap();
+        assert_eq!((of("parent_id")[satellite], of("fof_id")[satellite] as usize), (1.0, satellite + 1));
+    }
+
+    #[test]
+    fn coarse_particles_of_a_zoom_are_not_linked_and_contaminate() {
+        let fine = places(&[([5.0; 3], 0.05, 3000)], 0, 5);
+        let region = (0..4000).map(|i| {
+            let mut r = Random::new(6, 0, i);
+            each_axis(|_| 4.0 + 2.0 * r.uniform())
+        });
+        let coarse = places(&[([5.0; 3], 0.05, 40)], 4000, 7);
+        let p = particles(&[("PartType1", 1.0, fine.into_iter().chain(region).collect()), ("PartType2", 8.0, coarse)]);
+        let found = haloes(&p, &HaloOptions::default());
+        let of = |name: &str| found.column(name).unwrap()[0];
+        assert!((of("contamination") - 320.0 / 3320.0).abs() < 0.03, "{}", of("contamination"));
+        assert!(of("num_p") <= 3300.0);
+    }
 }

@@ -4,17 +4,17 @@ use super::sphere::{HaloShape, RadialParticles, concentration, dispersion_of, me
 use crate::stats::ParticleFields;
 
 /// A column that is measured of particles within R200m.
-pub struct Property {
+pub struct HaloProperty {
     pub name: &'static str,
     pub description: &'static str,
-    pub kind: PropertyKind,
+    pub kind: HaloPropertyKind,
     /// Particles within R200m that it takes.
     pub least: usize,
 }
 
 /// What a property's unit is.
 #[derive(Clone, Copy, PartialEq)]
-pub enum PropertyKind {
+pub enum HaloPropertyKind {
     /// That of velocities.
     Velocity,
     /// km/s, of masses and radii: needs their units.
@@ -24,24 +24,29 @@ pub enum PropertyKind {
     Number,
 }
 
-const fn property(name: &'static str, kind: PropertyKind, least: usize, description: &'static str) -> Property {
-    Property { name, description, kind, least }
+const fn property(name: &'static str, kind: HaloPropertyKind, least: usize, description: &'static str) -> HaloProperty {
+    HaloProperty { name, description, kind, least }
 }
 
 /// All of them.
-pub const PROPERTIES: [Property; 12] = [
-    property("vx", PropertyKind::Velocity, 100, "mean velocity within R200m, along x"),
-    property("vy", PropertyKind::Velocity, 100, "mean velocity within R200m, along y"),
-    property("vz", PropertyKind::Velocity, 100, "mean velocity within R200m, along z"),
-    property("vrms", PropertyKind::Velocity, 300, "velocity dispersion in three dimensions within R200m"),
-    property("b_to_a", PropertyKind::Number, 300, "ratio of the second to the longest axis (Allgood et al. 2006)"),
-    property("c_to_a", PropertyKind::Number, 300, "ratio of the shortest to the longest axis"),
-    property("a_x", PropertyKind::Number, 300, "direction of the longest axis, along x"),
-    property("a_y", PropertyKind::Number, 300, "direction of the longest axis, along y"),
-    property("a_z", PropertyKind::Number, 300, "direction of the longest axis, along z"),
-    property("vmax", PropertyKind::Circular, 300, "largest circular velocity outside three softening lengths"),
-    property("rvmax", PropertyKind::Length, 300, "radius of the largest circular velocity"),
-    property("c200c", PropertyKind::Number, 1000, "concentration of the likeliest NFW profile, R200c / scale radius"),
+pub const PROPERTIES: [HaloProperty; 12] = [
+    property("vx", HaloPropertyKind::Velocity, 100, "mean velocity within R200m, along x"),
+    property("vy", HaloPropertyKind::Velocity, 100, "mean velocity within R200m, along y"),
+    property("vz", HaloPropertyKind::Velocity, 100, "mean velocity within R200m, along z"),
+    property("vrms", HaloPropertyKind::Velocity, 300, "velocity dispersion in three dimensions within R200m"),
+    property("b_to_a", HaloPropertyKind::Number, 300, "ratio of the second to the longest axis (Allgood et al. 2006)"),
+    property("c_to_a", HaloPropertyKind::Number, 300, "ratio of the shortest to the longest axis"),
+    property("a_x", HaloPropertyKind::Number, 300, "direction of the longest axis, along x"),
+    property("a_y", HaloPropertyKind::Number, 300, "direction of the longest axis, along y"),
+    property("a_z", HaloPropertyKind::Number, 300, "direction of the longest axis, along z"),
+    property("vmax", HaloPropertyKind::Circular, 300, "largest circular velocity outside three softening lengths"),
+    property("rvmax", HaloPropertyKind::Length, 300, "radius of the largest circular velocity"),
+    property(
+        "c200c",
+        HaloPropertyKind::Number,
+        1000,
+        "concentration of the likeliest NFW profile, R200c / scale radius",
+    ),
 ];
 
 /// A value for each of [`PROPERTIES`]; NaN where there is none. Circular velocities are the largest mass over radius.
