@@ -70,7 +70,7 @@ impl AsdfArray {
         let components = u32::try_from(columns).map_err(|_| "it has too many columns")?;
         let step = if shape.len() == 1 { 0 } else { strides[1] };
         let lane = StridedColumn { offset, stride: strides[0], kind, big_endian };
-        let array = AsdfArray { source: usize::MAX.min(source as usize), lane, rows, components, step };
+        let array = AsdfArray { source: usize::try_from(source).unwrap_or(usize::MAX), lane, rows, components, step };
         let block = blocks.get(array.source).ok_or_else(|| format!("there is no block {source}"))?;
         let last = array.lane(components.saturating_sub(1));
         if !last.is_some_and(|lane| lane.fits(rows, usize::try_from(block.size).unwrap_or(usize::MAX))) {
@@ -107,7 +107,7 @@ fn number_type(name: &str) -> Option<NumberType> {
 
 /// Where a field's numbers come from.
 #[derive(Clone)]
-enum FieldSource {
+enum AsdfSource {
     Array(AsdfArray),
     /// Positions, or velocities.
     Rvint(AsdfArray, bool),
@@ -116,7 +116,7 @@ enum FieldSource {
 
 struct AsdfField {
     described: SpeciesField,
-    source: FieldSource,
+    source: AsdfSource,
 }
 
 /// A file, its header read.
@@ -184,7 +184,7 @@ impl AsdfFile {
     /// Particles, and their fields.
     fn particles(&self) -> Result<(u64, Vec<AsdfField>)> {
         let abacus = &self.abacus;
-        let both = |source: &dyn Fn(bool) -> FieldSource| {
+        let both = |source: &dyn Fn(bool) -> AsdfSource| {
             [("pos", None, false), ("vel", Some("km/s"), true)].map(|(name, unit, is_velocity)| AsdfField {
                 described: SpeciesField { unit: unit.map(String::from), ..SpeciesField::new(name, "f32", 3) },
                 source: source(is_velocity),
@@ -197,11 +197,11 @@ impl AsdfFile {
                 let velocity = self.required(abacus.velocity, "VelZSpace_to_kms")?;
                 let block = self.block(array.source)?;
                 let pack = Arc::new(Pack9::open(block, array.lane.offset, array.rows, box_size, velocity)?);
-                (pack.particles(), Vec::from(both(&|is_velocity| FieldSource::Pack9(pack.clone(), is_velocity))))
+                (pack.particles(), Vec::from(both(&|is_velocity| AsdfSource::Pack9(pack.clone(), is_velocity))))
             }
             Some((_, array)) => {
                 self.required(abacus.box_size, "BoxSize")?;
-                (array.rows, Vec::from(both(&|is_velocity| FieldSource::Rvint(*array, is_velocity))))
+                (array.rows, Vec::from(both(&|is_velocity| AsdfSource::Rvint(*array, is_velocity))))
             }
             None => (self.rows(), Vec::new()),
         };
@@ -210,7 +210,7 @@ impl AsdfFile {
         });
         let others = others.map(|(name, array)| AsdfField {
             described: SpeciesField::new(name, array.lane.kind.name(), array.components),
-            source: FieldSource::Array(*array),
+            source: AsdfSource::Array(*array),
         });
         let others: Vec<AsdfField> = others.collect();
         fields.extend(others);
@@ -336,19 +336,19 @@ enum AsdfColumn {
 }
 
 impl AsdfFile {
-    fn column(&self, source: &FieldSource, component: u32, as_stored: bool) -> Result<AsdfColumn> {
+    fn column(&self, source: &AsdfSource, component: u32, as_stored: bool) -> Result<AsdfColumn> {
         let lane = |array: &AsdfArray| {
             let lane =
                 array.lane(component).ok_or_else(|| Error::input_with(&self.path, "an array is too long", HINT))?;
             Ok((self.block(array.source)?, StridedColumn { kind: lane.kind.stored(as_stored), ..lane }))
         };
         Ok(match source {
-            FieldSource::Array(array) => lane(array).map(|(block, lane)| AsdfColumn::Numbers(block, lane))?,
-            FieldSource::Rvint(array, is_velocity) => {
+            AsdfSource::Array(array) => lane(array).map(|(block, lane)| AsdfColumn::Numbers(block, lane))?,
+            AsdfSource::Rvint(array, is_velocity) => {
                 let (block, lane) = lane(array)?;
                 AsdfColumn::Rvint(block, lane, self.abacus.box_size.filter(|_| !is_velocity))
             }
-            FieldSource::Pack9(pack, is_velocity) => {
+            AsdfSource::Pack9(pack, is_velocity) => {
                 AsdfColumn::Pack9(pack.clone(), component as usize + 3 * usize::from(*is_velocity))
             }
         })
