@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Snapshots that are named where a folder holds several.
 const NAMED: usize = 8;
 /// Formats whose snapshots may have several files.
-const IN_PARTS: [&str; 4] = ["hdf5", "gadget", "genericio", "vtk-xml"];
+const IN_PARTS: [&str; 5] = ["asdf", "hdf5", "gadget", "genericio", "vtk-xml"];
 /// Files that are opened to find out which belong together.
 const LOOKED_AT: usize = 64;
 

@@ -15,6 +15,7 @@ mod array;
 mod ascii;
 mod atoms;
 mod axes;
+mod blosc;
 mod cache;
 mod codecs;
 mod columns;
@@ -42,6 +43,7 @@ mod snapshot;
 mod topology;
 mod writers;
 
+mod asdf;
 mod csv;
 mod dcd;
 mod gadget;

@@ -20,6 +20,7 @@ pub(crate) static FORMATS: &[Format] = &[
     crate::dcd::FORMAT,
     crate::tipsy::FORMAT,
     crate::gsd::FORMAT,
+    crate::asdf::FORMAT,
     crate::gadget::FORMAT,
     crate::lammps::FORMAT,
     crate::lammps::data::FORMAT,

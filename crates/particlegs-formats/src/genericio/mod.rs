@@ -3,10 +3,6 @@
 //! Columns are read where they lie, or decompressed by blosc. The header's CRC64 is verified when a
 //! file is opened; a column's before its first number is handed over, rank by rank as they are read.
 
-mod blosc;
-mod blosclz;
-#[cfg(test)]
-mod chunks;
 mod header;
 mod ranks;
 mod split;

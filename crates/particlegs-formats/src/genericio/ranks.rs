@@ -3,8 +3,8 @@
 //! A rank's checksums are verified once, before its first number is handed over. Nothing is kept of
 //! a rank but that: files of big runs have a million.
 
-use super::blosc::BloscHeader;
 use super::header::{CRC, GenericIoFile, RankColumn};
+use crate::blosc::BloscHeader;
 use crate::cache::ChunkCache;
 use crate::codecs::crc64;
 use crate::numbers::{NumberType, StridedColumn, StridedParticles};

@@ -1,6 +1,9 @@
 //! Blosc 1 chunks: blocks that are shuffled and compressed apart.
 
-use super::blosclz;
+mod blosclz;
+#[cfg(test)]
+pub mod chunks;
+
 use crate::codecs;
 
 const HEADER: usize = 16;
@@ -138,7 +141,7 @@ fn unshuffle_bits(bytes: &[u8], type_size: usize) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::chunks::chunks;
+    use super::chunks::chunks;
     use super::*;
 
     #[test]
