@@ -196,7 +196,7 @@ fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
     Ok(own)
 }
 
-/// The circles of a list, which all models are drawn under.
+/// Centres and radii of the circles over all models.
 fn circles(path: &Path, models: &[&FileInfo], context: &CommandContext) -> Result<Vec<([f64; 3], f64)>> {
     let Some((first, others)) = models.split_first() else { return Ok(Vec::new()) };
     let m = &first.metadata;

@@ -142,7 +142,7 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, contex
     };
     let files = || models.iter().map(|(file, _)| *file);
     let coded: u64 = files().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
-    // A circle takes at most 100 bytes, in up to three copies of the text.
+    // The text of a circle takes about 100 bytes, in up to three copies.
     context.require_memory("the page", coded + (coded >> 3) + 300 * opening.circles.len() as u64)?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
     let setup = Setup::new(files(), None, opening, false);
