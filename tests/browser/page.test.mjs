@@ -283,6 +283,69 @@ test("an orthographic view shows the whole box from any direction until it is mo
   await tab.close();
 });
 
+test("circles follow the camera and clipping, and a key and a link hide them", async () => {
+  const circles = [[12.5, 12.5, 12.5, 1.5], [20, 15, 20, 1], [5, 5, 5, 1e-4]];
+  writeFileSync(path.join(work, "list.csv"), `x,y,z,radius\n${circles.map((c) => c.join()).join("\n")}\n`);
+  run("export", "m.pgs", "--overlay", "list.csv", "-o", "circles.html", "--quiet");
+  const at = page("?draw=cpu").replace("page.html", "circles.html");
+  const { tab, said } = await open(b, at);
+  // Of each circle, where the camera of the scene places it: the share of its rim that is drawn, and of one half as large.
+  const drawn = (part) => tab.evaluate(({ part, circles }) => {
+    const { page, change, camera } = globalThis.particlegs;
+    change({ axes: false, scale: false, ...part });
+    const [pane] = page.panes;
+    const { width, height } = pane.size;
+    const { data } = pane.overlay.getContext("2d").getImageData(0, 0, width, height);
+    const { position, focal_point, view_up, height_world, fov_deg } = camera();
+    const minus = (a, b) => a.map((v, k) => v - b[k]);
+    const dot = (a, b) => a.reduce((sum, v, k) => sum + v * b[k], 0);
+    const sight = minus(focal_point, position);
+    const ahead = sight.map((v) => v / Math.hypot(...sight));
+    const right = [0, 1, 2].map((k) => ahead[(k + 1) % 3] * view_up[(k + 2) % 3] - ahead[(k + 2) % 3] * view_up[(k + 1) % 3]);
+    return circles.map(([x, y, z, r]) => {
+      const d = minus([x, y, z], position);
+      const per = height / (height_world ?? 2 * dot(d, ahead) * Math.tan((fov_deg * Math.PI) / 360));
+      const share = (radius) => {
+        let lit = 0;
+        for (let i = 0; i < 360; i++) {
+          const [u, v] = [dot(d, right) + radius * Math.cos(i), dot(d, view_up) + radius * Math.sin(i)];
+          const [px, py] = [Math.floor(width / 2 + u * per), Math.floor(height / 2 - v * per)];
+          if (data[4 * (py * width + px) + 3] > 100) lit++;
+        }
+        return lit / 360;
+      };
+      return [share(r), share(r / 2)].map((v) => Math.round(v)).join("");
+    });
+  }, { part, circles });
+  const orbit = await tab.evaluate(() => globalThis.particlegs.page.state.orbit);
+  const slab = { axis: "view", middle: 0, thickness: 4 };
+  for (const [part, expected] of [
+    [{}, ["10", "10", "00"]],
+    [{ orbit: { ...orbit, azimuth: 40, elevation: 25, roll: 10 } }, ["10", "10", "00"]],
+    [{ orbit: { ...orbit, orthographic: true }, white: true }, ["10", "10", "00"]],
+    [{ orbit, slab }, ["10", "00", "00"]],
+    [{ slab: { ...slab, axis: "z", middle: 20 } }, ["00", "10", "00"]],
+    [{ slab: null, clip: { min: [0, 0, 0], max: [15, 25, 25] } }, ["10", "00", "00"]],
+    [{ clip: null, orbit: { ...orbit, distance: 6 } }, ["10", "00", "00"]],
+    [{ orbit, circles: false }, ["00", "00", "00"]],
+  ]) {
+    assert.deepEqual(await drawn(part), expected, JSON.stringify(part));
+  }
+  const link = await tab.evaluate(() => globalThis.particlegs.toLink());
+  await tab.focus(".pane");
+  await tab.keyboard.press("e");
+  assert.equal((await drawn({}))[0], "10");
+  assert.deepEqual(said, []);
+  await tab.close();
+  const again = await open(b, `${at}#${link}`);
+  const shown = (t) => t.evaluate(() => [...document.querySelectorAll("label")].find((l) => l.textContent === "Circles")?.firstChild.checked);
+  assert.equal(await shown(again.tab), false);
+  await again.tab.close();
+  const without = await open(b, page("?draw=cpu"));
+  assert.equal(await shown(without.tab), undefined);
+  await without.tab.close();
+});
+
 test("a link in an open page restores the view, and an open dialog gets all keys", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   const link = await tab.evaluate(() => globalThis.particlegs.toLink());

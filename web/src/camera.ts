@@ -104,12 +104,21 @@ export function zoomed(o: Orbit, factor: number, pixel: [number, number], size: 
   return { ...o, distance: o.distance * factor, focal: add(at, add(o.focal, at, -1), factor) };
 }
 
-/** A world point in the picture, in pixels; `null` behind the camera. */
-export function projected(o: Orbit, p: Vec3, size: Size): [number, number] | null {
+/**
+ * Places world points in the picture: in pixels, with the pixels of a unit of length there and the height above the focal
+ * plane; `null` behind the camera.
+ */
+export function projection(o: Orbit, size: Size): (p: Vec3) => { at: [number, number]; scale: number; above: number } | null {
   const { right, up, back } = axes(o);
-  const d = add(p, o.focal, -1);
-  const depth = o.orthographic ? o.distance : o.distance - dot(d, back);
-  if (depth <= 1e-6 * o.distance) return null;
-  const scale = (size.height / heightAt(o)) * (o.distance / depth);
-  return [0.5 * size.width + dot(d, right) * scale, 0.5 * size.height - dot(d, up) * scale];
+  return (p) => {
+    const d = add(p, o.focal, -1);
+    const above = dot(d, back);
+    const depth = o.orthographic ? o.distance : o.distance - above;
+    if (depth <= 1e-6 * o.distance) return null;
+    const scale = (size.height / heightAt(o)) * (o.distance / depth);
+    return { at: [0.5 * size.width + dot(d, right) * scale, 0.5 * size.height - dot(d, up) * scale], scale, above };
+  };
 }
+
+/** A world point in the picture, in pixels; `null` behind the camera. */
+export const projected = (o: Orbit, p: Vec3, size: Size): [number, number] | null => projection(o, size)(p)?.at ?? null;

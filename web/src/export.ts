@@ -50,7 +50,7 @@ async function renderPng(page: Page, state: State, size: Size, { lines, bar }: A
   const canvas = canvasOf(numbers, size);
   if (lines) {
     const over = new OffscreenCanvas(size.width, size.height);
-    drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marker);
+    drawOverlay(over.getContext("2d", { willReadFrequently: true })!, state, pane, size, size.height / 720);
     canvas.getContext("2d")!.drawImage(over, 0, 0);
   }
   const content = bar ? await pane.bar(state, json) : null;
@@ -61,7 +61,7 @@ export async function exportPng(page: Page): Promise<void> {
   const sizes = h("select", { name: "size" }, ...SIZES.map(([text], i) => h("option", { value: i, text })));
   const lines = h("input", { type: "checkbox", name: "lines" });
   const bar = h("input", { type: "checkbox", name: "bar", checked: true });
-  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar, if shown"),
+  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, circles, axes and scale bar, if shown"),
     h("label", { class: "check", hidden: !hasColorBar(page.state) }, bar, "with colour bar"));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
@@ -142,7 +142,7 @@ export function commandFor(page: Page): string {
   if (s.byLayer && !hasColorBar(s)) parts.push("--color-by-layer");
   if (s.white) parts.push("--background white");
   const left = [s.clip && "the clip box", s.slab && s.slab.axis !== "view" && "the slab", s.images && "periodic images",
-    s.exposure !== 0 && "the exposure"].filter((t) => t);
+    s.exposure !== 0 && "the exposure", page.setup.opening.circles && s.circles && "the circles"].filter((t) => t);
   const note = left.length > 0 ? `   # without ${left.join(", ")}` : "";
   return `${parts.join(" ")} --no-annotations -o picture.png${note}`;
 }

@@ -28,7 +28,7 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
     if (why) page.say(why);
     else does();
   };
-  const flip = (name: "white" | "box" | "axes" | "scale" | "images" | "byLayer") => () =>
+  const flip = (name: "white" | "box" | "axes" | "scale" | "circles" | "images" | "byLayer") => () =>
     page.change({ [name]: !page.state[name] });
   const times = (name: "radius" | "opacity", factor: number) => unlessIdle(name, () =>
     page.change({ [name]: Math.min(name === "opacity" ? 1 : Infinity, page.state[name] * factor) }));
@@ -68,6 +68,7 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
     key(["b"], "b", "box outline", flip("box")),
     key(["a"], "a", "axes", flip("axes")),
     key(["n"], "n", "scale bar", flip("scale")),
+    ...(page.setup.opening.circles ? [key(["e"], "e", "circles", flip("circles"))] : []),
     key(["i"], "i", "periodic images", unlessIdle("images", flip("images"))),
     key(["k"], "k", "colour by layer", unlessIdle("byLayer", flip("byLayer"))),
     ...(page.setup.truth ? [

@@ -70,6 +70,7 @@ async function start(): Promise<void> {
     // A poster, or a short wait, is better than a partly decoded model.
     const waits = poster !== null || milliseconds / decoded < LONG;
     const pane = new Pane(remote, i, model.name, about, decoded, waits);
+    pane.circles = setup.opening.circles ?? [];
     stage.append(pane.element);
     panes.push(pane);
   }
@@ -84,7 +85,7 @@ async function start(): Promise<void> {
   page.state = fromLink(location.hash.slice(1), page.state);
   const compare = setup.truth ? new Comparison(page, setup.truth) : null;
   const context: PanelContext = {
-    about, layers: named, state: () => page.state, change, range: rangeNow, act, goTo,
+    about, layers: named, circles: setup.opening.circles !== undefined, state: () => page.state, change, range: rangeNow, act, goTo,
     logarithmic: () => !page.state.field || panes[0].answerFor(page.state)?.scale === "log",
   };
   const controls = panel(context);

@@ -1,20 +1,26 @@
-// Lines and text over the picture: box, axes, scale bar, the marked point. Each has an outline in the background
+// Lines and text over the picture: box, circles, axes, scale bar, the marked point. Each has an outline in the background
 // colour, so that it stands out without hiding the picture.
 
-import { add, axes, heightAt, projected } from "./camera";
+import { add, axes, heightAt, projected, projection } from "./camera";
 import type { ModelSummary, Bounds, Size, Vec3 } from "./protocol";
-import type { State } from "./state";
+import { clipOf, type Circle, type State } from "./state";
 import { lengthUnit, formatNumber, roundBelow } from "./units";
 
 const AXES: [string, Vec3, string][] =
   [["x", [1, 0, 0], "#e8836b"], ["y", [0, 1, 0], "#7cc47c"], ["z", [0, 0, 1], "#7aa7e8"]];
 
+/** Radius of the smallest circle that is drawn, in pixels of the screen. */
+const SMALLEST = 2;
+
 export interface Marker { position: Vec3; sphere: number }
+
+/** A model, and what is marked in its space. */
+interface OverlaySubject { about: ModelSummary; marker: Marker | null; circles: Circle[] }
 
 /** Draws over a picture of `size` pixels; `unit` scales lines and text, which is `13 * unit` pixels high. */
 export function drawOverlay(
-  c: CanvasRenderingContext2D | OffscreenCanvasRenderingContext2D, s: State, about: ModelSummary, size: Size, unit: number,
-  marker: Marker | null,
+  c: CanvasRenderingContext2D | OffscreenCanvasRenderingContext2D, s: State, { about, marker, circles }: OverlaySubject,
+  size: Size, unit: number,
 ): void {
   c.clearRect(0, 0, size.width, size.height);
   c.lineJoin = c.lineCap = "round";
@@ -23,6 +29,7 @@ export function drawOverlay(
   const rim = s.white ? "rgb(255 255 255 / 80%)" : "rgb(0 0 0 / 70%)";
   const context = { c, ink, rim, unit };
   if (s.box) drawBox(context, s, about, size);
+  if (s.circles) drawCircles(context, s, clipOf(s, about), circles, size);
   if (marker) drawMarker(context, s, marker, size);
   if (s.axes) drawTriad(context, s, size);
   if (s.scale) drawScaleBar(context, s, about, size);
@@ -83,6 +90,22 @@ function drawSegment({ c }: OverlayContext, s: State, from: Vec3, to: Vec3, size
     } else {
       drawing = false;
     }
+  }
+}
+
+/** Circles across the line of sight around the centres that are not clipped. */
+function drawCircles(context: OverlayContext, s: State, clip: Bounds | null, all: Circle[], { width, height }: Size): void {
+  const place = projection(s.orbit, { width, height });
+  const reach = s.slab?.axis === "view" ? 0.5 * s.slab.thickness : Infinity;
+  for (const [center, radius] of all) {
+    if (clip && center.some((v, k) => v < clip.min[k] || v > clip.max[k])) continue;
+    const placed = place(center);
+    if (!placed || Math.abs(placed.above) > reach) continue;
+    const [[x, y], r] = [placed.at, radius * placed.scale];
+    const nearest = Math.hypot(Math.max(0, -x, x - width), Math.max(0, -y, y - height));
+    const farthest = Math.hypot(Math.max(x, width - x), Math.max(y, height - y));
+    if (r < SMALLEST * context.unit || nearest > r || r > farthest) continue;
+    strokePath(context, context.ink, 1, () => context.c.arc(x, y, r, 0, 2 * Math.PI));
   }
 }
 

@@ -7,7 +7,7 @@ import { drawOverlay, type Marker } from "./overlay";
 import type { BarContent } from "./colorbar";
 import { LOWEST, type ModelSummary, type OpenedModel, type PictureAnswer, type PlaneColours, type Scene, type Size, type StrokePlanes, type ToneCurve, type Vec3, type ValueScale } from "./protocol";
 import type { EngineClient } from "./engine";
-import { hasColorBar, mapOf, paintOf, sceneOf, type State } from "./state";
+import { hasColorBar, mapOf, paintOf, sceneOf, type Circle, type State } from "./state";
 
 /** Frames that take longer, in milliseconds, are drawn coarser in motion. */
 const SMOOTH = 30;
@@ -36,6 +36,7 @@ export class Pane {
   milliseconds = 0;
   frames = 0;
   marker: Marker | null = null;
+  circles: Circle[] = [];
   private homes = new Map<string, Promise<Orbit>>();
   /** Called after every frame; `full` if nothing is left to draw. */
   onframe: (full: boolean) => void = () => {};
@@ -362,6 +363,8 @@ export class Pane {
     if (this.overlay.width !== width) this.overlay.width = width;
     if (this.overlay.height !== height) this.overlay.height = height;
     const unit = width / Math.max(1, this.element.clientWidth);
-    drawOverlay(this.overlay.getContext("2d")!, this.state, this.about, { width, height }, unit, this.marker);
+    // On the CPU: an emulated GPU takes seconds for ten thousand circles.
+    const context = this.overlay.getContext("2d", { willReadFrequently: this.circles.length > 0 })!;
+    drawOverlay(context, this.state, this, { width, height }, unit);
   }
 }

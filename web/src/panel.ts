@@ -10,6 +10,8 @@ export interface PanelContext {
   about: ModelSummary;
   /** The layers of all models, each name once. */
   layers: ModelSummary["layers"];
+  /** Whether there are circles. */
+  circles: boolean;
   state(): State;
   change(part: Partial<State>): void;
   /** The range of the current picture's densities or values. */
@@ -265,6 +267,7 @@ function spaceSection(context: PanelContext): Widget {
   rows.push(checkbox("Box outline", (s) => s.box, (on) => context.change({ box: on })));
   rows.push(checkbox("Axes", (s) => s.axes, (on) => context.change({ axes: on })));
   rows.push(checkbox("Scale bar", (s) => s.scale, (on) => context.change({ scale: on })));
+  if (context.circles) rows.push(checkbox("Circles", (s) => s.circles, (on) => context.change({ circles: on })));
   return section("Region and axes", false, ...rows);
 }
 

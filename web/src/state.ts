@@ -31,6 +31,7 @@ export interface State {
   box: boolean;
   axes: boolean;
   scale: boolean;
+  circles: boolean;
 }
 
 /** The initial view of a model: its surface density, if it has one. */
@@ -40,9 +41,12 @@ export function initialState(about: ModelSummary, orbit: Orbit): State {
     orbit, radius: m.default_radius, opacity: m.default_opacity,
     look: about.adds_up ? "density" : "paraview", field: null, exposure: 0,
     colormap: "inferno", range: null, white: false, hidden: [], byLayer: false, slab: null,
-    clip: null, images: false, box: false, axes: true, scale: true,
+    clip: null, images: false, box: false, axes: true, scale: true, circles: true,
   };
 }
+
+/** A centre and a radius, in world units. */
+export type Circle = [Vec3, number];
 
 /** View settings from the command; each replaces a default of `initialState`. */
 export interface Opening {
@@ -54,6 +58,7 @@ export interface Opening {
   views?: unknown;
   /** The camera: angles in degrees, distance in base distances. */
   azimuth?: number; elevation?: number; distance?: number; look_at?: Vec3; orthographic?: boolean;
+  circles?: Circle[];
 }
 
 /** The default state with the settings of an opening. */
@@ -156,7 +161,7 @@ export function sceneOf(s: State, about: ModelSummary, size: Size): Scene {
 }
 
 /** The box to clip to: the clip box, cut by a slab along x, y or z. */
-function clipOf(s: State, about: ModelSummary): Bounds | null {
+export function clipOf(s: State, about: ModelSummary): Bounds | null {
   const slab = s.slab && s.slab.axis !== "view" ? s.slab : null;
   if (!s.clip && !slab) return null;
   const b = about.metadata.bounds;
@@ -181,6 +186,9 @@ export function paintOf(s: State): PlaneColours {
 
 const numberText = (v: number): string => String(Number(v.toPrecision(9)));
 
+/** What is drawn over the picture unless a link says otherwise. */
+const INITIAL = ["axes", "scale", "circles"] as const;
+
 /** The state as the part of an address after `#`. */
 export function toLink(s: State): string {
   const o = s.orbit;
@@ -193,8 +201,7 @@ export function toLink(s: State): string {
   const flags: [string, boolean][] = [["orthographic", o.orthographic], ["white", s.white], ["bylayer", s.byLayer],
     ["images", s.images], ["box", s.box]];
   for (const [name, on] of flags) if (on) p.set(name, "1");
-  if (!s.axes) p.set("axes", "0");
-  if (!s.scale) p.set("scale", "0");
+  for (const name of INITIAL) if (!s[name]) p.set(name, "0");
   if (s.exposure !== 0) p.set("exposure", numberText(s.exposure));
   if (s.field) {
     const { name, bulk, scale, shade, colormap } = s.field;
@@ -255,8 +262,7 @@ export function fromLink(text: string, s: State): State {
     next.byLayer = p.get("bylayer") === "1";
     next.images = p.get("images") === "1";
     next.box = p.get("box") === "1";
-    next.axes = p.get("axes") !== "0";
-    next.scale = p.get("scale") !== "0";
+    for (const name of INITIAL) next[name] = p.get(name) !== "0";
   }
   const range = parseNumbers(p.get("range"), 2);
   if (range && (next.field || range[0] > 0) && range[1] > range[0]) next.range = range as [number, number];

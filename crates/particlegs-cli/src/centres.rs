@@ -17,6 +17,21 @@ pub fn read(path: &Path, context: &Context<'_>) -> Result<Catalogue> {
     Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))
 }
 
+/// Centres and radii of circles, in the units of a snapshot or model.
+pub fn circles(
+    path: &Path,
+    place: (UnitSystem<'_>, Option<Cell>),
+    context: &Context<'_>,
+) -> Result<Vec<([f64; 3], f64)>> {
+    let all = convert(read(path, context)?, path, place, context)?;
+    let circles: Vec<([f64; 3], f64)> = all.into_iter().filter_map(|(at, radius)| Some((at, radius?))).collect();
+    if circles.is_empty() {
+        let hint = "name a column `radius` or `r200m`";
+        return Err(Error::input_with(name_of(path), "no centre has a radius", hint));
+    }
+    Ok(circles)
+}
+
 /// Centres and radii in the units of a snapshot or model, in whose box they lie; prints notes.
 pub fn convert(
     list: Catalogue,

@@ -1,18 +1,21 @@
 //! How a page opens. Shared by `view` and `export`.
 
+use crate::centres;
 use crate::common::{CommandContext, named};
 use crate::density_args::{colormaps, range_of};
 use crate::drawing::provenance::PictureProvenance;
 use crate::figure::args::Background;
+use crate::page_models::share_length;
 use crate::view_args::ProjectionArg;
 use clap::{Args, ValueHint};
+use particlegs_files::input::name_of;
 use particlegs_pipeline::camera::{ViewSet, ViewsFile};
 use particlegs_pipeline::codec::FileInfo;
 use particlegs_pipeline::model::{LawKind, is_species};
 use particlegs_pipeline::picture::Colormap;
 use particlegs_pipeline::{Error, NamedValue, Result};
-use particlegs_view::page::{PageOpening, PageStyle};
-use std::path::PathBuf;
+use particlegs_view::page::{MOST_CIRCLES, PageOpening, PageStyle};
+use std::path::{Path, PathBuf};
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "How the page opens")]
@@ -68,6 +71,11 @@ pub struct PageArgs {
         hide_short_help = true
     )]
     pub look_at: Option<Vec<f64>>,
+    /// Draw a circle around each centre of a list, such as the catalogue that `haloes` writes.
+    ///
+    /// The file is read like that of `stats --centres`; its radii are those of the circles, at most 100000.
+    #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath)]
+    pub overlay: Option<PathBuf>,
 }
 
 const CAMERA: [&str; 5] = ["azimuth", "elevation", "distance", "projection", "look_at"];
@@ -90,7 +98,7 @@ pub struct AppearanceArgs {
 
 impl PageArgs {
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        [&self.like, &self.views].into_iter().flatten()
+        [&self.like, &self.views, &self.overlay].into_iter().flatten()
     }
 
     /// How a page of these models opens; empty `layers` means all.
@@ -126,6 +134,9 @@ impl PageArgs {
         if looks && models.iter().any(|m| m.metadata.law == LawKind::AlphaBlend) {
             let what = "an alpha-blend model has only the style paraview: its splats hold opacities, not masses";
             return Err(Error::argument(what));
+        }
+        if let Some(path) = &self.overlay {
+            opening.circles = circles(path, models, context)?;
         }
         Ok(opening)
     }
@@ -163,6 +174,7 @@ impl PageArgs {
             distance: positive("distance", self.distance)?,
             look_at,
             orthographic: self.projection.map(|p| p == ProjectionArg::Orthographic),
+            circles: Vec::new(),
         })
     }
 }
@@ -182,6 +194,22 @@ fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
         }
     }
     Ok(own)
+}
+
+/// Centres and radii of the circles over all models.
+fn circles(path: &Path, models: &[&FileInfo], context: &CommandContext) -> Result<Vec<([f64; 3], f64)>> {
+    let Some((first, others)) = models.split_first() else { return Ok(Vec::new()) };
+    let m = &first.metadata;
+    if others.iter().any(|other| !share_length(&other.metadata, m)) {
+        let what = "--overlay draws the same circles over all models, but these have different units of length";
+        return Err(Error::argument_with(what, "open each model in a page of its own"));
+    }
+    let circles = centres::circles(path, (m.unit_system(), m.cell), context)?;
+    if circles.len() > MOST_CIRCLES {
+        let what = format!("{} circles are more than the {MOST_CIRCLES} that a page can hold", circles.len());
+        return Err(Error::input_with(name_of(path), what, "list only the largest haloes"));
+    }
+    Ok(circles)
 }
 
 /// A views file for the page.

@@ -47,8 +47,7 @@ impl ModelFiles {
         let text = |m: &Metadata| m.units.length_text().unwrap_or("an unknown unit").to_string();
         for PageModelFile { name, info, .. } in others {
             let other = &info.metadata;
-            let by = other.unit_system().conversion(&first.info.metadata.unit_system());
-            if by.is_err() || by.is_ok_and(|by| by.length != 1.0) {
+            if !share_length(other, &first.info.metadata) {
                 let (own, of) = (text(other), text(&first.info.metadata));
                 let words =
                     format!("{name} is in {own} and {} in {of}: the page shows each in its own unit", first.name);
@@ -96,6 +95,11 @@ impl ModelFiles {
             }
         }
     }
+}
+
+/// Do two models have the same unit of length, as far as they say?
+pub fn share_length(one: &Metadata, other: &Metadata) -> bool {
+    one.unit_system().conversion(&other.unit_system()).is_ok_and(|by| by.length == 1.0)
 }
 
 /// Names of the files on the page; paths if two have the same name.

@@ -54,6 +54,9 @@ particlegs_pipeline::named_values! {
     }
 }
 
+/// Most circles of a page.
+pub const MOST_CIRCLES: usize = 100_000;
+
 /// The first view of a page. Each setting replaces a default: the surface density of all layers (style `paraview` for
 /// the alpha-blend law) at azimuth 0, elevation 0 and distance 1. Lengths are in world units.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -103,6 +106,9 @@ pub struct PageOpening {
     /// Whether the projection is orthographic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub orthographic: Option<bool>,
+    /// Centres and radii of circles over the picture, at most [`MOST_CIRCLES`].
+    #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
+    pub circles: Vec<([f64; 3], f64)>,
 }
 
 fn name_of<S: Serializer>(colormap: &Option<Colormap>, to: S) -> std::result::Result<S::Ok, S::Error> {
@@ -136,7 +142,8 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, contex
     };
     let files = || models.iter().map(|(file, _)| *file);
     let coded: u64 = files().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
-    context.require_memory("the page", coded + (coded >> 3))?;
+    // The text of a circle takes about 100 bytes, in up to three copies.
+    context.require_memory("the page", coded + (coded >> 3) + 300 * opening.circles.len() as u64)?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
     let setup = Setup::new(files(), None, opening, false);
     let mut page = PageBuilder::new(&setup, poster.as_deref());

@@ -18,9 +18,9 @@ pub const SMALL: Size = Size { width: 640, height: 360 };
 /// Size from a server: the size of a page's picture on a small screen.
 pub const LARGE: Size = Size { width: 1280, height: 720 };
 
-/// Whether a page gets a poster, which shows the default view.
+/// Whether a page gets a poster, which shows the default view; circles are drawn over it.
 pub fn wanted(gaussians: usize, opening: &PageOpening) -> bool {
-    gaussians > MORE_THAN && *opening == PageOpening::default()
+    gaussians > MORE_THAN && *opening == PageOpening { circles: opening.circles.clone(), ..PageOpening::default() }
 }
 
 #[derive(Clone, Debug)]

@@ -215,5 +215,7 @@ fn the_poster_is_the_default_view() {
         assert!(expected.iter().any(|&v| v > 9) && pixels(poster.png) == expected);
     }
     let (usual, other) = (PageOpening::default(), PageOpening { white: Some(true), ..PageOpening::default() });
+    let circles = PageOpening { circles: vec![([0.0; 3], 1.0)], ..PageOpening::default() };
     assert!(!poster::wanted(100_000, &usual) && poster::wanted(100_001, &usual) && !poster::wanted(100_001, &other));
+    assert!(poster::wanted(100_001, &circles));
 }

@@ -3,8 +3,6 @@
 use super::{BarPlacement, FileKind, PaperColour, missing};
 use crate::centres;
 use clap::{Args, ValueEnum};
-use particlegs_files::input::name_of;
-use particlegs_pipeline::Error;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::UnitSystem;
 use particlegs_pipeline::picture::Size;
@@ -36,7 +34,7 @@ pub struct FigureArgs {
     /// Draw a circle around each centre of a list, such as the catalogue that `haloes` writes.
     ///
     /// The file is read like that of `stats --centres`; its radii are those of the circles.
-    #[arg(long, value_name = "FILE", value_hint = clap::ValueHint::FilePath, conflicts_with = "no_annotations")]
+    #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = clap::ValueHint::FilePath, conflicts_with = "no_annotations")]
     pub overlay: Option<PathBuf>,
     /// Title above the picture.
     #[arg(long, value_name = "TEXT", hide_short_help = true, conflicts_with = "no_annotations")]
@@ -101,17 +99,7 @@ impl FigureArgs {
         place: (UnitSystem<'_>, Option<Cell>),
         context: &Context<'_>,
     ) -> particlegs_pipeline::Result<Vec<([f64; 3], f64)>> {
-        let Some(path) = &self.overlay else { return Ok(Vec::new()) };
-        let all = centres::convert(centres::read(path, context)?, path, place, context)?;
-        let circles: Vec<([f64; 3], f64)> = all.into_iter().filter_map(|(at, radius)| Some((at, radius?))).collect();
-        if circles.is_empty() {
-            return Err(Error::input_with(
-                name_of(path),
-                "no centre has a radius",
-                "name a column `radius` or `r200m`",
-            ));
-        }
-        Ok(circles)
+        self.overlay.as_ref().map_or(Ok(Vec::new()), |path| centres::circles(path, place, context))
     }
 
     /// Is a scale bar drawn?

@@ -95,6 +95,11 @@ fn impossible_views_are_refused_before_the_page_is_served() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     dir.write("corrupt.pgs", &bytes);
+    for unit in ["nm", "Angstrom"] {
+        let options = "--gaussians 4 --effort fast --certificate none --quiet";
+        dir.runs(&format!("compress spiral -o {unit}.pgs --length-unit {unit} {options}"));
+    }
+    dir.write("list.csv", "x,y,z,radius\n0,0,0,1\n");
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port();
     let at = format!("cannot listen at 127.0.0.1, port {port}");
@@ -105,6 +110,7 @@ fn impossible_views_are_refused_before_the_page_is_served() {
         ("spiral.pgs --snapshot nowhere", 6, "nowhere"),
         ("spiral.pgs --every 2", 2, "--every has no effect here"),
         ("spiral.pgs --allow-host https://hub.example.org", 2, "is not the name of a host"),
+        ("nm.pgs Angstrom.pgs --overlay list.csv", 2, "these have different units of length"),
         ("spiral.pgs --host 192.0.2.1", 2, "cannot listen at 192.0.2.1"),
     ] {
         let words = format!("view --no-open --port 0 {words}");
