@@ -34,9 +34,16 @@ fn trajectories_are_read_by_frames_with_velocities() {
         assert_eq!((&d["meta"]["length_unit"], d["particles"].as_u64()), (&unit.into(), Some(50)), "{name}");
     }
     let fit = "--gaussians 6 -q --certificate=none --force --fields velocity";
-    for name in
-        ["mdanalysis.trr", "mdanalysis.gro", "hoomd.gsd", "standard.tipsy", "byhand.h5md", "ase.data", "ase.vasp"]
-    {
+    for name in [
+        "mdanalysis.trr",
+        "mdanalysis.gro",
+        "hoomd.gsd",
+        "standard.tipsy",
+        "byhand.h5md",
+        "rvint_lz4.asdf",
+        "ase.data",
+        "ase.vasp",
+    ] {
         dir.runs(&format!("compress FIXTURES/{name} -o m.pgs {fit}"));
         let d = info(&dir, "m.pgs");
         assert_eq!(d["metadata"]["particles"].as_u64(), Some(50), "{name}");

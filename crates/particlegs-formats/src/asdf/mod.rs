@@ -64,7 +64,9 @@ impl AsdfArray {
             None => Some(vec![columns.saturating_mul(kind.bytes()), kind.bytes()]),
             Some(strides) => wholes(strides),
         };
-        let strides = strides.filter(|s| s.len() >= shape.len()).ok_or("its strides are not supported")?;
+        let strides = strides
+            .filter(|s| s.len() >= shape.len() && s[0] >= kind.bytes())
+            .ok_or("its strides are not supported")?;
         let big_endian = key("byteorder").and_then(TreeValue::text) == Some("big");
         let offset = key("offset").map_or(Some(0), TreeValue::whole).ok_or("its offset is damaged")?;
         let components = u32::try_from(columns).map_err(|_| "it has too many columns")?;
