@@ -104,7 +104,7 @@ impl HaloSetting {
         let mass = o.mass_unit.as_ref().map(|text| Unit::parse(text, Dimension::Mass)).or(units.mass.clone());
         let stated = o.cosmology;
         HaloSetting {
-            epoch: Epoch { scale_factor, ..epoch.clone() },
+            epoch: Epoch { scale_factor, ..*epoch },
             cosmology: Cosmology {
                 hubble: stated.hubble.or(cosmology.hubble),
                 omega_matter: stated.omega_matter.or(cosmology.omega_matter),
@@ -558,7 +558,7 @@ impl AboutCenter<'_> {
         };
         let errors = self.model.filter(|_| count >= LEAST_MASS).map(|_| {
             let every = count.div_ceil(ERROR_SAMPLE).max(1);
-            let sample = |p: &&SphereParticle| p.index as usize / JACKKNIFE % every == 0;
+            let sample = |p: &&SphereParticle| (p.index as usize / JACKKNIFE).is_multiple_of(every);
             let part = |left_out: usize| {
                 let others = inside.iter().filter(sample).filter(|p| p.index as usize % JACKKNIFE != left_out).copied();
                 properties(&RadialParticles::new(others.collect()))
