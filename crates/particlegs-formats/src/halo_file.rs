@@ -35,6 +35,10 @@ fn write_csv(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
     write_atomic(out, |to| {
         let names: Vec<&str> = catalogue.columns.iter().map(|c| &c.name[..]).collect();
         writeln!(to, "{}", names.join(","))?;
+        // For readers of centres, which take the unit of these from it.
+        if let Some(x) = catalogue.columns.iter().find(|c| c.name == "x" && !c.unit.is_empty()) {
+            writeln!(to, "# positions and radii in {}", x.unit)?;
+        }
         catalogue.remarks.iter().try_for_each(|line| writeln!(to, "# {line}"))?;
         for c in &catalogue.columns {
             let unit = if c.unit.is_empty() { String::new() } else { format!(" [{}]", c.unit) };
@@ -123,7 +127,7 @@ mod tests {
         let all = HaloCatalogue { centers: vec![[0.0; 3]; 2], ..catalogue() };
         write_haloes(&all, &out).unwrap();
         let text = std::fs::read_to_string(&out).unwrap();
-        assert!(text.starts_with("id,x,y,z,m200m,r200m\n# haloes of a snapshot\n"), "{text}");
+        assert!(text.starts_with("id,x,y,z,m200m,r200m\n# positions and radii in Mpc/h\n# haloes of"), "{text}");
         assert!(text.ends_with("1,0.125,0.333333333,12,1.23456789e14,1.5\n2,3,4,5,,\n"), "{text}");
         let (kpc, read) = (Units::new(Some("kpc/h"), None, Some(true)), Catalogue::parse(text.as_bytes()).unwrap());
         let to = UnitSystem { units: &kpc, scale_factor: Some(0.5), hubble: Some(0.7) };

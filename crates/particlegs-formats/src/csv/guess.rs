@@ -75,7 +75,9 @@ impl Guess {
             species: itself,
         };
         let first_column = usize::from(numbered && split[0][0].is_empty());
-        let remarks = comments.iter().map(|line| String::from_utf8_lossy(line).into_owned()).collect();
+        // Also those between names and rows.
+        let remarks = all[begin..rows_after as usize].iter().filter(|line| !is_data(line, comment));
+        let remarks = remarks.map(|line| String::from_utf8_lossy(line).into_owned()).collect();
         Ok(Guess { layout, names, rows_after, named, first_column, remarks, is_likely })
     }
 }
