@@ -119,7 +119,7 @@ impl HaloSetting {
 /// Finds haloes: friends of friends, their density peaks, and spheres of given mean densities about these.
 ///
 /// # Errors
-/// Options out of range; a particle type that does not exist; no mean density ([`HaloDensities::new`]); too little memory.
+/// Options out of range; a particle type that does not exist; no mean density, where the box is not periodic and the cosmology not stated; too little memory.
 pub fn find_haloes(source: HaloSource<'_>, o: &HaloOptions, context: &Context<'_>) -> Result<HaloCatalogue> {
     check(o)?;
     let drawn;
