@@ -94,7 +94,7 @@ def haloes(
         "remarks": remarks,
     }
     kinds = [(name, "i8" if whole and np.isfinite(values).all() else "f8") for name, _, _, whole, values in columns]
-    rows = np.zeros(len(columns[0][4]), np.dtype(kinds, metadata=about))  # type: ignore[call-overload]
+    rows = np.zeros(len(columns[0][4]), np.dtype(kinds, metadata=about))
     for name, *_, values in columns:
         rows[name] = values
     return rows

@@ -42,4 +42,4 @@ def test_what_is_missing_is_a_warning_and_what_is_wrong_an_error():
         found = pg.haloes(snap)
     assert "m200m" not in found.dtype.names
     with pytest.raises(pg.InputError, match="there are h"):
-        pg.haloes(snap, cosmology="w=-1")
+        pg.haloes(snap, cosmology="w=1")
