@@ -33,8 +33,8 @@ matter (200m), 200 and 500 times the critical density (200c, 500c), and the viri
 and Norman 1998 (vir). There is no unbinding, and there are no subhaloes. The file says what its
 columns are, and in which units. docs/guide/haloes.md defines them.
 
-From a model, the haloes are those of particles drawn from it; their masses are integrated over its
-Gaussians, and every number has its standard error in a column of its own.
+From a model, the haloes are those of particles drawn from it, and their masses are integrated over
+its Gaussians. Masses, radii and what is measured inside them have standard errors.
 
 Examples:
   particlegs haloes snapshot.hdf5 -o haloes.csv

@@ -1,21 +1,22 @@
 //! The whole job: from particles or a model to a catalogue.
 
+use super::mass_curve::{HaloSphere, SPHERES, integrated};
 use super::members::{LinkOptions, LinkedHaloes, density_peak};
 use super::overdensity::{HaloDensities, Overdensity};
-use super::properties::{HaloProperty, HaloPropertyKind, PROPERTIES, SphereProperties};
+use super::properties::SphereProperties;
 use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
-use super::table::{HaloCatalogue, HaloColumn};
+use super::table::HaloCatalogue;
 use crate::context::Context;
 use crate::model::{Cosmology, Dimension, Epoch, Mass, Model, Unit, UnitSystem, Units};
 use crate::particles::Particles;
 use crate::recover::Options as RecoverOptions;
 use crate::stats::{Domain, GaussianSpheres, ParticleFields, PointGrid, local_positions};
-use crate::{Error, NamedValue, Result, parallel};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::borrow::Cow;
 
 /// Particles inside a sphere whose mass is listed, at least.
-const LEAST_MASS: usize = 100;
+pub const LEAST_MASS: usize = 100;
 /// Parts that a model's particles are left out by, one after the other, for errors.
 const JACKKNIFE: usize = 8;
 /// Softening lengths within which circular velocities and profiles are not looked at.
@@ -25,16 +26,8 @@ const SOFTENING: f64 = 0.04;
 /// The sphere that particles are gathered in at first, in radii that the group's mass suggests, and its growth.
 const FIRST_REACH: f64 = 1.3;
 const GROWTH: f64 = 1.5;
-/// Steps of the logarithm of the radius in which masses are integrated, and the most of them.
-const CURVE_STEP: f64 = 0.3;
-const MOST_STEPS: f64 = 32.0;
-/// How far beyond the spheres of drawn particles, as a factor, at first; and how often that is raised.
-const CURVE_REACH: f64 = 1.2;
-const CURVES: usize = 4;
 /// Particles that errors are measured of, about: of more, each of some, scaled as errors are with numbers.
 const ERROR_SAMPLE: usize = 1024;
-/// Numbers of densities.
-const SPHERES: usize = Overdensity::ALL.len();
 
 /// How haloes are found.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,10 +81,10 @@ pub enum HaloSource<'a> {
 }
 
 /// What is known of a source beside its particles: what a user states, else what it says.
-struct HaloSetting {
-    epoch: Epoch,
-    cosmology: Cosmology,
-    units: Units,
+pub struct HaloSetting {
+    pub epoch: Epoch,
+    pub cosmology: Cosmology,
+    pub units: Units,
 }
 
 impl HaloSetting {
@@ -119,7 +112,8 @@ impl HaloSetting {
 /// Finds haloes: friends of friends, their density peaks, and spheres of given mean densities about these.
 ///
 /// # Errors
-/// Options out of range; a particle type that does not exist; no mean density, where the box is not periodic and the cosmology not stated; too little memory.
+/// Options out of range; a particle type that does not exist; a box that is not periodic without a cosmology; too little
+/// memory.
 pub fn find_haloes(source: HaloSource<'_>, o: &HaloOptions, context: &Context<'_>) -> Result<HaloCatalogue> {
     check(o)?;
     let drawn;
@@ -155,40 +149,40 @@ fn check(o: &HaloOptions) -> Result<()> {
 }
 
 /// One run.
-struct HaloSearch<'a> {
-    source: HaloSource<'a>,
-    setting: HaloSetting,
-    particles: &'a Particles,
-    velocities: Option<&'a ParticleFields>,
-    domain: &'a Domain,
-    positions: &'a [[f64; 3]],
-    o: &'a HaloOptions,
-    densities: HaloDensities,
+pub struct HaloSearch<'a> {
+    pub source: HaloSource<'a>,
+    pub setting: HaloSetting,
+    pub particles: &'a Particles,
+    pub velocities: Option<&'a ParticleFields>,
+    pub domain: &'a Domain,
+    pub positions: &'a [[f64; 3]],
+    pub o: &'a HaloOptions,
+    pub densities: HaloDensities,
     /// Mass of weight 1.
-    unit: f64,
+    pub unit: f64,
     /// Masses are known.
-    masses: bool,
+    pub masses: bool,
 }
 
 /// A halo of a group.
-struct Halo {
+pub struct Halo {
     /// Relative to the domain's corner.
-    center: [f64; 3],
+    pub center: [f64; 3],
     /// Linked particles: those of the group, or within R200m where it is not the group's densest.
-    members: usize,
+    pub members: usize,
     /// Is it the densest of its group?
-    is_main: bool,
-    measures: HaloMeasures,
+    pub is_main: bool,
+    pub measures: HaloMeasures,
 }
 
 /// What is measured about one centre.
-struct HaloMeasures {
-    spheres: [Option<HaloSphere>; SPHERES],
+pub struct HaloMeasures {
+    pub spheres: [Option<HaloSphere>; SPHERES],
     /// Particles inside the first.
-    count: usize,
-    properties: SphereProperties,
-    errors: Option<SphereProperties>,
-    contamination: f64,
+    pub count: usize,
+    pub properties: SphereProperties,
+    pub errors: Option<SphereProperties>,
+    pub contamination: f64,
 }
 
 impl HaloMeasures {
@@ -196,13 +190,6 @@ impl HaloMeasures {
     fn radius(&self) -> f64 {
         self.spheres[Overdensity::Mean200 as usize].map_or(0.0, |s| s.sphere.radius)
     }
-}
-
-/// A sphere, and the error of its mass, of a model.
-#[derive(Clone, Copy)]
-struct HaloSphere {
-    sphere: DensitySphere,
-    error: f64,
 }
 
 impl<'a> HaloSearch<'a> {
@@ -303,184 +290,6 @@ impl<'a> HaloSearch<'a> {
             });
         }
         Ok(parents)
-    }
-}
-
-impl HaloSearch<'_> {
-    fn table(
-        &self,
-        found: &LinkedHaloes,
-        haloes: &[(usize, Halo)],
-        parents: &[Option<usize>],
-        softening: f64,
-    ) -> HaloCatalogue {
-        let measures: Vec<&HaloMeasures> = haloes.iter().map(|h| &h.1.measures).collect();
-        let mut main = vec![0; found.members.len()];
-        haloes.iter().enumerate().filter(|(_, h)| h.1.is_main).for_each(|(i, h)| main[h.0] = i);
-        let of_group = |i: usize, value: f64| if haloes[i].1.is_main { value } else { f64::NAN };
-        let (setting, units) = (&self.setting, &self.densities.units);
-        let world = |c: &[f64; 3]| -> [f64; 3] { each_axis(|k| self.domain.min[k] + c[k]) };
-        let centers: Vec<[f64; 3]> = haloes.iter().map(|h| world(&h.1.center)).collect();
-        let length = setting.units.length_text().unwrap_or("").to_string();
-        let (mass_unit, mass_factor) = match (units.mass, &setting.units.mass) {
-            (Some(factor), _) => ("Msun/h".to_string(), factor),
-            (None, Some(unit)) => (unit.text.clone(), 1.0),
-            (None, None) => (String::new(), 1.0),
-        };
-        let physical = units.length.zip(units.scale_factor).zip(units.hubble).map(|((l, a), h)| 1e3 * l * a / h);
-        let mut columns = Vec::new();
-        let mut add = |name: &str, unit: &str, description: &str, of: &dyn Fn(usize) -> f64| {
-            let values = (0..centers.len()).map(of).collect();
-            let (name, unit, description) = (name.into(), unit.into(), description.into());
-            columns.push(HaloColumn { name, unit, description, whole: false, values });
-        };
-        add("id", "", "number of the halo", &|i| (i + 1) as f64);
-        add("parent_id", "", "the heaviest halo in whose R200m the centre lies; -1 = none", &|i| {
-            parents[i].map_or(-1.0, |p| (p + 1) as f64)
-        });
-        add(
-            "fof_id",
-            "",
-            "the densest halo of its group of linked particles: itself, or one that it is linked to",
-            &|i| (main[haloes[i].0] + 1) as f64,
-        );
-        add(
-            "num_p",
-            "",
-            "linked particles: of the whole group, or within R200m of a halo that is not its densest",
-            &|i| haloes[i].1.members as f64,
-        );
-        if let Some(attached) = &found.attached {
-            add("num_attached", "", "particles of other types, each nearest to a linked one", &|i| {
-                of_group(i, attached[haloes[i].0] as f64)
-            });
-        }
-        for (k, axis) in ["x", "y", "z"].iter().enumerate() {
-            add(axis, &length, "density peak", &|i| centers[i][k]);
-        }
-        if self.masses {
-            add("mfof", &mass_unit, "mass of the group: particles that are linked and attached", &|i| {
-                of_group(i, found.masses[haloes[i].0] * mass_factor)
-            });
-        }
-        add("n200m", "", "particles within R200m", &|i| {
-            if measures[i].count > 0 { measures[i].count as f64 } else { f64::NAN }
-        });
-        let is_model = matches!(self.source, HaloSource::Model(_));
-        for kind in Overdensity::ALL.iter().filter(|kind| self.densities.density[**kind as usize].is_some()) {
-            let name = kind.name();
-            let sphere = |i: usize| measures[i].spheres[*kind as usize].filter(|s| s.sphere.count >= LEAST_MASS);
-            let of = |value: fn(HaloSphere) -> f64| move |i: usize| sphere(i).map_or(f64::NAN, value);
-            let (mass, radius) = (of(|s| s.sphere.mass), of(|s| s.sphere.radius));
-            let mass_error = of(|s| s.error);
-            let radius_error = of(|s| s.sphere.radius * s.error / (3.0 * s.sphere.mass));
-            let (about, error) = (
-                format!("whose mean density is {}", Overdensity::VALUES[*kind as usize].2.replace("The", "the")),
-                "standard error",
-            );
-            if self.masses {
-                add(&format!("m{name}"), &mass_unit, &format!("mass within r{name}"), &|i| mass(i) * mass_factor);
-                if is_model {
-                    add(&format!("m{name}_err"), &mass_unit, error, &|i| mass_error(i) * mass_factor);
-                }
-                if let (Some(factor), Some(h)) = (units.mass, units.hubble) {
-                    add(&format!("m{name}_msun"), "Msun", &format!("mass within r{name}"), &|i| mass(i) * factor / h);
-                }
-            }
-            add(&format!("r{name}"), &length, &format!("radius of the sphere {about}"), &radius);
-            if is_model {
-                add(&format!("r{name}_err"), &length, error, &radius_error);
-            }
-            if let Some(factor) = physical {
-                add(&format!("r{name}_kpc"), "kpc", "the same, physical", &|i| radius(i) * factor);
-            }
-        }
-        let velocity_unit = self.velocities.map(|v| v.unit().unwrap_or("").to_string());
-        let circular = units.velocity_square().filter(|_| self.masses);
-        for (k, p) in PROPERTIES.iter().enumerate() {
-            let Some((unit, scale)) = scale_of(p, velocity_unit.as_deref(), circular, &length) else { continue };
-            if p.least >= 1000 && self.densities.density[Overdensity::Critical200 as usize].is_none() {
-                continue;
-            }
-            add(p.name, unit, p.description, &|i| scale(measures[i].properties.0[k]));
-            if is_model {
-                let error = |i: usize| {
-                    let value = measures[i].properties.0[k];
-                    let error = measures[i].errors.map_or(f64::NAN, |e| e.0[k]);
-                    // To first order.
-                    (scale(value + 0.5 * error) - scale(value - 0.5 * error)).abs()
-                };
-                add(&format!("{}_err", p.name), unit, "standard error", &error);
-            }
-        }
-        if found.fine.is_some() {
-            add("contamination", "", "share of the mass within R200m that is of the zoom's coarse particles", &|i| {
-                measures[i].contamination
-            });
-        }
-        for column in &mut columns {
-            column.whole = ["id", "parent_id", "fof_id", "num_p", "num_attached", "n200m"].contains(&&column.name[..]);
-        }
-        let (notes, remarks) = (self.notes(found), self.remarks(found, softening, &length));
-        HaloCatalogue { columns, remarks, notes, centers }
-    }
-
-    fn notes(&self, found: &LinkedHaloes) -> Vec<String> {
-        let mut notes = self.densities.notes.clone();
-        if !self.masses {
-            notes.push(
-                "the file does not state masses of the particles: masses are left out, n200m counts particles".into(),
-            );
-        }
-        notes.extend(found.note.clone());
-        notes
-    }
-
-    /// What a reader of the file must know.
-    fn remarks(&self, found: &LinkedHaloes, softening: f64, length: &str) -> Vec<String> {
-        let (meta, o) = (&self.particles.meta, self.o);
-        let HaloSetting { epoch, cosmology, .. } = &self.setting;
-        let stated = |name: &str, value: Option<f64>| value.map(|v| format!("{name} = {v}"));
-        let numbers = [
-            stated("a", epoch.scale_factor),
-            stated("h", cosmology.hubble),
-            stated("Omega_m", cosmology.omega_matter),
-            stated("Omega_Lambda", cosmology.omega_lambda),
-        ];
-        let mut all = vec![
-            format!("haloes of {}", meta.name),
-            format!("friends of friends, linking length {:.6} {length} ({} mean spacings), {} particles and more; spherical overdensities about density peaks", found.linking_length, o.linking, o.smallest),
-            "no unbinding, no subhaloes; a quantity is empty where its sphere has too few particles: masses 100, dispersion, shape and vmax 300, concentration 1000".into(),
-            numbers.into_iter().flatten().collect::<Vec<_>>().join("; "),
-        ];
-        let assumed = if o.softening.is_none() { ", assumed: a 25th of the mean spacing" } else { "" };
-        all.push(format!("softening length {softening:.6} {length}{assumed}; vmax and c200c begin at three of these"));
-        if matches!(self.source, HaloSource::Model(_)) {
-            all.push(format!("of a model: centres, velocities, shapes and profiles of particles drawn from it (seed {}), masses integrated over its Gaussians; errors of masses are those of drawing particles, others by leaving out one of eight parts of the particles", o.seed));
-        }
-        if o.sample_fraction != 1.0 {
-            all.push(format!("masses are divided by {}, the share of the particles that were read", o.sample_fraction));
-        }
-        all.retain(|line| !line.is_empty());
-        all
-    }
-}
-
-/// Unit of a property and what makes a column of its numbers; `None` where its unit is not known.
-fn scale_of<'a>(
-    p: &HaloProperty,
-    velocity: Option<&'a str>,
-    circular: Option<f64>,
-    length: &'a str,
-) -> Option<(&'a str, Box<dyn Fn(f64) -> f64>)> {
-    match p.kind {
-        HaloPropertyKind::Velocity => Some((velocity?, Box::new(|v| v))),
-        HaloPropertyKind::Circular => {
-            let factor = circular?;
-            Some(("km/s", Box::new(move |v: f64| (factor * v).sqrt())))
-        }
-        HaloPropertyKind::Length => circular.map(|_| (length, Box::new(|v| v) as Box<dyn Fn(f64) -> f64>)),
-        HaloPropertyKind::Number => Some(("", Box::new(|v| v))),
     }
 }
 
@@ -596,81 +405,6 @@ impl AboutCenter<'_> {
             reach = (GROWTH * reach).min(furthest);
         }
     }
-}
-
-/// Logarithms of masses inside spheres, and of radii: what is between is a parabola through the three nearest.
-struct MassCurve {
-    /// Logarithm of the first radius, and the distance of each from the last.
-    first: f64,
-    step: f64,
-    /// Logarithms of the masses, and their variances.
-    masses: Vec<(f64, f64)>,
-}
-
-impl MassCurve {
-    /// By integration over Gaussians, from one radius to another.
-    fn new(model: &GaussianSpheres, center: [f64; 3], ends: [f64; 2], context: &Context<'_>) -> Result<MassCurve> {
-        let [first, last] = ends.map(f64::ln);
-        let number = ((last - first) / CURVE_STEP).ceil().clamp(2.0, MOST_STEPS);
-        let step = (last - first) / number;
-        let radii: Vec<f64> = (0..=number as usize).map(|i| (first + step * i as f64).exp()).collect();
-        let inside = model.enclosed(center, &radii, context)?;
-        let masses = inside.into_iter().map(|[m, variance]| (m.max(f64::MIN_POSITIVE).ln(), variance)).collect();
-        Ok(MassCurve { first, step, masses })
-    }
-
-    /// Where the mass first falls to `per_cube` times the cube of the radius, and its error.
-    fn sphere(&self, per_cube: f64, count: usize) -> Option<HaloSphere> {
-        let excess = |i: usize| self.masses[i].0 - 3.0 * (self.first + self.step * i as f64) - per_cube.ln();
-        let above = (1..self.masses.len()).find(|i| excess(*i) < 0.0)?;
-        if excess(above - 1) < 0.0 {
-            return None;
-        }
-        // The parabola about the middle of the three nodes, in steps.
-        let middle = above.min(self.masses.len() - 2);
-        let [low, at, high] = [middle - 1, middle, middle + 1].map(excess);
-        let (slope, curve) = (0.5 * (high - low), high - 2.0 * at + low);
-        let (mut from, mut to) = ((above - 1) as f64 - middle as f64, above as f64 - middle as f64);
-        for _ in 0..40 {
-            let x = 0.5 * (from + to);
-            *(if at + slope * x + 0.5 * curve * x * x < 0.0 { &mut to } else { &mut from }) = x;
-        }
-        let x = 0.5 * (from + to);
-        let radius = (self.first + self.step * (middle as f64 + x)).exp();
-        let variance = self.masses[above - 1].1
-            + (self.masses[above].1 - self.masses[above - 1].1) * (x - (above - 1) as f64 + middle as f64);
-        // A mass that is larger by a share makes the sphere larger, too.
-        let steepness = -(slope + curve * x) / (3.0 * self.step);
-        let error = variance.max(0.0).sqrt() / steepness.max(0.2);
-        Some(HaloSphere { sphere: DensitySphere { radius, mass: per_cube * radius.powi(3), count }, error })
-    }
-}
-
-/// Spheres of mean densities by integration over Gaussians, near those of drawn particles.
-fn integrated(
-    model: &GaussianSpheres,
-    center: [f64; 3],
-    counted: [Option<DensitySphere>; SPHERES],
-    per_cube: [Option<f64>; SPHERES],
-    context: &Context<'_>,
-) -> Result<[Option<HaloSphere>; SPHERES]> {
-    let enough = |s: &Option<DensitySphere>| s.filter(|s| s.count >= LEAST_MASS);
-    let radii = || counted.iter().filter_map(enough).map(|s| s.radius);
-    let (smallest, largest) = (radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
-    let mut found = [None; SPHERES];
-    let mut reach = CURVE_REACH;
-    for _ in 0..CURVES {
-        if largest <= 0.0 {
-            break;
-        }
-        let curve = MassCurve::new(model, center, [smallest / reach, largest * reach], context)?;
-        found = std::array::from_fn(|k| curve.sphere(per_cube[k]?, enough(&counted[k])?.count));
-        if (0..SPHERES).all(|k| found[k].is_some() || enough(&counted[k]).is_none()) {
-            break;
-        }
-        reach *= CURVE_REACH;
-    }
-    Ok(found)
 }
 
 #[cfg(test)]

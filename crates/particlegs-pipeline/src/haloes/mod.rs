@@ -2,11 +2,13 @@
 //!
 //! Dark matter is linked by friends of friends ([`crate::stats`]'s `groups`), the other species attached to it (`members`).
 //! Each group's density peak is the centre of spheres whose mean densities the cosmology gives (`overdensity`). What is
-//! measured inside them (`sphere`, `properties`) becomes columns of a catalogue (`find`, `table`). Of a model, particles
-//! are drawn to find the centres, and masses are integrated over its Gaussians. Catalogues are compared (`matching`) and
-//! counted by mass (`mass_function`).
+//! measured inside them (`sphere`, `properties`) becomes a catalogue (`find`, `columns`, `table`). Of a model, particles
+//! are drawn to find the centres, and masses are integrated over its Gaussians (`mass_curve`). Catalogues are compared
+//! (`matching`) and counted by mass (`mass_function`).
 
+mod columns;
 mod find;
+mod mass_curve;
 mod mass_function;
 mod matching;
 mod members;
