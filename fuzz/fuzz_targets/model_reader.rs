@@ -1,15 +1,19 @@
-//! Any bytes: read as a file, and as the one block of a file, whose checksums are none.
+//! Any bytes: read as a file, as a series, and as the one block of a file, whose checksums are none.
 //! `cargo fuzz run model_reader` (seeds: crates/particlegs-pipeline/tests/fixtures).
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use particlegs_pipeline::codec;
+use particlegs_pipeline::context::Context;
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = codec::read_info(bytes, "fuzz");
     if let Ok(model) = codec::decode(bytes, "fuzz") {
         assert!(model.gaussians() > 0);
         assert!(model.blocks().all(|b| b.gaussians.law.kind() == model.metadata.law));
+    }
+    if let Ok(series) = codec::SeriesFile::read(bytes, "fuzz") {
+        let _ = series.tracked(series.frames.len() - 1, &Context::SILENT);
     }
     for block in [codec::decode_block(bytes, "fuzz"), codec::decode_prefix(bytes, "fuzz")].into_iter().flatten() {
         assert_eq!(block.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), block.count);

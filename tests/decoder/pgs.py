@@ -32,13 +32,13 @@ def check(condition, what):
 
 # ---------------------------------------------------------------- 1. The file
 
-def sections(data):
-    """(tag, content, place) of every section, and whether the file is open."""
+def sections(data, wanted=1):
+    """(tag, content, place) of every section, and whether the file, which is of the `wanted` kind, is open."""
     check(data[:8] == MAGIC, "magic")
     check(len(data) >= 24, "shorter than a head")
     check(zlib.crc32(data[:20]) == struct.unpack_from("<I", data, 20)[0], "checksum of the head")
     major, minor, kind, reserved, length = struct.unpack_from("<4BQ", data, 8)
-    if major != 1 or kind != 1:
+    if major != 1 or kind != wanted:
         raise Unsupported(f"major version {major}, kind {kind}")
     check(reserved == 0 or minor > 0, "reserved byte")
     check(length in (0, len(data)), "length of the file")
@@ -138,6 +138,217 @@ def read(data):
     return model
 
 
+# ---------------------------------------------------------------- 16. Series
+
+EDGES = (1, 2, 3, 5, 8, 12, 18, 27, 40, 70, 120)
+
+
+def read_series(data):
+    """The last frame of a series."""
+    (index, *others), _ = sections(data, 2)
+    check(index[0] == b"FRMS", "index of frames")
+    clock, number = struct.unpack_from("<BI", index[1])
+    check(clock < 4 and 1 <= number <= 1 << 20 and len(index[1]) == 5 + 25 * number, "index of frames")
+    frames = [(place + 16, content) for tag, content, place in others if tag == b"FRAM"]
+    model, before, key = None, None, None
+    for kind, time, place, length in struct.iter_unpack("<BdQQ", index[1][5:]):
+        check(kind < 3 and math.isfinite(time), "index of frames")
+        if kind == 0:
+            continue
+        check(before is None and kind == 1 or before is not None and time > before, "clock")
+        at, content = frames.pop(0)
+        check((at, len(content)) == (place, length), "place of a frame")
+        if kind == 1:
+            model, key = read(content), sections(content)[0][0][1]
+            check(model["meta"]["law"] == 1 and not model["meta"]["species"], "kind of a keyframe")
+            for block in (b for _, own in model["layers"] for b in own):
+                block.velocities, block.unrests = [None] * len(block.counts), [0] * len(block.counts)
+        else:
+            model = changed(model, key, content, time - before)
+        before = time
+    check(not frames, "frames")
+    return model
+
+
+def raw_fields(content):
+    found, at = {}, 0
+    while at < len(content):
+        tag, length = struct.unpack_from("<BH", content, at)
+        found[tag], at = content[at + 3 : at + 3 + length], at + 3 + length
+    return found
+
+
+def changed(model, key, data, elapsed):
+    found, _ = sections(data, 3)
+    fields = {**raw_fields(key), **raw_fields(found[0][1])}
+    joined = b"".join(struct.pack("<BH", tag, len(v)) + v for tag, v in sorted(fields.items()))
+    new = {"open": False, "vizm": None, "meta": metadata(joined), "cert": {}, "layers": []}
+    moves = [content for tag, content, _ in found if tag == b"MoVE"]
+    cells = [spanned(m["meta"]["cell"]) for m in (model, new)]
+    for tag, content, _ in found:
+        if tag == b"CERT":
+            new["cert"] = certificate(content)
+    for name, blocks in model["layers"]:
+        new["layers"].append((name, [Change(block, moves.pop(0)[4:], cells, elapsed) for block in blocks]))
+    check(not moves, "blocks of a change")
+    all_blocks = [block for _, own in new["layers"] for block in own]
+    for wanted, read_one in ((b"fiEL", read_field), (b"fiCO", read_correlation)):
+        for tag, content, _ in found:
+            if tag == wanted:
+                read_one(all_blocks[struct.unpack_from("<I", content)[0]], content[4:], new["meta"]["fields"])
+    check_sums(new, False)
+    new["masses"] = masses_of(new)
+    return new
+
+
+def spanned(cell):
+    """A cell that counts, with the inverse of its vectors."""
+    if cell is None or not any(cell[0]) or any(v == (0.0, 0.0, 0.0) for v in cell[1]):
+        return None
+    periodic, v, corner = cell
+    cross = lambda a, b: (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    rows = [cross(v[1], v[2]), cross(v[2], v[0]), cross(v[0], v[1])]
+    volume = v[0][0] * rows[0][0] + v[0][1] * rows[0][1] + v[0][2] * rows[0][2]
+    if volume == 0:
+        return None
+    return periodic, v, corner, [[rows[a][k] / volume for a in range(3)] for k in range(3)]
+
+
+def fractions(cell, d):
+    periodic, _, _, inverse = cell
+    return [(d[0] * inverse[0][a] + d[1] * inverse[1][a]) + d[2] * inverse[2][a] if periodic[a] else 0.0
+            for a in range(3)]
+
+
+def combined(vectors, numbers):
+    return [(numbers[0] * vectors[0][k] + numbers[1] * vectors[1][k]) + numbers[2] * vectors[2][k] for k in range(3)]
+
+
+def carried(cells, x):
+    old, new = cells
+    if old is None or new is None or old == new:
+        return list(x)
+    d = [v - c for v, c in zip(x, old[2])]
+    p = fractions(old, d)
+    return [((v - a) + b) + c for v, a, b, c in zip(d, combined(old[1], p), combined(new[1], p), new[2])]
+
+
+def image(cell, x):
+    if cell is None:
+        return x
+    p = fractions(cell, [v - c for v, c in zip(x, cell[2])])
+    shift = combined(cell[1], [0.0 if 0.0 <= f <= 1.0 else float(math.floor(f)) for f in p])
+    return [v - s for v, s in zip(x, shift)]
+
+
+class Change:
+    """A block of a frame, of that of the frame before."""
+
+    weighted = property(lambda self: self.masses is not None)
+    shaded, whole = 0, True
+
+    def __init__(self, block, content, cells, elapsed):
+        head = struct.unpack_from("<6dQdI5fd2f", content)
+        self.lo, self.hi, (self.count, self.mass, new) = head[0:3], head[3:6], head[6:9]
+        steps, scale, gains = head[9:14], head[14], head[15:17]
+        check(all(0 < s < 1e6 for s in steps) and 0 < scale < math.inf, "steps of a change")
+        check(1 <= self.count <= 1 << 53 and 0 < self.mass < math.inf, "particles of a change")
+        at = struct.calcsize("<6dQdI5fd2f")
+        self.columns, self.fields, self.correlations = {"mean": [], "cov": []}, {}, {}
+        self.velocities, self.unrests, self.weights, self.each = [], [], [], []
+        self.start(block, Stream(content[at + new :]), (steps, scale, gains), cells, elapsed)
+        self.counts, self.masses = [], [] if block.weighted else None
+        added = Block([content[at : at + new]]) if new else None
+        left, mass = self.count - (added.count if new else 0), self.mass - (added.mass if new else 0)
+        check((left > 0) == bool(self.weights), "particles of a change")
+        if self.weights:
+            self.counts = largest_remainder(self.weights, left)
+        if self.weights and block.weighted:
+            self.masses = scaled([e * n for e, n in zip(self.each, self.counts)], mass)
+        if new:
+            check(added.weighted == block.weighted and not added.shaded and added.whole, "new Gaussians")
+            self.counts += added.counts
+            self.velocities += [None] * len(added.counts)
+            self.unrests += [0] * len(added.counts)
+            if block.weighted:
+                self.masses += added.masses
+            for name in self.columns:
+                self.columns[name] += added.columns[name]
+        self.opacities = self.greys = None
+
+    def start(self, block, stream, told, cells, elapsed):
+        steps, scale, gains = told
+        stays = Adaptive([60, 1])
+        spreads = [0.25 * 2 ** (n // 2) * (1.5 if n % 2 else 1.0) for n in range(12)]
+        models = {kind: [Residuals(bell(16, s), 0) for s in spreads] for kind in "place first size shape count mass".split()}
+        places, before = [], 0
+        for i, (mean, cov) in enumerate(zip(block.columns["mean"], block.columns["cov"])):
+            if stays.read(stream):
+                continue
+            n, v = max(block.counts[i], 0.5), block.velocities[i]
+            guess = v if v is not None else self.guess(places, mean)
+            e = [c + g * elapsed for c, g in zip(carried(cells, mean), guess)]
+            trace = (cov[0] + cov[3]) + cov[5]
+            f = min(max(math.sqrt(math.sqrt(max(trace / 3.0, 0.0)) / n / scale), 0.125), 8.0)
+            unrest, total = 2 * block.unrests[i] + before, 0
+
+            def number(kind, step):
+                nonlocal total
+                k = models[kind][sum(unrest + 2 * total >= edge for edge in EDGES)].read(stream)
+                check(abs(k) <= 1 << 20, "a number of a change")
+                total += abs(k)
+                return float(k) * step
+
+            q = [number("place" if v is not None else "first", steps[0] * f) for _ in range(3)]
+            size, *five = [number("size", steps[1])] + [number("shape", steps[2] * f) for _ in range(5)]
+            count = number("count", steps[3])
+            mass = number("mass", steps[4]) if block.weighted else 0.0
+            check(max(map(abs, (size, *five, count, mass))) <= 16, "a number of a change")
+            if block.weighted:
+                each = block.masses[i] / max(block.counts[i], 1.0)
+                self.each.append((each if each > 0 else block.mass / float(block.count)) * exp(mass))
+            self.weights.append(n * exp(count))
+            l = lower(cov, trace)
+            by = l(q)
+            unit = exponential(five)
+            columns = [l([unit[a], unit[b], unit[c]]) for a, b, c in ((0, 1, 2), (1, 3, 4), (2, 4, 5))]
+            rows = [l([columns[k][j] for k in range(3)]) for j in range(3)]
+            grown = exp(2.0 * size)
+            cov = [rows[a][b] * grown for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+            check(all(map(math.isfinite, (*cov, *by))) and min(cov[0], cov[3], cov[5]) >= 0, "a Gaussian of a change")
+            gain = gains[v is not None]
+            self.velocities.append([g + gain * b / elapsed for g, b in zip(guess, by)])
+            self.columns["mean"].append(image(cells[1], [x + b for x, b in zip(e, by)]))
+            self.columns["cov"].append(cov)
+            self.unrests.append(min(total, 255))
+            places.append(mean)
+            before = min(total, 255)
+        stream.finish()
+
+    def guess(self, places, at):
+        near = []
+        for j in range(len(places) - 1, max(len(places) - 256, 0) - 1, -1):
+            x, y, z = (a - b for a, b in zip(places[j], at))
+            near.append((x * x + y * y + z * z, j))
+        near = sorted(near, key=lambda n: n[0])[:4]
+        total = [0.0] * 3
+        for _, j in near:
+            total = [t + v for t, v in zip(total, self.velocities[j])]
+        return [t / max(len(near), 1) for t in total]
+
+
+def lower(cov, trace):
+    """What the lower triangle of a covariance makes of a vector."""
+    xx, xy, xz, yy, yz, zz = cov
+    root = lambda v: math.sqrt(max(v, trace * 2.0**-40 + 1e-300))
+    x = root(xx)
+    a, b = xy / x, xz / x
+    y = root(yy - a * a)
+    c = (yz - b * a) / y
+    z = root((zz - b * b) - c * c)
+    return lambda q: [x * q[0], a * q[0] + y * q[1], (b * q[0] + c * q[1]) + z * q[2]]
+
+
 def check_sums(model, is_open):
     meta, blocks = model["meta"], [b for _, blocks in model["layers"] for b in blocks]
     particles, mass = sum(b.count for b in blocks), neumaier([b.mass for b in blocks])
@@ -197,6 +408,7 @@ def metadata(content):
         "particles": one(fields, 2, "<Q"),
         "mass": real(3),
         "bounds": struct.unpack("<6d", fields[4]),
+        "cell": cell_of(fields[5], fields.get(6, bytes(24))) if 5 in fields else None,
         "radius": real(7),
         "opacity": real(8),
         "source": fields[9].decode(),
@@ -234,6 +446,15 @@ def species_of(content):
         at += 17 + n
     check(at == len(content) and 2 <= len({name for name, *_ in found}) == len(found) <= 16, "species")
     return found
+
+
+def cell_of(content, corner):
+    """(periodic axes, vectors, corner)."""
+    lengths = struct.unpack(f"<{(len(content) - 1) // 8}d", content[1:])
+    if len(lengths) == 3:
+        lengths = (lengths[0], 0.0, 0.0, 0.0, lengths[1], 0.0, 0.0, 0.0, lengths[2])
+    vectors = [lengths[0:3], lengths[3:6], lengths[6:9]]
+    return [bool(content[0] >> k & 1) for k in range(3)], vectors, struct.unpack("<3d", corner)
 
 
 def one(fields, tag, form):
@@ -558,12 +779,15 @@ class Block:
             weights = self.opacities
         self.counts = largest_remainder(weights, self.count)
         if self.weighted:
-            masses = [n * exp(grey * v) for n, v in zip(self.counts, c["W"])]
-            for _ in range(2):
-                total = neumaier(masses)
-                factor = self.mass / total if 0 < total < math.inf else math.inf
-                masses = [m * factor if factor < math.inf else self.mass / len(masses) for m in masses]
-            self.masses = masses
+            self.masses = scaled([n * exp(grey * v) for n, v in zip(self.counts, c["W"])], self.mass)
+
+
+def scaled(masses, mass):
+    for _ in range(2):
+        total = neumaier(masses)
+        factor = mass / total if 0 < total < math.inf else math.inf
+        masses = [m * factor if factor < math.inf else mass / len(masses) for m in masses]
+    return masses
 
 
 def neumaier(values):
@@ -1321,4 +1545,5 @@ if __name__ == "__main__":
         if arguments:
             cut(f.read(), arguments[1])
         else:
-            dump(read(f.read()), sys.stdout)
+            data = f.read()
+            dump(read_series(data) if data[10:11] == b"\2" else read(data), sys.stdout)

@@ -3,11 +3,95 @@
 use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
+use clap::Args;
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
+use particlegs_pipeline::codec::{FrameKind, SeriesClock, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::{Error, Result, codec};
+use std::io::Read;
 use std::path::Path;
+
+/// Which frame of a series is read.
+#[derive(Args, Clone, Debug, Default)]
+pub struct FrameArgs {
+    /// Frame of a series, counted from 0, or from the end: -1 is the last [default: the last].
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "time")]
+    frame: Option<i64>,
+    /// Frame of a series nearest to a moment: a=0.5, z=1, step=1000, or 500ps.
+    #[arg(long, value_name = "WHEN")]
+    time: Option<String>,
+}
+
+impl FrameArgs {
+    /// The frame of this number.
+    pub fn numbered(frame: Option<i64>) -> FrameArgs {
+        FrameArgs { frame, time: None }
+    }
+
+    fn is_given(&self) -> bool {
+        self.frame.is_some() || self.time.is_some()
+    }
+
+    /// The frame's number in a series.
+    fn number(&self, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<usize> {
+        let count = series.frames.len();
+        if let Some(text) = &self.time {
+            let asked = moment(text, series, place, context)?;
+            let there = (0..count).filter(|&i| series.frames[i].kind != FrameKind::Missing);
+            let off = |i: &usize| (series.frames[*i].time - asked).abs();
+            let nearest = there.min_by(|a, b| off(a).total_cmp(&off(b)));
+            return nearest.ok_or_else(|| Error::input(place, "the series has no frames"));
+        }
+        let number = self.frame.unwrap_or(-1);
+        let from_start = if number < 0 { number + count as i64 } else { number };
+        usize::try_from(from_start).ok().filter(|&n| n < count).ok_or_else(|| {
+            Error::input(place, format!("there is no frame {number}; the series has {count} frames, from 0"))
+        })
+    }
+}
+
+/// Units of time, in seconds.
+const SECONDS: [(&str, f64); 9] = [
+    ("Gyr", 3.15576e16),
+    ("Myr", 3.15576e13),
+    ("yr", 3.15576e7),
+    ("fs", 1e-15),
+    ("ps", 1e-12),
+    ("ns", 1e-9),
+    ("us", 1e-6),
+    ("ms", 1e-3),
+    ("s", 1.0),
+];
+
+/// What the clock of a series shows at a moment that a user names.
+fn moment(text: &str, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<f64> {
+    let wrong = || Error::argument(format!("--time {text}: write a=0.5, z=1, step=1000 or a time such as 500ps"));
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
+    let (clock, value) = if let Some(a) = text.strip_prefix("a=") {
+        (SeriesClock::ScaleFactor, number(a)?)
+    } else if let Some(z) = text.strip_prefix("z=") {
+        (SeriesClock::ScaleFactor, 1.0 / (1.0 + number(z)?))
+    } else if let Some(step) = text.strip_prefix("step=") {
+        (SeriesClock::Step, number(step)?)
+    } else {
+        let unit = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
+        let seconds = number(text.trim_end_matches(unit.0))? * unit.1;
+        let metadata = series.tracked(first_frame(series), context)?.metadata;
+        let own = metadata.units.time.and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
+        let own = own.ok_or_else(|| Error::input(place, "the series does not state its unit of time"))?;
+        (SeriesClock::Time, seconds / own)
+    };
+    if clock != series.clock {
+        let what = format!("the clock of the series is its {}, not its {}", series.clock.name(), clock.name());
+        return Err(Error::input(place, what));
+    }
+    Ok(value)
+}
+
+fn first_frame(series: &SeriesFile<'_>) -> usize {
+    series.frames.iter().position(|f| f.kind != FrameKind::Missing).unwrap_or(0)
+}
 
 pub enum PathContent {
     Model(Vec<u8>),
@@ -16,8 +100,30 @@ pub enum PathContent {
 
 const HEAD: usize = 8;
 
-/// A model file's bytes; `-` is standard input.
+/// A model file's bytes, of a series those of its last frame; `-` is standard input.
 pub fn model(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
+    model_of(path, &FrameArgs::default(), context)
+}
+
+/// The same with a frame of a series.
+pub fn model_of(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> Result<Vec<u8>> {
+    frame_of(model_or_series(path, context)?, frame, &name_of(path), context)
+}
+
+/// A model's bytes; of a series those of the frame that `opening` names, which then names the snapshot's frame that it
+/// was made from.
+pub fn model_with_snapshot(path: &Path, opening: &mut SnapshotArgs, context: &Context<'_>) -> Result<Vec<u8>> {
+    let bytes = model_or_series(path, context)?;
+    if !codec::is_series(&bytes) {
+        return Ok(bytes);
+    }
+    let bytes = frame_of(bytes, &FrameArgs::numbered(opening.frame), &name_of(path), context)?;
+    opening.frame = codec::read_metadata(&bytes, &name_of(path))?.epoch.frame.and_then(|f| i64::try_from(f).ok());
+    Ok(bytes)
+}
+
+/// The bytes of a model file, or of a series.
+pub fn model_or_series(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
     if path.is_dir() {
         return Err(no_model(path));
     }
@@ -28,13 +134,37 @@ pub fn model(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
     codec::read_source(source, &name_of(path))
 }
 
+/// Is a file, which is not a pipe, a series?
+pub fn is_series(path: &Path) -> bool {
+    let mut head = [0; codec::HEAD_BYTES];
+    let mut read = || std::fs::File::open(path)?.read_exact(&mut head);
+    path.is_file() && read().is_ok() && codec::is_series(&head)
+}
+
+/// A frame of a series as a model file; a model file as it is.
+fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_>) -> Result<Vec<u8>> {
+    if !codec::is_series(&bytes) {
+        return match frame.time {
+            Some(_) => Err(Error::input(place, "it is one model, not a series: it has no other moments")),
+            None => Ok(bytes),
+        };
+    }
+    let series = SeriesFile::read(&bytes, place)?;
+    let number = frame.number(&series, place, context)?;
+    if frame.time.is_some() || !frame.is_given() {
+        let (time, clock) = (series.frames[number].time, series.clock.name());
+        context.message(&format!("note: {place}: frame {number} is read, {clock} {time}"));
+    }
+    series.extract(number, context)
+}
+
 fn no_model(path: &Path) -> Error {
     let kind = PathKind::from_path(path);
     let what = format!("{}, not a model file", kind.describe().unwrap_or_default());
     Error::input_with(path, what, kind.to_a_model())
 }
 
-/// A model or a snapshot. A pipe is read only once.
+/// A model, of a series the frame that is named or else the last, or a snapshot. A pipe is read only once.
 pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<'_>) -> Result<PathContent> {
     let mut choice = opening.choice()?;
     if path.is_dir() {
@@ -42,7 +172,9 @@ pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<
     }
     let mut source = Source::open(path, context)?;
     if codec::is_model(source.peek(HEAD)?) {
-        return Ok(PathContent::Model(codec::read_source(source, &name_of(path))?));
+        let frame = FrameArgs::numbered(opening.frame);
+        let bytes = codec::read_source(source, &name_of(path))?;
+        return Ok(PathContent::Model(frame_of(bytes, &frame, &name_of(path), context)?));
     }
     if is_stream(path) {
         choice.spool(source)?;

@@ -18,6 +18,7 @@ mod field_args;
 mod figure;
 mod fit_args;
 mod info_model;
+mod info_series;
 mod info_snapshot;
 mod inputs;
 mod job_args;

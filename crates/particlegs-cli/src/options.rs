@@ -1,6 +1,7 @@
 //! Refuses options that have no effect, since ignoring them would mislead. One table holds the rules.
 
 use crate::figure::FileKind;
+use crate::inputs::is_series;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
 use particlegs_export::{Group, Kind as Exported};
@@ -66,7 +67,7 @@ const RULES: &[OptionRule] = rules! {
     "info": "SnapshotArgs no_bounds", |g| g.model("input") => MODEL;
     "convert": "SnapshotArgs SelectionArgs WindowArgs", |g| g.model("input") => MODEL,
         "draw particles with `recover`, then convert those";
-    "verify": "SnapshotArgs SelectionArgs WindowArgs", |g| !g.has("snapshot") => NO_SNAPSHOT, "name it after the model";
+    "verify": "SnapshotArgs SelectionArgs WindowArgs", |g| !g.has("snapshot") && !g.series("model") => NO_SNAPSHOT, "name it after the model";
     "view": "SnapshotArgs SelectionArgs", |g| !g.has("particles") => NO_SNAPSHOT, "name it with --snapshot";
     "merge": "certificate", |g| !g.folder("parts") =>
         "job folders: merged files have no certificate";
@@ -219,7 +220,11 @@ impl CommandMatches<'_> {
 
     /// Is the only positional argument a model? Unreadable files are reported later, and pipes are not touched.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if matches!(PathKind::from_path(one), PathKind::Model))
+        matches!(&self.paths(id)[..], [one] if matches!(PathKind::from_path(one), PathKind::Model) && !is_series(one))
+    }
+
+    fn series(&self, id: &str) -> bool {
+        matches!(&self.paths(id)[..], [one] if is_series(one))
     }
 
     fn folder(&self, id: &str) -> bool {

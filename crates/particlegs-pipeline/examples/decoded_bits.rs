@@ -2,6 +2,7 @@
 //! of docs/format.md: `decoded_bits MODEL.pgs`.
 
 use particlegs_pipeline::codec;
+use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Block, Certificate, Effort, LawKind, MetricValue, Model, Unit};
 use std::io::{BufWriter, Write};
 
@@ -106,7 +107,14 @@ fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("decoded_bits MODEL.pgs")?;
-    let model = codec::decode(&std::fs::read(&path)?, &path)?;
+    let bytes = std::fs::read(&path)?;
+    // Of a series the last frame.
+    let model = if codec::is_series(&bytes) {
+        let series = codec::SeriesFile::read(&bytes, &path)?;
+        series.tracked(series.frames.len() - 1, &Context::SILENT)?.into_model()
+    } else {
+        codec::decode(&bytes, &path)?
+    };
     let mut out = BufWriter::new(std::io::stdout().lock());
     head(&model, &mut out)?;
     for layer in &model.layers {

@@ -29,6 +29,7 @@ pub mod score;
 pub mod compress;
 
 pub mod job;
+pub mod series;
 
 #[cfg(test)]
 mod law_tests;

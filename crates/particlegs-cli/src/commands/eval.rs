@@ -76,7 +76,7 @@ struct EvalReport {
     views_from: String,
 }
 
-pub fn run(a: Arguments) -> Result<()> {
+pub fn run(mut a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let inputs =
         a.input.iter().chain([&a.model]).chain(&a.views).chain(&a.particles.opening.topology).map(PathBuf::as_path);
@@ -85,7 +85,7 @@ pub fn run(a: Arguments) -> Result<()> {
         context.makes_folder(folder)?;
         pictures::paths(folder).iter().try_for_each(|p| context.outputs().writes(p, &PNG, &context).map(drop))?;
     }
-    let bytes = inputs::model(&a.model, &context)?;
+    let bytes = inputs::model_with_snapshot(&a.model, &mut a.particles.opening, &context)?;
     let model = a.particles.opening.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
     let particles = a.particles.read(&a.input, context.common.seed, &Storage::Memory, &context)?;
     let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;

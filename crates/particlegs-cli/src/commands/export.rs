@@ -2,7 +2,7 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::density_args::range_of;
-use crate::inputs;
+use crate::inputs::{self, FrameArgs};
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
@@ -83,6 +83,8 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
+    series: FrameArgs,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -132,7 +134,7 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let kept = context.writes(&a.output, &kind.file())?;
     let start = Instant::now();
-    let bytes = inputs::model(&a.model, &context)?;
+    let bytes = inputs::model_of(&a.model, &a.series, &context)?;
     let name = a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     let whole = a.layers == ["all"] || kind.group() == Group::Page;

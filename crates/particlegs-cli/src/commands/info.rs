@@ -3,7 +3,7 @@
 use crate::common::Common;
 use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
-use crate::{info_model, info_snapshot};
+use crate::{info_model, info_series, info_snapshot};
 use clap::Args;
 use particlegs_pipeline::Result;
 use std::path::PathBuf;
@@ -14,6 +14,7 @@ use std::path::PathBuf;
   particlegs info M.pgs
   particlegs info snap_099.0.hdf5
   particlegs info dump.lammpstrj.gz --frame 0
+  particlegs info run.pgs --frame 12
   particlegs info M.pgs --json - | jq .metadata")]
 pub struct Arguments {
     /// Model file, or a snapshot: its first file, its folder, or raw columns x y z (w).
@@ -32,6 +33,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.input.iter().chain(&a.snapshot.topology).map(PathBuf::as_path), false)?;
     match &a.input[..] {
+        [one] if a.snapshot.frame.is_none() && inputs::is_series(one) => {
+            info_series::print(&context, one, &inputs::model_or_series(one, &context)?)
+        }
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             PathContent::Model(bytes) => info_model::print(&context, one, &bytes),
             PathContent::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),

@@ -10,6 +10,7 @@ mod convert;
 mod devices;
 mod eval;
 mod export;
+mod extract;
 mod finetune;
 mod haloes;
 mod info;
@@ -20,6 +21,7 @@ mod recover;
 mod reference;
 mod render;
 mod scatter;
+mod series;
 mod simplify;
 mod stats;
 mod status;
@@ -31,10 +33,10 @@ use particlegs_pipeline::Result;
 
 /// The groups that the help lists.
 pub const GROUPS: [(&str, &[&str]); 6] = [
-    ("Make", &["compress", "simplify", "merge"]),
+    ("Make", &["compress", "series", "simplify", "merge"]),
     ("Look", &["view", "render", "reference"]),
     ("Measure", &["info", "verify", "eval", "compare", "stats", "haloes"]),
-    ("Convert", &["convert", "export", "recover"]),
+    ("Convert", &["convert", "export", "extract", "recover"]),
     ("Cluster", &["plan", "scatter", "block", "status", "finetune"]),
     (
         "Other",
@@ -56,6 +58,10 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
 pub enum Command {
     /// Compress a snapshot into a model file.
     Compress(compress::Arguments),
+    /// Compress the snapshots of a run into one series file.
+    Series(series::Arguments),
+    /// Take one frame of a series as a model file.
+    Extract(extract::Arguments),
     /// Compare pictures or surface densities: two files, or two folders.
     Compare(compare::Arguments),
     /// Score the pictures of a model against those of its snapshot.
@@ -109,6 +115,8 @@ pub enum Command {
 pub fn run(command: Command) -> Result<()> {
     match command {
         Command::Compress(a) => compress::run(a),
+        Command::Series(a) => series::run(a),
+        Command::Extract(a) => extract::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Eval(a) => eval::run(a),
         Command::Plan(a) => plan::run(a),

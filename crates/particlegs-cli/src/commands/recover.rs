@@ -1,7 +1,7 @@
 //! `particlegs recover M.pgs -o DIR`.
 
 use crate::common::{CommandContext, Common, named, one_of};
-use crate::inputs;
+use crate::inputs::{self, FrameArgs};
 use crate::outputs::{ForceArgs, PARTICLES};
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
@@ -52,6 +52,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FORM", default_value = "raw", value_parser = one_of(FORMS))]
     form: RawForm,
     #[command(flatten)]
+    series: FrameArgs,
+    #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
     common: Common,
@@ -77,7 +79,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let own: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(fields.iter().map(String::as_str)).collect();
     let kept = writer.folder && context.outputs().writes_folder(&a.output, &own)?;
     let start = Instant::now();
-    let bytes = inputs::model(&a.model, &context)?;
+    let bytes = inputs::model_of(&a.model, &a.series, &context)?;
     let mut model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     if !a.layer.is_empty() {
         let certificate = model.certificate.take();

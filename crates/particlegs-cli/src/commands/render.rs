@@ -12,7 +12,7 @@ use crate::drawing::{ViewContent, ViewRenderer, layers};
 use crate::field_args::{FieldArgs, FieldChoice};
 use crate::figure::FileKind;
 use crate::figure::args::{Background, FigureArgs};
-use crate::inputs;
+use crate::inputs::{self, FrameArgs};
 use crate::picture_out::PictureOut;
 use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
@@ -111,6 +111,8 @@ pub struct Arguments {
     density: DensityArgs,
     #[command(flatten)]
     field: FieldArgs,
+    #[command(flatten)]
+    series: FrameArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -234,7 +236,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let files = [&a.view.views, &a.sequence.path, &a.like, &a.figure.overlay].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
     let mut asked = RenderOptions::new(a, &context)?;
-    let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
+    let read = a.models.iter().map(|path| read(path, &a.series, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, but a picture shows only one", read.len());
         return Err(Error::argument_with(what, "draw them in one figure with --panels"));
@@ -335,8 +337,8 @@ fn alike(fields: &[Option<FieldChoice>], read: &[SourceModel]) -> Result<()> {
     }
 }
 
-fn read(path: &Path, asked: &RenderOptions, context: &CommandContext) -> Result<SourceModel> {
-    let bytes = inputs::model(path, context)?;
+fn read(path: &Path, frame: &FrameArgs, asked: &RenderOptions, context: &CommandContext) -> Result<SourceModel> {
+    let bytes = inputs::model_of(path, frame, context)?;
     let name = name_of(path);
     let model = codec::decode_with(&bytes, &name, context)?;
     let model = if asked.layers == ["all"] { model } else { model.only(&asked.layers)? };

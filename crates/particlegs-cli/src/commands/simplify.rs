@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use crate::info_model;
-use crate::inputs;
+use crate::inputs::{self, FrameArgs};
 use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::target_args::TargetArgs;
@@ -33,6 +33,8 @@ pub struct Arguments {
     #[command(flatten)]
     target: TargetArgs,
     #[command(flatten)]
+    series: FrameArgs,
+    #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
     common: Common,
@@ -44,7 +46,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
     let kept = context.writes(&a.output, &outputs::MODEL)?;
-    let bytes = inputs::model(&a.model, &context)?;
+    let bytes = inputs::model_of(&a.model, &a.series, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     context.notes(codec::read_info(&bytes, &name_of(&a.model))?.left_out().as_slice());
     // The same options give the same bytes; refuse another model before any work.

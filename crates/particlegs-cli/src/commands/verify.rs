@@ -65,17 +65,20 @@ struct VerifyReport {
 
 /// Reads the whole file, decodes every block and checks the sums; with a snapshot also compares its hash and measures
 /// the certificate again.
-pub fn run(a: Arguments) -> Result<()> {
+pub fn run(mut a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     if Job::is_job(&a.model) {
         return verify_job(&a, &context);
     }
     context
         .reads(a.snapshot.iter().chain([&a.model]).chain(&a.particles.opening.topology).map(PathBuf::as_path), false)?;
+    if a.store && inputs::is_series(&a.model) {
+        return Err(Error::argument("--store does not write into a series: its frames have their own certificates"));
+    }
     if a.store {
         context.outputs().rewrites(&a.model)?;
     }
-    let bytes = inputs::model(&a.model, &context)?;
+    let bytes = inputs::model_with_snapshot(&a.model, &mut a.particles.opening, &context)?;
     let place = name_of(&a.model);
     let model = codec::decode_with(&bytes, &place, &context)?;
     let (counts, mass_error) = sums(&model);

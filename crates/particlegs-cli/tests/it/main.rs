@@ -27,6 +27,7 @@ mod odd_options;
 mod options;
 mod outputs;
 mod planner;
+mod series;
 mod simplify;
 mod smooth;
 mod species;

@@ -8,9 +8,11 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 pub(crate) const MINOR: u8 = 0;
-/// What a file is: one model, or a series of them. Files of before the first release say 0.
-const MODEL: u8 = 1;
-const SERIES: u8 = 2;
+/// What a file is: one model, or a series of them; within a series also what changes from one to the next. Files of before
+/// the first release say 0.
+pub(crate) const MODEL: u8 = 1;
+pub(crate) const SERIES: u8 = 2;
+pub(crate) const CHANGE: u8 = 3;
 /// Magic, major, minor, kind, reserved, length, checksum.
 pub const HEAD_BYTES: usize = 8 + 1 + 1 + 1 + 1 + 8 + 4;
 /// Tag, length, checksum.
@@ -45,6 +47,12 @@ pub const FIELD: [u8; 4] = *b"fiEL";
 pub const SHARE: [u8; 4] = *b"shAR";
 /// Correlations between two scalar fields of a block.
 pub const CORRELATION: [u8; 4] = *b"fiCO";
+/// A block of a frame, as what changes from the frame before.
+pub(crate) const BLOCK_CHANGE: Tag = *b"MoVE";
+/// Of a series: where its frames lie, how it was made, a frame.
+pub(crate) const FRAME_INDEX: Tag = *b"FRMS";
+pub(crate) const SERIES_RECIPE: Tag = *b"rECI";
+pub(crate) const FRAME: Tag = *b"FRAM";
 /// Where the sections lie.
 pub(crate) const INDEX: Tag = *b"iNDX";
 
@@ -95,7 +103,7 @@ impl<'a> Section<'a> {
 }
 
 /// Puts the sections of a model together; with an index behind the first where it is asked for.
-pub(crate) fn write(sections: &[Section<'_>], index: bool) -> Vec<u8> {
+pub(crate) fn write(kind: u8, sections: &[Section<'_>], index: bool) -> Vec<u8> {
     let mut entries = Vec::new();
     if index {
         let mut at = HEAD_BYTES;
@@ -113,7 +121,7 @@ pub(crate) fn write(sections: &[Section<'_>], index: bool) -> Vec<u8> {
     let length = HEAD_BYTES + sections().map(|s| SECTION_BYTES + s.content()).sum::<usize>();
     let mut out = Vec::with_capacity(length);
     out.extend(MAGIC);
-    out.extend([MAJOR, MINOR, MODEL, 0]);
+    out.extend([MAJOR, MINOR, kind, 0]);
     out.extend((length as u64).to_le_bytes());
     out.extend(crc32fast::hash(&out).to_le_bytes());
     for section in sections() {
@@ -155,8 +163,9 @@ pub(crate) struct FileSections<'a> {
 }
 
 /// Takes a file apart and checks every checksum.
-pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<FileSections<'a>> {
+pub(crate) fn read<'a>(kind: u8, file: &'a [u8], place: &str) -> Result<FileSections<'a>> {
     let length = promise(file, place)?;
+    is_of_kind(kind, file, place)?;
     let open = length == 0;
     if !open && file.len() as u64 != length {
         return Err(Error::corrupt(place, other_length(file.len() as u64, length)));
@@ -170,13 +179,16 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<FileSections<'a>> 
         }
         let section = section(file, at).map_err(|what| Error::corrupt(place, format!("at byte {at}: {what}")))?;
         at += SECTION_BYTES + section.content();
-        if sections.is_empty() && section.tag != META {
+        if sections.is_empty() && section.tag != META && kind != SERIES {
             return Err(Error::corrupt(place, "the file does not begin with metadata"));
         }
         match section.tag {
             INDEX if index.is_some() => return Err(Error::corrupt(place, "the file has two indexes")),
             INDEX => index = Some(section),
-            META | CERTIFICATE | VIZMAPPER | LAYER | BLOCK | STAGE => sections.push(section),
+            META | CERTIFICATE => sections.push(section),
+            VIZMAPPER | LAYER | BLOCK | STAGE if kind == MODEL => sections.push(section),
+            BLOCK_CHANGE if kind == CHANGE => sections.push(section),
+            FRAME_INDEX | FRAME if kind == SERIES => sections.push(section),
             tag if is_optional(tag) => sections.push(section),
             tag => {
                 let what = format!("section `{}` is unknown and required", tag.escape_ascii());
@@ -237,15 +249,31 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
         return incompatible(format!("the file has version {major}.{minor}; this program reads version {MAJOR}"));
     }
     match kind {
-        MODEL if reserved == 0 || minor > MINOR => Ok(length),
-        MODEL => corrupt(format!("the reserved byte of the header is {reserved}")),
-        SERIES => incompatible("the file is a series of models, but this program reads only single models".into()),
+        MODEL | SERIES | CHANGE if reserved == 0 || minor > MINOR => Ok(length),
+        MODEL | SERIES | CHANGE => corrupt(format!("the reserved byte of the header is {reserved}")),
         0 => incompatible("the file was made before the first release: compress again".into()),
         _ => incompatible(format!("the file is of the unknown kind {kind}")),
     }
 }
 
-fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, String> {
+/// Does a file begin as a series of models does?
+pub fn is_series(head: &[u8]) -> bool {
+    is_model(head) && head.get(KIND_AT) == Some(&SERIES)
+}
+
+/// Place of the kind in the head.
+const KIND_AT: usize = 10;
+
+/// Refuses a file of another kind; its head is known to be whole.
+fn is_of_kind(kind: u8, file: &[u8], place: &str) -> Result<()> {
+    match file.get(KIND_AT) {
+        Some(&own) if own == kind => Ok(()),
+        Some(&SERIES) => Err(Error::input(place, "the file is a series of models: choose a frame")),
+        _ => Err(Error::corrupt(place, "the file is of another kind than its place says")),
+    }
+}
+
+pub(crate) fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, String> {
     let mut r = WireReader::new(&file[offset..]);
     let head = r.take(12)?;
     let mut fields = WireReader::new(head);

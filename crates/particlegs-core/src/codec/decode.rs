@@ -196,7 +196,7 @@ impl PartialBlock {
 }
 
 /// Adds the moments of sections to their block; `shared` = its Gaussians are shared by species.
-fn fields_of(
+pub(super) fn fields_of(
     block: &mut Block,
     sections: &[StoredSection],
     metadata: &Metadata,
@@ -252,7 +252,11 @@ fn complete(g: &mut Mixture, classes: &[Quantity]) -> std::result::Result<(), St
 }
 
 /// Adds the correlations of a section to its block, whose fields are there.
-fn correlation_of(block: &mut Block, section: &[u8], fields: &[Quantity]) -> std::result::Result<(), String> {
+pub(super) fn correlation_of(
+    block: &mut Block,
+    section: &[u8],
+    fields: &[Quantity],
+) -> std::result::Result<(), String> {
     let (numbers, correlations) = decode_correlation(section, &block.gaussians)?;
     let g = &mut block.gaussians;
     let name = |n: u8| fields.get(usize::from(n)).filter(|q| q.kind == QuantityKind::Scalar).map(|q| &q.name[..]);

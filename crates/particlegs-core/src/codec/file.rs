@@ -138,7 +138,7 @@ impl CodedFile {
         attached.sort_by_key(|s: &Section<'_>| s.tag);
         out.extend(attached);
         out.extend(self.sections.iter().map(|s| Section::new(s.tag, None, &s.bytes)));
-        let file = container::write(&out, number as usize >= INDEXED);
+        let file = container::write(container::MODEL, &out, number as usize >= INDEXED);
         // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
         match parts(&file, "the model") {
             Ok(_) => Ok(file),
@@ -299,7 +299,7 @@ impl From<&Section<'_>> for StoredSection {
 
 /// Reads all but the streams, and checks what the parts say of each other.
 pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
-    let file = container::read(bytes, place)?;
+    let file = container::read(container::MODEL, bytes, place)?;
     let corrupt = |what: String| Error::corrupt(place, what);
     let fault = |fault: SectionFault| match fault {
         SectionFault::Corrupt(what) => corrupt(what),

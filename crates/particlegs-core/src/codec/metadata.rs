@@ -375,6 +375,35 @@ fn fields(bytes: &[u8]) -> Result<Vec<(u8, &[u8])>, SectionFault> {
     Ok(out)
 }
 
+/// The fields of a frame that differ from those of its keyframe; `None` where the keyframe has one that the frame lacks.
+pub(crate) fn difference(key: &[u8], frame: &[u8]) -> Option<Vec<u8>> {
+    let (key, frame) = (fields(key).ok()?, fields(frame).ok()?);
+    if key.iter().any(|(tag, _)| frame.iter().all(|f| f.0 != *tag)) {
+        return None;
+    }
+    Some(joined(frame.into_iter().filter(|f| !key.contains(f))))
+}
+
+/// The fields of a frame: those that are given, and the keyframe's others.
+pub(crate) fn changed(key: &[u8], given: &[u8]) -> Result<Vec<u8>, SectionFault> {
+    let given = fields(given)?;
+    let mut all = fields(key)?;
+    all.retain(|f| given.iter().all(|g| g.0 != f.0));
+    all.extend(given);
+    all.sort_by_key(|f| f.0);
+    Ok(joined(all.into_iter()))
+}
+
+fn joined<'a>(fields: impl Iterator<Item = (u8, &'a [u8])>) -> Vec<u8> {
+    let mut out = Vec::new();
+    for (tag, value) in fields {
+        out.push(tag);
+        out.extend((value.len() as u16).to_le_bytes());
+        out.extend(value);
+    }
+    out
+}
+
 fn floats<'a>(values: impl Iterator<Item = &'a f64>) -> Vec<u8> {
     values.flat_map(|v| v.to_le_bytes()).collect()
 }

@@ -9,6 +9,7 @@
 //! levels in the places of counts and masses; its network has a section (`vizmapper`).
 
 mod certificate;
+mod change;
 mod container;
 mod decode;
 mod decoder;
@@ -31,6 +32,7 @@ mod predictor;
 mod rans;
 #[cfg(test)]
 mod sections_tests;
+mod series;
 mod shape;
 mod shared_species;
 mod source;
@@ -44,7 +46,8 @@ mod trellis;
 mod vizmapper;
 mod wire;
 
-pub use container::{CORRELATION, FIELD, HEAD_BYTES, SHARE, is_model, other_length, promised_length};
+pub use change::{ChangePrecision, ChangeTarget, FrameStep, TrackedBlock};
+pub use container::{CORRELATION, FIELD, HEAD_BYTES, SHARE, is_model, is_series, other_length, promised_length};
 pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
 pub use encoder::Encoder;
 pub use field::{FieldPrecision, encode_field};
@@ -58,6 +61,9 @@ pub use info::{BlockInfo, FieldInfo, FileInfo, LayerSum, read_info};
 pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;
+pub use series::{
+    CodedFrame, FrameEntry, FrameKind, MOST_FRAMES, SeriesClock, SeriesFile, TrackedModel, assemble_series,
+};
 pub use sums::whole_counts;
 pub use thinning::Thinning;
 

@@ -52,13 +52,13 @@ fn file() -> Vec<u8> {
 }
 
 fn sections(file: &[u8]) -> Vec<Section<'_>> {
-    container::read(file, "m").ok().unwrap().sections
+    container::read(container::MODEL, file, "m").ok().unwrap().sections
 }
 
 fn with<'a>(file: &'a [u8], change: impl FnOnce(&mut Vec<Section<'a>>)) -> Vec<u8> {
     let mut all = sections(file);
     change(&mut all);
-    container::write(&all, false)
+    container::write(container::MODEL, &all, false)
 }
 
 fn open(file: &[u8]) -> Vec<u8> {
@@ -178,7 +178,7 @@ fn files_of_before_the_first_release_and_series_are_told_apart() {
 fn an_index_lists_what_there_is() {
     let file = file();
     let all = sections(&file);
-    let indexed = container::write(&all, true);
+    let indexed = container::write(container::MODEL, &all, true);
     assert_eq!(decode(&indexed, "m").unwrap(), decode(&file, "m").unwrap());
     // It is left out of what merging copies, and of an open file the end may be missing.
     assert_eq!(merged(&[&indexed]), merged(&[&file]));
@@ -187,14 +187,14 @@ fn an_index_lists_what_there_is() {
     // Another section than it lists.
     let mut other = all.clone();
     other.push(Section::new(*b"xTRA", None, b""));
-    let listed = container::write(&other, true);
+    let listed = container::write(container::MODEL, &other, true);
     let without = {
         let mut all = sections(&listed);
         let index = Section::new(*b"iNDX", None, &listed[container::HEAD_BYTES + 16 + all[0].bytes.len() + 16..]);
         let length = container::ENTRY_BYTES * (all.len() - 1);
         all.pop();
         all.insert(1, Section { bytes: &index.bytes[..length], ..index });
-        container::write(&all, false)
+        container::write(container::MODEL, &all, false)
     };
     assert!(matches!(decode(&without, "m"), Err(Error::Corrupt { .. })));
 }

@@ -43,6 +43,7 @@ pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::MemoryLoad;
 pub use options::Options;
 pub(crate) use plan::CompressionPlan;
+pub(crate) use plan::near_pixel;
 pub use run::{CompressedModel, Compression, compress};
 pub(crate) use setup::{BlockSetup, StopPolicy};
 pub use shared_species::SharingPolicy;

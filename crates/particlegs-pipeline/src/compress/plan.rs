@@ -143,7 +143,7 @@ impl CompressionPlan {
 
 /// A pixel at the focal point of the near orbit, 1080 pixels high, world units. (The far orbit's
 /// gains twice as much at few Gaussians, and loses 0.5 dB near where there are many.)
-pub(super) fn near_pixel(bounds: &Bounds) -> f64 {
+pub(crate) fn near_pixel(bounds: &Bounds) -> f64 {
     const SIZE: Size = Size { width: 1920, height: 1080 };
     let distance = ORBITS[2].factor * base_distance(bounds, SIZE);
     distance / spherical_camera(bounds.center(), 0.0, 0.0, distance).focal_pixels(SIZE)

@@ -18,7 +18,7 @@ use crate::blocks::SnapshotScan;
 use crate::checkpoint::CheckpointStore;
 use crate::context::Context;
 use crate::fit::{self};
-use crate::model::{GoalResult, Model};
+use crate::model::{GoalResult, Metadata, Model};
 use crate::particles::{LayeredParticles, Particles, Storage};
 use crate::score::{CertificateInput, GoalMetric};
 use crate::space::Bounds;
@@ -92,6 +92,11 @@ impl<'a> Compression<'a> {
             plan.notes.push("the particle types share Gaussians".into());
         }
         Ok(Compression { particles, options, plan, layer_bounds, shared, clock })
+    }
+
+    /// What the file will say; its mass comes from the blocks.
+    pub(crate) fn metadata(&self) -> &Metadata {
+        &self.plan.metadata
     }
 
     /// What a user should know before blocks are fitted, a sentence each.

@@ -30,6 +30,7 @@ mod refine_tests;
 mod simplify;
 mod split_merge;
 mod store;
+mod tracking;
 mod transmittance;
 
 pub use crate::model::Effort;
@@ -40,6 +41,8 @@ pub use field_moments::{BlockField, FieldShape, gather};
 pub(crate) use field_moments::{FieldMeans, value_fault};
 pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};
+pub use refine::TrackedGaussians;
 use refine::{RefineOptions, refine};
 pub(crate) use simplify::{SimplifyOptions, simplify};
 pub(crate) use store::ParticleStore;
+pub use tracking::{TrackingEffort, carried, track_gaussians};

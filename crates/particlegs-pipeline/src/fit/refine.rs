@@ -21,6 +21,7 @@ use crate::context::Context;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
 use crate::{Error, Result, parallel};
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +32,10 @@ pub(crate) struct RefineOptions {
     /// EM iterations before the first round.
     pub first_iterations: usize,
     pub rounds: usize,
+    /// A split must gain this many times what its merge costs.
+    pub ratio: f64,
+    /// Largest share of the Gaussians that are split in a round.
+    pub most_moved: f64,
     /// EM iterations after each round but the last.
     pub iterations: usize,
     /// EM iterations after the last round.
@@ -97,7 +102,7 @@ pub(crate) fn refine(
         let gaussians = match pieces.get(&key).and_then(|bytes| RefinedGaussians::from_bytes(&bytes)) {
             Some(there) => there,
             None => {
-                let made = refiner.block(block)?;
+                let (made, _) = refiner.block(block.clone(), gaussians_of(&partition.moments[block]))?;
                 pieces.keep(&key, made.to_bytes())?;
                 made
             }
@@ -106,6 +111,52 @@ pub(crate) fn refine(
     }
     context.end();
     Ok(mixture)
+}
+
+/// Gaussians of a later frame of the same particles.
+pub struct TrackedGaussians {
+    /// As many as there were, in their order; of count 0 where one has lost its particles.
+    pub gaussians: Mixture,
+    /// Those that are halves of others now, in the places of Gaussians that were given up.
+    pub born: Vec<bool>,
+}
+
+/// Refines Gaussians of an earlier frame, moved to where they are expected, on a partition that has a cell for each of them:
+/// the particles that it is likeliest to have.
+pub(crate) fn track(
+    partition: &Partition,
+    start: &Mixture,
+    radius: f64,
+    options: &RefineOptions,
+    context: &Context<'_>,
+) -> Result<TrackedGaussians> {
+    let store = &partition.store;
+    let scaled = (radius * store.scale).clamp(1e-9, 1e9);
+    let shade = (options.rounds > 0).then(|| TransmittanceMaps::new(&store.xyz, scaled));
+    let pixel = PIXELS * options.pixel * store.scale;
+    let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, context };
+    let blocks = refiner.blocks();
+    context.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
+    let weighted = store.weight.is_some();
+    let mut tracked = TrackedGaussians { gaussians: Mixture::new(weighted), born: Vec::new() };
+    let unit = 1.0 / store.scale;
+    for block in blocks {
+        let mut gaussians = RefinedGaussians::default();
+        for i in block.clone() {
+            let mean = each_axis(|k| (start.mean[k][i] - store.origin[k]) * store.scale);
+            let cov = start.cov_of(i).scale(store.scale).scale(store.scale);
+            gaussians.push(mean, cov, start.count[i], start.mass_of(i));
+        }
+        let (gaussians, born) = refiner.block(block, gaussians)?;
+        for j in 0..gaussians.len() {
+            let cov = without_negative_variances(&gaussians.cov[j]).scale(unit).scale(unit);
+            let mean = store.to_world(gaussians.mean[j]);
+            tracked.gaussians.push(mean, cov, gaussians.count[j], gaussians.mass[j]);
+        }
+        tracked.born.extend(born);
+    }
+    context.end();
+    Ok(tracked)
 }
 
 struct Refiner<'a> {
@@ -144,34 +195,37 @@ impl Refiner<'_> {
         Regularisation { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
     }
 
-    fn block(&self, cells: Range<usize>) -> Result<RefinedGaussians> {
+    /// Refines the Gaussians of some cells, from `gaussians` on; and says which of these gave up their places to halves of
+    /// others.
+    fn block(&self, cells: Range<usize>, mut gaussians: RefinedGaussians) -> Result<(RefinedGaussians, Vec<bool>)> {
         let store = &self.partition.store;
         let first = self.partition.cells[cells.start].start;
         let span = first..self.partition.cells[cells.end - 1].end;
         let groups = self.partition.cells[cells.clone()].chunks(self.options.cells_a_group.max(1));
         let ranges = groups.map(|c| c[0].start - first..c[c.len() - 1].end - first).collect();
         let moments = &self.partition.moments[cells];
-        let mut gaussians = gaussians_of(moments);
         let groups = ParticleGroups::new(ranges, &store.xyz[span.clone()]);
         let weight = store.weight.as_ref().map(|w| &w[span.clone()]);
         let whole = GroupedParticles { xyz: &store.xyz[span], weight, groups: &groups };
         let rate = self.rate();
+        let born;
         if rate < 1.0 {
             let sampled = sample(whole, rate, self.options.seed);
             // Priors weigh by particles: the sample's Gaussians must have the sample's counts meanwhile.
             scale_counts(&mut gaussians, rate);
-            let expected = self.rounds(sampled.view(), &mut gaussians)?;
+            let expected;
+            (expected, born) = self.rounds(sampled.view(), &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
             if self.options.last_iterations > 0 {
                 let candidates = self.candidates(&groups, &gaussians)?;
                 self.iterate(whole, &candidates, &mut gaussians, &expected, self.options.last_iterations)?;
             }
         } else {
-            self.rounds(whole, &mut gaussians)?;
+            (_, born) = self.rounds(whole, &mut gaussians)?;
         }
         self.context.advance(1);
         conserve(&mut gaussians, moments, store.weight.is_some());
-        Ok(gaussians)
+        Ok((gaussians, born))
     }
 
     fn candidates(&self, groups: &ParticleGroups, gaussians: &RefinedGaussians) -> Result<Candidates> {
@@ -197,15 +251,17 @@ impl Refiner<'_> {
         Ok(owner)
     }
 
-    /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last.
-    fn rounds(&self, cloud: GroupedParticles<'_>, gaussians: &mut RefinedGaussians) -> Result<Vec<Sym3>> {
+    /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last, and which are halves of
+    /// others.
+    fn rounds(&self, cloud: GroupedParticles<'_>, gaussians: &mut RefinedGaussians) -> Result<(Vec<Sym3>, Vec<bool>)> {
         let options = self.options;
+        let mut born = vec![false; gaussians.len()];
         let moves = |radii: f64| MoveOptions {
             blur: Blur::from_sigma(picture_sigma(radii * self.radius, self.pixel)),
             shape: self.shape(),
             likelihood: LIKELIHOOD,
-            ratio: 1.2,
-            share: 0.2,
+            ratio: options.ratio,
+            share: options.most_moved,
         };
         let candidates = self.candidates(cloud.groups, gaussians)?;
         let mut expected = shapes_beside(gaussians);
@@ -213,7 +269,7 @@ impl Refiner<'_> {
         self.context.advance(1);
         let mut own: GroupStore;
         let mut cloud = cloud;
-        let Some(shade) = self.shade else { return Ok(expected) };
+        let Some(shade) = self.shade else { return Ok((expected, born)) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
             self.context.check()?;
@@ -225,12 +281,15 @@ impl Refiner<'_> {
             let made = exchange(gaussians, cloud, &candidates, shade, moves, self.context)?;
             // Searched once a round: an exchange moves few Gaussians, and their groups are known.
             let candidates = candidates.after(&made, gaussians.len());
-            made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
+            for m in &made {
+                expected[m.freed as usize] = expected[m.split as usize];
+                born[m.freed as usize] = true;
+            }
             let iterations = if last { options.settling } else { options.iterations };
             owner = self.iterate(cloud, &candidates, gaussians, &expected, iterations.max(1))?;
             self.context.advance(1);
         }
-        Ok(expected)
+        Ok((expected, born))
     }
 }
 

@@ -1,0 +1,259 @@
+//! `particlegs series SNAPSHOT... -o RUN.pgs`.
+
+use crate::common::{CommandContext, Common};
+use crate::fit_args::FitArgs;
+use crate::info_series::mean_psnr;
+use crate::outputs::{self, ForceArgs};
+use crate::printable::one_line;
+use crate::snapshot_args::ParticleArgs;
+use clap::{Args, ValueHint};
+use particlegs_files::input::name_of;
+use particlegs_files::output;
+use particlegs_formats::Choice;
+use particlegs_pipeline::codec::{self, CodedFrame, FrameKind, SeriesFile};
+use particlegs_pipeline::compress::Options;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::series::{KEYFRAME_INTERVAL, SeriesBuilder};
+use particlegs_pipeline::{Error, Result};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(Args)]
+#[command(after_help = "\
+A keyframe is a model of its own; the frames between hold what changes, in a fraction of its bytes. Frames
+that are done are kept in RUN.pgs.work until the file is whole: run the command again to go on. A series
+that is there already is continued with the snapshots that it lacks.
+
+Examples:
+  particlegs series snap_*.hdf5 -o run.pgs --ratio 300
+  particlegs series traj.xtc --topology conf.gro --frames 0:1000:10 -o run.pgs
+  particlegs render run.pgs --frame 12 -o frame.png")]
+pub struct Arguments {
+    /// Snapshots in the order of time, one a frame; or a trajectory, with --frames.
+    #[arg(required = true, value_name = "SNAPSHOT")]
+    input: Vec<PathBuf>,
+    /// Series file to write.
+    #[arg(long, short, alias = "out", value_name = "RUN.pgs", value_hint = ValueHint::FilePath)]
+    output: PathBuf,
+    /// Frames of a trajectory: from FIRST to before END, every STEP.
+    #[arg(long, value_name = "FIRST:END:STEP")]
+    frames: Option<String>,
+    /// Frames from one keyframe to the next.
+    #[arg(long, value_name = "N", default_value_t = KEYFRAME_INTERVAL)]
+    keyframe_interval: usize,
+    #[command(flatten)]
+    fit: FitArgs,
+    #[command(flatten)]
+    force: ForceArgs,
+    #[command(flatten)]
+    particles: ParticleArgs,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Where a frame is read.
+struct FrameSource {
+    path: PathBuf,
+    frame: Option<i64>,
+}
+
+/// Frames that are kept until the series is whole.
+struct WorkFolder {
+    path: PathBuf,
+}
+
+pub fn run(a: Arguments) -> Result<()> {
+    let options = a.fit.options(&a.particles, a.common.seed)?;
+    let mut builder = SeriesBuilder::new(options.clone(), a.keyframe_interval)?;
+    let context = a.common.clone().start()?;
+    let start = Instant::now();
+    context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
+    let there = context.writes(&a.output, &outputs::MODEL)?;
+    let recipe = a.recipe(&options);
+    let work = WorkFolder::open(&a.output, &recipe, a.force.force)?;
+    let done = if there { a.done(&recipe, &context)? } else { Vec::new() };
+    let sources = a.sources()?;
+    if done.len() > sources.len() {
+        let what = format!("it has {} frames, more than the {} snapshots given", done.len(), sources.len());
+        return Err(Error::input(name_of(&a.output), what));
+    }
+    let choice = a.particles.choice(a.common.seed)?;
+    let (mut frames, mut raw_bytes, mut listed) = (Vec::new(), 0u64, Vec::new());
+    for (number, source) in sources.iter().enumerate() {
+        let particles = match source.read(&choice, &context) {
+            Ok(particles) => particles,
+            Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
+            Err(e) => {
+                context.message(&one_line(&format!("warning: frame {number} is missing: {e}")));
+                frames.push(None);
+                continue;
+            }
+        };
+        raw_bytes += particles.raw_bytes();
+        let kept = done.get(number).cloned().flatten().or_else(|| work.frame(number));
+        let kept = match kept {
+            Some(frame) => {
+                let place = format!("{}, frame {number}", name_of(&a.output));
+                let same = builder.take(&frame, &place, &context)?.source_hash == particles.source_hash();
+                if !same {
+                    let what = format!("{place} was made from another snapshot than {}", source.name());
+                    return Err(Error::argument_with(what, "replace the series with --force"));
+                }
+                frame
+            }
+            None => {
+                let from = Instant::now();
+                let added = builder.add(number, &particles, &context)?;
+                context.notes(&added.notes);
+                work.keep(number, &added.coded)?;
+                let text = describe(number, builder.clock().name(), &added.coded, &added.model, from);
+                context.message(&text);
+                added.coded
+            }
+        };
+        listed.push(json!({"frame": number, "time": kept.time, "keyframe": kept.keyframe, "bytes": kept.bytes.len()}));
+        frames.push(Some(kept));
+    }
+    let bytes = codec::assemble_series(builder.clock(), &recipe, &frames)?;
+    output::write_bytes(&a.output, &bytes)?;
+    work.remove();
+    let (count, keys) = (listed.len(), frames.iter().flatten().filter(|f| f.keyframe).count());
+    let (ratio, seconds) = (raw_bytes as f64 / bytes.len() as f64, start.elapsed().as_secs_f64());
+    let text = format!(
+        "{}: {count} frames, {keys} of them keyframes, {} bytes, ratio {ratio:.1}, {seconds:.1} s",
+        a.output.display(),
+        bytes.len()
+    );
+    let report = json!({
+        "output": a.output.to_string_lossy(), "frames": listed, "series_bytes": bytes.len(), "raw_bytes": raw_bytes,
+        "compression_ratio": ratio, "seconds": seconds,
+    });
+    context.finish(&text, &report)
+}
+
+impl Arguments {
+    /// What decides the bytes of a frame.
+    fn recipe(&self, options: &Options) -> String {
+        let certificate = options.certificate.name();
+        json!({
+            "model": options.recipe(1), "keyframe_interval": self.keyframe_interval, "certificate": certificate,
+        })
+        .to_string()
+    }
+
+    /// The frames of the series that is there.
+    fn done(&self, recipe: &str, context: &CommandContext) -> Result<Vec<Option<CodedFrame>>> {
+        let bytes = crate::inputs::model_or_series(&self.output, context)?;
+        let there = SeriesFile::read(&bytes, &name_of(&self.output))?;
+        if there.recipe != recipe {
+            return Err(context.refused(&self.output));
+        }
+        let frame = |i: usize| match there.frames[i].kind {
+            FrameKind::Missing => Ok(None),
+            kind => {
+                let bytes = there.frame_bytes(i)?.to_vec();
+                Ok(Some(CodedFrame { time: there.frames[i].time, keyframe: kind == FrameKind::Keyframe, bytes }))
+            }
+        };
+        (0..there.frames.len()).map(frame).collect()
+    }
+
+    fn sources(&self) -> Result<Vec<FrameSource>> {
+        let Some(text) = &self.frames else {
+            let one = |path: &PathBuf| FrameSource { path: path.clone(), frame: self.particles.opening.frame };
+            return Ok(self.input.iter().map(one).collect());
+        };
+        let wrong =
+            || Error::argument(format!("--frames {text}: write FIRST:END or FIRST:END:STEP, such as 0:1000:10"));
+        let [path] = &self.input[..] else {
+            return Err(Error::argument("--frames chooses from one trajectory, but there are several inputs"));
+        };
+        let parts: Vec<i64> =
+            text.split(':').map(str::parse).collect::<std::result::Result<_, _>>().map_err(|_| wrong())?;
+        let (first, end, step) = match parts[..] {
+            [first, end] => (first, end, 1),
+            [first, end, step] => (first, end, step),
+            _ => return Err(wrong()),
+        };
+        if first < 0 || end <= first || step < 1 || (end - first) / step >= codec::MOST_FRAMES as i64 {
+            return Err(wrong());
+        }
+        let frames = (first..end).step_by(step as usize);
+        Ok(frames.map(|frame| FrameSource { path: path.clone(), frame: Some(frame) }).collect())
+    }
+}
+
+impl FrameSource {
+    fn read(&self, choice: &Choice, context: &CommandContext) -> Result<Particles> {
+        let choice = Choice { frame: self.frame, ..choice.clone() };
+        choice.read(std::slice::from_ref(&self.path), &Storage::Memory, context)
+    }
+
+    fn name(&self) -> String {
+        match self.frame {
+            Some(frame) => format!("frame {frame} of {}", self.path.display()),
+            None => self.path.display().to_string(),
+        }
+    }
+}
+
+fn describe(number: usize, clock: &str, frame: &CodedFrame, model: &Model, from: Instant) -> String {
+    let gaussians = model.gaussians();
+    let kind = if frame.keyframe { "keyframe" } else { "changes" };
+    let score = model.certificate.as_ref().and_then(mean_psnr);
+    let score = score.map_or(String::new(), |score| format!(", {score:.2} dB"));
+    let (bytes, seconds) = (frame.bytes.len(), from.elapsed().as_secs_f64());
+    format!(
+        "frame {number} ({clock} {:.5}): {kind}, {gaussians} Gaussians, {bytes} bytes, {:.2} per Gaussian{score}, \
+         {seconds:.1} s",
+        frame.time,
+        bytes as f64 / gaussians.max(1) as f64
+    )
+}
+
+impl WorkFolder {
+    /// The folder beside the output; frames of other options are refused, or removed by force.
+    fn open(output: &Path, recipe: &str, force: bool) -> Result<WorkFolder> {
+        let mut name = output.as_os_str().to_owned();
+        name.push(".work");
+        let folder = WorkFolder { path: PathBuf::from(name) };
+        let options = folder.path.join("recipe.json");
+        match std::fs::read_to_string(&options) {
+            Ok(there) if there == recipe => return Ok(folder),
+            Ok(_) if !force => {
+                let what = format!("{} holds frames that were made with other options", folder.path.display());
+                return Err(Error::argument_with(what, "remove the folder, or use --force"));
+            }
+            Ok(_) => folder.remove(),
+            Err(_) => {}
+        }
+        std::fs::create_dir_all(&folder.path).map_err(|e| Error::input(&folder.path, e.to_string()))?;
+        output::write_bytes(&options, recipe.as_bytes())?;
+        Ok(folder)
+    }
+
+    fn place(&self, number: usize) -> PathBuf {
+        self.path.join(format!("frame-{number:06}"))
+    }
+
+    /// The time, whether it is a keyframe, and the frame.
+    fn keep(&self, number: usize, frame: &CodedFrame) -> Result<()> {
+        let mut bytes = frame.time.to_le_bytes().to_vec();
+        bytes.push(u8::from(frame.keyframe));
+        bytes.extend(&frame.bytes);
+        output::write_bytes(&self.place(number), &bytes)
+    }
+
+    fn frame(&self, number: usize) -> Option<CodedFrame> {
+        let bytes = std::fs::read(self.place(number)).ok()?;
+        let (time, rest) = bytes.split_first_chunk()?;
+        let (&keyframe, bytes) = rest.split_first()?;
+        Some(CodedFrame { time: f64::from_le_bytes(*time), keyframe: keyframe == 1, bytes: bytes.to_vec() })
+    }
+
+    fn remove(&self) {
+        let _ = std::fs::remove_dir_all(&self.path);
+    }
+}

@@ -1,0 +1,72 @@
+//! `series`, `extract`, and frames of a series where a model is taken.
+
+use crate::common::TestFolder;
+use std::path::Path;
+
+/// Snapshots of groups that drift in a periodic box.
+fn snapshots(folder: &Path, frames: usize) {
+    for frame in 0..frames {
+        let own = folder.join(format!("snap-{frame}"));
+        std::fs::create_dir_all(&own).unwrap();
+        for (k, axis) in ["xx", "yy", "zz"].into_iter().enumerate() {
+            let place = |i: usize| {
+                let (group, noise) = (i % 25, ((i * (7 + k)) % 101) as f64 / 101.0 - 0.5);
+                let centre = (group * (3 + k)) as f64 * 0.37;
+                ((centre + noise + 0.05 * (frame * (k + 1)) as f64).rem_euclid(10.0)) as f32
+            };
+            let bytes: Vec<u8> = (0..4000).flat_map(|i| place(i).to_le_bytes()).collect();
+            std::fs::write(own.join(format!("{axis}.f32")), bytes).unwrap();
+        }
+        let redshift = 1.0 / (0.5 + 0.05 * frame as f64) - 1.0;
+        let about = format!(r#"{{"box": 10, "periodic": true, "length_unit": "Mpc/h", "redshift": {redshift}}}"#);
+        std::fs::write(own.join("meta.json"), about).unwrap();
+    }
+}
+
+const OPTIONS: &str = "--gaussians 60 --certificate none --keyframe-interval 3 --quiet";
+
+#[test]
+fn a_series_is_the_same_file_whole_appended_and_with_any_threads() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 5);
+    let all = "snap-0 snap-1 snap-2 snap-3 snap-4";
+    let whole = dir.makes(&format!("series {all} -o whole.pgs {OPTIONS}"));
+    dir.runs(&format!("series snap-0 snap-1 -o grown.pgs {OPTIONS}"));
+    dir.runs(&format!("series {all} -o grown.pgs {OPTIONS}"));
+    assert_eq!(whole, std::fs::read(dir.at("grown.pgs")).unwrap());
+    assert_eq!(whole, dir.makes(&format!("series {all} -o one.pgs {OPTIONS} --threads 1")));
+    assert!(!dir.at("whole.pgs.work").exists());
+}
+
+#[test]
+fn frames_are_models_wherever_a_model_is_taken() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 5);
+    dir.runs(&format!("series snap-0 snap-1 snap-2 snap-3 snap-4 -o run.pgs {OPTIONS}"));
+    let listed = dir.says("info run.pgs");
+    let kinds: Vec<&str> = listed["frames"].as_array().unwrap().iter().filter_map(|f| f["kind"].as_str()).collect();
+    assert_eq!(kinds, ["keyframe", "changes", "changes", "keyframe", "changes"]);
+    let info = dir.says("info run.pgs --frame 1");
+    assert_eq!(
+        (info["metadata"]["source"].as_str(), info["metadata"]["particles"].as_u64()),
+        (Some("snap-1"), Some(4000))
+    );
+    dir.runs("extract run.pgs --time a=0.56 -o m.pgs --quiet");
+    let model = dir.model("m.pgs");
+    assert_eq!((model.metadata.source.as_str(), model.metadata.count), ("snap-1", 4000));
+    dir.runs("render run.pgs --frame -1 -o f.png --size 64x48 --quiet");
+    dir.runs("eval run.pgs snap-1 --frame 1 --size 64x48 --frames 1 --quiet");
+    dir.runs("verify run.pgs --frame 2 --quiet");
+    dir.fails("render run.pgs --frame 9 -o g.png", 3, "there is no frame 9");
+    dir.fails("verify run.pgs --store", 2, "--store");
+}
+
+#[test]
+fn frames_out_of_order_and_other_snapshots_are_refused() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 3);
+    dir.fails(&format!("series snap-1 snap-0 -o turned.pgs {OPTIONS}"), 3, "not after");
+    assert!(!dir.at("turned.pgs").exists());
+    dir.runs(&format!("series snap-0 snap-1 -o run.pgs {OPTIONS}"));
+    dir.fails(&format!("series snap-0 snap-2 -o run.pgs {OPTIONS}"), 2, "another snapshot");
+}

@@ -1,0 +1,642 @@
+//! What becomes of a block's Gaussians from one frame of a series to the next (docs/format.md, section 16).
+
+use super::decoder;
+use super::exact::{exp, exp_twice, to_five};
+use super::rans::{Coder, RansReader, RansWriter};
+use super::sums::{rescale, whole_counts};
+use super::symbols::{Residual, SymbolModel};
+use super::wire::WireReader;
+use super::{Encoder, Precision};
+use crate::context::Context;
+use crate::math::{Sym3, each_axis};
+use crate::model::{Block, MASS, Mixture};
+use crate::space::{Bounds, Cell, PeriodicCell};
+use crate::{Error, Result};
+
+/// Numbers in steps, and logarithms, at most.
+const MOST_STEPS: i32 = 1 << 20;
+const LARGEST_LOG: f64 = 16.0;
+/// Gaussians coded last among which the nearest are looked for, and how many of these guess a motion.
+const WINDOW: usize = 256;
+const NEIGHBOURS: usize = 4;
+/// Steps of a Gaussian in the frame before that are remembered at most.
+const MOST_UNREST: u32 = 255;
+/// Edges of the classes of models: sums of steps.
+const CLASS_EDGES: [u32; 11] = [1, 2, 3, 5, 8, 12, 18, 27, 40, 70, 120];
+/// Kinds of numbers that have models of their own.
+const KINDS: usize = 6;
+/// A place whose guess is the Gaussian's own velocity, and one that only neighbours guess.
+const PLACE: usize = 0;
+const FIRST_PLACE: usize = 1;
+const SIZE: usize = 2;
+const SHAPE: usize = 3;
+const COUNT: usize = 4;
+const WEIGHT: usize = 5;
+/// The header's bytes.
+const HEADER_BYTES: usize = 6 * 8 + 8 + 8 + 4 + 5 * 4 + 8 + 2 * 4;
+
+/// A block of a frame with what is known of its Gaussians' motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackedBlock {
+    /// The block, as decoded.
+    pub block: Block,
+    /// For each Gaussian its number in the frame before; `None` of one that is new.
+    pub origin: Vec<Option<u32>>,
+    /// How far it moves in a unit of the series' clock; NaN where that is not known yet.
+    velocity: [Vec<f64>; 3],
+    /// Steps that it took in the frame before.
+    unrest: Vec<u32>,
+}
+
+/// How finely a change is coded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChangePrecision {
+    /// Steps of place (in widths), size, shape, count and mass; those of place and shape before the importance of a Gaussian.
+    pub steps: [f32; 5],
+    /// Share of what a place is off its guess by that a velocity takes, at first and later.
+    pub gains: [f32; 2],
+}
+
+impl Default for ChangePrecision {
+    fn default() -> Self {
+        ChangePrecision { steps: [0.32, 0.16, 0.32, 0.16, 0.16], gains: [0.7, 0.3] }
+    }
+}
+
+/// What the Gaussians of a block are to be in the next frame.
+pub struct ChangeTarget<'a> {
+    /// As many as there were, in their order; those of less than half a particle go.
+    pub gaussians: &'a Mixture,
+    /// Which are new, in the places of others that go.
+    pub born: &'a [bool],
+    /// Bounds of the particles.
+    pub bounds: Bounds,
+    /// Particles.
+    pub count: u64,
+    /// Their mass.
+    pub mass: f64,
+}
+
+/// From which frame to which.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameStep {
+    /// Cells of both.
+    pub cells: [Option<Cell>; 2],
+    /// What the series' clock moves on by, above 0.
+    pub elapsed: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ChangeHeader {
+    bounds: Bounds,
+    count: u64,
+    mass: f64,
+    /// Bytes of the block of new Gaussians.
+    new: u32,
+    steps: [f32; 5],
+    /// Radius of a Gaussian over its count for which steps are those above.
+    scale: f64,
+    gains: [f32; 2],
+}
+
+impl ChangeHeader {
+    fn write(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(HEADER_BYTES);
+        let corners = self.bounds.min.iter().chain(&self.bounds.max);
+        corners.for_each(|v| out.extend(v.to_le_bytes()));
+        out.extend(self.count.to_le_bytes());
+        out.extend(self.mass.to_le_bytes());
+        out.extend(self.new.to_le_bytes());
+        self.steps.iter().for_each(|v| out.extend(v.to_le_bytes()));
+        out.extend(self.scale.to_le_bytes());
+        self.gains.iter().for_each(|v| out.extend(v.to_le_bytes()));
+        out
+    }
+
+    fn read(r: &mut WireReader<'_>) -> std::result::Result<Self, String> {
+        let mut corners = [0.0; 6];
+        for v in &mut corners {
+            *v = r.f64()?;
+        }
+        let [a, b, c, d, e, f] = corners;
+        let bounds = Bounds { min: [a, b, c], max: [d, e, f] };
+        let (count, mass, new) = (r.u64()?, r.f64()?, r.u32()?);
+        let steps = [r.f32()?, r.f32()?, r.f32()?, r.f32()?, r.f32()?];
+        let (scale, gains) = (r.f64()?, [r.f32()?, r.f32()?]);
+        let ordered = (0..3).all(|k| bounds.min[k] <= bounds.max[k] && (bounds.max[k] - bounds.min[k]).is_finite());
+        let sound = ordered && (1..=1 << 53).contains(&count) && mass > 0.0 && mass.is_finite();
+        let positive = |v: &f32| *v > 0.0 && *v < 1e6;
+        let gains_sound = gains.iter().all(|g| (0.0..=1.0).contains(g));
+        if !sound || !steps.iter().all(positive) || !(scale > 0.0 && scale.is_finite()) || !gains_sound {
+            return Err("the header of a change is out of range".into());
+        }
+        Ok(ChangeHeader { bounds, count, mass, new, steps, scale, gains })
+    }
+}
+
+/// Widths of a Gaussian along the axes where the earlier ones are known, and the rest of its Cholesky factor.
+#[derive(Clone, Copy)]
+struct Factor {
+    width: [f64; 3],
+    /// (1, 0), (2, 0), (2, 1).
+    below: [f64; 3],
+}
+
+impl Factor {
+    fn new(cov: &Sym3) -> Factor {
+        let [xx, xy, xz, yy, yz, zz] = cov.0;
+        let least = (xx + yy + zz) * (-40f64).exp2() + 1e-300;
+        let root = |v: f64| v.max(least).sqrt();
+        let x = root(xx);
+        let (a, b) = (xy / x, xz / x);
+        let y = root(yy - a * a);
+        let c = (yz - b * a) / y;
+        Factor { width: [x, y, root((zz - b * b) - c * c)], below: [a, b, c] }
+    }
+
+    /// The factor times a vector.
+    fn apply(&self, q: [f64; 3]) -> [f64; 3] {
+        let ([x, y, z], [a, b, c]) = (self.width, self.below);
+        [x * q[0], a * q[0] + y * q[1], (b * q[0] + c * q[1]) + z * q[2]]
+    }
+
+    /// The vector that the factor makes `d` of, one axis after the other.
+    fn solve(&self, d: [f64; 3], axis: usize, known: [f64; 3]) -> f64 {
+        let [a, b, c] = self.below;
+        let left = match axis {
+            0 => d[0],
+            1 => d[1] - a * known[0],
+            _ => d[2] - (b * known[0] + c * known[1]),
+        };
+        left / self.width[axis]
+    }
+
+    /// The factor times a symmetric matrix times the factor's transpose.
+    fn congruent(&self, m: &Sym3) -> Sym3 {
+        let [xx, xy, xz, yy, yz, zz] = m.0;
+        // Columns of the factor times the matrix.
+        let rows = [self.apply([xx, xy, xz]), self.apply([xy, yy, yz]), self.apply([xz, yz, zz])];
+        let row = |i: usize| self.apply(each_axis(|j| rows[j][i]));
+        let (x, y, z) = (row(0), row(1), row(2));
+        Sym3([x[0], x[1], x[2], y[1], y[2], z[2]])
+    }
+
+    /// Half the logarithm of a covariance in the frame of this factor: size and five shape numbers.
+    fn logarithm(&self, cov: &Sym3) -> Option<[f64; 6]> {
+        let full = [[cov.0[0], cov.0[1], cov.0[2]], [cov.0[1], cov.0[3], cov.0[4]], [cov.0[2], cov.0[4], cov.0[5]]];
+        let whitened = |d: [f64; 3]| {
+            let mut q = [0.0; 3];
+            for k in 0..3 {
+                q[k] = self.solve(d, k, q);
+            }
+            q
+        };
+        let half = full.map(whitened);
+        let rows: [[f64; 3]; 3] = each_axis(|i| whitened(each_axis(|j| half[j][i])));
+        let mean = |i: usize, j: usize| 0.5 * (rows[i][j] + rows[j][i]);
+        let mut e = Sym3([rows[0][0], mean(0, 1), mean(0, 2), rows[1][1], mean(1, 2), rows[2][2]]).eigen();
+        if !e.values.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        e.values = e.values.map(|v| 0.5 * libm::log(v.max(1e-12)));
+        let size = (e.values[0] + e.values[1] + e.values[2]) / 3.0;
+        e.values = e.values.map(|v| v - size);
+        let [a, b, c, d, f] = to_five(&Sym3::from_eigen(&e));
+        Some([size, a, b, c, d, f])
+    }
+}
+
+/// Models of all numbers, by kind and class.
+struct ChangeModels {
+    stays: SymbolModel<2>,
+    numbers: Vec<Residual<16>>,
+    /// Steps of the Gaussian coded before.
+    before: u32,
+}
+
+impl ChangeModels {
+    fn new() -> Self {
+        let spread = |class: usize| 0.25 * f64::from(1u32 << (class / 2)) * if class % 2 == 1 { 1.5 } else { 1.0 };
+        let classes = CLASS_EDGES.len() + 1;
+        let numbers = (0..KINDS * classes).map(|i| Residual::bell(spread(i % classes))).collect();
+        ChangeModels { stays: SymbolModel::from_weights([60, 1]), numbers, before: 0 }
+    }
+
+    /// A number in steps; `unrest` is what the class follows from.
+    fn code(&mut self, c: &mut impl Coder, kind: usize, unrest: u32, steps: i32) -> std::result::Result<i32, String> {
+        let class = CLASS_EDGES.iter().filter(|edge| unrest >= **edge).count();
+        let steps = self.numbers[kind * (CLASS_EDGES.len() + 1) + class].code(c, 0, steps);
+        if steps.abs() > MOST_STEPS { Err("a number of a change is out of range".into()) } else { Ok(steps) }
+    }
+}
+
+/// What is left of a value, in steps: values next to none are none, as they cost more than they gain.
+fn in_steps(value: f64, step: f64) -> i32 {
+    const DEAD: f64 = 0.2;
+    let v = value / step;
+    let k = (v.abs() + 0.5 - DEAD).floor().min(f64::from(MOST_STEPS));
+    (if v < 0.0 { -k } else { k }) as i32
+}
+
+impl TrackedBlock {
+    /// The block of a model of its own, of whose motion nothing is known.
+    pub fn new(block: Block) -> TrackedBlock {
+        let n = block.gaussians.len();
+        let unknown = || vec![f64::NAN; n];
+        TrackedBlock { block, origin: vec![None; n], velocity: [unknown(), unknown(), unknown()], unrest: vec![0; n] }
+    }
+
+    /// How far Gaussian `i` moves in a unit of the clock, if that is known.
+    pub fn velocity(&self, i: usize) -> Option<[f64; 3]> {
+        let v = each_axis(|k| self.velocity[k][i]);
+        (!v[0].is_nan()).then_some(v)
+    }
+
+    /// Where Gaussians are expected in the next frame.
+    pub fn expected(&self, step: &FrameStep) -> Mixture {
+        let mut gaussians = self.block.gaussians.clone();
+        let frames = FrameMap::new(step);
+        for i in 0..gaussians.len() {
+            let moved = frames.carried(gaussians.mean_of(i));
+            let moved = match self.velocity(i) {
+                Some(v) => each_axis(|k| moved[k] + v[k] * step.elapsed),
+                None => moved,
+            };
+            let moved = frames.image(moved);
+            (0..3).for_each(|k| gaussians.mean[k][i] = moved[k]);
+        }
+        gaussians
+    }
+
+    /// Codes what becomes of the block.
+    pub fn encode(&self, target: &ChangeTarget<'_>, step: &FrameStep, precision: &ChangePrecision) -> Result<Vec<u8>> {
+        let g = target.gaussians;
+        let there = |i: usize| g.count[i] >= 0.5;
+        let mut new = Mixture::new(g.masses().is_some());
+        for i in (0..g.len()).filter(|&i| target.born[i] && there(i)) {
+            new.push(g.mean_of(i), g.cov_of(i), g.count[i], g.mass_of(i));
+        }
+        let stay = |i: usize| there(i) && !target.born[i];
+        let none_stays = !(0..g.len()).any(stay);
+        let mut new_block = Vec::new();
+        if !new.is_empty() {
+            let sum: f64 = new.count.iter().sum();
+            // What is left is of those that stay, where any do.
+            let most = if none_stays { target.count } else { target.count - 1 };
+            let count = if none_stays { most } else { (sum.round() as u64).clamp(1, most.max(1)) };
+            let mass =
+                if g.masses().is_some() { new.columns.get(MASS).into_iter().flatten().sum() } else { count as f64 };
+            let block = Block { bounds: target.bounds, count, mass, gaussians: new };
+            new_block = Encoder::new(&block)?.encode(&Precision::BALANCED);
+        }
+        let own = &self.block.gaussians;
+        let mut scales: Vec<f64> = (0..own.len()).map(|i| extent_over_count(own, i)).collect();
+        scales.sort_by(f64::total_cmp);
+        let header = ChangeHeader {
+            bounds: target.bounds,
+            count: target.count,
+            mass: target.mass,
+            new: new_block.len() as u32,
+            steps: precision.steps,
+            scale: scales.get(scales.len() / 2).copied().unwrap_or(1.0).clamp(1e-300, 1e300),
+            gains: precision.gains,
+        };
+        let mut writer = RansWriter::default();
+        self.walk(&mut writer, &header, step, Some((g, &stay))).map_err(Error::argument)?;
+        let mut out = header.write();
+        out.extend(new_block);
+        out.extend(writer.finish());
+        Ok(out)
+    }
+
+    /// The block of the next frame.
+    pub fn decode(&self, bytes: &[u8], step: &FrameStep) -> std::result::Result<TrackedBlock, String> {
+        let mut r = WireReader::new(bytes);
+        let header = ChangeHeader::read(&mut r)?;
+        let new = r.take(header.new as usize)?;
+        let mut reader = RansReader::new(&bytes[r.position()..]).ok_or("a stream has no start")?;
+        let mut next = self.walk(&mut reader, &header, step, None)?;
+        if !reader.finished() {
+            return Err("a stream does not end where it should".into());
+        }
+        let none = || Block { bounds: header.bounds, count: 0, mass: 0.0, gaussians: Mixture::default() };
+        let new = match new {
+            [] => none(),
+            bytes => decoder::block(bytes, &Context::SILENT).map_err(|f| match f {
+                decoder::BlockFault::Corrupt(what) => what,
+                decoder::BlockFault::Memory(e) => e.to_string(),
+            })?,
+        };
+        let weighted = self.block.gaussians.masses().is_some();
+        if !new.gaussians.is_empty()
+            && (new.gaussians.masses().is_some() != weighted || new.gaussians.law.alpha_blend().is_some())
+        {
+            return Err("new Gaussians are of another kind".into());
+        }
+        let g = &mut next.block.gaussians;
+        let left = header.count.checked_sub(new.count).filter(|left| (*left > 0) != g.is_empty());
+        let Some(left) = left else { return Err("a change has another number of particles".into()) };
+        if !g.is_empty() {
+            whole_counts(&mut g.count, left);
+            let counts = &g.count;
+            if let Some(masses) = g.columns.get_mut(MASS) {
+                masses.iter_mut().zip(counts).for_each(|(m, n)| *m *= n);
+                let mass = header.mass - new.mass;
+                if !(mass > 0.0) {
+                    return Err("a change has another mass".into());
+                }
+                rescale(masses, mass);
+            }
+        }
+        let n = new.gaussians.len();
+        g.append(&new.gaussians);
+        next.origin.extend(std::iter::repeat_n(None, n));
+        next.velocity.iter_mut().for_each(|v| v.extend(std::iter::repeat_n(f64::NAN, n)));
+        next.unrest.extend(std::iter::repeat_n(0, n));
+        Ok(next)
+    }
+
+    /// Codes the Gaussians one after the other: those that stay, their counts as weights yet, masses as those of a particle.
+    /// The encoder has `target`: Gaussians, and which of them stay.
+    fn walk(
+        &self,
+        c: &mut impl Coder,
+        header: &ChangeHeader,
+        step: &FrameStep,
+        target: Option<(&Mixture, &dyn Fn(usize) -> bool)>,
+    ) -> std::result::Result<TrackedBlock, String> {
+        let own = &self.block.gaussians;
+        let weighted = own.masses().is_some();
+        let frames = FrameMap::new(step);
+        let mut models = ChangeModels::new();
+        let gaussians = Mixture::new(weighted);
+        let block = Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians };
+        let mut next = TrackedBlock { block, origin: Vec::new(), velocity: Default::default(), unrest: Vec::new() };
+        let [place_step, size_step, shape_step, count_step, mass_step] = header.steps.map(f64::from);
+        let mut moved_from: Vec<[f64; 3]> = Vec::new();
+        for i in 0..own.len() {
+            let goes = target.is_some_and(|(_, stays)| !stays(i));
+            if models.stays.code(c, usize::from(goes)) == 1 {
+                continue;
+            }
+            let (mean, cov, count) = (own.mean_of(i), own.cov_of(i), own.count[i].max(0.5));
+            let factor = Factor::new(&cov);
+            let importance = (extent_over_count(own, i) / header.scale).sqrt().clamp(0.125, 8.0);
+            let known = self.velocity(i);
+            let guess = known.unwrap_or_else(|| next.guess(&moved_from, mean));
+            let carried = frames.carried(mean);
+            let expected = each_axis(|k| carried[k] + guess[k] * step.elapsed);
+            let off = target.map(|(t, _)| frames.nearest(each_axis(|k| t.mean[k][i] - expected[k])));
+            let unrest = 2 * self.unrest[i] + models.before;
+            let (mut sum, mut q) = (0u32, [0.0; 3]);
+            let (kind, size) = (if known.is_some() { PLACE } else { FIRST_PLACE }, place_step * importance);
+            for axis in 0..3 {
+                let wanted = off.map_or(0, |d| in_steps(factor.solve(d, axis, q), size));
+                let k = models.code(c, kind, unrest + 2 * sum, wanted)?;
+                q[axis] = f64::from(k) * size;
+                sum += k.unsigned_abs();
+            }
+            let wanted = target.and_then(|(t, _)| factor.logarithm(&t.cov_of(i))).unwrap_or_default();
+            let mut shape = [0.0; 6];
+            for (j, value) in shape.iter_mut().enumerate() {
+                let (kind, step) = if j == 0 { (SIZE, size_step) } else { (SHAPE, shape_step * importance) };
+                let k = models.code(c, kind, unrest + 2 * sum, in_steps(wanted[j], step))?;
+                *value = f64::from(k) * step;
+                sum += k.unsigned_abs();
+                if value.abs() > LARGEST_LOG {
+                    return Err("a shape of a change is out of range".into());
+                }
+            }
+            let mut number = |kind: usize, wanted: f64, step: f64, sum: &mut u32| {
+                let k = models.code(c, kind, unrest + 2 * *sum, in_steps(wanted, step))?;
+                *sum += k.unsigned_abs();
+                let log = f64::from(k) * step;
+                if log.abs() > LARGEST_LOG {
+                    Err(String::from("a count of a change is out of range"))
+                } else {
+                    Ok(exp(log))
+                }
+            };
+            let wanted = target.map_or(0.0, |(t, _)| libm::log(t.count[i].max(0.5) / count));
+            let count = count * number(COUNT, wanted, count_step, &mut sum)?;
+            let mut mass = 1.0;
+            if weighted {
+                let each = own.mass_of(i) / own.count[i].max(1.0);
+                let each = if each > 0.0 { each } else { self.block.mass / self.block.count as f64 };
+                let wanted =
+                    target.map_or(0.0, |(t, _)| libm::log((t.mass_of(i) / t.count[i].max(0.5) / each).max(1e-30)));
+                mass = each * number(WEIGHT, wanted.clamp(-8.0, 8.0), mass_step, &mut sum)?;
+            }
+            let by = factor.apply(q);
+            let at = each_axis(|k| expected[k] + by[k]);
+            let unit = exp_twice([shape[1], shape[2], shape[3], shape[4], shape[5]]);
+            let grown = exp(2.0 * shape[0]);
+            let cov = factor.congruent(&unit).scale(grown);
+            let sound = cov.0.iter().chain(&at).all(|v| v.is_finite()) && [0, 3, 5].iter().all(|&k| cov.0[k] >= 0.0);
+            if !sound || !count.is_finite() {
+                return Err("a Gaussian of a change is out of range".into());
+            }
+            let gain = f64::from(header.gains[usize::from(known.is_some())]);
+            (0..3).for_each(|k| next.velocity[k].push(guess[k] + gain * by[k] / step.elapsed));
+            next.block.gaussians.push(frames.image(at), cov, count, mass);
+            next.origin.push(Some(i as u32));
+            next.unrest.push(sum.min(MOST_UNREST));
+            moved_from.push(mean);
+            models.before = sum.min(MOST_UNREST);
+        }
+        Ok(next)
+    }
+
+    /// The mean velocity of the nearest of the Gaussians coded last, whose places were `from`.
+    fn guess(&self, from: &[[f64; 3]], at: [f64; 3]) -> [f64; 3] {
+        let mut near: Vec<(f64, usize)> = Vec::with_capacity(NEIGHBOURS + 1);
+        for j in (from.len().saturating_sub(WINDOW)..from.len()).rev() {
+            let [x, y, z] = each_axis(|k| from[j][k] - at[k]);
+            let d2 = x * x + y * y + z * z;
+            if near.len() < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
+                let place = near.partition_point(|n| n.0 <= d2);
+                near.insert(place, (d2, j));
+                near.truncate(NEIGHBOURS);
+            }
+        }
+        let n = near.len().max(1) as f64;
+        each_axis(|k| near.iter().fold(0.0, |sum, &(_, j)| sum + self.velocity[k][j]) / n)
+    }
+}
+
+/// Radius of a Gaussian over its count: the larger and the fewer, the coarser its steps may be.
+fn extent_over_count(g: &Mixture, i: usize) -> f64 {
+    let trace = (g.cov[0][i] + g.cov[3][i]) + g.cov[5][i];
+    (trace / 3.0).max(0.0).sqrt() / g.count[i].max(0.5)
+}
+
+/// Places of one frame in the other.
+struct FrameMap {
+    /// Cells and the inverse of the first, where both repeat and differ.
+    cells: Option<(PeriodicCell, Cell)>,
+    to: Option<PeriodicCell>,
+}
+
+impl FrameMap {
+    fn new(step: &FrameStep) -> FrameMap {
+        let spanned = |c: &Cell| !c.vectors.contains(&[0.0; 3]);
+        let [from, to] = step.cells.map(|c| c.filter(spanned).and_then(PeriodicCell::new));
+        let cells = from.zip(to).filter(|(a, b)| a.cell != b.cell).map(|(a, b)| (a, b.cell));
+        FrameMap { cells, to }
+    }
+
+    /// The place of the same fractions of the cell.
+    fn carried(&self, x: [f64; 3]) -> [f64; 3] {
+        match &self.cells {
+            None => x,
+            Some((from, to)) => {
+                let fractions = from.fractions(from.offset(x));
+                each_axis(|k| {
+                    let scaled: f64 = (0..3).map(|a| fractions[a] * to.vectors[a][k]).sum();
+                    let along: f64 = (0..3).map(|a| fractions[a] * from.cell.vectors[a][k]).sum();
+                    // What does not repeat stays where it is.
+                    (x[k] - from.cell.origin[k]) - along + scaled + to.origin[k]
+                })
+            }
+        }
+    }
+
+    fn image(&self, x: [f64; 3]) -> [f64; 3] {
+        self.to.as_ref().map_or(x, |to| to.image(x))
+    }
+
+    /// The shortest of the vectors that lead to an image.
+    fn nearest(&self, d: [f64; 3]) -> [f64; 3] {
+        let Some(to) = &self.to else { return d };
+        let whole = to.fractions(d).map(|f| (f + 0.5).floor());
+        let shift = to.vector(whole);
+        each_axis(|k| d[k] - shift[k])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    const STEP: FrameStep = FrameStep { cells: [None; 2], elapsed: 0.1 };
+
+    /// Gaussians of some sizes and counts.
+    fn block(number: usize, seed: u64, weighted: bool) -> Block {
+        let mut g = Mixture::new(weighted);
+        for i in 0..number {
+            let mut r = Random::new(seed, 1, i as u64);
+            let [a, b, c] = [r.normal(), r.normal(), r.normal()];
+            let shape = Sym3::outer([0.1 * a, 0.1 * b, 0.1 * c]).add(&Sym3::scaled_identity(0.01));
+            let count = (20.0 + 80.0 * r.uniform()).floor();
+            g.push(
+                [10.0 * r.uniform(), 10.0 * r.uniform(), 10.0 * r.uniform()],
+                shape,
+                count,
+                count * (1.0 + r.uniform()),
+            );
+        }
+        let count: f64 = g.count.iter().sum();
+        let mass = if weighted { (0..number).map(|i| g.mass_of(i)).sum() } else { count };
+        let bounds = Bounds { min: [-1.0; 3], max: [12.0; 3] };
+        Block { bounds, count: count as u64, mass, gaussians: g }
+    }
+
+    fn target<'a>(block: &'a Block, born: &'a [bool]) -> ChangeTarget<'a> {
+        ChangeTarget { gaussians: &block.gaussians, born, bounds: block.bounds, count: block.count, mass: block.mass }
+    }
+
+    fn largest_miss(a: &Mixture, b: &Mixture) -> f64 {
+        let miss = |i: usize| {
+            let width = (b.cov[0][i] + b.cov[3][i] + b.cov[5][i]).sqrt();
+            (0..3).map(|k| (a.mean[k][i] - b.mean[k][i]).abs() / width).fold(0.0, f64::max)
+        };
+        (0..a.len()).map(miss).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn gaussians_that_move_steadily_are_soon_expected_where_they_are() {
+        let mut now = block(200, 7, true);
+        let mut tracked = TrackedBlock::new(now.clone());
+        let born = vec![false; 200];
+        for _ in 0..6 {
+            for k in 0..3 {
+                now.gaussians.mean[k].iter_mut().for_each(|x| *x += 0.05 * (k + 1) as f64);
+            }
+            let bytes = tracked.encode(&target(&now, &born), &STEP, &ChangePrecision::default()).unwrap();
+            tracked = tracked.decode(&bytes, &STEP).unwrap();
+            assert_eq!(tracked.block.gaussians.count.iter().sum::<f64>() as u64, now.count);
+            let mass: f64 = (0..200).map(|i| tracked.block.gaussians.mass_of(i)).sum();
+            assert!((mass / now.mass - 1.0).abs() < 1e-12);
+            assert!(largest_miss(&tracked.block.gaussians, &now.gaussians) < 2.0);
+        }
+        for k in 0..3 {
+            now.gaussians.mean[k].iter_mut().for_each(|x| *x += 0.05 * (k + 1) as f64);
+        }
+        assert!(largest_miss(&tracked.expected(&STEP), &now.gaussians) < 0.5);
+        assert!(tracked.origin.iter().enumerate().all(|(i, o)| *o == Some(i as u32)));
+    }
+
+    #[test]
+    fn gaussians_come_and_go() {
+        let tracked = TrackedBlock::new(block(50, 1, false));
+        let mut next = block(50, 1, false);
+        let mut born = vec![false; 50];
+        (born[3], born[40]) = (true, true);
+        next.gaussians.mean[0][3] = 5.5;
+        next.gaussians.count[10] = 0.0;
+        next.count = next.gaussians.count.iter().sum::<f64>() as u64;
+        next.mass = next.count as f64;
+        let bytes = tracked.encode(&target(&next, &born), &STEP, &ChangePrecision::default()).unwrap();
+        let decoded = tracked.decode(&bytes, &STEP).unwrap();
+        let went = [3, 10, 40];
+        let stay: Vec<Option<u32>> = (0..50).filter(|i| !went.contains(i)).map(Some).collect();
+        assert_eq!(decoded.origin[..47], stay);
+        assert_eq!(decoded.origin[47..], [None, None]);
+        assert_eq!(decoded.block.count, next.count);
+        assert!(decoded.velocity(0).is_some() && decoded.velocity(48).is_none());
+    }
+
+    #[test]
+    fn all_gaussians_may_be_new() {
+        let tracked = TrackedBlock::new(block(20, 1, false));
+        let next = block(20, 2, false);
+        let bytes = tracked.encode(&target(&next, &[true; 20]), &STEP, &ChangePrecision::default()).unwrap();
+        let decoded = tracked.decode(&bytes, &STEP).unwrap();
+        assert_eq!((decoded.block.count, decoded.block.gaussians.len()), (next.count, 20));
+    }
+
+    #[test]
+    fn gaussians_cross_the_faces_of_a_cell() {
+        let cell = Some(Cell::orthogonal([10.0; 3]));
+        let step = FrameStep { cells: [cell; 2], elapsed: 0.1 };
+        let tracked = TrackedBlock::new(block(100, 5, false));
+        let mut next = block(100, 5, false);
+        for x in &mut next.gaussians.mean[0] {
+            *x = (*x + 0.3) % 10.0;
+        }
+        let bytes = tracked.encode(&target(&next, &[false; 100]), &step, &ChangePrecision::default()).unwrap();
+        let decoded = tracked.decode(&bytes, &step).unwrap();
+        assert!(decoded.block.gaussians.mean[0].iter().all(|x| (0.0..=10.0).contains(x)));
+        // All moved alike, however they crossed.
+        assert!((0..100).all(|i| (0.0..6.0).contains(&decoded.velocity(i).unwrap()[0])));
+    }
+
+    #[test]
+    fn damaged_changes_are_refused_or_decode_to_sound_gaussians() {
+        let tracked = TrackedBlock::new(block(30, 3, true));
+        let next = block(30, 4, true);
+        let mut born = [false; 30];
+        born[5] = true;
+        let bytes = tracked.encode(&target(&next, &born), &STEP, &ChangePrecision::default()).unwrap();
+        for at in 0..bytes.len() {
+            assert!(tracked.decode(&bytes[..at], &STEP).is_err());
+            let mut other = bytes.clone();
+            other[at] ^= 1 << (at % 8);
+            if let Ok(decoded) = tracked.decode(&other, &STEP) {
+                let g = &decoded.block.gaussians;
+                assert!(g.mean.iter().chain(&g.cov).flatten().all(|v| v.is_finite()));
+            }
+        }
+    }
+}

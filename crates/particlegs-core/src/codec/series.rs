@@ -1,0 +1,384 @@
+//! Series of models: an index, then a file for each frame: a model, or what changes from the frame before
+//! (docs/format.md, section 16).
+
+use super::change::{FrameStep, TrackedBlock};
+use super::container::{
+    self, BLOCK_CHANGE, CERTIFICATE, CHANGE, CORRELATION, FIELD, FRAME, FRAME_INDEX, HEAD_BYTES, META, SECTION_BYTES,
+    SERIES, SERIES_RECIPE, Section,
+};
+use super::decode::{Decoder, correlation_of, fields_of};
+use super::file::StoredSection;
+use super::sums::compensated;
+use super::wire::{SectionFault, WireReader};
+use super::{Encoder, Precision, assemble, certificate, metadata};
+use crate::context::Context;
+use crate::model::{Certificate, Layer, Mass, Metadata, Model};
+use crate::{Error, Result};
+use std::ops::Range;
+
+/// Frames at most.
+pub const MOST_FRAMES: usize = 1 << 20;
+/// Bytes of the index before its entries, and of an entry.
+const INDEX_HEAD: usize = 1 + 4;
+const ENTRY: usize = 1 + 8 + 8 + 8;
+/// Bytes of the recipe at most.
+const RECIPE_TEXT: usize = 16_384;
+/// How finely a frame is coded as a model of its own ([`SeriesFile::extract`]): its steps add next to nothing to the errors
+/// of the series.
+const EXTRACTED: f64 = 0.25;
+
+/// What the clock of a series tells. Motions are proportional to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeriesClock {
+    /// The number of the frame.
+    Frame,
+    /// The scale factor.
+    ScaleFactor,
+    /// The time, in the unit of time.
+    Time,
+    /// The time step.
+    Step,
+}
+
+/// What there is of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameKind {
+    /// Nothing: a gap.
+    Missing,
+    /// A model.
+    Keyframe,
+    /// What changes from the frame before.
+    Change,
+}
+
+/// A frame of a series that is put together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CodedFrame {
+    /// What the clock shows.
+    pub time: f64,
+    /// A keyframe?
+    pub keyframe: bool,
+    /// A model file, or what [`TrackedModel::change_file`] gives.
+    pub bytes: Vec<u8>,
+}
+
+/// A frame in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameEntry {
+    /// What there is of it.
+    pub kind: FrameKind,
+    /// What the clock shows; 0 of a gap.
+    pub time: f64,
+    /// Its bytes in the file.
+    pub place: Range<usize>,
+}
+
+/// A series of models whose index is read.
+pub struct SeriesFile<'a> {
+    bytes: &'a [u8],
+    place: String,
+    /// What the clock tells.
+    pub clock: SeriesClock,
+    /// The frames.
+    pub frames: Vec<FrameEntry>,
+    /// How the series was made, as JSON; empty where that is not known.
+    pub recipe: String,
+}
+
+/// A decoded frame with what is known of its Gaussians' motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackedModel {
+    /// What the clock shows.
+    pub time: f64,
+    /// Metadata.
+    pub metadata: Metadata,
+    /// Certificate.
+    pub certificate: Option<Certificate>,
+    /// The blocks of the layers.
+    pub layers: Vec<Layer<Vec<TrackedBlock>>>,
+    /// Metadata of the keyframe, as it is stored.
+    key: Vec<u8>,
+}
+
+impl SeriesClock {
+    const ALL: [SeriesClock; 4] = [SeriesClock::Frame, SeriesClock::ScaleFactor, SeriesClock::Time, SeriesClock::Step];
+
+    /// What it shows for a frame of some metadata; `None` where these do not say.
+    pub fn time(self, frame: usize, metadata: &Metadata) -> Option<f64> {
+        let epoch = &metadata.epoch;
+        match self {
+            SeriesClock::Frame => Some(frame as f64),
+            SeriesClock::ScaleFactor => epoch.scale_factor,
+            SeriesClock::Time => epoch.time,
+            SeriesClock::Step => epoch.step.map(|s| s as f64),
+        }
+    }
+
+    /// What it tells, in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            SeriesClock::Frame => "frame",
+            SeriesClock::ScaleFactor => "scale factor",
+            SeriesClock::Time => "time",
+            SeriesClock::Step => "time step",
+        }
+    }
+
+    /// The first that metadata have: scale factor, time, step, or else the frame's number.
+    pub fn of(metadata: &Metadata) -> SeriesClock {
+        let [frame, others @ ..] = SeriesClock::ALL;
+        others.into_iter().find(|c| c.time(0, metadata).is_some()).unwrap_or(frame)
+    }
+}
+
+/// Puts a series together; `None` is a gap. `recipe` says how it was made, in JSON.
+pub fn assemble_series(clock: SeriesClock, recipe: &str, frames: &[Option<CodedFrame>]) -> Result<Vec<u8>> {
+    if frames.len() > MOST_FRAMES || recipe.len() > RECIPE_TEXT {
+        return Err(Error::argument(format!("a series has at most {MOST_FRAMES} frames")));
+    }
+    let mut place = HEAD_BYTES + SECTION_BYTES + INDEX_HEAD + ENTRY * frames.len();
+    if !recipe.is_empty() {
+        place += SECTION_BYTES + recipe.len();
+    }
+    let mut index = vec![SeriesClock::ALL.iter().position(|c| *c == clock).unwrap_or(0) as u8];
+    index.extend((frames.len() as u32).to_le_bytes());
+    let mut sections = Vec::new();
+    for frame in frames {
+        let Some(CodedFrame { time, keyframe, bytes }) = frame else {
+            index.extend([0; ENTRY]);
+            continue;
+        };
+        place += SECTION_BYTES;
+        index.push(if *keyframe { 1 } else { 2 });
+        index.extend(time.to_le_bytes());
+        index.extend((place as u64).to_le_bytes());
+        index.extend((bytes.len() as u64).to_le_bytes());
+        place += bytes.len();
+        sections.push(Section::new(FRAME, None, bytes));
+    }
+    let head = [Section::new(FRAME_INDEX, None, &index), Section::new(SERIES_RECIPE, None, recipe.as_bytes())];
+    let head = head.into_iter().filter(|s| !s.bytes.is_empty());
+    let file = container::write(SERIES, &head.chain(sections).collect::<Vec<_>>(), false);
+    SeriesFile::read(&file, "the series")?;
+    Ok(file)
+}
+
+impl<'a> SeriesFile<'a> {
+    /// Reads the index, and checks it and every checksum.
+    pub fn read(bytes: &'a [u8], place: &str) -> Result<SeriesFile<'a>> {
+        let corrupt = |what: String| Error::corrupt(place, what);
+        let sections = container::read(SERIES, bytes, place)?.sections;
+        let mut sections = sections.into_iter();
+        let index = sections.next().filter(|s| s.tag == FRAME_INDEX);
+        let index = index.ok_or_else(|| corrupt("the file does not begin with an index of frames".into()))?;
+        let (clock, frames) = frame_entries(index.bytes).map_err(corrupt)?;
+        let mut recipe = String::new();
+        let mut there = frames.iter().filter(|f| f.kind != FrameKind::Missing);
+        for section in sections {
+            match section.tag {
+                SERIES_RECIPE if section.bytes.len() <= RECIPE_TEXT => {
+                    recipe = String::from_utf8_lossy(section.bytes).into_owned();
+                }
+                FRAME => {
+                    let start = section.offset + SECTION_BYTES;
+                    let own = start..start + section.bytes.len();
+                    if there.next().map(|f| &f.place) != Some(&own) {
+                        return Err(corrupt("the index of frames does not match the frames".into()));
+                    }
+                }
+                _ => {}
+            }
+        }
+        if there.next().is_some() {
+            return Err(corrupt("a frame of the index is missing".into()));
+        }
+        Ok(SeriesFile { bytes, place: place.into(), clock, frames, recipe })
+    }
+
+    /// A frame's own bytes.
+    pub fn frame_bytes(&self, frame: usize) -> Result<&'a [u8]> {
+        match self.frames.get(frame) {
+            Some(f) if f.kind != FrameKind::Missing => Ok(&self.bytes[f.place.clone()]),
+            Some(_) => Err(Error::input(&self.place, format!("frame {frame} is missing"))),
+            None => {
+                let what = format!("there is no frame {frame}; frames go from 0 to {}", self.frames.len().max(1) - 1);
+                Err(Error::input(&self.place, what))
+            }
+        }
+    }
+
+    /// What was measured of a frame, if it was.
+    pub fn certificate(&self, frame: usize) -> Result<Option<Certificate>> {
+        let bytes = self.frame_bytes(frame)?;
+        let kind = if self.frames[frame].kind == FrameKind::Keyframe { container::MODEL } else { CHANGE };
+        let sections = container::read(kind, bytes, &self.name(frame))?.sections;
+        let own = sections.iter().find(|s| s.tag == CERTIFICATE);
+        let read = own.map(|s| certificate::read(s.bytes).map_err(|what| Error::corrupt(self.name(frame), what)));
+        read.transpose()
+    }
+
+    /// The keyframe that a frame is decoded from.
+    fn keyframe(&self, frame: usize) -> Result<usize> {
+        self.frame_bytes(frame)?;
+        let key = self.frames[..=frame].iter().rposition(|f| f.kind == FrameKind::Keyframe);
+        key.ok_or_else(|| Error::corrupt(&self.place, "the first frame is no keyframe"))
+    }
+
+    /// The name of a frame in errors.
+    fn name(&self, frame: usize) -> String {
+        format!("{}, frame {frame}", self.place)
+    }
+
+    /// Decodes a frame, from its keyframe on.
+    pub fn tracked(&self, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
+        let key = self.keyframe(frame)?;
+        let time = self.frames[key].time;
+        let mut model = TrackedModel::keyframe(self.frame_bytes(key)?, time, &self.name(key), context)?;
+        for i in (key + 1..=frame).filter(|&i| self.frames[i].kind == FrameKind::Change) {
+            context.check()?;
+            model = model.next(self.frame_bytes(i)?, self.frames[i].time, &self.name(i))?;
+        }
+        Ok(model)
+    }
+
+    /// A frame as a model file: a keyframe's own bytes, and others coded anew.
+    pub fn extract(&self, frame: usize, context: &Context<'_>) -> Result<Vec<u8>> {
+        let bytes = self.frame_bytes(frame)?;
+        if self.frames[frame].kind == FrameKind::Keyframe {
+            return Ok(bytes.to_vec());
+        }
+        let TrackedModel { metadata, certificate, layers, .. } = self.tracked(frame, context)?;
+        let precision = Precision::BALANCED.scaled(EXTRACTED);
+        let coded = |layer: Layer<Vec<TrackedBlock>>| {
+            let blocks = layer.content.iter().map(|b| Ok(Encoder::new(&b.block)?.encode(&precision).into()));
+            Ok(layer.with(blocks.collect::<Result<Vec<_>>>()?))
+        };
+        let layers = layers.into_iter().map(coded).collect::<Result<Vec<_>>>()?;
+        assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), layers)
+    }
+}
+
+fn frame_entries(bytes: &[u8]) -> std::result::Result<(SeriesClock, Vec<FrameEntry>), String> {
+    let mut r = WireReader::new(bytes);
+    let clock = SeriesClock::ALL.get(usize::from(r.u8()?)).ok_or("the clock of the series is not known")?;
+    let count = r.u32()? as usize;
+    if count == 0 || count > MOST_FRAMES || bytes.len() != INDEX_HEAD + ENTRY * count {
+        return Err(format!("the index has {} bytes for {count} frames", bytes.len()));
+    }
+    let mut frames: Vec<FrameEntry> = Vec::with_capacity(count);
+    let mut before = None;
+    for number in 0..count {
+        let (kind, time, start, length) = (r.u8()?, r.f64()?, r.u64()?, r.u64()?);
+        let kind = match kind {
+            0 => FrameKind::Missing,
+            1 => FrameKind::Keyframe,
+            2 if before.is_some() => FrameKind::Change,
+            _ => return Err(format!("frame {number} is of the unknown or impossible kind {kind}")),
+        };
+        if !time.is_finite() || kind != FrameKind::Missing && before.is_some_and(|t| time <= t) {
+            return Err(format!("the clock does not move on at frame {number}"));
+        }
+        if kind != FrameKind::Missing {
+            before = Some(time);
+        }
+        let end = usize::try_from(start).ok().zip(usize::try_from(length).ok());
+        let end = end.and_then(|(start, length)| Some(start..start.checked_add(length)?));
+        frames.push(FrameEntry { kind, time, place: end.ok_or("a frame lies beyond the file")? });
+    }
+    Ok((*clock, frames))
+}
+
+impl TrackedModel {
+    /// A model file as the first frame of a group.
+    pub fn keyframe(bytes: &[u8], time: f64, place: &str, context: &Context<'_>) -> Result<TrackedModel> {
+        let Model { metadata, layers, certificate } = Decoder::new(bytes, place, context)?.finish_stored()?;
+        let shaded = layers.iter().flat_map(|l| &l.content).any(|b| b.gaussians.law.alpha_blend().is_some());
+        if shaded || !metadata.shared_species.is_empty() {
+            let what = "alpha-blend models and species that share Gaussians have no changes from frame to frame";
+            return Err(Error::input(place, what));
+        }
+        let sections = container::read(container::MODEL, bytes, place)?.sections;
+        let key = sections.first().map(|s| s.bytes.to_vec()).unwrap_or_default();
+        let tracked = |l: Layer<Vec<_>>| l.map(|blocks| blocks.into_iter().map(TrackedBlock::new).collect());
+        let layers = layers.into_iter().map(tracked).collect();
+        Ok(TrackedModel { time, metadata, certificate, layers, key })
+    }
+
+    /// The file of what changes to the next frame. `blocks` are those of all layers in order, as
+    /// [`TrackedBlock::encode`] gives them; what else belongs to each stands beside it. `None` where a keyframe
+    /// is needed: it has metadata that the next frame lacks, or other layers.
+    pub fn change_file(
+        &self,
+        metadata: &Metadata,
+        masses: &[Mass],
+        certificate: Option<&Certificate>,
+        blocks: &[(Vec<u8>, Vec<StoredSection>)],
+    ) -> Option<Vec<u8>> {
+        let meta = metadata::difference(&self.key, &metadata::write(metadata, masses))?;
+        let certificate = certificate.map(certificate::write);
+        let mut sections = vec![Section::new(META, None, &meta)];
+        sections.extend(certificate.iter().map(|c| Section::new(CERTIFICATE, None, c)));
+        let numbered = || blocks.iter().zip(0u32..);
+        sections.extend(numbered().map(|((bytes, _), number)| Section::new(BLOCK_CHANGE, Some(number), bytes)));
+        for ((_, own), number) in numbered() {
+            sections.extend(own.iter().map(|s| Section::new(s.tag, Some(number), &s.bytes)));
+        }
+        Some(container::write(CHANGE, &sections, false))
+    }
+
+    /// The next frame, of a file of changes.
+    pub fn next(&self, bytes: &[u8], time: f64, place: &str) -> Result<TrackedModel> {
+        let corrupt = |what: String| Error::corrupt(place, what);
+        let fault = |fault: SectionFault| match fault {
+            SectionFault::Corrupt(what) => corrupt(what),
+            SectionFault::Unknown(what) => Error::Compatibility { place: place.into(), what },
+        };
+        let sections = container::read(CHANGE, bytes, place)?.sections;
+        let first = sections.first().ok_or_else(|| corrupt("a frame has no metadata".into()))?;
+        let whole = metadata::changed(&self.key, first.bytes).map_err(fault)?;
+        let (metadata, masses) = metadata::read(&whole).map_err(fault)?;
+        let certificate = sections.iter().find(|s| s.tag == CERTIFICATE);
+        let certificate = certificate.map(|s| certificate::read(s.bytes).map_err(corrupt)).transpose()?;
+        let masses = metadata::of_layers(&masses, self.layers.len(), false)
+            .ok_or_else(|| corrupt("the number of masses differs from the number of layers".into()))?;
+        let step = FrameStep { cells: [self.metadata.cell, metadata.cell], elapsed: time - self.time };
+        let mut changes = sections.iter().filter(|s| s.tag == BLOCK_CHANGE);
+        let mut number = 0u32;
+        let mut layers = Vec::with_capacity(self.layers.len());
+        for (layer, mass) in self.layers.iter().zip(masses) {
+            let mut blocks = Vec::with_capacity(layer.content.len());
+            for block in &layer.content {
+                let at = |what: String| corrupt(format!("block {number}: {what}"));
+                let change = changes.next().filter(|s| s.block == Some(number));
+                let change = change.ok_or_else(|| at("its changes are missing".into()))?;
+                let mut next = block.decode(change.bytes, &step).map_err(at)?;
+                let own = || sections.iter().filter(|s| s.block == Some(number));
+                let fields: Vec<StoredSection> = own().filter(|s| s.tag == FIELD).map(StoredSection::from).collect();
+                fields_of(&mut next.block, &fields, &metadata, false).map_err(at)?;
+                for section in own().filter(|s| s.tag == CORRELATION) {
+                    correlation_of(&mut next.block, section.bytes, &metadata.fields).map_err(at)?;
+                }
+                blocks.push(next);
+                number += 1;
+            }
+            layers.push(Layer { name: layer.name.clone(), mass, content: blocks });
+        }
+        if changes.next().is_some() {
+            return Err(corrupt("a frame has changes of a block that does not exist".into()));
+        }
+        let all = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.block));
+        let count = all().fold(0u64, |sum, b| sum.saturating_add(b.count));
+        let mass = compensated(&all().map(|b| b.mass).collect::<Vec<_>>());
+        if count != metadata.count || (mass - metadata.mass).abs() > 1e-9 * metadata.mass {
+            return Err(corrupt("the blocks and the metadata disagree about particles or mass".into()));
+        }
+        Ok(TrackedModel { time, metadata, certificate, layers, key: self.key.clone() })
+    }
+
+    /// The frame as a model.
+    pub fn into_model(self) -> Model {
+        let TrackedModel { metadata, certificate, layers, .. } = self;
+        let blocks = |l: Layer<Vec<TrackedBlock>>| l.map(|blocks| blocks.into_iter().map(|b| b.block).collect());
+        Model { metadata, certificate, layers: layers.into_iter().map(blocks).collect() }
+    }
+}

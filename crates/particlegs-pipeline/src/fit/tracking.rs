@@ -1,0 +1,143 @@
+//! Gaussians of a frame from those of the frame before.
+
+use super::assignment::SoftAssignment;
+use super::effort::refinement;
+use super::refine::{TrackedGaussians, track};
+use super::{FitOptions, Moments, ParticleStore, Partition, RefineOptions};
+use crate::context::Context;
+use crate::model::Mixture;
+use crate::particles::Particles;
+use crate::{Result, parallel};
+use particlegs_core::math::each_axis;
+
+/// Particles of one parallel step.
+const STEP: usize = 1 << 14;
+
+/// A split of a tracked Gaussian must gain this many times what its merge costs, and no larger share is split in a frame:
+/// Gaussians that are new cost more bytes than those that move.
+const SPLIT_RATIO: f64 = 3.0;
+const MOST_MOVED: f64 = 0.0075;
+
+/// EM iterations and rounds of split and merge that a tracked frame gets.
+#[derive(Clone, Copy, Debug)]
+pub struct TrackingEffort {
+    /// EM iterations before the rounds.
+    pub first_iterations: usize,
+    /// Rounds of split and merge.
+    pub rounds: usize,
+    /// EM iterations after each.
+    pub iterations: usize,
+}
+
+/// Refines Gaussians that are expected at `start` on the particles of their frame. They keep their order.
+pub fn track_gaussians(
+    particles: &Particles,
+    start: &Mixture,
+    options: &FitOptions,
+    effort: TrackingEffort,
+    context: &Context<'_>,
+) -> Result<TrackedGaussians> {
+    context.check()?;
+    let local = particles.local_bounds();
+    let store = ParticleStore::new(particles, &local);
+    let assignment = SoftAssignment::new(start);
+    let mut owner = vec![0u32; store.len()];
+    parallel::for_each_chunk_with(&mut owner, STEP, Vec::new, |shares, c, owner| {
+        for (i, owner) in owner.iter_mut().enumerate() {
+            assignment.shares(store.to_world(store.xyz[c * STEP + i].map(f64::from)), shares);
+            let likeliest = shares.iter().fold((0, 0.0), |best, s| if s.1 > best.1 { *s } else { best });
+            *owner = likeliest.0;
+        }
+    });
+    drop(assignment);
+    let partition = cells_of(store, &owner, start.len());
+    let thin = particles.in_world(local).thin_axis();
+    let TrackingEffort { first_iterations, rounds, iterations } = effort;
+    let how = refinement(particles.len(), start.len(), options);
+    let (ratio, most_moved) = (SPLIT_RATIO, MOST_MOVED);
+    let how =
+        RefineOptions { thin, first_iterations, rounds, iterations, settling: iterations, ratio, most_moved, ..how };
+    track(&partition, start, options.radius, &how, context)
+}
+
+/// Particles in the order of their Gaussians.
+fn cells_of(store: ParticleStore, owner: &[u32], gaussians: usize) -> Partition {
+    let mut end = vec![0usize; gaussians + 1];
+    owner.iter().for_each(|&o| end[o as usize + 1] += 1);
+    for i in 0..gaussians {
+        end[i + 1] += end[i];
+    }
+    let cells: Vec<_> = (0..gaussians).map(|i| end[i]..end[i + 1]).collect();
+    let mut at = end;
+    let mut xyz = vec![[0.0; 3]; store.len()];
+    let mut weight = store.weight.as_ref().map(|w| vec![0.0; w.len()]);
+    for (i, &o) in owner.iter().enumerate() {
+        let to = at[o as usize];
+        at[o as usize] += 1;
+        xyz[to] = store.xyz[i];
+        if let (Some(weight), Some(own)) = (&mut weight, &store.weight) {
+            weight[to] = own[i];
+        }
+    }
+    let moments = parallel::map_range(gaussians, |i| {
+        let cell = cells[i].clone();
+        Moments::from_points(&xyz[cell.clone()], weight.as_ref().map(|w| &w[cell]))
+    });
+    let (origin, scale) = (store.origin, store.scale);
+    Partition { store: ParticleStore { xyz, weight, origin, scale }, cells, moments }
+}
+
+/// Where Gaussians of `before` are once each particle, which is the same number in both, is where it is `now`: the moments
+/// of the particles that each had. `nearest` gives a particle's place that is nearest to where it was.
+pub fn carried(
+    gaussians: &Mixture,
+    before: &Particles,
+    now: &Particles,
+    nearest: &(dyn Fn([f64; 3], [f64; 3]) -> [f64; 3] + Sync),
+) -> Mixture {
+    let assignment = SoftAssignment::new(gaussians);
+    let runs = before.len().div_ceil(STEP * 16);
+    let parts: Vec<Vec<(u32, [f64; 11])>> = parallel::map_range(runs, |run| {
+        let mut shares = Vec::new();
+        let mut found = Vec::new();
+        for i in run * STEP * 16..before.len().min((run + 1) * STEP * 16) {
+            let x = before.position(i);
+            assignment.shares(x, &mut shares);
+            let y = nearest(now.position(i), x);
+            let w = before.weights().map_or(1.0, |w| f64::from(w[i]));
+            for &(g, share) in &shares {
+                let d: [f64; 3] = each_axis(|k| y[k] - gaussians.mean[k][g as usize]);
+                let [a, b, c] = d;
+                found.push((g, [1.0, w, a, b, c, a * a, a * b, a * c, b * b, b * c, c * c].map(|v| v * share)));
+                let last = found.len() - 1;
+                found[last].1[1] = share * w;
+            }
+        }
+        found.sort_by_key(|f| f.0);
+        let mut sums: Vec<(u32, [f64; 11])> = Vec::new();
+        for (g, own) in found {
+            match sums.last_mut() {
+                Some(last) if last.0 == g => last.1.iter_mut().zip(own).for_each(|(a, b)| *a += b),
+                _ => sums.push((g, own)),
+            }
+        }
+        sums
+    });
+    let mut all = vec![[0.0; 11]; gaussians.len()];
+    for (g, own) in parts.iter().flatten() {
+        all[*g as usize].iter_mut().zip(own).for_each(|(a, b)| *a += b);
+    }
+    let mut out = Mixture::new(gaussians.masses().is_some());
+    for (i, s) in all.iter().enumerate() {
+        if s[0] < 1.0 {
+            out.push(gaussians.mean_of(i), gaussians.cov_of(i), s[0], s[1]);
+            continue;
+        }
+        let n = s[0];
+        let d: [f64; 3] = each_axis(|k| s[2 + k] / n);
+        let outer = crate::math::Sym3::outer(d);
+        let cov = crate::math::Sym3(std::array::from_fn(|k| s[5 + k] / n - outer.0[k]));
+        out.push(each_axis(|k| gaussians.mean[k][i] + d[k]), cov, n, s[1]);
+    }
+    out
+}
