@@ -3,7 +3,7 @@
 use crate::common::CommandContext;
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
-use particlegs_pipeline::codec::{FrameKind, SeriesFile};
+use particlegs_pipeline::codec::{FrameCoding, SeriesFile};
 use particlegs_pipeline::model::Certificate;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -19,20 +19,20 @@ pub fn mean_psnr(certificate: &Certificate) -> Option<f64> {
 pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> {
     let series = SeriesFile::read(bytes, &name_of(path))?;
     let clock = series.clock.name();
-    let keyframes = series.frames.iter().filter(|f| f.kind == FrameKind::Keyframe).count();
+    let keyframes = series.frames.iter().filter(|f| f.kind == FrameCoding::Keyframe).count();
     let mut text =
         format!("series of {} frames, {keyframes} of them keyframes, {} bytes", series.frames.len(), bytes.len());
     let _ = write!(text, "\n{:>6} {clock:>13} {:>9} {:>9} {:>9}", "frame", "kind", "bytes", "PSNR, dB");
     let mut rows = Vec::new();
     for (number, frame) in series.frames.iter().enumerate() {
         let kind = match frame.kind {
-            FrameKind::Missing => {
+            FrameCoding::Missing => {
                 let _ = write!(text, "\n{number:>6} {:>13} {:>9}", "", "missing");
                 rows.push(json!({ "frame": number, "kind": "missing" }));
                 continue;
             }
-            FrameKind::Keyframe => "keyframe",
-            FrameKind::Change => "changes",
+            FrameCoding::Keyframe => "keyframe",
+            FrameCoding::Change => "changes",
         };
         let score = series.certificate(number)?.as_ref().and_then(mean_psnr);
         let shown = score.map_or(String::new(), |v| format!("{v:.2}"));

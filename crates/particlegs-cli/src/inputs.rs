@@ -6,7 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
-use particlegs_pipeline::codec::{FrameKind, SeriesClock, SeriesFile};
+use particlegs_pipeline::codec::{FrameCoding, SeriesClock, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
@@ -38,7 +38,7 @@ impl FrameArgs {
         let count = series.frames.len();
         if let Some(text) = &self.time {
             let asked = moment(text, series, place, context)?;
-            let there = (0..count).filter(|&i| series.frames[i].kind != FrameKind::Missing);
+            let there = (0..count).filter(|&i| series.frames[i].kind != FrameCoding::Missing);
             let off = |i: &usize| (series.frames[*i].time - asked).abs();
             let nearest = there.min_by(|a, b| off(a).total_cmp(&off(b)));
             return nearest.ok_or_else(|| Error::input(place, "the series has no frames"));
@@ -90,7 +90,7 @@ fn moment(text: &str, series: &SeriesFile<'_>, place: &str, context: &Context<'_
 }
 
 fn first_frame(series: &SeriesFile<'_>) -> usize {
-    series.frames.iter().position(|f| f.kind != FrameKind::Missing).unwrap_or(0)
+    series.frames.iter().position(|f| f.kind != FrameCoding::Missing).unwrap_or(0)
 }
 
 pub enum PathContent {

@@ -10,7 +10,7 @@ use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::Choice;
-use particlegs_pipeline::codec::{self, CodedFrame, FrameKind, SeriesFile};
+use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile};
 use particlegs_pipeline::compress::Options;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::particles::{Particles, Storage};
@@ -151,10 +151,10 @@ impl Arguments {
             return Err(context.refused(&self.output));
         }
         let frame = |i: usize| match there.frames[i].kind {
-            FrameKind::Missing => Ok(None),
+            FrameCoding::Missing => Ok(None),
             kind => {
                 let bytes = there.frame_bytes(i)?.to_vec();
-                Ok(Some(CodedFrame { time: there.frames[i].time, keyframe: kind == FrameKind::Keyframe, bytes }))
+                Ok(Some(CodedFrame { time: there.frames[i].time, keyframe: kind == FrameCoding::Keyframe, bytes }))
             }
         };
         (0..there.frames.len()).map(frame).collect()

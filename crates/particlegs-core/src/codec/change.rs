@@ -32,6 +32,10 @@ const SIZE: usize = 2;
 const SHAPE: usize = 3;
 const COUNT: usize = 4;
 const WEIGHT: usize = 5;
+/// Variances are changed by ratios no smaller than this part of the largest.
+const FLATTEST: f64 = 1.0 / (1u64 << 20) as f64;
+/// Variance along an axis that is left at least, over the sum of all three: 2^-40.
+const NARROWEST: f64 = 1.0 / (1u64 << 40) as f64;
 /// The header's bytes.
 const HEADER_BYTES: usize = 6 * 8 + 8 + 8 + 4 + 5 * 4 + 8 + 2 * 4;
 
@@ -125,9 +129,10 @@ impl ChangeHeader {
         let (scale, gains) = (r.f64()?, [r.f32()?, r.f32()?]);
         let ordered = (0..3).all(|k| bounds.min[k] <= bounds.max[k] && (bounds.max[k] - bounds.min[k]).is_finite());
         let sound = ordered && (1..=1 << 53).contains(&count) && mass > 0.0 && mass.is_finite();
+        let sound = sound && scale > 0.0 && scale.is_finite();
         let positive = |v: &f32| *v > 0.0 && *v < 1e6;
         let gains_sound = gains.iter().all(|g| (0.0..=1.0).contains(g));
-        if !sound || !steps.iter().all(positive) || !(scale > 0.0 && scale.is_finite()) || !gains_sound {
+        if !(sound && gains_sound && steps.iter().all(positive)) {
             return Err("the header of a change is out of range".into());
         }
         Ok(ChangeHeader { bounds, count, mass, new, steps, scale, gains })
@@ -136,22 +141,22 @@ impl ChangeHeader {
 
 /// Widths of a Gaussian along the axes where the earlier ones are known, and the rest of its Cholesky factor.
 #[derive(Clone, Copy)]
-struct Factor {
+struct CholeskyFactor {
     width: [f64; 3],
     /// (1, 0), (2, 0), (2, 1).
     below: [f64; 3],
 }
 
-impl Factor {
-    fn new(cov: &Sym3) -> Factor {
+impl CholeskyFactor {
+    fn new(cov: &Sym3) -> CholeskyFactor {
         let [xx, xy, xz, yy, yz, zz] = cov.0;
-        let least = (xx + yy + zz) * (-40f64).exp2() + 1e-300;
+        let least = (xx + yy + zz) * NARROWEST + 1e-300;
         let root = |v: f64| v.max(least).sqrt();
         let x = root(xx);
         let (a, b) = (xy / x, xz / x);
         let y = root(yy - a * a);
         let c = (yz - b * a) / y;
-        Factor { width: [x, y, root((zz - b * b) - c * c)], below: [a, b, c] }
+        CholeskyFactor { width: [x, y, root((zz - b * b) - c * c)], below: [a, b, c] }
     }
 
     /// The factor times a vector.
@@ -198,7 +203,8 @@ impl Factor {
         if !e.values.iter().all(|v| v.is_finite()) {
             return None;
         }
-        e.values = e.values.map(|v| 0.5 * libm::log(v.max(1e-12)));
+        let least = (FLATTEST * e.values[0]).max(1e-300);
+        e.values = e.values.map(|v| 0.5 * libm::log(v.max(least)));
         let size = (e.values[0] + e.values[1] + e.values[2]) / 3.0;
         e.values = e.values.map(|v| v - size);
         let [a, b, c, d, f] = to_five(&Sym3::from_eigen(&e));
@@ -230,11 +236,12 @@ impl ChangeModels {
     }
 }
 
-/// What is left of a value, in steps: values next to none are none, as they cost more than they gain.
-fn in_steps(value: f64, step: f64) -> i32 {
+/// What is left of a value, in steps that lead no further than `most`: values next to none are none, as they cost more than
+/// they gain.
+fn in_steps(value: f64, step: f64, most: f64) -> i32 {
     const DEAD: f64 = 0.2;
     let v = value / step;
-    let k = (v.abs() + 0.5 - DEAD).floor().min(f64::from(MOST_STEPS));
+    let k = (v.abs() + 0.5 - DEAD).floor().min((most / step).floor()).min(f64::from(MOST_STEPS));
     (if v < 0.0 { -k } else { k }) as i32
 }
 
@@ -342,7 +349,7 @@ impl TrackedBlock {
             if let Some(masses) = g.columns.get_mut(MASS) {
                 masses.iter_mut().zip(counts).for_each(|(m, n)| *m *= n);
                 let mass = header.mass - new.mass;
-                if !(mass > 0.0) {
+                if mass.is_nan() || mass <= 0.0 {
                     return Err("a change has another mass".into());
                 }
                 rescale(masses, mass);
@@ -380,7 +387,7 @@ impl TrackedBlock {
                 continue;
             }
             let (mean, cov, count) = (own.mean_of(i), own.cov_of(i), own.count[i].max(0.5));
-            let factor = Factor::new(&cov);
+            let factor = CholeskyFactor::new(&cov);
             let importance = (extent_over_count(own, i) / header.scale).sqrt().clamp(0.125, 8.0);
             let known = self.velocity(i);
             let guess = known.unwrap_or_else(|| next.guess(&moved_from, mean));
@@ -391,7 +398,7 @@ impl TrackedBlock {
             let (mut sum, mut q) = (0u32, [0.0; 3]);
             let (kind, size) = (if known.is_some() { PLACE } else { FIRST_PLACE }, place_step * importance);
             for axis in 0..3 {
-                let wanted = off.map_or(0, |d| in_steps(factor.solve(d, axis, q), size));
+                let wanted = off.map_or(0, |d| in_steps(factor.solve(d, axis, q), size, f64::INFINITY));
                 let k = models.code(c, kind, unrest + 2 * sum, wanted)?;
                 q[axis] = f64::from(k) * size;
                 sum += k.unsigned_abs();
@@ -400,7 +407,7 @@ impl TrackedBlock {
             let mut shape = [0.0; 6];
             for (j, value) in shape.iter_mut().enumerate() {
                 let (kind, step) = if j == 0 { (SIZE, size_step) } else { (SHAPE, shape_step * importance) };
-                let k = models.code(c, kind, unrest + 2 * sum, in_steps(wanted[j], step))?;
+                let k = models.code(c, kind, unrest + 2 * sum, in_steps(wanted[j], step, LARGEST_LOG))?;
                 *value = f64::from(k) * step;
                 sum += k.unsigned_abs();
                 if value.abs() > LARGEST_LOG {
@@ -408,7 +415,7 @@ impl TrackedBlock {
                 }
             }
             let mut number = |kind: usize, wanted: f64, step: f64, sum: &mut u32| {
-                let k = models.code(c, kind, unrest + 2 * *sum, in_steps(wanted, step))?;
+                let k = models.code(c, kind, unrest + 2 * *sum, in_steps(wanted, step, LARGEST_LOG))?;
                 *sum += k.unsigned_abs();
                 let log = f64::from(k) * step;
                 if log.abs() > LARGEST_LOG {
@@ -604,6 +611,18 @@ mod tests {
         let bytes = tracked.encode(&target(&next, &[true; 20]), &STEP, &ChangePrecision::default()).unwrap();
         let decoded = tracked.decode(&bytes, &STEP).unwrap();
         assert_eq!((decoded.block.count, decoded.block.gaussians.len()), (next.count, 20));
+    }
+
+    #[test]
+    fn gaussians_that_become_points_or_giants_are_coded_as_far_as_steps_go() {
+        let tracked = TrackedBlock::new(block(40, 9, false));
+        let mut next = block(40, 9, false);
+        for i in 0..40 {
+            let by = if i % 2 == 0 { 1e-40 } else { 1e40 };
+            (0..6).for_each(|k| next.gaussians.cov[k][i] *= if k == i % 6 { by } else { 1.0 });
+        }
+        let bytes = tracked.encode(&target(&next, &[false; 40]), &STEP, &ChangePrecision::default()).unwrap();
+        assert!(tracked.decode(&bytes, &STEP).is_ok());
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;
 pub use series::{
-    CodedFrame, FrameEntry, FrameKind, MOST_FRAMES, SeriesClock, SeriesFile, TrackedModel, assemble_series,
+    CodedFrame, FrameCoding, FrameEntry, MOST_FRAMES, SeriesClock, SeriesFile, TrackedModel, assemble_series,
 };
 pub use sums::whole_counts;
 pub use thinning::Thinning;

@@ -42,7 +42,7 @@ pub enum SeriesClock {
 
 /// What there is of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FrameKind {
+pub enum FrameCoding {
     /// Nothing: a gap.
     Missing,
     /// A model.
@@ -66,7 +66,7 @@ pub struct CodedFrame {
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameEntry {
     /// What there is of it.
-    pub kind: FrameKind,
+    pub kind: FrameCoding,
     /// What the clock shows; 0 of a gap.
     pub time: f64,
     /// Its bytes in the file.
@@ -173,7 +173,7 @@ impl<'a> SeriesFile<'a> {
         let index = index.ok_or_else(|| corrupt("the file does not begin with an index of frames".into()))?;
         let (clock, frames) = frame_entries(index.bytes).map_err(corrupt)?;
         let mut recipe = String::new();
-        let mut there = frames.iter().filter(|f| f.kind != FrameKind::Missing);
+        let mut there = frames.iter().filter(|f| f.kind != FrameCoding::Missing);
         for section in sections {
             match section.tag {
                 SERIES_RECIPE if section.bytes.len() <= RECIPE_TEXT => {
@@ -198,7 +198,7 @@ impl<'a> SeriesFile<'a> {
     /// A frame's own bytes.
     pub fn frame_bytes(&self, frame: usize) -> Result<&'a [u8]> {
         match self.frames.get(frame) {
-            Some(f) if f.kind != FrameKind::Missing => Ok(&self.bytes[f.place.clone()]),
+            Some(f) if f.kind != FrameCoding::Missing => Ok(&self.bytes[f.place.clone()]),
             Some(_) => Err(Error::input(&self.place, format!("frame {frame} is missing"))),
             None => {
                 let what = format!("there is no frame {frame}; frames go from 0 to {}", self.frames.len().max(1) - 1);
@@ -210,7 +210,7 @@ impl<'a> SeriesFile<'a> {
     /// What was measured of a frame, if it was.
     pub fn certificate(&self, frame: usize) -> Result<Option<Certificate>> {
         let bytes = self.frame_bytes(frame)?;
-        let kind = if self.frames[frame].kind == FrameKind::Keyframe { container::MODEL } else { CHANGE };
+        let kind = if self.frames[frame].kind == FrameCoding::Keyframe { container::MODEL } else { CHANGE };
         let sections = container::read(kind, bytes, &self.name(frame))?.sections;
         let own = sections.iter().find(|s| s.tag == CERTIFICATE);
         let read = own.map(|s| certificate::read(s.bytes).map_err(|what| Error::corrupt(self.name(frame), what)));
@@ -220,7 +220,7 @@ impl<'a> SeriesFile<'a> {
     /// The keyframe that a frame is decoded from.
     fn keyframe(&self, frame: usize) -> Result<usize> {
         self.frame_bytes(frame)?;
-        let key = self.frames[..=frame].iter().rposition(|f| f.kind == FrameKind::Keyframe);
+        let key = self.frames[..=frame].iter().rposition(|f| f.kind == FrameCoding::Keyframe);
         key.ok_or_else(|| Error::corrupt(&self.place, "the first frame is no keyframe"))
     }
 
@@ -234,7 +234,7 @@ impl<'a> SeriesFile<'a> {
         let key = self.keyframe(frame)?;
         let time = self.frames[key].time;
         let mut model = TrackedModel::keyframe(self.frame_bytes(key)?, time, &self.name(key), context)?;
-        for i in (key + 1..=frame).filter(|&i| self.frames[i].kind == FrameKind::Change) {
+        for i in (key + 1..=frame).filter(|&i| self.frames[i].kind == FrameCoding::Change) {
             context.check()?;
             model = model.next(self.frame_bytes(i)?, self.frames[i].time, &self.name(i))?;
         }
@@ -244,7 +244,7 @@ impl<'a> SeriesFile<'a> {
     /// A frame as a model file: a keyframe's own bytes, and others coded anew.
     pub fn extract(&self, frame: usize, context: &Context<'_>) -> Result<Vec<u8>> {
         let bytes = self.frame_bytes(frame)?;
-        if self.frames[frame].kind == FrameKind::Keyframe {
+        if self.frames[frame].kind == FrameCoding::Keyframe {
             return Ok(bytes.to_vec());
         }
         let TrackedModel { metadata, certificate, layers, .. } = self.tracked(frame, context)?;
@@ -270,15 +270,15 @@ fn frame_entries(bytes: &[u8]) -> std::result::Result<(SeriesClock, Vec<FrameEnt
     for number in 0..count {
         let (kind, time, start, length) = (r.u8()?, r.f64()?, r.u64()?, r.u64()?);
         let kind = match kind {
-            0 => FrameKind::Missing,
-            1 => FrameKind::Keyframe,
-            2 if before.is_some() => FrameKind::Change,
+            0 => FrameCoding::Missing,
+            1 => FrameCoding::Keyframe,
+            2 if before.is_some() => FrameCoding::Change,
             _ => return Err(format!("frame {number} is of the unknown or impossible kind {kind}")),
         };
-        if !time.is_finite() || kind != FrameKind::Missing && before.is_some_and(|t| time <= t) {
+        if !time.is_finite() || kind != FrameCoding::Missing && before.is_some_and(|t| time <= t) {
             return Err(format!("the clock does not move on at frame {number}"));
         }
-        if kind != FrameKind::Missing {
+        if kind != FrameCoding::Missing {
             before = Some(time);
         }
         let end = usize::try_from(start).ok().zip(usize::try_from(length).ok());

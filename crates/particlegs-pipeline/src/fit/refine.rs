@@ -114,7 +114,7 @@ pub(crate) fn refine(
 }
 
 /// Gaussians of a later frame of the same particles.
-pub struct TrackedGaussians {
+pub(crate) struct TrackedGaussians {
     /// As many as there were, in their order; of count 0 where one has lost its particles.
     pub gaussians: Mixture,
     /// Those that are halves of others now, in the places of Gaussians that were given up.

@@ -26,6 +26,8 @@ fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, con
         cells_a_group: 1,
         first_iterations: 3,
         rounds,
+        ratio: 1.2,
+        most_moved: 0.2,
         iterations: 2,
         settling: 2,
         last_iterations: 2,

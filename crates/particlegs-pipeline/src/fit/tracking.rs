@@ -8,7 +8,6 @@ use crate::context::Context;
 use crate::model::Mixture;
 use crate::particles::Particles;
 use crate::{Result, parallel};
-use particlegs_core::math::each_axis;
 
 /// Particles of one parallel step.
 const STEP: usize = 1 << 14;
@@ -20,17 +19,17 @@ const MOST_MOVED: f64 = 0.0075;
 
 /// EM iterations and rounds of split and merge that a tracked frame gets.
 #[derive(Clone, Copy, Debug)]
-pub struct TrackingEffort {
+pub(crate) struct TrackingEffort {
     /// EM iterations before the rounds.
-    pub first_iterations: usize,
+    pub(crate) first_iterations: usize,
     /// Rounds of split and merge.
-    pub rounds: usize,
+    pub(crate) rounds: usize,
     /// EM iterations after each.
-    pub iterations: usize,
+    pub(crate) iterations: usize,
 }
 
 /// Refines Gaussians that are expected at `start` on the particles of their frame. They keep their order.
-pub fn track_gaussians(
+pub(crate) fn track_gaussians(
     particles: &Particles,
     start: &Mixture,
     options: &FitOptions,
@@ -85,59 +84,4 @@ fn cells_of(store: ParticleStore, owner: &[u32], gaussians: usize) -> Partition 
     });
     let (origin, scale) = (store.origin, store.scale);
     Partition { store: ParticleStore { xyz, weight, origin, scale }, cells, moments }
-}
-
-/// Where Gaussians of `before` are once each particle, which is the same number in both, is where it is `now`: the moments
-/// of the particles that each had. `nearest` gives a particle's place that is nearest to where it was.
-pub fn carried(
-    gaussians: &Mixture,
-    before: &Particles,
-    now: &Particles,
-    nearest: &(dyn Fn([f64; 3], [f64; 3]) -> [f64; 3] + Sync),
-) -> Mixture {
-    let assignment = SoftAssignment::new(gaussians);
-    let runs = before.len().div_ceil(STEP * 16);
-    let parts: Vec<Vec<(u32, [f64; 11])>> = parallel::map_range(runs, |run| {
-        let mut shares = Vec::new();
-        let mut found = Vec::new();
-        for i in run * STEP * 16..before.len().min((run + 1) * STEP * 16) {
-            let x = before.position(i);
-            assignment.shares(x, &mut shares);
-            let y = nearest(now.position(i), x);
-            let w = before.weights().map_or(1.0, |w| f64::from(w[i]));
-            for &(g, share) in &shares {
-                let d: [f64; 3] = each_axis(|k| y[k] - gaussians.mean[k][g as usize]);
-                let [a, b, c] = d;
-                found.push((g, [1.0, w, a, b, c, a * a, a * b, a * c, b * b, b * c, c * c].map(|v| v * share)));
-                let last = found.len() - 1;
-                found[last].1[1] = share * w;
-            }
-        }
-        found.sort_by_key(|f| f.0);
-        let mut sums: Vec<(u32, [f64; 11])> = Vec::new();
-        for (g, own) in found {
-            match sums.last_mut() {
-                Some(last) if last.0 == g => last.1.iter_mut().zip(own).for_each(|(a, b)| *a += b),
-                _ => sums.push((g, own)),
-            }
-        }
-        sums
-    });
-    let mut all = vec![[0.0; 11]; gaussians.len()];
-    for (g, own) in parts.iter().flatten() {
-        all[*g as usize].iter_mut().zip(own).for_each(|(a, b)| *a += b);
-    }
-    let mut out = Mixture::new(gaussians.masses().is_some());
-    for (i, s) in all.iter().enumerate() {
-        if s[0] < 1.0 {
-            out.push(gaussians.mean_of(i), gaussians.cov_of(i), s[0], s[1]);
-            continue;
-        }
-        let n = s[0];
-        let d: [f64; 3] = each_axis(|k| s[2 + k] / n);
-        let outer = crate::math::Sym3::outer(d);
-        let cov = crate::math::Sym3(std::array::from_fn(|k| s[5 + k] / n - outer.0[k]));
-        out.push(each_axis(|k| gaussians.mean[k][i] + d[k]), cov, n, s[1]);
-    }
-    out
 }
