@@ -15,11 +15,11 @@ use std::path::Path;
 /// Which frame of a series is read.
 #[derive(Args, Clone, Debug, Default)]
 pub struct FrameArgs {
-    /// Frame of a series, counted from 0, or from the end: -1 is the last [default: the last].
-    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "time")]
+    /// Frame of a series, from 0; -1 is the last [default: the last].
+    #[arg(long, value_name = "N", hide_short_help = true, allow_negative_numbers = true, conflicts_with = "time")]
     frame: Option<i64>,
-    /// Frame of a series nearest to a moment: a=0.5, z=1, step=1000, or 500ps.
-    #[arg(long, value_name = "WHEN")]
+    /// Frame of a series nearest to a=0.5, z=1, step=1000 or 500ps.
+    #[arg(long, value_name = "WHEN", hide_short_help = true)]
     time: Option<String>,
 }
 

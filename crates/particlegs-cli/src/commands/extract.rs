@@ -10,9 +10,9 @@ use serde_json::json;
 use std::path::PathBuf;
 
 #[derive(Args)]
+#[command(mut_arg("frame", |a| a.hide_short_help(false)), mut_arg("time", |a| a.hide_short_help(false)))]
 #[command(after_help = "\
-A keyframe is copied as it is. A frame between is coded anew, in finer steps than a model usually has, so
-that it loses next to nothing.
+A keyframe is copied as it is. A frame between is coded anew in finer steps, and loses next to nothing.
 
 Examples:
   particlegs extract run.pgs --frame 12 -o frame12.pgs

@@ -21,10 +21,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(Args)]
+#[command(mut_arg("train", |a| a.hide_short_help(true)), mut_arg("psnr", |a| a.hide_short_help(true)))]
+#[command(mut_arg("size", |a| a.hide_short_help(true)))]
 #[command(after_help = "\
-A keyframe is a model of its own; the frames between hold what changes, in a fraction of its bytes. Frames
-that are done are kept in RUN.pgs.work until the file is whole: run the command again to go on. A series
-that is there already is continued with the snapshots that it lacks.
+Run the command again to go on after an interruption, or with more snapshots.
 
 Examples:
   particlegs series snap_*.hdf5 -o run.pgs --ratio 300
