@@ -86,7 +86,7 @@ fn program() -> clap::Command {
             template += &format!("  {:<12} {about}\n", command.get_name());
         }
     }
-    program.help_template(format!("{template}\n{header}Options:{header:#}\n{{options}}"))
+    program.help_template(format!("{template}{header}Options:{header:#}\n{{options}}"))
 }
 
 fn run() -> Result<()> {
