@@ -6,7 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
-use particlegs_pipeline::codec::{FrameCoding, SeriesClock, SeriesFile};
+use particlegs_pipeline::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
@@ -18,7 +18,7 @@ pub struct FrameArgs {
     /// Frame of a series, from 0; -1 is the last [default: the last].
     #[arg(long, value_name = "N", hide_short_help = true, allow_negative_numbers = true, conflicts_with = "time")]
     frame: Option<i64>,
-    /// Frame of a series nearest to a=0.5, z=1, step=1000 or 500ps.
+    /// Moment of a series: a=0.5, z=1, step=1000 or 500ps; between frames it is interpolated.
     #[arg(long, value_name = "WHEN", hide_short_help = true)]
     time: Option<String>,
 }
@@ -29,21 +29,9 @@ impl FrameArgs {
         FrameArgs { frame, time: None }
     }
 
-    fn is_given(&self) -> bool {
-        self.frame.is_some() || self.time.is_some()
-    }
-
     /// The frame's number in a series.
-    fn number(&self, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<usize> {
-        let count = series.frames.len();
-        if let Some(text) = &self.time {
-            let asked = moment(text, series, place, context)?;
-            let there = (0..count).filter(|&i| series.frames[i].kind != FrameCoding::Missing);
-            let off = |i: &usize| (series.frames[*i].time - asked).abs();
-            let nearest = there.min_by(|a, b| off(a).total_cmp(&off(b)));
-            return nearest.ok_or_else(|| Error::input(place, "the series has no frames"));
-        }
-        let number = self.frame.unwrap_or(-1);
+    fn number(&self, series: &SeriesFile<'_>, place: &str) -> Result<usize> {
+        let (number, count) = (self.frame.unwrap_or(-1), series.frames.len());
         let from_start = if number < 0 { number + count as i64 } else { number };
         usize::try_from(from_start).ok().filter(|&n| n < count).ok_or_else(|| {
             Error::input(place, format!("there is no frame {number}; the series has {count} frames, from 0"))
@@ -150,10 +138,18 @@ fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_
         };
     }
     let series = SeriesFile::read(&bytes, place)?;
-    let number = frame.number(&series, place, context)?;
-    if frame.time.is_some() || !frame.is_given() {
-        let (time, clock) = (series.frames[number].time, series.clock.name());
-        context.message(&format!("note: {place}: frame {number} is read, {clock} {time}"));
+    let clock = series.clock.name();
+    if let Some(text) = &frame.time {
+        let time = moment(text, &series, place, context)?;
+        let there = |f: &&FrameEntry| f.kind != FrameCoding::Missing;
+        if !series.frames.iter().filter(there).any(|f| f.time == time) {
+            context.message(&format!("note: {place}: {clock} {time} is interpolated between two frames"));
+        }
+        return series.extract_at(time, context);
+    }
+    let number = frame.number(&series, place)?;
+    if frame.frame.is_none() {
+        context.message(&format!("note: {place}: frame {number} is read, {clock} {}", series.frames[number].time));
     }
     series.extract(number, context)
 }

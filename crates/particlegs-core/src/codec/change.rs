@@ -141,14 +141,14 @@ impl ChangeHeader {
 
 /// Widths of a Gaussian along the axes where the earlier ones are known, and the rest of its Cholesky factor.
 #[derive(Clone, Copy)]
-struct CholeskyFactor {
+pub(super) struct CholeskyFactor {
     width: [f64; 3],
     /// (1, 0), (2, 0), (2, 1).
     below: [f64; 3],
 }
 
 impl CholeskyFactor {
-    fn new(cov: &Sym3) -> CholeskyFactor {
+    pub(super) fn new(cov: &Sym3) -> CholeskyFactor {
         let [xx, xy, xz, yy, yz, zz] = cov.0;
         let least = (xx + yy + zz) * NARROWEST + 1e-300;
         let root = |v: f64| v.max(least).sqrt();
@@ -177,7 +177,7 @@ impl CholeskyFactor {
     }
 
     /// The factor times a symmetric matrix times the factor's transpose.
-    fn congruent(&self, m: &Sym3) -> Sym3 {
+    pub(super) fn congruent(&self, m: &Sym3) -> Sym3 {
         let [xx, xy, xz, yy, yz, zz] = m.0;
         // Columns of the factor times the matrix.
         let rows = [self.apply([xx, xy, xz]), self.apply([xy, yy, yz]), self.apply([xz, yz, zz])];
@@ -187,7 +187,7 @@ impl CholeskyFactor {
     }
 
     /// Half the logarithm of a covariance in the frame of this factor: size and five shape numbers.
-    fn logarithm(&self, cov: &Sym3) -> Option<[f64; 6]> {
+    pub(super) fn logarithm(&self, cov: &Sym3) -> Option<[f64; 6]> {
         let full = [[cov.0[0], cov.0[1], cov.0[2]], [cov.0[1], cov.0[3], cov.0[4]], [cov.0[2], cov.0[4], cov.0[5]]];
         let whitened = |d: [f64; 3]| {
             let mut q = [0.0; 3];
@@ -262,7 +262,8 @@ impl TrackedBlock {
     /// Where Gaussians are expected in the next frame.
     pub fn expected(&self, step: &FrameStep) -> Mixture {
         let mut gaussians = self.block.gaussians.clone();
-        let frames = FrameMap::new(step);
+        let [from, to] = step.cells;
+        let frames = FrameMap::new(from, to);
         for i in 0..gaussians.len() {
             let moved = frames.carried(gaussians.mean_of(i));
             let moved = match self.velocity(i) {
@@ -374,7 +375,8 @@ impl TrackedBlock {
     ) -> std::result::Result<TrackedBlock, String> {
         let own = &self.block.gaussians;
         let weighted = own.masses().is_some();
-        let frames = FrameMap::new(step);
+        let [from, to] = step.cells;
+        let frames = FrameMap::new(from, to);
         let mut models = ChangeModels::new();
         let gaussians = Mixture::new(weighted);
         let block = Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians };
@@ -478,22 +480,22 @@ fn extent_over_count(g: &Mixture, i: usize) -> f64 {
 }
 
 /// Places of one frame in the other.
-struct FrameMap {
+pub(super) struct FrameMap {
     /// Cells and the inverse of the first, where both repeat and differ.
     cells: Option<(PeriodicCell, Cell)>,
     to: Option<PeriodicCell>,
 }
 
 impl FrameMap {
-    fn new(step: &FrameStep) -> FrameMap {
+    pub(super) fn new(from: Option<Cell>, to: Option<Cell>) -> FrameMap {
         let spanned = |c: &Cell| !c.vectors.contains(&[0.0; 3]);
-        let [from, to] = step.cells.map(|c| c.filter(spanned).and_then(PeriodicCell::new));
+        let [from, to] = [from, to].map(|c| c.filter(spanned).and_then(PeriodicCell::new));
         let cells = from.zip(to).filter(|(a, b)| a.cell != b.cell).map(|(a, b)| (a, b.cell));
         FrameMap { cells, to }
     }
 
     /// The place of the same fractions of the cell.
-    fn carried(&self, x: [f64; 3]) -> [f64; 3] {
+    pub(super) fn carried(&self, x: [f64; 3]) -> [f64; 3] {
         match &self.cells {
             None => x,
             Some((from, to)) => {
@@ -508,12 +510,12 @@ impl FrameMap {
         }
     }
 
-    fn image(&self, x: [f64; 3]) -> [f64; 3] {
+    pub(super) fn image(&self, x: [f64; 3]) -> [f64; 3] {
         self.to.as_ref().map_or(x, |to| to.image(x))
     }
 
     /// The shortest of the vectors that lead to an image.
-    fn nearest(&self, d: [f64; 3]) -> [f64; 3] {
+    pub(super) fn nearest(&self, d: [f64; 3]) -> [f64; 3] {
         let Some(to) = &self.to else { return d };
         let whole = to.fractions(d).map(|f| (f + 0.5).floor());
         let shift = to.vector(whole);

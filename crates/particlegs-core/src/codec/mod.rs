@@ -22,6 +22,7 @@ mod file;
 mod fine;
 mod header;
 mod info;
+mod interpolation;
 mod levels;
 mod merge;
 mod metadata;

@@ -7,12 +7,13 @@ use super::container::{
     SERIES, SERIES_RECIPE, Section,
 };
 use super::decode::{Decoder, correlation_of, fields_of};
-use super::file::StoredSection;
+use super::file::{CodedLayer, StoredSection};
+use super::merge::blocks_hash;
 use super::sums::compensated;
 use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, assemble, certificate, metadata};
 use crate::context::Context;
-use crate::model::{Certificate, Layer, Mass, Metadata, Model};
+use crate::model::{Block, Certificate, Layer, Mass, Metadata, Model};
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -97,7 +98,7 @@ pub struct TrackedModel {
     /// The blocks of the layers.
     pub layers: Vec<Layer<Vec<TrackedBlock>>>,
     /// Metadata of the keyframe, as it is stored.
-    key: Vec<u8>,
+    pub(super) key: Vec<u8>,
 }
 
 impl SeriesClock {
@@ -236,7 +237,7 @@ impl<'a> SeriesFile<'a> {
         let mut model = TrackedModel::keyframe(self.frame_bytes(key)?, time, &self.name(key), context)?;
         for i in (key + 1..=frame).filter(|&i| self.frames[i].kind == FrameCoding::Change) {
             context.check()?;
-            model = model.next(self.frame_bytes(i)?, self.frames[i].time, &self.name(i))?;
+            model = self.next_frame(&model, i, context)?;
         }
         Ok(model)
     }
@@ -247,15 +248,59 @@ impl<'a> SeriesFile<'a> {
         if self.frames[frame].kind == FrameCoding::Keyframe {
             return Ok(bytes.to_vec());
         }
-        let TrackedModel { metadata, certificate, layers, .. } = self.tracked(frame, context)?;
-        let precision = Precision::BALANCED.scaled(EXTRACTED);
-        let coded = |layer: Layer<Vec<TrackedBlock>>| {
-            let blocks = layer.content.iter().map(|b| Ok(Encoder::new(&b.block)?.encode(&precision).into()));
-            Ok(layer.with(blocks.collect::<Result<Vec<_>>>()?))
-        };
-        let layers = layers.into_iter().map(coded).collect::<Result<Vec<_>>>()?;
-        assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), layers)
+        let Model { metadata, layers, certificate } = self.tracked(frame, context)?.into_model();
+        assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), coded_finely(layers)?)
     }
+
+    /// The model at a time of the clock, between frames as [`TrackedModel::between`] has it.
+    pub fn model_at(&self, time: f64, context: &Context<'_>) -> Result<Model> {
+        let there = |f: &FrameEntry| f.kind != FrameCoding::Missing;
+        let before = self.frames.iter().rposition(|f| there(f) && f.time <= time);
+        let after = self.frames.iter().position(|f| there(f) && f.time >= time);
+        let (Some(before), Some(after)) = (before, after) else {
+            let times: Vec<f64> = self.frames.iter().filter(|f| there(f)).map(|f| f.time).collect();
+            let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
+            let clock = self.clock.name();
+            let what = format!("{clock} {time} is not within the series, which goes from {first} to {last}");
+            return Err(Error::input(&self.place, what));
+        };
+        let from = self.tracked(before, context)?;
+        if before == after {
+            return Ok(from.into_model());
+        }
+        let next = self.next_frame(&from, after, context)?;
+        Ok(from.between(&next, (time - from.time) / (next.time - from.time)))
+    }
+
+    /// The same as a model file; of a frame what [`SeriesFile::extract`] gives.
+    pub fn extract_at(&self, time: f64, context: &Context<'_>) -> Result<Vec<u8>> {
+        match self.frames.iter().position(|f| f.kind != FrameCoding::Missing && f.time == time) {
+            Some(frame) => self.extract(frame, context),
+            None => {
+                let Model { metadata, layers, .. } = self.model_at(time, context)?;
+                let layers = coded_finely(layers)?;
+                assemble(&Metadata { source_hash: blocks_hash(&layers), ..metadata }, None, layers)
+            }
+        }
+    }
+
+    /// The frame behind `before`, whose number is `frame`.
+    fn next_frame(&self, before: &TrackedModel, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
+        let (bytes, time, name) = (self.frame_bytes(frame)?, self.frames[frame].time, self.name(frame));
+        match self.frames[frame].kind {
+            FrameCoding::Keyframe => TrackedModel::keyframe(bytes, time, &name, context),
+            _ => before.next(bytes, time, &name),
+        }
+    }
+}
+
+fn coded_finely(layers: Vec<Layer<Vec<Block>>>) -> Result<Vec<CodedLayer>> {
+    let precision = Precision::BALANCED.scaled(EXTRACTED);
+    let coded = |layer: Layer<Vec<Block>>| {
+        let blocks = layer.content.iter().map(|b| Ok(Encoder::new(b)?.encode(&precision).into()));
+        Ok(layer.with(blocks.collect::<Result<Vec<_>>>()?))
+    };
+    layers.into_iter().map(coded).collect()
 }
 
 fn frame_entries(bytes: &[u8]) -> std::result::Result<(SeriesClock, Vec<FrameEntry>), String> {

@@ -1,0 +1,189 @@
+//! Models between two frames of a series.
+
+use super::change::{CholeskyFactor, FrameMap, TrackedBlock};
+use super::exact::{exp, exp_twice};
+use super::series::TrackedModel;
+use super::sums::compensated;
+use crate::math::{Sym3, each_axis};
+use crate::model::{Block, Epoch, Layer, Metadata, Mixture, Model};
+use crate::space::{Bounds, Cell};
+
+impl TrackedModel {
+    /// The model at `share` (0 to 1) of the way to the `next` frame, whose Gaussians are known by their
+    /// [`TrackedBlock::origin`]: means move along the curve that has their velocities at both ends, shapes along the
+    /// geodesic, counts on a line. Gaussians of one frame alone fade. Counts are not whole, and the source has no hash.
+    pub fn between(&self, next: &TrackedModel, share: f64) -> Model {
+        let share = share.clamp(0.0, 1.0);
+        let (own, other) = (&self.metadata, &next.metadata);
+        let cell = own.cell.zip(other.cell).map(|(a, b)| between_cells(&a, &b, share)).or(own.cell);
+        let frames = [self, next].map(|frame| FrameMap::new(frame.metadata.cell, cell));
+        let elapsed = next.time - self.time;
+        let layers = self.layers.iter().zip(&next.layers).map(|(a, b)| {
+            let pairs = a.content.iter().zip(&b.content);
+            let blocks = pairs.map(|(from, to)| BlockPair { from, to, frames: &frames, elapsed }.at(share)).collect();
+            Layer { name: a.name.clone(), mass: a.mass.clone(), content: blocks }
+        });
+        let layers: Vec<Layer<Vec<Block>>> = layers.collect();
+        let all = || layers.iter().flat_map(|l| &l.content);
+        let metadata = Metadata {
+            count: all().map(|b| b.count).sum(),
+            mass: compensated(&all().map(|b| b.mass).collect::<Vec<_>>()),
+            bounds: between_bounds(&own.bounds, &other.bounds, share),
+            cell,
+            default_radius: mix(own.default_radius, other.default_radius, share),
+            source: format!("between {} and {}", own.source, other.source),
+            source_hash: [0; 32],
+            epoch: between_epochs(&own.epoch, &other.epoch, share),
+            fields: Vec::new(),
+            ..own.clone()
+        };
+        Model { metadata, layers, certificate: None }
+    }
+}
+
+/// A block in two frames.
+struct BlockPair<'a> {
+    from: &'a TrackedBlock,
+    to: &'a TrackedBlock,
+    /// From the cell of each frame to that between.
+    frames: &'a [FrameMap; 2],
+    elapsed: f64,
+}
+
+impl BlockPair<'_> {
+    fn at(&self, share: f64) -> Block {
+        let (a, b) = (&self.from.block, &self.to.block);
+        let [old, new] = [&a.gaussians, &b.gaussians];
+        let weighted = old.masses().is_some();
+        let mut gaussians = Mixture::new(weighted);
+        let mut goes = vec![true; old.len()];
+        let [out, back] = self.frames;
+        for (j, origin) in self.to.origin.iter().enumerate() {
+            let end = back.carried(new.mean_of(j));
+            let Some(i) = origin.map(|i| i as usize).filter(|&i| i < old.len()) else {
+                gaussians.push(out.image(end), new.cov_of(j), new.count[j] * share, new.mass_of(j) * share);
+                continue;
+            };
+            goes[i] = false;
+            let start = out.carried(old.mean_of(i));
+            let way = out.nearest(each_axis(|k| end[k] - start[k]));
+            let speeds = [self.from.velocity(i), self.to.velocity(j)];
+            let [first, last] = speeds.map(|v| v.map_or(way, |v| each_axis(|k| v[k] * self.elapsed)));
+            let curved = share * (1.0 - share);
+            let bent = |k: usize| curved * ((1.0 - share) * (first[k] - way[k]) - share * (last[k] - way[k]));
+            let mean = each_axis(|k| start[k] + share * way[k] + bent(k));
+            let cov = between_shapes(&old.cov_of(i), &new.cov_of(j), share);
+            let count = mix(old.count[i], new.count[j], share);
+            gaussians.push(out.image(mean), cov, count, mix(old.mass_of(i), new.mass_of(j), share));
+        }
+        for i in (0..old.len()).filter(|&i| goes[i]) {
+            let moved = self.from.velocity(i).unwrap_or_default();
+            let carried = out.carried(old.mean_of(i));
+            let mean = out.image(each_axis(|k| carried[k] + moved[k] * self.elapsed * share));
+            gaussians.push(mean, old.cov_of(i), old.count[i] * (1.0 - share), old.mass_of(i) * (1.0 - share));
+        }
+        let bounds = between_bounds(&a.bounds, &b.bounds, share);
+        let count = compensated(&gaussians.count).round() as u64;
+        let mass = gaussians.masses().map_or(count as f64, |masses| compensated(masses));
+        Block { bounds, count, mass, gaussians }
+    }
+}
+
+fn mix(a: f64, b: f64, share: f64) -> f64 {
+    a + share * (b - a)
+}
+
+/// A covariance on the geodesic from one to the other.
+fn between_shapes(from: &Sym3, to: &Sym3, share: f64) -> Sym3 {
+    let factor = CholeskyFactor::new(from);
+    let Some([size, shape @ ..]) = factor.logarithm(to) else { return *from };
+    let unit = exp_twice(shape.map(|v| v * share));
+    factor.congruent(&unit).scale(exp(2.0 * size * share))
+}
+
+fn between_bounds(a: &Bounds, b: &Bounds, share: f64) -> Bounds {
+    let corner = |a: [f64; 3], b: [f64; 3]| each_axis(|k| mix(a[k], b[k], share));
+    Bounds { min: corner(a.min, b.min), max: corner(a.max, b.max) }
+}
+
+fn between_cells(a: &Cell, b: &Cell, share: f64) -> Cell {
+    let vector = |a: [f64; 3], b: [f64; 3]| each_axis(|k| mix(a[k], b[k], share));
+    let vectors = each_axis(|i| vector(a.vectors[i], b.vectors[i]));
+    Cell { origin: vector(a.origin, b.origin), vectors, ..*a }
+}
+
+/// Steps and frames have no between.
+fn between_epochs(a: &Epoch, b: &Epoch, share: f64) -> Epoch {
+    let number = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| mix(a, b, share));
+    let (scale_factor, time) = (number(a.scale_factor, b.scale_factor), number(a.time, b.time));
+    Epoch { scale_factor, time, frame: None, step: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::change::{ChangePrecision, ChangeTarget, FrameStep};
+    use super::*;
+    use crate::math::Random;
+    use crate::model::LawKind;
+
+    const CELL: Cell =
+        Cell { origin: [0.0; 3], vectors: [[10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]], periodic: [true; 3] };
+
+    /// Gaussians that fall along x at time t; the last dies and a new one is born after t = 1.
+    fn block(t: f64) -> Block {
+        let mut gaussians = Mixture::new(false);
+        for i in 0..50 {
+            let mut r = Random::new(3, 1, i);
+            let at = [0.0; 3].map(|_| 10.0 * r.uniform());
+            let shape = Sym3::scaled_identity(0.04 * (1.0 + t * t));
+            gaussians.push([(at[0] + t * t).rem_euclid(10.0), at[1], at[2]], shape, 100.0, 100.0);
+        }
+        let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
+        Block { bounds, count: 5000, mass: 5000.0, gaussians }
+    }
+
+    fn tracked(block: TrackedBlock, time: f64) -> TrackedModel {
+        let bounds = block.block.bounds;
+        let metadata = Metadata { cell: Some(CELL), ..Metadata::new(LawKind::OpticalDepth, block.block.count, bounds) };
+        let layer = Layer { name: "gas".into(), mass: crate::model::Mass::default(), content: vec![block] };
+        TrackedModel { time, metadata, certificate: None, layers: vec![layer], key: Vec::new() }
+    }
+
+    #[test]
+    fn gaussians_between_frames_are_where_they_were() {
+        let step = FrameStep { cells: [Some(CELL); 2], elapsed: 0.5 };
+        let mut frames = vec![TrackedBlock::new(block(0.0))];
+        let born = [false; 50];
+        for n in 1..8 {
+            let next = block(0.5 * f64::from(n));
+            let (bounds, count, mass) = (next.bounds, next.count, next.mass);
+            let target = ChangeTarget { gaussians: &next.gaussians, born: &born, bounds, count, mass };
+            let fine = ChangePrecision { steps: [0.01; 5], gains: [1.0, 1.0] };
+            let before = &frames[frames.len() - 1];
+            let bytes = before.encode(&target, &step, &fine).unwrap();
+            frames.push(before.decode(&bytes, &step).unwrap());
+        }
+        let last = tracked(frames.pop().unwrap(), 3.5);
+        let before = tracked(frames.pop().unwrap(), 3.0);
+        let model = before.between(&last, 0.5);
+        let truth = block(3.25);
+        let found = &model.layers[0].content[0].gaussians;
+        for i in 0..50 {
+            let off = each_axis(|k| (found.mean[k][i] - truth.gaussians.mean[k][i] + 5.0).rem_euclid(10.0) - 5.0);
+            // A straight line is off by 0.06.
+            assert!(off.iter().all(|d| d.abs() < 0.02), "{off:?}");
+            assert!((found.cov[0][i] / truth.gaussians.cov[0][i] - 1.0).abs() < 0.03);
+        }
+        assert_eq!((model.metadata.count, model.metadata.mass), (5000, 5000.0));
+    }
+
+    #[test]
+    fn gaussians_of_one_frame_alone_fade() {
+        let first = tracked(TrackedBlock::new(block(0.0)), 0.0);
+        let next = tracked(TrackedBlock::new(block(1.0)), 1.0);
+        let model = first.between(&next, 0.25);
+        let gaussians = &model.layers[0].content[0].gaussians;
+        assert_eq!((gaussians.len(), gaussians.count[0], gaussians.count[99]), (100, 25.0, 75.0));
+        assert_eq!(model.metadata.count, 5000);
+    }
+}
