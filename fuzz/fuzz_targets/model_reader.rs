@@ -13,7 +13,7 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(model.blocks().all(|b| b.gaussians.law.kind() == model.metadata.law));
     }
     if let Ok(series) = codec::SeriesFile::read(bytes, "fuzz") {
-        let _ = series.tracked(series.frames.len() - 1, &Context::SILENT);
+        let _ = codec::SeriesDecoder::new(&series).frame(series.frames.len() - 1, &Context::SILENT);
     }
     for block in [codec::decode_block(bytes, "fuzz"), codec::decode_prefix(bytes, "fuzz")].into_iter().flatten() {
         assert_eq!(block.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), block.count);

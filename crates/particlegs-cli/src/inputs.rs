@@ -6,7 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
-use particlegs_pipeline::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesFile};
+use particlegs_pipeline::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
@@ -65,8 +65,9 @@ fn moment(text: &str, series: &SeriesFile<'_>, place: &str, context: &Context<'_
     } else {
         let unit = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
         let seconds = number(text.trim_end_matches(unit.0))? * unit.1;
-        let metadata = series.tracked(first_frame(series), context)?.metadata;
-        let own = metadata.units.time.and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
+        let mut decoder = SeriesDecoder::new(series);
+        let metadata = &decoder.frame(first_frame(series), context)?.metadata;
+        let own = metadata.units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
         let own = own.ok_or_else(|| Error::input(place, "the series does not state its unit of time"))?;
         (SeriesClock::Time, seconds / own)
     };

@@ -111,7 +111,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Of a series the last frame.
     let model = if codec::is_series(&bytes) {
         let series = codec::SeriesFile::read(&bytes, &path)?;
-        series.tracked(series.frames.len() - 1, &Context::SILENT)?.into_model()
+        codec::SeriesDecoder::new(&series).frame(series.frames.len() - 1, &Context::SILENT)?.clone().into_model()
     } else {
         codec::decode(&bytes, &path)?
     };

@@ -63,7 +63,8 @@ pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;
 pub use series::{
-    CodedFrame, FrameCoding, FrameEntry, MOST_FRAMES, SeriesClock, SeriesFile, TrackedModel, assemble_series,
+    CodedFrame, FrameCoding, FrameEntry, MOST_FRAMES, SeriesClock, SeriesDecoder, SeriesFile, TrackedModel,
+    assemble_series,
 };
 pub use sums::whole_counts;
 pub use thinning::Thinning;

@@ -230,70 +230,100 @@ impl<'a> SeriesFile<'a> {
         format!("{}, frame {frame}", self.place)
     }
 
-    /// Decodes a frame, from its keyframe on.
-    pub fn tracked(&self, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
-        let key = self.keyframe(frame)?;
-        let time = self.frames[key].time;
-        let mut model = TrackedModel::keyframe(self.frame_bytes(key)?, time, &self.name(key), context)?;
-        for i in (key + 1..=frame).filter(|&i| self.frames[i].kind == FrameCoding::Change) {
-            context.check()?;
-            model = self.next_frame(&model, i, context)?;
-        }
-        Ok(model)
-    }
-
     /// A frame as a model file: a keyframe's own bytes, and others coded anew.
     pub fn extract(&self, frame: usize, context: &Context<'_>) -> Result<Vec<u8>> {
         let bytes = self.frame_bytes(frame)?;
         if self.frames[frame].kind == FrameCoding::Keyframe {
             return Ok(bytes.to_vec());
         }
-        let Model { metadata, layers, certificate } = self.tracked(frame, context)?.into_model();
+        let Model { metadata, layers, certificate } =
+            SeriesDecoder::new(self).frame(frame, context)?.clone().into_model();
         assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), coded_finely(layers)?)
     }
 
-    /// The model at a time of the clock, between frames as [`TrackedModel::between`] has it.
-    pub fn model_at(&self, time: f64, context: &Context<'_>) -> Result<Model> {
-        let there = |f: &FrameEntry| f.kind != FrameCoding::Missing;
-        let before = self.frames.iter().rposition(|f| there(f) && f.time <= time);
-        let after = self.frames.iter().position(|f| there(f) && f.time >= time);
-        let (Some(before), Some(after)) = (before, after) else {
-            let times: Vec<f64> = self.frames.iter().filter(|f| there(f)).map(|f| f.time).collect();
-            let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
-            let clock = self.clock.name();
-            let what = format!("{clock} {time} is not within the series, which goes from {first} to {last}");
-            return Err(Error::input(&self.place, what));
-        };
-        let from = self.tracked(before, context)?;
-        if before == after {
-            return Ok(from.into_model());
-        }
-        let next = self.next_frame(&from, after, context)?;
-        Ok(from.between(&next, (time - from.time) / (next.time - from.time)))
-    }
-
-    /// The same as a model file; of a frame what [`SeriesFile::extract`] gives.
+    /// The model at a time of the clock as a file: of a frame what [`SeriesFile::extract`] gives, between frames what
+    /// [`SeriesDecoder::model_at`] gives.
     pub fn extract_at(&self, time: f64, context: &Context<'_>) -> Result<Vec<u8>> {
         match self.frames.iter().position(|f| f.kind != FrameCoding::Missing && f.time == time) {
             Some(frame) => self.extract(frame, context),
             None => {
-                let Model { metadata, layers, .. } = self.model_at(time, context)?;
+                let Model { metadata, layers, .. } = SeriesDecoder::new(self).model_at(time, context)?;
                 let layers = coded_finely(layers)?;
                 assemble(&Metadata { source_hash: blocks_hash(&layers), ..metadata }, None, layers)
             }
         }
     }
+}
 
-    /// The frame behind `before`, whose number is `frame`.
-    fn next_frame(&self, before: &TrackedModel, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
-        let (bytes, time, name) = (self.frame_bytes(frame)?, self.frames[frame].time, self.name(frame));
-        match self.frames[frame].kind {
-            FrameCoding::Keyframe => TrackedModel::keyframe(bytes, time, &name, context),
-            _ => before.next(bytes, time, &name),
+/// Decodes frames one after the other: a frame behind one that was decoded lately goes on from there.
+pub struct SeriesDecoder<'a> {
+    series: &'a SeriesFile<'a>,
+    /// The last frames that were decoded, two at most.
+    last: Vec<(usize, TrackedModel)>,
+}
+
+impl<'a> SeriesDecoder<'a> {
+    /// Nothing is decoded yet.
+    pub fn new(series: &'a SeriesFile<'a>) -> Self {
+        SeriesDecoder { series, last: Vec::new() }
+    }
+
+    /// A frame by its number.
+    pub fn frame(&mut self, frame: usize, context: &Context<'_>) -> Result<&TrackedModel> {
+        let place = match self.last.iter().position(|(number, _)| *number == frame) {
+            Some(place) => place,
+            None => {
+                let model = self.decoded(frame, context)?;
+                self.last.truncate(1);
+                self.last.insert(0, (frame, model));
+                0
+            }
+        };
+        self.last[..=place].rotate_right(1);
+        Ok(&self.last[0].1)
+    }
+
+    fn decoded(&self, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
+        let series = self.series;
+        let key = series.keyframe(frame)?;
+        let lately = self.last.iter().filter(|(number, _)| (key..frame).contains(number)).max_by_key(|l| l.0);
+        let (from, mut model) = match lately {
+            Some((number, model)) => (*number, model.clone()),
+            None => {
+                let time = series.frames[key].time;
+                (key, TrackedModel::keyframe(series.frame_bytes(key)?, time, &series.name(key), context)?)
+            }
+        };
+        for i in (from + 1..=frame).filter(|&i| series.frames[i].kind == FrameCoding::Change) {
+            context.check()?;
+            model = model.next(series.frame_bytes(i)?, series.frames[i].time, &series.name(i))?;
         }
+        Ok(model)
+    }
+
+    /// The model at a time of the clock, between frames as [`TrackedModel::between`] has it.
+    pub fn model_at(&mut self, time: f64, context: &Context<'_>) -> Result<Model> {
+        let series = self.series;
+        let there = |f: &FrameEntry| f.kind != FrameCoding::Missing;
+        let before = series.frames.iter().rposition(|f| there(f) && f.time <= time);
+        let after = series.frames.iter().position(|f| there(f) && f.time >= time);
+        let (Some(before), Some(after)) = (before, after) else {
+            let times: Vec<f64> = series.frames.iter().filter(|f| there(f)).map(|f| f.time).collect();
+            let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
+            let clock = series.clock.name();
+            let what = format!("{clock} {time} is not within the series, which goes from {first} to {last}");
+            return Err(Error::input(&series.place, what));
+        };
+        let from = self.frame(before, context)?.clone();
+        if before == after {
+            return Ok(from.into_model());
+        }
+        let next = self.frame(after, context)?;
+        Ok(from.between(next, (time - from.time) / (next.time - from.time)))
     }
 }
 
+/// Layers whose steps are far finer than those of a series.
 fn coded_finely(layers: Vec<Layer<Vec<Block>>>) -> Result<Vec<CodedLayer>> {
     let precision = Precision::BALANCED.scaled(EXTRACTED);
     let coded = |layer: Layer<Vec<Block>>| {
