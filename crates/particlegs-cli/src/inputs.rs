@@ -6,7 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
-use particlegs_pipeline::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::codec::{FrameCoding, SeriesClock, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
@@ -27,6 +27,11 @@ impl FrameArgs {
     /// The frame of this number.
     pub fn numbered(frame: Option<i64>) -> FrameArgs {
         FrameArgs { frame, time: None }
+    }
+
+    /// Is a frame or a moment named?
+    pub fn is_given(&self) -> bool {
+        self.frame.is_some() || self.time.is_some()
     }
 
     /// The frame's number in a series.
@@ -67,7 +72,8 @@ fn moment(text: &str, series: &SeriesFile<'_>, place: &str, context: &Context<'_
         let seconds = number(text.trim_end_matches(unit.0))? * unit.1;
         let mut decoder = SeriesDecoder::new(series);
         let metadata = &decoder.frame(first_frame(series), context)?.metadata;
-        let own = metadata.units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
+        let own =
+            metadata.units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
         let own = own.ok_or_else(|| Error::input(place, "the series does not state its unit of time"))?;
         (SeriesClock::Time, seconds / own)
     };
@@ -142,8 +148,7 @@ fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_
     let clock = series.clock.name();
     if let Some(text) = &frame.time {
         let time = moment(text, &series, place, context)?;
-        let there = |f: &&FrameEntry| f.kind != FrameCoding::Missing;
-        if !series.frames.iter().filter(there).any(|f| f.time == time) {
+        if series.frame_at(time).is_none() {
             context.message(&format!("note: {place}: {clock} {time} is interpolated between two frames"));
         }
         return series.extract_at(time, context);

@@ -40,7 +40,9 @@ const NO_SNAPSHOT: &str = "a snapshot, and none is given";
 const RULES: &[OptionRule] = rules! {
     "render reference": "colormap range raw", |g| !g.density() => DENSITY[0], DENSITY[1];
     "reference": "smooth", |g| !g.density() => DENSITY[0], DENSITY[1];
-    "render reference": "no_annotations colorbar", |g| !g.has_bars() =>
+    "render reference": "no_annotations", |g| !g.has_letters() =>
+        "--style density, --frames, PDF, SVG and --scale-bar: other pictures have no annotations";
+    "render reference": "colorbar", |g| !g.has_bars() =>
         "--style density, PDF, SVG and --scale-bar: other pictures have no bars";
     "render reference": "radius opacity", |g| g.is("style", "density") || g.has("field") =>
         "the other styles: densities and fields have no particle radius or opacity";
@@ -182,7 +184,7 @@ impl CommandMatches<'_> {
 
     /// Does the picture have annotations?
     fn has_letters(&self) -> bool {
-        self.has_bars() || ["axes", "title"].iter().any(|id| self.has(id))
+        self.has_bars() || ["axes", "title", "frames"].iter().any(|id| self.has(id))
     }
 
     /// Is the output a PDF or SVG page?

@@ -64,7 +64,7 @@ fn finish<'a>(
         ..PictureProvenance::default()
     };
     let (colormap, field, legend) = (Colormap::default(), None, Vec::new());
-    Finisher { args, colormap, field, quantities, subject, legend, circles: Vec::new(), about }
+    Finisher { args, colormap, field, quantities, subject, legend, circles: Vec::new(), stamps: &[], about }
 }
 
 fn figure_args() -> FigureArgs {

@@ -2,7 +2,7 @@
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueHint};
-use particlegs_pipeline::camera::{ViewSet, path_through};
+use particlegs_pipeline::camera::{View, ViewSet, path_through};
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
@@ -28,15 +28,12 @@ pub struct SequenceArgs {
     /// Positions, orientations and distances change smoothly, and pass through every key frame.
     #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath, conflicts_with = "views")]
     pub path: Option<PathBuf>,
-    /// Number of frames of the path [default: 60 from each key frame to the next].
-    #[arg(
-        long,
-        value_name = "N",
-        hide_short_help = true,
-        requires = "path",
-        value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST)
-    )]
-    pub frames: Option<usize>,
+    /// Number of frames of the path [default: 60 from each key frame to the next], or of a film of a series.
+    ///
+    /// `all` draws each frame of a series once; a number is spread evenly over its time, and pictures between frames are
+    /// interpolated. --turntable N then turns the camera once in N pictures.
+    #[arg(long, value_name = "N|all", hide_short_help = true, value_parser = film_length)]
+    pub frames: Option<FilmLength>,
     /// Join the frames into a film: NAME.mp4 or NAME.webm (both need ffmpeg), or NAME.gif.
     ///
     /// Without ffmpeg the frames are kept, and the command that joins them is printed.
@@ -54,10 +51,26 @@ pub struct SequenceArgs {
     pub fps: u32,
 }
 
+/// Number of pictures of a film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilmLength {
+    /// As many as a series has frames.
+    All,
+    Pictures(usize),
+}
+
+fn film_length(text: &str) -> std::result::Result<FilmLength, String> {
+    match text.parse() {
+        _ if text == "all" => Ok(FilmLength::All),
+        Ok(number) if (1..=MOST as usize).contains(&number) => Ok(FilmLength::Pictures(number)),
+        _ => Err(format!("give a number from 1 to {MOST}, or all")),
+    }
+}
+
 impl SequenceArgs {
     /// Are the pictures frames of a sequence?
     pub fn is_asked_for(&self) -> bool {
-        self.turntable.is_some() || self.path.is_some()
+        self.turntable.is_some() || self.path.is_some() || self.frames.is_some()
     }
 
     /// Rotations of the view in degrees.
@@ -66,28 +79,46 @@ impl SequenceArgs {
         self.turntable.map(turns).unwrap_or_default()
     }
 
-    /// The frames of these views; without a film the views themselves.
-    pub fn frames(&self, set: ViewSet) -> Result<ViewSet> {
-        let views = match (self.turntable, &self.path) {
-            (Some(frames), _) => match &set.views[..] {
-                [one] => one.turntable(frames),
-                many => {
-                    let what = format!("--turntable turns one view, but there are {}", many.len());
-                    return Err(Error::argument_with(what, "name a views file with one view"));
-                }
-            },
-            (None, Some(_)) => {
-                let frames = self.frames.unwrap_or(BETWEEN_KEYS * (set.views.len() - 1) + 1);
+    /// The frames of these views, `of_series` as many as a film of a series has pictures; without a film the views
+    /// themselves.
+    pub fn frames(&self, set: ViewSet, of_series: Option<usize>) -> Result<ViewSet> {
+        let turned = |frames: usize| match &set.views[..] {
+            [one] => Ok(one.turntable(frames)),
+            many => {
+                let what = format!("--turntable and --frames take one view, but there are {}", many.len());
+                Err(Error::argument_with(what, "name a views file with one view"))
+            }
+        };
+        let views = match (self.turntable, &self.path, of_series) {
+            (Some(frames), _, None) => turned(frames)?,
+            (turn, None, Some(pictures)) => {
+                let around = turned(turn.unwrap_or(1))?;
+                let camera = |i: usize| around[i % around.len()].camera;
+                turned(pictures)?.into_iter().enumerate().map(|(i, v)| View { camera: camera(i), ..v }).collect()
+            }
+            (_, Some(_), _) => {
+                let frames = match (of_series, self.frames) {
+                    (Some(pictures), _) => pictures,
+                    (None, None) => BETWEEN_KEYS * (set.views.len() - 1) + 1,
+                    (None, Some(FilmLength::Pictures(number))) => number,
+                    (None, Some(FilmLength::All)) => {
+                        return Err(Error::argument("--frames all takes a series"));
+                    }
+                };
                 if frames as u64 > MOST {
                     return Err(Error::argument(format!("{frames} frames are too many: choose --frames up to {MOST}")));
                 }
                 path_through(&set.views, frames).map_err(|e| Error::argument(format!("--path: {e}")))?
             }
-            (None, None) if self.video.is_some() => {
-                let what = "--video has no effect here; it applies to --turntable and --path";
+            (None, None, None) if self.frames.is_some() => {
+                let what = "--frames has no effect here; it applies to --path and to series";
+                return Err(Error::argument_with(what, "add --path FILE"));
+            }
+            (None, None, None) if self.video.is_some() => {
+                let what = "--video has no effect here; it applies to --turntable, --path and --frames";
                 return Err(Error::argument_with(what, "add --turntable N or --path FILE"));
             }
-            (None, None) => set.views,
+            (None, None, None) => set.views,
         };
         Ok(ViewSet { size: set.size, views })
     }

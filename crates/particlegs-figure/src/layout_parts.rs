@@ -83,8 +83,9 @@ impl MarkWriter<'_> {
         for (p, name) in &panel.names {
             let [x, y] = place(*p);
             let half = 0.5 * font::width(name, em);
-            let x = x.clamp(at.x + half + 0.2 * em, (at.right() - half - 0.2 * em).max(at.x + half));
-            self.on_picture(name, [x, (y + 0.3 * em).clamp(at.y + em, at.bottom() - 0.3 * em)], Anchor::Middle);
+            let x = x.clamp(at.x + half + 0.4 * em, (at.right() - half - 0.4 * em).max(at.x + half + 0.4 * em));
+            let lowest = (at.bottom() - 0.7 * em).max(at.y + 1.4 * em);
+            self.on_picture(name, [x, (y + 0.3 * em).clamp(at.y + 1.4 * em, lowest)], Anchor::Middle);
         }
         if panel.axes.is_some() || self.page == self.ground {
             let ink = if panel.axes.is_some() { self.page.ink() } else { [128; 3] };

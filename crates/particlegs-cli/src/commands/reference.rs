@@ -161,7 +161,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let extent = Extent::new(&bounds, cell.as_ref());
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
     let quantities = Quantities::from_particles(&particles, a.smooth);
-    let set = run::views(None, &a.view, &a.sequence, &subject, &context)?;
+    let set = run::views(None, &a.view, (&a.sequence, None), &subject, &context)?;
     let kind = a.out.as_deref().and_then(FileKind::from_path).unwrap_or(FileKind::Png);
     let resolved = a.figure.resolved(set.size, kind, 1).filter(|_| a.view.size.is_none());
     let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
@@ -197,7 +197,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let circles = args.circles((particles.meta.unit_system(), cell), &context)?;
     let of_field = field.as_ref().map(|(f, _)| f.legend.clone());
     let (legend, subject) = (Vec::new(), &subject);
-    let finish = Finisher { args, colormap, field: of_field, quantities, subject, legend, circles, about };
+    let finish = Finisher { args, colormap, field: of_field, quantities, subject, legend, circles, stamps: &[], about };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let device = a.device.open()?;
     if device.is_some() && density {

@@ -8,6 +8,7 @@ use crate::drawing::job::DrawingJob;
 use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, PictureTarget};
+use crate::drawing::series_film::SeriesFilm;
 use crate::drawing::{ViewContent, ViewRenderer, layers};
 use crate::field_args::{FieldArgs, FieldChoice};
 use crate::figure::FileKind;
@@ -20,9 +21,10 @@ use crate::view_args::{ViewArgs, ViewSubject};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::camera::{View, ViewSet};
+use particlegs_pipeline::codec::SeriesFile;
 use particlegs_pipeline::model::{LawKind, Model, species_title};
 use particlegs_pipeline::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
-use particlegs_pipeline::render::{Scene, Scratch, draw_into, field_map, surface_density};
+use particlegs_pipeline::render::{Renderer, Scene, Scratch, draw_into, field_map, surface_density};
 use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::train::Accelerator;
 use particlegs_pipeline::{Error, Result, codec, parallel};
@@ -236,7 +238,17 @@ pub fn run(a: &Arguments) -> Result<()> {
     let files = [&a.view.views, &a.sequence.path, &a.like, &a.figure.overlay].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
     let mut asked = RenderOptions::new(a, &context)?;
-    let read = a.models.iter().map(|path| read(path, &a.series, &asked, &context)).collect::<Result<Vec<_>>>()?;
+    let of_series = a.sequence.frames.is_some() && matches!(&a.models[..], [path] if inputs::is_series(path));
+    if of_series && a.series.is_given() {
+        return Err(Error::argument("--frames makes a film of the whole series: omit --frame and --time"));
+    }
+    let series = if of_series { Some(inputs::model_or_series(&a.models[0], &context)?) } else { None };
+    let series = series.as_ref().map(|bytes| SeriesFile::read(bytes, &name_of(&a.models[0]))).transpose()?;
+    let film = series.as_ref().zip(a.sequence.frames);
+    let film = film.map(|(s, length)| SeriesFilm::new(s, &a.models[0], length, &context)).transpose()?;
+    // The last frame gives a film its bounds and units.
+    let frame = if of_series { FrameArgs::numbered(Some(-1)) } else { a.series.clone() };
+    let read = a.models.iter().map(|path| read(path, &frame, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, but a picture shows only one", read.len());
         return Err(Error::argument_with(what, "draw them in one figure with --panels"));
@@ -259,10 +271,19 @@ pub fn run(a: &Arguments) -> Result<()> {
     alike(&fields, &read)?;
     let field = fields.first().cloned().flatten();
     field.iter().try_for_each(|f| f.checked(asked.range))?;
-    let draws = |(r, field)| renderer(r, field, &asked, &subject, device.as_deref(), &context);
-    let painters = read.iter().zip(&fields).map(draws).collect::<Result<Vec<_>>>()?;
+    let painter = |field| ScenePainter {
+        asked: &asked,
+        subject: &subject,
+        field,
+        device: device.as_deref(),
+        scratch: parallel::Scratch::default(),
+        context: &context,
+    };
+    let painters = read.iter().zip(&fields).map(|(r, field)| painter(field).renderer(&r.model, film.as_ref()));
+    let painters = painters.collect::<Result<Vec<_>>>()?;
     let like = asked.like.as_ref().map(|(set, _)| set.clone());
-    let set = run::views(like, &a.view, &a.sequence, &subject, &context)?;
+    let set =
+        run::views(like, &a.view, (&a.sequence, film.as_ref().map(|film| film.stamps.len())), &subject, &context)?;
     let panels = a.panels.then(|| Panels {
         painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p)).collect(),
         captions: a.captions.clone(),
@@ -285,6 +306,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         subject: &subject,
         legend: legend(&asked, model),
         circles: asked.figure.circles((m.unit_system(), m.cell), &context)?,
+        stamps: film.as_ref().map_or(&[], |film| &film.stamps),
         about: match &field {
             Some(field) => asked.field.stored(field, about(&asked, &read, &quantities)),
             None => about(&asked, &read, &quantities),
@@ -376,50 +398,72 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
     }
 }
 
-/// Draws a model.
-fn renderer<'a>(
-    read: &'a SourceModel,
-    field: &'a Option<FieldChoice>,
-    asked: &RenderOptions,
+/// Draws models as the options say.
+struct ScenePainter<'a> {
+    asked: &'a RenderOptions,
     subject: &'a ViewSubject,
-    device: Option<&dyn Accelerator>,
+    field: &'a Option<FieldChoice>,
+    device: Option<&'a dyn Accelerator>,
+    scratch: parallel::Scratch<Scratch>,
     context: &'a CommandContext,
-) -> Result<ViewRenderer<'a>> {
-    let look = asked.style;
-    if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
-        let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
-        let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
-        return Err(Error::argument_with(what, hint));
-    }
-    // Colours need each layer on its own.
-    let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
-    let scene = Scene::new(&read.model);
-    if device.is_some() && (look.is_none() || !layers.is_empty()) {
-        let what = "surface densities, fields and coloured layers are rendered on the CPU only";
-        return Err(Error::argument_with(what, "omit --device"));
-    }
-    let on_device = device.map(|d| d.scene(&scene)).transpose()?;
-    let side_by_side = on_device.is_none();
-    let scratch = parallel::Scratch::<Scratch>::default();
-    let draw = move |view: &View, size: Size| {
-        let Some(look) = look else {
-            let view = subject.density_view(view, size);
-            if let Some(field) = field {
-                return Ok(field.content(field_map(&scene, &field.query, &view, size, context)?));
-            }
-            return Ok(ViewContent::Density(surface_density(&scene, &view, size, context)?));
+}
+
+/// A model with what is drawn of it.
+struct SceneParts<'a> {
+    scene: Scene<'a>,
+    /// Colours need each layer on its own.
+    layers: Vec<Model>,
+    on_device: Option<Box<dyn Renderer>>,
+}
+
+impl<'a> ScenePainter<'a> {
+    /// Draws the model in every picture, or in each of a film that of its moment.
+    fn renderer<'f: 'a>(self, model: &'a Model, film: Option<&'a SeriesFilm<'f>>) -> Result<ViewRenderer<'a>> {
+        let parts = self.parts(model)?;
+        let side_by_side = film.is_none() && parts.on_device.is_none();
+        let draw = move |view: &View, size: Size| match film {
+            None => self.picture(&parts, view, size),
+            Some(film) => self.picture(&self.parts(&film.model(view, self.context)?)?, view, size),
         };
-        if !layers.is_empty() {
-            return layers::draw(&layers, view, size, look, context);
+        Ok(ViewRenderer { draw: Box::new(draw), side_by_side })
+    }
+
+    fn parts<'m>(&self, model: &'m Model) -> Result<SceneParts<'m>> {
+        let look = self.asked.style;
+        if look.is_none() && model.metadata.law == LawKind::AlphaBlend {
+            let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
+            let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
+            return Err(Error::argument_with(what, hint));
+        }
+        let layers = if self.asked.color_by_layer { layers::apart(model)? } else { Vec::new() };
+        let scene = Scene::new(model);
+        if self.device.is_some() && (look.is_none() || !layers.is_empty()) {
+            let what = "surface densities, fields and coloured layers are rendered on the CPU only";
+            return Err(Error::argument_with(what, "omit --device"));
+        }
+        let on_device = self.device.map(|d| d.scene(&scene)).transpose()?;
+        Ok(SceneParts { scene, layers, on_device })
+    }
+
+    fn picture(&self, of: &SceneParts<'_>, view: &View, size: Size) -> Result<ViewContent> {
+        let (scene, context) = (&of.scene, self.context);
+        let Some(look) = self.asked.style else {
+            let view = self.subject.density_view(view, size);
+            if let Some(field) = self.field {
+                return Ok(field.content(field_map(scene, &field.query, &view, size, context)?));
+            }
+            return Ok(ViewContent::Density(surface_density(scene, &view, size, context)?));
+        };
+        if !of.layers.is_empty() {
+            return layers::draw(&of.layers, view, size, look, context);
         }
         context.require_memory("a picture", size.pixels() as u64)?;
-        if let Some(renderer) = &on_device {
+        if let Some(renderer) = &of.on_device {
             return Ok(ViewContent::Levels(renderer.draw(view, size, look, context)?));
         }
         let mut picture = Gray8::black(size);
-        scratch
-            .with(|scratch| draw_into(&scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, context))?;
+        let pixels = Pixels::new(size, &mut picture.data)?;
+        self.scratch.with(|scratch| draw_into(scene, view, look, pixels, scratch, context))?;
         Ok(ViewContent::Levels(picture))
-    };
-    Ok(ViewRenderer { draw: Box::new(draw), side_by_side })
+    }
 }

@@ -13,7 +13,7 @@ use crate::figure::{FileKind, output};
 use crate::view_args::ViewSubject;
 use particlegs_files::output::write_bytes;
 use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{Projection, View};
+use particlegs_pipeline::camera::{Projection, View, frame_number};
 use particlegs_pipeline::picture::{Colormap, Size, journal_unit};
 use std::path::Path;
 
@@ -36,6 +36,8 @@ pub struct Finisher<'a> {
     pub legend: Vec<(String, [u8; 3])>,
     /// Centres and radii of circles on the picture, world units.
     pub circles: Vec<([f64; 3], f64)>,
+    /// What is written into each picture of a film.
+    pub stamps: &'a [String],
     /// Provenance stored in files, without each picture's view and range.
     pub about: PictureProvenance,
 }
@@ -126,7 +128,7 @@ impl Finisher<'_> {
 
     /// Does a file of this kind contain annotations?
     pub fn is_figure(&self, kind: FileKind) -> bool {
-        self.args.is_figure(self.has_bars(), kind)
+        self.args.is_figure(self.has_bars() || !self.stamps.is_empty(), kind)
     }
 
     /// A picture with its annotations.
@@ -147,6 +149,8 @@ impl Finisher<'_> {
             }
             Some(Axes::None) | None => {}
         }
+        let stamp = frame_number(&view.name).and_then(|frame| self.stamps.get(frame));
+        panel.names.extend(stamp.filter(|_| !self.args.no_annotations).map(|text| ([0.0, 0.0], text.clone())));
         panel.lines.extend(cube::circles(&view.camera, size, &self.circles)?);
         Ok(panel)
     }

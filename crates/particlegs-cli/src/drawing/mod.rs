@@ -11,6 +11,7 @@ pub mod layers;
 pub mod panels;
 pub mod provenance;
 pub mod run;
+pub mod series_film;
 
 use crate::common::CommandContext;
 use particlegs_pipeline::Result;

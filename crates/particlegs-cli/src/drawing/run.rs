@@ -36,11 +36,12 @@ pub struct PictureTarget<'a> {
     pub sequence: &'a SequenceArgs,
 }
 
-/// The views of the file or the options, with the options applied; key frames become a path.
+/// The views of the file or the options, with the options applied; key frames become a path. A film of a series has so
+/// many pictures.
 pub fn views(
     given: Option<ViewSet>,
     args: &ViewArgs,
-    of: &SequenceArgs,
+    (of, of_series): (&SequenceArgs, Option<usize>),
     subject: &ViewSubject,
     context: &CommandContext,
 ) -> Result<ViewSet> {
@@ -50,7 +51,7 @@ pub fn views(
         (None, None) => args.one_view(subject, &of.turns())?,
     };
     args.apply(&mut set)?;
-    let set = of.frames(set)?;
+    let set = of.frames(set, of_series)?;
     args.save(&set, context)?;
     Ok(set)
 }

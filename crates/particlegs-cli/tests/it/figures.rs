@@ -134,7 +134,7 @@ fn a_turn_begins_with_its_view_and_has_one_range() {
     render(&s, "a.pgs -o path --path keys.json --frames 9");
     assert_eq!(listing(&s.at("path")).len(), 9);
     assert_eq!(pixels("path/frame_0004.png"), pixels("frames/frame_0002.png"));
-    refused(&s, "a.pgs -o x --views keys.json --turntable 3", 2, "turns one view");
+    refused(&s, "a.pgs -o x --views keys.json --turntable 3", 2, "take one view");
     refused(&s, "a.pgs -o x.png --turntable 3", 2, "names one picture");
     refused(&s, "a.pgs -o x --turntable 3 --video x.avi", 2, ".mp4, .webm or .gif");
 }

@@ -51,7 +51,7 @@ fn frames_are_models_wherever_a_model_is_taken() {
         (info["metadata"]["source"].as_str(), info["metadata"]["particles"].as_u64()),
         (Some("snap-1"), Some(4000))
     );
-    dir.runs("extract run.pgs --time a=0.56 -o m.pgs --quiet");
+    dir.runs("extract run.pgs --time a=0.55 -o m.pgs --quiet");
     let model = dir.model("m.pgs");
     assert_eq!((model.metadata.source.as_str(), model.metadata.count), ("snap-1", 4000));
     dir.runs("render run.pgs --frame -1 -o f.png --size 64x48 --quiet");
@@ -59,6 +59,31 @@ fn frames_are_models_wherever_a_model_is_taken() {
     dir.runs("verify run.pgs --frame 2 --quiet");
     dir.fails("render run.pgs --frame 9 -o g.png", 3, "there is no frame 9");
     dir.fails("verify run.pgs snap-4 --store", 2, "--store");
+}
+
+#[test]
+fn a_film_shows_each_frame_or_even_moments_of_a_series() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 3);
+    dir.runs(&format!("series snap-0 snap-1 snap-2 -o run.pgs {OPTIONS}"));
+    let small = "--size 96x64 --quiet --save-views views.json";
+    dir.runs(&format!("render run.pgs --frames all -o plain --no-annotations {small}"));
+    dir.runs(&format!("render run.pgs --frames all -o film --video film.gif {small}"));
+    dir.runs(&format!("render run.pgs --frames 5 --turntable 5 -o even --no-annotations {small}"));
+    let files = |folder: &str| crate::common::files(&dir.at(folder)).len();
+    assert_eq!([files("film"), files("even")], [3, 5]);
+    assert!(dir.bytes("film.gif").starts_with(b"GIF89a"));
+    dir.runs("render run.pgs --time a=0.525 --views views.json -o moment --quiet");
+    let picture = |name: &str| particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap();
+    // A model that is extracted is coded once more.
+    let (one, other) = (picture("even/frame_0001.png").data, picture("moment/frame_0001.png").data);
+    assert!(one.iter().zip(&other).all(|(a, b)| a.abs_diff(*b) <= 2));
+    assert!(picture("film/frame_0001.png") != picture("plain/frame_0001.png"));
+    assert!(picture("plain/frame_0001.png") != picture("plain/frame_0002.png"));
+    dir.fails("render run.pgs --frames all --frame 1 -o no", 2, "omit --frame");
+    dir.fails("render run.pgs --frames 0 -o no", 2, "a number from 1 to");
+    dir.runs("extract run.pgs --frame 1 -o m.pgs --quiet");
+    dir.fails("render m.pgs --frames all -o no", 2, "--frames");
 }
 
 #[test]

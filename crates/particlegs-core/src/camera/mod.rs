@@ -13,5 +13,5 @@ pub use density_view::{DensityView, Images, Window};
 pub use extent::{CenteredCell, Extent, WindowContent};
 pub use normalisation::Normalisation;
 pub use orbit::{FOV_DEG, ORBITS, Orbit, base_distance, clipping_range, spherical_camera, spiral};
-pub use path::{frame_digits, path_through};
+pub use path::{frame_digits, frame_number, path_through};
 pub use view::{Camera, CameraRecord, Frame, Projection, View, ViewSet};

@@ -96,6 +96,11 @@ fn frame_name(i: usize, frames: usize) -> String {
     format!("frame_{i:0width$}", width = frame_digits(frames))
 }
 
+/// The number of the frame that a view was named as.
+pub fn frame_number(name: &str) -> Option<usize> {
+    name.strip_prefix("frame_")?.parse().ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -13,7 +13,8 @@ use super::sums::compensated;
 use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, assemble, certificate, metadata};
 use crate::context::Context;
-use crate::model::{Block, Certificate, Layer, Mass, Metadata, Model};
+use crate::model::{Block, Certificate, Layer, Mass, Metadata, Model, Units};
+use crate::picture::journal_unit;
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -125,10 +126,36 @@ impl SeriesClock {
         }
     }
 
+    /// What it shows, as it is written into a picture: `z = 0.500`, `t = 12.5 ps`, `step 1000` or `frame 12`.
+    pub fn text(self, time: f64, units: &Units) -> String {
+        match self {
+            SeriesClock::ScaleFactor => format!("z = {:.3}", (1.0 / time - 1.0).abs()),
+            SeriesClock::Time => {
+                let unit = units.time.as_ref().map(|u| journal_unit(&u.text)).unwrap_or_default();
+                format!("t = {} {unit}", rounded(time)).trim_end().to_string()
+            }
+            SeriesClock::Step => format!("step {time:.0}"),
+            SeriesClock::Frame => format!("frame {}", rounded(time)),
+        }
+    }
+
     /// The first that metadata have: scale factor, time, step, or else the frame's number.
     pub fn of(metadata: &Metadata) -> SeriesClock {
         let [frame, others @ ..] = SeriesClock::ALL;
         others.into_iter().find(|c| c.time(0, metadata).is_some()).unwrap_or(frame)
+    }
+}
+
+/// Five significant digits, without an exponent where that is readable.
+fn rounded(value: f64) -> String {
+    let digits = 4.0 - libm::floor(libm::log10(value.abs().max(1e-99)));
+    match digits {
+        _ if value == 0.0 => "0".into(),
+        -5.0..=8.0 => {
+            let text = format!("{value:.0$}", digits.max(0.0) as usize);
+            if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+        }
+        _ => format!("{value:.4e}"),
     }
 }
 
@@ -241,10 +268,17 @@ impl<'a> SeriesFile<'a> {
         assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), coded_finely(layers)?)
     }
 
+    /// The frame of a time of the clock, which may differ by a millionth.
+    pub fn frame_at(&self, time: f64) -> Option<usize> {
+        let off = |i: &usize| (self.frames[*i].time - time).abs();
+        let there = (0..self.frames.len()).filter(|&i| self.frames[i].kind != FrameCoding::Missing);
+        there.min_by(|a, b| off(a).total_cmp(&off(b))).filter(|i| off(i) <= 1e-6 * time.abs())
+    }
+
     /// The model at a time of the clock as a file: of a frame what [`SeriesFile::extract`] gives, between frames what
     /// [`SeriesDecoder::model_at`] gives.
     pub fn extract_at(&self, time: f64, context: &Context<'_>) -> Result<Vec<u8>> {
-        match self.frames.iter().position(|f| f.kind != FrameCoding::Missing && f.time == time) {
+        match self.frame_at(time) {
             Some(frame) => self.extract(frame, context),
             None => {
                 let Model { metadata, layers, .. } = SeriesDecoder::new(self).model_at(time, context)?;
@@ -304,9 +338,12 @@ impl<'a> SeriesDecoder<'a> {
     /// The model at a time of the clock, between frames as [`TrackedModel::between`] has it.
     pub fn model_at(&mut self, time: f64, context: &Context<'_>) -> Result<Model> {
         let series = self.series;
+        if let Some(frame) = series.frame_at(time) {
+            return Ok(self.frame(frame, context)?.clone().into_model());
+        }
         let there = |f: &FrameEntry| f.kind != FrameCoding::Missing;
-        let before = series.frames.iter().rposition(|f| there(f) && f.time <= time);
-        let after = series.frames.iter().position(|f| there(f) && f.time >= time);
+        let before = series.frames.iter().rposition(|f| there(f) && f.time < time);
+        let after = series.frames.iter().position(|f| there(f) && f.time > time);
         let (Some(before), Some(after)) = (before, after) else {
             let times: Vec<f64> = series.frames.iter().filter(|f| there(f)).map(|f| f.time).collect();
             let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
@@ -315,9 +352,6 @@ impl<'a> SeriesDecoder<'a> {
             return Err(Error::input(&series.place, what));
         };
         let from = self.frame(before, context)?.clone();
-        if before == after {
-            return Ok(from.into_model());
-        }
         let next = self.frame(after, context)?;
         Ok(from.between(next, (time - from.time) / (next.time - from.time)))
     }
