@@ -3,7 +3,7 @@
 use crate::format::{FileHead, Format};
 use crate::registry;
 use crate::vtk_xml::lists;
-use crate::{Choice, PathKind, csv, hdf5};
+use crate::{Choice, PathKind, csv, hdf5, raw};
 use particlegs_pipeline::{Error, Hint, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -35,6 +35,30 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
     }
 }
 
+/// Snapshots of a folder, one path each, `snap.2` before `snap.10`: files, or else folders.
+///
+/// # Errors
+/// The folder cannot be read, or holds none.
+pub fn folder_snapshots(folder: &Path, options: &Choice) -> Result<Vec<PathBuf>> {
+    if raw::is_raw(&[folder.to_path_buf()]) {
+        return Ok(vec![folder.to_path_buf()]);
+    }
+    let files = snapshots(&candidates(folder, options)?, options);
+    let mut paths: Vec<PathBuf> = files.into_iter().map(|set| set.first).collect();
+    if paths.is_empty() {
+        let one = |p: &Path| raw::is_raw(&[p.to_path_buf()]) || resolved(&[p.to_path_buf()], options).is_ok();
+        paths = entries(folder, |p| p.is_dir() && one(p))?;
+    }
+    if paths.is_empty() { Err(none_there(folder)) } else { Ok(paths) }
+}
+
+fn entries(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
+    let all = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+    let mut paths: Vec<PathBuf> = all.filter_map(|entry| Some(entry.ok()?.path()).filter(|p| wanted(p))).collect();
+    paths.sort_by_cached_key(|p| name_key(p));
+    Ok(paths)
+}
+
 fn none_there(folder: &Path) -> Error {
     match PathKind::from_path(folder) {
         PathKind::Job => Error::input_with(folder, "a job folder, not a snapshot", PathKind::Job.to_a_model()),
@@ -48,11 +72,7 @@ fn none_there(folder: &Path) -> Error {
 
 /// Files of a folder in a known format, or in the one that is asked for, `snap.2` before `snap.10`.
 fn candidates(folder: &Path, options: &Choice) -> Result<Vec<(PathBuf, &'static Format)>> {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
-        .map_err(|e| Error::io(folder, e))?
-        .filter_map(|entry| Some(entry.ok()?.path()).filter(|p| p.is_file()))
-        .collect();
-    files.sort_by_cached_key(|p| name_key(p));
+    let files = entries(folder, Path::is_file)?;
     let format = |path: PathBuf| {
         let found = match PathKind::from_head(&FileHead::read(&path).ok()?) {
             PathKind::Snapshot(format) => format,

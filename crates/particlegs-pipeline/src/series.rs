@@ -57,8 +57,8 @@ impl SeriesBuilder {
         Ok(SeriesBuilder { options, interval, clock: None, before: None, since: 0, key_bytes: 0 })
     }
 
-    /// Goes on behind a frame that was made by the same options before; gives its metadata.
-    pub fn take(&mut self, frame: &CodedFrame, place: &str, context: &Context<'_>) -> Result<&Metadata> {
+    /// Goes on behind a frame that was made by the same options before; gives the frame.
+    pub fn take(&mut self, frame: &CodedFrame, place: &str, context: &Context<'_>) -> Result<&TrackedModel> {
         let CodedFrame { time, keyframe, bytes } = frame;
         let next = match self.before.as_ref().filter(|_| !keyframe) {
             Some(before) => before.next(bytes, *time, place)?,
@@ -66,7 +66,7 @@ impl SeriesBuilder {
         };
         self.count(*keyframe, bytes.len());
         self.clock.get_or_insert_with(|| SeriesClock::of(&next.metadata));
-        Ok(&self.before.insert(next).metadata)
+        Ok(self.before.insert(next))
     }
 
     fn count(&mut self, keyframe: bool, bytes: usize) {

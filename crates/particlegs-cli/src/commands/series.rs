@@ -9,10 +9,10 @@ use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
-use particlegs_formats::Choice;
-use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile};
+use particlegs_formats::{Choice, folder_snapshots};
+use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile, TrackedBlock, TrackedModel};
 use particlegs_pipeline::compress::Options;
-use particlegs_pipeline::model::Model;
+use particlegs_pipeline::model::{Layer, Model};
 use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::series::{KEYFRAME_INTERVAL, SeriesBuilder};
 use particlegs_pipeline::{Error, Result};
@@ -31,7 +31,7 @@ Examples:
   particlegs series traj.xtc --topology conf.gro --frames 0:1000:10 -o run.pgs
   particlegs render run.pgs --frame 12 -o frame.png")]
 pub struct Arguments {
-    /// Snapshots in the order of time, one a frame; or a trajectory, with --frames.
+    /// Snapshots in order of time, or their folder; or a trajectory, with --frames.
     #[arg(required = true, value_name = "SNAPSHOT")]
     input: Vec<PathBuf>,
     /// Series file to write.
@@ -81,22 +81,28 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let choice = a.particles.choice(a.common.seed)?;
     let (mut frames, mut raw_bytes, mut listed) = (Vec::new(), 0u64, Vec::new());
+    let mut all_kept = true;
     for (number, source) in sources.iter().enumerate() {
+        // A frame that is new changes those behind it.
+        let kept = if all_kept { done.get(number).cloned().flatten().or_else(|| work.frame(number)) } else { None };
+        let place = format!("{}, frame {number}", name_of(&a.output));
         let particles = match source.read(&choice, &context) {
             Ok(particles) => particles,
             Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
             Err(e) => {
-                context.message(&one_line(&format!("warning: frame {number} is missing: {e}")));
-                frames.push(None);
+                let what = if kept.is_some() { "is kept as it was" } else { "is missing" };
+                context.message(&one_line(&format!("warning: frame {number} {what}: {e}")));
+                if let Some(frame) = &kept {
+                    raw_bytes += raw_size(builder.take(frame, &place, &context)?);
+                }
+                frames.push(kept);
                 continue;
             }
         };
         raw_bytes += particles.raw_bytes();
-        let kept = done.get(number).cloned().flatten().or_else(|| work.frame(number));
         let kept = match kept {
             Some(frame) => {
-                let place = format!("{}, frame {number}", name_of(&a.output));
-                let same = builder.take(&frame, &place, &context)?.source_hash == particles.source_hash();
+                let same = builder.take(&frame, &place, &context)?.metadata.source_hash == particles.source_hash();
                 if !same {
                     let what = format!("{place} was made from another snapshot than {}", source.name());
                     return Err(Error::argument_with(what, "replace the series with --force"));
@@ -104,6 +110,7 @@ pub fn run(a: Arguments) -> Result<()> {
                 frame
             }
             None => {
+                all_kept = false;
                 let from = Instant::now();
                 let added = builder.add(number, &particles, &context)?;
                 context.notes(&added.notes);
@@ -162,8 +169,12 @@ impl Arguments {
 
     fn sources(&self) -> Result<Vec<FrameSource>> {
         let Some(text) = &self.frames else {
-            let one = |path: &PathBuf| FrameSource { path: path.clone(), frame: self.particles.opening.frame };
-            return Ok(self.input.iter().map(one).collect());
+            let paths = match &self.input[..] {
+                [folder] if folder.is_dir() => folder_snapshots(folder, &self.particles.choice(self.common.seed)?)?,
+                paths => paths.iter().map(|p| matching(p)).collect::<Result<Vec<_>>>()?.concat(),
+            };
+            let frame = self.particles.opening.frame;
+            return Ok(paths.into_iter().map(|path| FrameSource { path, frame }).collect());
         };
         let wrong =
             || Error::argument(format!("--frames {text}: write FIRST:END or FIRST:END:STEP, such as 0:1000:10"));
@@ -183,6 +194,23 @@ impl Arguments {
         let frames = (first..end).step_by(step as usize);
         Ok(frames.map(|frame| FrameSource { path: path.clone(), frame: Some(frame) }).collect())
     }
+}
+
+/// Files that match a pattern which no shell has replaced, `snap_2` before `snap_10`.
+fn matching(path: &Path) -> Result<Vec<PathBuf>> {
+    let Some(pattern) = path.to_str().filter(|text| text.contains(['*', '?', '[']) && !path.exists()) else {
+        return Ok(vec![path.to_path_buf()]);
+    };
+    let found = glob::glob(pattern).map_err(|e| Error::argument(format!("{pattern}: {e}")))?;
+    let mut paths: Vec<PathBuf> = found.filter_map(|path| path.ok()).collect();
+    paths.sort_by_cached_key(|p| (p.as_os_str().len(), p.clone()));
+    if paths.is_empty() { Err(Error::argument(format!("no file matches {pattern}"))) } else { Ok(paths) }
+}
+
+/// Bytes of the positions that a frame was made from.
+fn raw_size(frame: &TrackedModel) -> u64 {
+    let particles = |layer: &Layer<Vec<TrackedBlock>>| layer.content.iter().map(|b| b.block.count).sum::<u64>();
+    frame.layers.iter().map(|l| l.mass.particle_bytes() * particles(l)).sum()
 }
 
 impl FrameSource {

@@ -241,10 +241,16 @@ pub fn run(a: Arguments) -> Result<()> {
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let list = a.measure.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
-    let truth = StatsInput::open(&a.truth, &a.snapshot, &options, &context)?;
+    // A frame of a series stands beside the frame that it was made from.
+    let mut beside = a.snapshot.clone();
+    if let Some(series) = [&a.truth, &a.other].into_iter().find(|p| inputs::is_series(p)) {
+        inputs::model_with_snapshot(series, &mut beside, &context)?;
+    }
+    let opening = |path: &Path| if inputs::is_series(path) { &a.snapshot } else { &beside };
+    let truth = StatsInput::open(&a.truth, opening(&a.truth), &options, &context)?;
     let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
-    let other = StatsInput::open(&a.other, &a.snapshot, &options, &context)?;
+    let other = StatsInput::open(&a.other, opening(&a.other), &options, &context)?;
     let statistics = compare(truth.side(), other.side(), &options, &context)?;
     context.notes(&statistics.notes);
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());

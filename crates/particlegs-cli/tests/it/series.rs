@@ -57,6 +57,7 @@ fn frames_are_models_wherever_a_model_is_taken() {
     dir.runs("render run.pgs --frame -1 -o f.png --size 64x48 --quiet");
     dir.runs("eval run.pgs snap-1 --frame 1 --size 64x48 --frames 1 --quiet");
     dir.runs("verify run.pgs --frame 2 --quiet");
+    dir.runs("stats snap-1 run.pgs --frame 1 --only density --grid 8 -o stats --no-plots --quiet");
     dir.fails("render run.pgs --frame 9 -o g.png", 3, "there is no frame 9");
     dir.fails("verify run.pgs snap-4 --store", 2, "--store");
 }
@@ -84,6 +85,36 @@ fn a_film_shows_each_frame_or_even_moments_of_a_series() {
     dir.fails("render run.pgs --frames 0 -o no", 2, "a number from 1 to");
     dir.runs("extract run.pgs --frame 1 -o m.pgs --quiet");
     dir.fails("render m.pgs --frames all -o no", 2, "--frames");
+}
+
+#[test]
+fn a_series_is_made_of_a_folder_or_of_a_pattern() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at("run"), 11);
+    let few = OPTIONS.replace("60", "20");
+    let of_folder = dir.makes(&format!("series run -o folder.pgs {few}"));
+    let frames = dir.says("info folder.pgs")["frames"].as_array().unwrap().len();
+    assert_eq!(frames, 11);
+    assert_eq!(of_folder, dir.makes(&format!("series run/snap-* -o pattern.pgs {few}")));
+    dir.fails(&format!("series run/none-* -o none.pgs {few}"), 2, "no file matches run/none-*");
+}
+
+#[test]
+fn a_gap_is_filled_with_the_bytes_of_the_whole_series() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 5);
+    let all = "snap-0 snap-1 snap-2 snap-3 snap-4";
+    let whole = dir.makes(&format!("series {all} -o whole.pgs {OPTIONS}"));
+    std::fs::rename(dir.at("snap-2"), dir.at("away")).unwrap();
+    dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
+    assert!(dir.says("info gap.pgs")["frames"][2]["kind"] == "missing");
+    std::fs::rename(dir.at("away"), dir.at("snap-2")).unwrap();
+    dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
+    assert!(dir.bytes("gap.pgs") == whole);
+    // A snapshot that is gone leaves its frame.
+    std::fs::rename(dir.at("snap-1"), dir.at("away")).unwrap();
+    dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
+    assert!(dir.bytes("gap.pgs") == whole);
 }
 
 #[test]
