@@ -212,7 +212,7 @@ fn is_index_of(index: &[u8], sections: &[Section<'_>], open: bool) -> bool {
 }
 
 /// Where a section ends by its head, if that is there.
-fn section_end(file: &[u8], offset: usize) -> Option<u64> {
+pub(crate) fn section_end(file: &[u8], offset: usize) -> Option<u64> {
     let length = WireReader::new(file.get(offset + 4..)?).u64().ok()?;
     (offset as u64 + SECTION_BYTES as u64).checked_add(length)
 }

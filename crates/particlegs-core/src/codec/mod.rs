@@ -63,7 +63,7 @@ pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;
 pub use series::{
-    CodedFrame, FrameCoding, FrameEntry, MOST_FRAMES, SeriesClock, SeriesDecoder, SeriesFile, TrackedModel,
+    CodedFrame, FrameCoding, FrameEntry, INDEX_FROM, MOST_FRAMES, SeriesClock, SeriesDecoder, SeriesFile, TrackedModel,
     assemble_series,
 };
 pub use sums::whole_counts;

@@ -2,8 +2,8 @@
 
 use super::container::{self, BLOCK, LAYER, META, STAGE, Section, Tag};
 use super::{
-    Encoder, Merge, Precision, StoredBlock, StoredSection, assemble, coded_layers, decode, decode_block, decode_prefix,
-    encode, read_info,
+    CodedFrame, Encoder, INDEX_FROM, Merge, Precision, SeriesClock, SeriesDecoder, SeriesFile, StoredBlock,
+    StoredSection, assemble, assemble_series, coded_layers, decode, decode_block, decode_prefix, encode, read_info,
 };
 use crate::Error;
 use crate::context::Context;
@@ -258,4 +258,30 @@ fn a_block_cut_anywhere_is_a_mixture_of_all_its_particles() {
         assert_eq!(least, block.gaussians.len());
         assert_eq!(decode_prefix(&coded, "b").unwrap(), whole);
     }
+}
+
+#[test]
+fn a_series_begins_with_its_index_and_takes_frames_as_they_come() {
+    let context = Context::SILENT;
+    let keyframe = encode(&model(), &Precision::BALANCED).unwrap();
+    let frame = |time| Some(CodedFrame { time, keyframe: true, bytes: keyframe.clone() });
+    let file = assemble_series(SeriesClock::Time, "", &[frame(1.0), None, frame(2.0)]).unwrap();
+    let whole = SeriesFile::read(&file, "s").unwrap();
+    let end = SeriesFile::index_end(&file[..INDEX_FROM], "s").unwrap();
+    assert!(SeriesFile::index_end(&file[..INDEX_FROM - 1], "s").is_err());
+    assert!(SeriesFile::read_start(&file[..end - 1], "s").is_err());
+    assert!(SeriesFile::index_end(&keyframe, "s").is_err());
+    assert!(SeriesFile::read_start(&file[..end], "s").unwrap().frame_bytes(0).is_err());
+
+    let start = SeriesFile::read_start(&file[..whole.frames[0].place.end], "s").unwrap();
+    assert_eq!((start.clock, &start.frames), (whole.clock, &whole.frames));
+    let mut decoder = SeriesDecoder::of(start);
+    let first = decoder.model_at(1.0, &context).unwrap();
+    let missing = decoder.model_at(1.5, &context).unwrap_err().to_string();
+    assert!(missing.contains("frame 2: its bytes are not loaded"), "{missing}");
+    assert!(decoder.add_frame(2, vec![0; 3]).is_err() && decoder.add_frame(1, Vec::new()).is_err());
+    assert!(decoder.add_frame(3, keyframe.clone()).is_err());
+    decoder.add_frame(2, file[whole.frames[2].place.clone()].to_vec()).unwrap();
+    assert_eq!(decoder.model_at(1.5, &context).unwrap(), SeriesDecoder::new(&whole).model_at(1.5, &context).unwrap());
+    assert_eq!(decoder.model_at(1.0, &context).unwrap(), first);
 }

@@ -16,6 +16,7 @@ use crate::context::Context;
 use crate::model::{Block, Certificate, Layer, Mass, Metadata, Model, Units};
 use crate::picture::journal_unit;
 use crate::{Error, Result};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Frames at most.
@@ -23,6 +24,8 @@ pub const MOST_FRAMES: usize = 1 << 20;
 /// Bytes of the index before its entries, and of an entry.
 const INDEX_HEAD: usize = 1 + 4;
 const ENTRY: usize = 1 + 8 + 8 + 8;
+/// First bytes of a series that say where its index ends.
+pub const INDEX_FROM: usize = HEAD_BYTES + SECTION_BYTES;
 /// Bytes of the recipe at most.
 const RECIPE_TEXT: usize = 16_384;
 /// How finely a frame is coded as a model of its own ([`SeriesFile::extract`]): its steps add next to nothing to the errors
@@ -75,10 +78,19 @@ pub struct FrameEntry {
     pub place: Range<usize>,
 }
 
+impl FrameEntry {
+    /// Its place in the file; `None` of a gap.
+    fn there(&self) -> Option<Range<usize>> {
+        Some(self.place.clone()).filter(|_| self.kind != FrameCoding::Missing)
+    }
+}
+
 /// A series of models whose index is read.
+#[derive(Clone)]
 pub struct SeriesFile<'a> {
-    bytes: &'a [u8],
     place: String,
+    /// The frames' own bytes; `None` of gaps, and of frames that are not loaded.
+    files: Vec<Option<Cow<'a, [u8]>>>,
     /// What the clock tells.
     pub clock: SeriesClock,
     /// The frames.
@@ -220,13 +232,61 @@ impl<'a> SeriesFile<'a> {
         if there.next().is_some() {
             return Err(corrupt("a frame of the index is missing".into()));
         }
-        Ok(SeriesFile { bytes, place: place.into(), clock, frames, recipe })
+        let files = frames.iter().map(|f| f.there().and_then(|place| bytes.get(place)).map(Cow::Borrowed)).collect();
+        Ok(SeriesFile { place: place.into(), files, clock, frames, recipe })
+    }
+
+    /// Where the index of a series ends that begins with `head`, of at least [`INDEX_FROM`] bytes.
+    pub fn index_end(head: &[u8], place: &str) -> Result<usize> {
+        container::promised_length(head, place)?;
+        let end = head.get(..INDEX_FROM).and_then(|head| container::section_end(head, HEAD_BYTES));
+        let most = (INDEX_FROM + INDEX_HEAD + ENTRY * MOST_FRAMES) as u64;
+        let end = end.filter(|end| *end <= most && container::is_series(head));
+        end.map(|end| end as usize)
+            .ok_or_else(|| Error::corrupt(place, "the file does not begin with an index of frames"))
+    }
+
+    /// Reads the index from the first bytes of a file, up to [`SeriesFile::index_end`] or more, and takes the frames that
+    /// lie whole among them. The others come by [`SeriesFile::add_frame`]. The recipe is left out.
+    pub fn read_start(bytes: &[u8], place: &str) -> Result<SeriesFile<'static>> {
+        let corrupt = |what: String| Error::corrupt(place, what);
+        SeriesFile::index_end(bytes, place)?;
+        let index = container::section(bytes, HEAD_BYTES).map_err(corrupt)?;
+        if index.tag != FRAME_INDEX {
+            return Err(corrupt("the file does not begin with an index of frames".into()));
+        }
+        let (clock, frames) = frame_entries(index.bytes).map_err(corrupt)?;
+        let file = |f: &FrameEntry| bytes.get(f.there()?).map(|own| Cow::Owned(own.to_vec()));
+        Ok(SeriesFile {
+            place: place.into(),
+            files: frames.iter().map(file).collect(),
+            clock,
+            frames,
+            recipe: String::new(),
+        })
+    }
+
+    /// Takes the bytes of a frame that was not loaded.
+    pub fn add_frame(&mut self, frame: usize, bytes: Vec<u8>) -> Result<()> {
+        let length = self.frames.get(frame).and_then(FrameEntry::there).map(|place| place.len());
+        match self.files.get_mut(frame) {
+            Some(file) if length == Some(bytes.len()) => {
+                *file = Some(Cow::Owned(bytes));
+                Ok(())
+            }
+            _ => {
+                Err(Error::corrupt(self.name(frame), format!("the index has no frame of {} bytes there", bytes.len())))
+            }
+        }
     }
 
     /// A frame's own bytes.
-    pub fn frame_bytes(&self, frame: usize) -> Result<&'a [u8]> {
+    pub fn frame_bytes(&self, frame: usize) -> Result<&[u8]> {
         match self.frames.get(frame) {
-            Some(f) if f.kind != FrameCoding::Missing => Ok(&self.bytes[f.place.clone()]),
+            Some(f) if f.kind != FrameCoding::Missing => {
+                let file = self.files[frame].as_deref();
+                file.ok_or_else(|| Error::input(self.name(frame), "its bytes are not loaded yet"))
+            }
             Some(_) => Err(Error::input(&self.place, format!("frame {frame} is missing"))),
             None => {
                 let what = format!("there is no frame {frame}; frames go from 0 to {}", self.frames.len().max(1) - 1);
@@ -291,7 +351,7 @@ impl<'a> SeriesFile<'a> {
 
 /// Decodes frames one after the other: a frame behind one that was decoded lately goes on from there.
 pub struct SeriesDecoder<'a> {
-    series: &'a SeriesFile<'a>,
+    series: Cow<'a, SeriesFile<'a>>,
     /// The last frames that were decoded, two at most.
     last: Vec<(usize, TrackedModel)>,
 }
@@ -299,7 +359,22 @@ pub struct SeriesDecoder<'a> {
 impl<'a> SeriesDecoder<'a> {
     /// Nothing is decoded yet.
     pub fn new(series: &'a SeriesFile<'a>) -> Self {
-        SeriesDecoder { series, last: Vec::new() }
+        SeriesDecoder { series: Cow::Borrowed(series), last: Vec::new() }
+    }
+
+    /// Decodes a series whose frames may come later, by [`SeriesDecoder::add_frame`].
+    pub fn of(series: SeriesFile<'a>) -> Self {
+        SeriesDecoder { series: Cow::Owned(series), last: Vec::new() }
+    }
+
+    /// The series.
+    pub fn series(&self) -> &SeriesFile<'a> {
+        &self.series
+    }
+
+    /// As [`SeriesFile::add_frame`].
+    pub fn add_frame(&mut self, frame: usize, bytes: Vec<u8>) -> Result<()> {
+        self.series.to_mut().add_frame(frame, bytes)
     }
 
     /// A frame by its number.
@@ -318,7 +393,7 @@ impl<'a> SeriesDecoder<'a> {
     }
 
     fn decoded(&self, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
-        let series = self.series;
+        let series = &self.series;
         let key = series.keyframe(frame)?;
         let lately = self.last.iter().filter(|(number, _)| (key..frame).contains(number)).max_by_key(|l| l.0);
         let (from, mut model) = match lately {
@@ -337,7 +412,7 @@ impl<'a> SeriesDecoder<'a> {
 
     /// The model at a time of the clock, between frames as [`TrackedModel::between`] has it.
     pub fn model_at(&mut self, time: f64, context: &Context<'_>) -> Result<Model> {
-        let series = self.series;
+        let series = &*self.series;
         if let Some(frame) = series.frame_at(time) {
             return Ok(self.frame(frame, context)?.clone().into_model());
         }
