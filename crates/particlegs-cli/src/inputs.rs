@@ -6,7 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
-use particlegs_pipeline::codec::{FrameCoding, SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::codec::SeriesFile;
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
@@ -42,50 +42,6 @@ impl FrameArgs {
             Error::input(place, format!("there is no frame {number}; the series has {count} frames, from 0"))
         })
     }
-}
-
-/// Units of time, in seconds.
-const SECONDS: [(&str, f64); 9] = [
-    ("Gyr", 3.15576e16),
-    ("Myr", 3.15576e13),
-    ("yr", 3.15576e7),
-    ("fs", 1e-15),
-    ("ps", 1e-12),
-    ("ns", 1e-9),
-    ("us", 1e-6),
-    ("ms", 1e-3),
-    ("s", 1.0),
-];
-
-/// What the clock of a series shows at a moment that a user names.
-fn moment(text: &str, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<f64> {
-    let wrong = || Error::argument(format!("--time {text}: write a=0.5, z=1, step=1000 or a time such as 500ps"));
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
-    let (clock, value) = if let Some(a) = text.strip_prefix("a=") {
-        (SeriesClock::ScaleFactor, number(a)?)
-    } else if let Some(z) = text.strip_prefix("z=") {
-        (SeriesClock::ScaleFactor, 1.0 / (1.0 + number(z)?))
-    } else if let Some(step) = text.strip_prefix("step=") {
-        (SeriesClock::Step, number(step)?)
-    } else {
-        let unit = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
-        let seconds = number(text.trim_end_matches(unit.0))? * unit.1;
-        let mut decoder = SeriesDecoder::new(series);
-        let metadata = &decoder.frame(first_frame(series), context)?.metadata;
-        let own =
-            metadata.units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
-        let own = own.ok_or_else(|| Error::input(place, "the series does not state its unit of time"))?;
-        (SeriesClock::Time, seconds / own)
-    };
-    if clock != series.clock {
-        let what = format!("the clock of the series is its {}, not its {}", series.clock.name(), clock.name());
-        return Err(Error::input(place, what));
-    }
-    Ok(value)
-}
-
-fn first_frame(series: &SeriesFile<'_>) -> usize {
-    series.frames.iter().position(|f| f.kind != FrameCoding::Missing).unwrap_or(0)
 }
 
 pub enum PathContent {
@@ -147,7 +103,7 @@ fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_
     let series = SeriesFile::read(&bytes, place)?;
     let clock = series.clock.name();
     if let Some(text) = &frame.time {
-        let time = moment(text, &series, place, context)?;
+        let time = series.clock.moment(text, &series.units()?)?;
         if series.frame_at(time).is_none() {
             context.message(&format!("note: {place}: {clock} {time} is interpolated between two frames"));
         }

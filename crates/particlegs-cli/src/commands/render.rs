@@ -245,7 +245,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let series = if of_series { Some(inputs::model_or_series(&a.models[0], &context)?) } else { None };
     let series = series.as_ref().map(|bytes| SeriesFile::read(bytes, &name_of(&a.models[0]))).transpose()?;
     let film = series.as_ref().zip(a.sequence.frames);
-    let film = film.map(|(s, length)| SeriesFilm::new(s, &a.models[0], length, &context)).transpose()?;
+    let film = film.map(|(s, length)| SeriesFilm::new(s, &a.models[0], length)).transpose()?;
     // The last frame gives a film its bounds and units.
     let frame = if of_series { FrameArgs::numbered(Some(-1)) } else { a.series.clone() };
     let read = a.models.iter().map(|path| read(path, &frame, &asked, &context)).collect::<Result<Vec<_>>>()?;

@@ -20,7 +20,7 @@ pub struct SeriesFilm<'a> {
 
 impl<'a> SeriesFilm<'a> {
     /// Each frame once, or so many pictures, evenly from the first frame to the last.
-    pub fn new(series: &'a SeriesFile<'a>, path: &Path, length: FilmLength, context: &Context<'_>) -> Result<Self> {
+    pub fn new(series: &'a SeriesFile<'a>, path: &Path, length: FilmLength) -> Result<Self> {
         let times: Vec<f64> = series.frames.iter().filter(|f| f.kind != FrameCoding::Missing).map(|f| f.time).collect();
         let (Some(first), Some(last)) = (times.first(), times.last()) else {
             return Err(Error::input(name_of(path), "the series has no frames"));
@@ -33,13 +33,12 @@ impl<'a> SeriesFilm<'a> {
                 (0..n).map(|i| if i + 1 == n { *last } else { first + share(i) * (last - first) }).collect()
             }
         };
-        let mut decoder = SeriesDecoder::new(series);
-        let units = decoder.model_at(*first, context)?.metadata.units;
+        let units = series.units()?;
         let stamps = moments.iter().map(|&time| {
             let between = if series.frame_at(time).is_some() { "" } else { " (interpolated)" };
             series.clock.text(time, &units) + between
         });
-        Ok(SeriesFilm { stamps: stamps.collect(), times: moments, decoder: Mutex::new(decoder) })
+        Ok(SeriesFilm { stamps: stamps.collect(), times: moments, decoder: Mutex::new(SeriesDecoder::new(series)) })
     }
 
     /// The model that a view of the film shows.

@@ -34,6 +34,7 @@ mod rans;
 #[cfg(test)]
 mod sections_tests;
 mod series;
+mod series_clock;
 mod shape;
 mod shared_species;
 mod source;
@@ -63,9 +64,10 @@ pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;
 pub use series::{
-    CodedFrame, FrameCoding, FrameEntry, INDEX_FROM, MOST_FRAMES, SeriesClock, SeriesDecoder, SeriesFile, TrackedModel,
+    CodedFrame, FrameCoding, FrameEntry, INDEX_FROM, MOST_FRAMES, SeriesDecoder, SeriesFile, TrackedModel,
     assemble_series,
 };
+pub use series_clock::SeriesClock;
 pub use sums::whole_counts;
 pub use thinning::Thinning;
 

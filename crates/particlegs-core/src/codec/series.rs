@@ -7,14 +7,14 @@ use super::container::{
     SERIES, SERIES_RECIPE, Section,
 };
 use super::decode::{Decoder, correlation_of, fields_of};
-use super::file::{CodedLayer, StoredSection};
+use super::file::{self, CodedLayer, StoredSection};
 use super::merge::blocks_hash;
+use super::series_clock::SeriesClock;
 use super::sums::compensated;
 use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, assemble, certificate, metadata};
 use crate::context::Context;
 use crate::model::{Block, Certificate, Layer, Mass, Metadata, Model, Units};
-use crate::picture::journal_unit;
 use crate::{Error, Result};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -31,19 +31,6 @@ const RECIPE_TEXT: usize = 16_384;
 /// How finely a frame is coded as a model of its own ([`SeriesFile::extract`]): its steps add next to nothing to the errors
 /// of the series.
 const EXTRACTED: f64 = 0.25;
-
-/// What the clock of a series tells. Motions are proportional to it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SeriesClock {
-    /// The number of the frame.
-    Frame,
-    /// The scale factor.
-    ScaleFactor,
-    /// The time, in the unit of time.
-    Time,
-    /// The time step.
-    Step,
-}
 
 /// What there is of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,63 +99,6 @@ pub struct TrackedModel {
     pub layers: Vec<Layer<Vec<TrackedBlock>>>,
     /// Metadata of the keyframe, as it is stored.
     pub(super) key: Vec<u8>,
-}
-
-impl SeriesClock {
-    const ALL: [SeriesClock; 4] = [SeriesClock::Frame, SeriesClock::ScaleFactor, SeriesClock::Time, SeriesClock::Step];
-
-    /// What it shows for a frame of some metadata; `None` where these do not say.
-    pub fn time(self, frame: usize, metadata: &Metadata) -> Option<f64> {
-        let epoch = &metadata.epoch;
-        match self {
-            SeriesClock::Frame => Some(frame as f64),
-            SeriesClock::ScaleFactor => epoch.scale_factor,
-            SeriesClock::Time => epoch.time,
-            SeriesClock::Step => epoch.step.map(|s| s as f64),
-        }
-    }
-
-    /// What it tells, in words.
-    pub fn name(self) -> &'static str {
-        match self {
-            SeriesClock::Frame => "frame",
-            SeriesClock::ScaleFactor => "scale factor",
-            SeriesClock::Time => "time",
-            SeriesClock::Step => "time step",
-        }
-    }
-
-    /// What it shows, as it is written into a picture: `z = 0.500`, `t = 12.5 ps`, `step 1000` or `frame 12`.
-    pub fn text(self, time: f64, units: &Units) -> String {
-        match self {
-            SeriesClock::ScaleFactor => format!("z = {:.3}", (1.0 / time - 1.0).abs()),
-            SeriesClock::Time => {
-                let unit = units.time.as_ref().map(|u| journal_unit(&u.text)).unwrap_or_default();
-                format!("t = {} {unit}", rounded(time)).trim_end().to_string()
-            }
-            SeriesClock::Step => format!("step {time:.0}"),
-            SeriesClock::Frame => format!("frame {}", rounded(time)),
-        }
-    }
-
-    /// The first that metadata have: scale factor, time, step, or else the frame's number.
-    pub fn of(metadata: &Metadata) -> SeriesClock {
-        let [frame, others @ ..] = SeriesClock::ALL;
-        others.into_iter().find(|c| c.time(0, metadata).is_some()).unwrap_or(frame)
-    }
-}
-
-/// Five significant digits, without an exponent where that is readable.
-fn rounded(value: f64) -> String {
-    let digits = 4.0 - libm::floor(libm::log10(value.abs().max(1e-99)));
-    match digits {
-        _ if value == 0.0 => "0".into(),
-        -5.0..=8.0 => {
-            let text = format!("{value:.0$}", digits.max(0.0) as usize);
-            if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
-        }
-        _ => format!("{value:.4e}"),
-    }
 }
 
 /// Puts a series together; `None` is a gap. `recipe` says how it was made, in JSON.
@@ -326,6 +256,13 @@ impl<'a> SeriesFile<'a> {
         let Model { metadata, layers, certificate } =
             SeriesDecoder::new(self).frame(frame, context)?.clone().into_model();
         assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), coded_finely(layers)?)
+    }
+
+    /// Units of its frames.
+    pub fn units(&self) -> Result<Units> {
+        let first = self.frames.iter().position(|f| f.kind == FrameCoding::Keyframe);
+        let first = first.ok_or_else(|| Error::input(&self.place, "the series has no frames"))?;
+        Ok(file::read_metadata(self.frame_bytes(first)?, &self.name(first))?.units)
     }
 
     /// The frame of a time of the clock, which may differ by a millionth.

@@ -1,0 +1,150 @@
+//! What the clock of a series shows.
+
+use crate::model::{Metadata, Units};
+use crate::picture::journal_unit;
+use crate::{Error, Result};
+
+/// Units of time, in seconds.
+const SECONDS: [(&str, f64); 9] = [
+    ("Gyr", 3.15576e16),
+    ("Myr", 3.15576e13),
+    ("yr", 3.15576e7),
+    ("fs", 1e-15),
+    ("ps", 1e-12),
+    ("ns", 1e-9),
+    ("us", 1e-6),
+    ("ms", 1e-3),
+    ("s", 1.0),
+];
+
+/// What the clock of a series tells. Motions are proportional to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeriesClock {
+    /// The number of the frame.
+    Frame,
+    /// The scale factor.
+    ScaleFactor,
+    /// The time, in the unit of time.
+    Time,
+    /// The time step.
+    Step,
+}
+
+impl SeriesClock {
+    pub(super) const ALL: [SeriesClock; 4] =
+        [SeriesClock::Frame, SeriesClock::ScaleFactor, SeriesClock::Time, SeriesClock::Step];
+
+    /// What it shows for a frame of some metadata; `None` where these do not say.
+    pub fn time(self, frame: usize, metadata: &Metadata) -> Option<f64> {
+        let epoch = &metadata.epoch;
+        match self {
+            SeriesClock::Frame => Some(frame as f64),
+            SeriesClock::ScaleFactor => epoch.scale_factor,
+            SeriesClock::Time => epoch.time,
+            SeriesClock::Step => epoch.step.map(|s| s as f64),
+        }
+    }
+
+    /// What it tells, in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            SeriesClock::Frame => "frame",
+            SeriesClock::ScaleFactor => "scale factor",
+            SeriesClock::Time => "time",
+            SeriesClock::Step => "time step",
+        }
+    }
+
+    /// What it shows, as it is written into a picture: `z = 0.500`, `t = 12.5 ps`, `step 1000` or `frame 12`.
+    pub fn text(self, time: f64, units: &Units) -> String {
+        match self {
+            SeriesClock::ScaleFactor => {
+                let z = 1.0 / time - 1.0;
+                format!("z = {:.3}", if z.abs() < 5e-4 { 0.0 } else { z })
+            }
+            SeriesClock::Time => {
+                let unit = units.time.as_ref().map(|u| journal_unit(&u.text)).unwrap_or_default();
+                format!("t = {} {unit}", rounded(time)).trim_end().to_string()
+            }
+            SeriesClock::Step => format!("step {time:.0}"),
+            SeriesClock::Frame => format!("frame {}", rounded(time)),
+        }
+    }
+
+    /// What it shows at a moment that a user names: `a=0.5`, `z=1`, `step=1000`, or a time such as `500ps`, which takes the
+    /// `units` of the series.
+    ///
+    /// # Errors
+    /// [`Error::Argument`]: the text names no moment, one of another clock, or a time where units are not known.
+    pub fn moment(self, text: &str, units: &Units) -> Result<f64> {
+        let wrong = || Error::argument(format!("time {text}: write a=0.5, z=1, step=1000 or a time such as 500ps"));
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
+        let (clock, value) = if let Some(a) = text.strip_prefix("a=") {
+            (SeriesClock::ScaleFactor, number(a)?)
+        } else if let Some(z) = text.strip_prefix("z=") {
+            (SeriesClock::ScaleFactor, 1.0 / (1.0 + number(z)?))
+        } else if let Some(step) = text.strip_prefix("step=") {
+            (SeriesClock::Step, number(step)?)
+        } else {
+            let (unit, length) = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
+            let seconds = number(text.trim_end_matches(unit))? * length;
+            let own = units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0);
+            let own =
+                own.ok_or_else(|| Error::argument(format!("time {text}: the series does not state its unit of time")));
+            (SeriesClock::Time, if self == SeriesClock::Time { seconds / own?.factor } else { seconds })
+        };
+        if clock != self {
+            let what = format!("time {text}: the clock of the series is its {}, not its {}", self.name(), clock.name());
+            return Err(Error::argument(what));
+        }
+        Ok(value)
+    }
+
+    /// The first that metadata have: scale factor, time, step, or else the frame's number.
+    pub fn of(metadata: &Metadata) -> SeriesClock {
+        let [frame, others @ ..] = SeriesClock::ALL;
+        others.into_iter().find(|c| c.time(0, metadata).is_some()).unwrap_or(frame)
+    }
+}
+
+/// Five significant digits, without an exponent where that is readable.
+fn rounded(value: f64) -> String {
+    let digits = 4.0 - libm::floor(libm::log10(value.abs().max(1e-99)));
+    match digits {
+        _ if value == 0.0 => "0".into(),
+        -5.0..=8.0 => {
+            let text = format!("{value:.0$}", digits.max(0.0) as usize);
+            if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+        }
+        _ => format!("{value:.4e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Dimension, Unit};
+
+    #[test]
+    fn moments_are_read_as_users_write_them() {
+        let none = Units::default();
+        let a = |text| SeriesClock::ScaleFactor.moment(text, &none).ok();
+        assert_eq!([a("a=0.5"), a("z=1"), a("z= 3 ")], [Some(0.5), Some(0.5), Some(0.25)]);
+        assert_eq!([a("0.5"), a("step=3"), a("z=x"), a("a=inf"), a("500ps"), a("")], [None; 6]);
+        assert_eq!(SeriesClock::Step.moment("step=1000", &none).ok(), Some(1000.0));
+        let units = Units { time: Some(Unit::parse("fs", Dimension::Time)), ..Units::default() };
+        assert_eq!(SeriesClock::Time.moment("3ps", &units).ok(), Some(3000.0));
+        assert!(SeriesClock::Time.moment("3ps", &none).unwrap_err().to_string().contains("unit of time"));
+    }
+
+    #[test]
+    fn pictures_show_the_clock() {
+        let none = Units::default();
+        let text = |clock: SeriesClock, time| clock.text(time, &none);
+        assert_eq!(text(SeriesClock::ScaleFactor, 0.5), "z = 1.000");
+        assert_eq!(text(SeriesClock::ScaleFactor, 1.0), "z = 0.000");
+        assert_eq!(text(SeriesClock::Step, 1000.0), "step 1000");
+        assert_eq!(text(SeriesClock::Time, 12.5), "t = 12.5");
+        assert_eq!(text(SeriesClock::Frame, 1.5), "frame 1.5");
+    }
+}
