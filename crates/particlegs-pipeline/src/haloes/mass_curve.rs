@@ -47,10 +47,8 @@ impl MassCurve {
     /// Where the mass first falls to `per_cube` times the cube of the radius, and its error.
     fn sphere(&self, per_cube: f64) -> Option<HaloSphere> {
         let excess = |i: usize| self.masses[i] - 3.0 * (self.first + self.step * i as f64) - per_cube.ln();
-        let above = (1..self.masses.len()).find(|i| excess(*i) < 0.0)?;
-        if excess(above - 1) < 0.0 {
-            return None;
-        }
+        // Small spheres about a density peak may hold less.
+        let above = (1..self.masses.len()).find(|i| excess(*i) < 0.0 && excess(i - 1) >= 0.0)?;
         // The parabola about the middle of the three nodes, in steps.
         let middle = above.min(self.masses.len() - 2);
         let [low, at, high] = [middle - 1, middle, middle + 1].map(excess);
