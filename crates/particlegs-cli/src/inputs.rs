@@ -67,7 +67,8 @@ fn moment(text: &str, series: &SeriesFile<'_>, place: &str, context: &Context<'_
         let seconds = number(text.trim_end_matches(unit.0))? * unit.1;
         let mut decoder = SeriesDecoder::new(series);
         let metadata = &decoder.frame(first_frame(series), context)?.metadata;
-        let own = metadata.units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
+        let own =
+            metadata.units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0).map(|si| si.factor);
         let own = own.ok_or_else(|| Error::input(place, "the series does not state its unit of time"))?;
         (SeriesClock::Time, seconds / own)
     };

@@ -21,7 +21,7 @@ impl TrackedModel {
         let layers = self.layers.iter().zip(&next.layers).map(|(a, b)| {
             let pairs = a.content.iter().zip(&b.content);
             let blocks = pairs.map(|(from, to)| BlockPair { from, to, frames: &frames, elapsed }.at(share)).collect();
-            Layer { name: a.name.clone(), mass: a.mass.clone(), content: blocks }
+            Layer { name: a.name.clone(), mass: a.mass, content: blocks }
         });
         let layers: Vec<Layer<Vec<Block>>> = layers.collect();
         let all = || layers.iter().flat_map(|l| &l.content);
