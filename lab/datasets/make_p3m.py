@@ -76,7 +76,7 @@ def run(state, n, box, seed, coarse, threads):
     for step in range(int(first), len(a) - 1):
         particles = advance(particles, lattice, n, a[step], a[step + 1], threads)
         if step + 1 in outputs:
-            path = state / f"snap_{outputs.index(step + 1):03d}.hdf5"
+            path = state / f"p3m_{outputs.index(step + 1):03d}.hdf5"
             write_snapshot(path, places(lattice, particles[0], n), particles[1], a[step + 1], box)
         if (step + 1) % 5 == 0:
             part = state / "part.npz"
@@ -97,11 +97,11 @@ def main():
     with Whole(args.out) as data:
         state.mkdir(exist_ok=True)
         steps = run(state, n, box, args.seed, coarse, args.threads)
-        for path in sorted(state.glob("snap_*.hdf5")):
+        for path in sorted(state.glob("p3m_*.hdf5")):
             shutil.copy(path, data.part)
         from p3m import FINER, REACH, SOFTENING, SPLIT
 
-        last = f"snap_{SNAPSHOTS - 1:03d}.hdf5"
+        last = f"p3m_{SNAPSHOTS - 1:03d}.hdf5"
         data.describe(
             description=f"dark matter, {n}^3 particles, periodic box of {box:g} Mpc/h, {SNAPSHOTS} snapshots from "
             f"a = {FIRST:g} to 1, with short-range forces, velocities and IDs",
