@@ -11,9 +11,11 @@ from pathlib import Path
 
 from common import fail, sha256
 
-NAMES = ["galaxy", "melt", "crystal", "box-a", "box-b", "box-c-z1", *(f"region-{i}" for i in range(1, 6))]
+NAMES = ["galaxy", "melt", "crystal", "box-a", "box-b", "box-c-z1", *(f"region-{i}" for i in range(1, 6)), "p3m", "water"]
+# Of others: made where their files are named.
+OTHERS = ["abacus-mini", "adk"]
 # Particles that follow from the definitions alone: full, quick.
-COUNTS = {"melt": (500_000, 4_000)} | {name: (128**3, 32**3) for name in ("box-a", "box-b", "box-c-z1")}
+COUNTS = {"melt": (500_000, 4_000), "water": (12_288, 648)} | {name: (128**3, 32**3) for name in ("box-a", "box-b", "box-c-z1", "p3m")}
 
 
 def described(program, folder):
@@ -39,7 +41,7 @@ def check(program, folder):
         compare(name, file, (path.stat().st_size, sha256(path)), (stated["bytes"], stated["sha256"]))
     if name in COUNTS:
         compare(name, "particles", record["particles"], COUNTS[name]["--quick" in record["command"]])
-    said = described(program, folder)
+    said = described(program, folder / record.get("open", ["."])[0])
     compare(name, "particles read", said["particles"], record["particles"])
     compare(name, "species", len(said["species"]), 4 if name == "galaxy" else 1)
     compare(name, "unit", said["meta"]["length_unit"], record["unit"].split(",")[0])
@@ -63,13 +65,14 @@ def main():
     if len(sys.argv) not in (3, 4):
         sys.exit("usage: check.py PARTICLEGS DIR [AGAIN]")
     program, *folders = sys.argv[1:]
-    first = {name: check(program, Path(folders[0]) / name) for name in NAMES}
+    names = NAMES + [name for name in OTHERS if (Path(folders[0]) / name).exists()]
+    first = {name: check(program, Path(folders[0]) / name) for name in names}
     apart(first)
     for folder in folders[1:]:
-        for name in NAMES:
+        for name in names:
             compare(name, "bytes made again", check(program, Path(folder) / name)["files"], first[name]["files"])
     for name, record in first.items():
-        print(f"{name:10} {record['particles']:9} particles  {record['description']}")
+        print(f"{name:11} {record['particles']:9} particles  {record['description']}")
 
 
 if __name__ == "__main__":

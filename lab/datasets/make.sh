@@ -1,5 +1,6 @@
 #!/bin/sh
 # Make all reporting data sets that are missing in DIR:  make.sh DIR [--quick]
+# ABACUS and ADK name folders with files of others (README.md); without them, their data sets are not made.
 # PYTHON names the interpreter of the environment of requirements.txt (default: python3).
 set -eu
 case "${1:-}" in
@@ -42,3 +43,7 @@ make box-a make_box.py --seed 1001
 make box-b make_box.py --seed 1002
 make box-c-z1 make_box.py --seed 1003 --redshift 1
 make region make_regions.py
+make p3m make_p3m.py
+make water make_water.py
+[ -z "${ABACUS:-}" ] || make abacus-mini make_abacus.py --from "$ABACUS"
+[ -z "${ADK:-}" ] || make adk make_adk.py --from "$ADK"

@@ -1,6 +1,6 @@
 //! A list of centres: a text table with x, y, z and optionally a radius in each line.
 
-use particlegs_files::input::{Begins, Form, name_of, read_whole};
+use particlegs_files::input::name_of;
 use particlegs_formats::Catalogue;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::UnitSystem;
@@ -8,22 +8,13 @@ use particlegs_pipeline::space::{Cell, PeriodicCell};
 use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
-/// A million centres.
-const FORM: Form = Form { title: "a list of centres", begins: Begins::Text, most: 64 << 20, expansion: 16 };
-
-pub fn read(path: &Path, context: &Context<'_>) -> Result<Catalogue> {
-    let bytes = read_whole(path, FORM, context)?;
-    let hint = "put names above the columns, such as `# id x y z radius`";
-    Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))
-}
-
 /// Centres and radii of circles, in the units of a snapshot or model.
 pub fn circles(
     path: &Path,
     place: (UnitSystem<'_>, Option<Cell>),
     context: &Context<'_>,
 ) -> Result<Vec<([f64; 3], f64)>> {
-    let all = convert(read(path, context)?, path, place, context)?;
+    let all = convert(Catalogue::read(path, context)?, path, place, context)?;
     let circles: Vec<([f64; 3], f64)> = all.into_iter().filter_map(|(at, radius)| Some((at, radius?))).collect();
     if circles.is_empty() {
         let hint = "name a column `radius` or `r200m`";

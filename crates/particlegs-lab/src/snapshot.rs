@@ -1,11 +1,10 @@
 //! The measured snapshots, and their positions as compressors take them.
 
 use crate::PositionColumns;
-#[cfg(doc)]
-use particlegs_pipeline::Error;
-use particlegs_pipeline::Result;
+use particlegs_formats::Catalogue;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 pub struct Snapshot {
@@ -49,6 +48,16 @@ impl Snapshot {
                 self.name
             )
         })
+    }
+
+    /// Centres of haloes in `centres.csv` beside the snapshot's file or in its folder, world units. None without it.
+    pub fn centres(&self, context: &Context<'_>) -> Result<Vec<[f64; 3]>> {
+        let folder = if self.path.is_dir() { Some(self.path.as_path()) } else { self.path.parent() };
+        let Some(path) = folder.map(|f| f.join("centres.csv")).filter(|p| p.is_file()) else { return Ok(Vec::new()) };
+        let meta = &self.particles.meta;
+        let list = Catalogue::read(&path, context)?.convert(&meta.unit_system(), None);
+        let (centres, _) = list.map_err(|what| Error::input(path.display().to_string(), what))?;
+        Ok(centres.into_iter().map(|(at, _)| at).collect())
     }
 
     /// Unit of positions in tables.

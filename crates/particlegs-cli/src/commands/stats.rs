@@ -9,6 +9,7 @@ use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
+use particlegs_formats::Catalogue;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Model, UnitSystem};
 use particlegs_pipeline::particles::{Particles, Storage};
@@ -240,7 +241,7 @@ pub fn run(a: Arguments) -> Result<()> {
     )?;
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
-    let list = a.measure.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
+    let list = a.measure.centres.as_ref().map(|path| Ok((path, Catalogue::read(path, &context)?))).transpose()?;
     // A frame of a series stands beside the frame that it was made from.
     let mut beside = a.snapshot.clone();
     if let Some(series) = [&a.truth, &a.other].into_iter().find(|p| inputs::is_series(p)) {

@@ -3,7 +3,14 @@
 use super::guess::Guess;
 use super::names::{ColumnName, positions};
 use crate::text::split::{number_with, shown, tokens};
+use particlegs_files::input::{Begins, Form, name_of, read_whole};
+use particlegs_pipeline::Error;
+use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Dimension, Unit, UnitSystem, Units};
+use std::path::Path;
+
+/// A million centres.
+const FORM: Form = Form { title: "a list of centres", begins: Begins::Text, most: 64 << 20, expansion: 16 };
 
 /// A centre, and the radius stated with it.
 type Centre = ([f64; 3], Option<f64>);
@@ -35,6 +42,16 @@ struct CentreColumns {
 }
 
 impl Catalogue {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`Error::Input`]: the file cannot be read, or is no list of centres.
+    pub fn read(path: &Path, context: &Context<'_>) -> particlegs_pipeline::Result<Catalogue> {
+        let bytes = read_whole(path, FORM, context)?;
+        let hint = "put names above the columns, such as `# id x y z radius`";
+        Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))
+    }
+
     /// Reads a list from a file's bytes.
     ///
     /// # Errors

@@ -8,6 +8,8 @@ use crate::method::CompressionMethod;
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, identical_note, mean, psnr, ssim};
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::stats::{HaloProfiles, Measure, StatsOptions, Subject, compare};
 use particlegs_pipeline::{Error, Result};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -19,12 +21,25 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
+/// Radii about centres of haloes.
+const RADII: [f64; 3] = [1.0, 0.31, 0.1];
+const RADII_UNIT: &str = "Mpc/h";
+
 /// A data set at the compared ratio.
 struct DatasetComparison<'a> {
     snapshot: &'a Snapshot,
     gaussians: usize,
     rows: Vec<RatePoint>,
     beside: ReferenceScores,
+    enclosed: Vec<EnclosedMass>,
+}
+
+/// Mass within one of [`RADII`] about centres of haloes, model / truth.
+struct EnclosedMass {
+    /// Centres about which the truth has mass.
+    centres: u64,
+    median: Option<f64>,
+    quartiles: Option<[f64; 2]>,
 }
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
@@ -63,7 +78,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     notes.extend(sets.iter().filter_map(|s| s.snapshot.weights_note()));
     notes.extend(lab.left_out());
     notes.extend(failed.iter().map(|(snapshot, e)| format!("{} was not measured: {e}.", snapshot.name)));
-    let tables = vec![ours(&sets), margins(lab, &sets)];
+    let enclosed = sets.iter().any(|s| !s.enclosed.is_empty()).then(|| enclosed(&sets));
+    let tables = [ours(&sets), margins(lab, &sets)].into_iter().chain(enclosed).collect();
     Ok(ExperimentResults { tables, plots: vec![plot(lab, &sets)], pictures: Vec::new(), notes })
 }
 
@@ -71,7 +87,31 @@ fn measured<'a>(lab: &Lab<'_>, snapshot: &'a Snapshot) -> Result<DatasetComparis
     let first = lab.model(snapshot, &ModelSettings::ratio(COMPARED, lab.settings.seed))?;
     let truth = ReferenceViews::new(lab, snapshot, &first.model.metadata)?;
     let (rows, beside) = (rows(lab, snapshot, &truth, &[COMPARED])?, beside(lab, snapshot, &truth, &first)?);
-    Ok(DatasetComparison { snapshot, gaussians: first.model.gaussians(), rows, beside })
+    let enclosed = enclosed_masses(lab, snapshot, &first.model)?;
+    Ok(DatasetComparison { snapshot, gaussians: first.model.gaussians(), rows, beside, enclosed })
+}
+
+/// Nothing where a snapshot has no centres, or other units.
+fn enclosed_masses(lab: &Lab<'_>, snapshot: &Snapshot, model: &Model) -> Result<Vec<EnclosedMass>> {
+    let centres = snapshot.centres(lab.context)?;
+    if centres.is_empty() || snapshot.unit() != RADII_UNIT {
+        return Ok(Vec::new());
+    }
+    let mut options = StatsOptions {
+        measures: vec![Measure::Haloes],
+        centers: Some(centres.into_iter().map(|at| (at, None)).collect()),
+        halo_bins: 1,
+        ..StatsOptions::default()
+    };
+    let within = |r: f64| {
+        options.halo_radius = Some(r);
+        let (truth, model) = (Subject::Particles(&snapshot.particles), Subject::Model(model));
+        let haloes = compare(truth, model, &options, lab.context)?.haloes;
+        let last = |h: HaloProfiles| Some((*h.compared.last()?, *h.median.last()?, *h.quartiles.last()?));
+        let (centres, median, quartiles) = haloes.and_then(last).unwrap_or_default();
+        Ok(EnclosedMass { centres, median, quartiles })
+    };
+    RADII.into_iter().map(within).collect()
 }
 
 impl DatasetComparison<'_> {
@@ -124,6 +164,23 @@ fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
     }))
 }
 
+fn enclosed(sets: &[DatasetComparison<'_>]) -> ResultTable {
+    let within = |r: &f64| format!("within {r} {RADII_UNIT}: median (quartiles)");
+    let heads: Vec<String> =
+        ["data set", "haloes"].map(String::from).into_iter().chain(RADII.iter().map(within)).collect();
+    let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+    let cell = |m: &EnclosedMass| match (m.median, m.quartiles) {
+        (Some(value), Some(range)) => TableCell::Spread { value, range, digits: 3 },
+        _ => TableCell::Empty,
+    };
+    let row = |s: &DatasetComparison<'_>| {
+        let name = [TableCell::text(&s.snapshot.name), TableCell::count(s.enclosed.first()?.centres)];
+        Some(name.into_iter().chain(s.enclosed.iter().map(cell)).collect::<Vec<_>>())
+    };
+    let title = format!("Mass about haloes of another finder, model / particles, at ratio {COMPARED}");
+    ResultTable::new("datasets-enclosed", title, &heads).with(sets.iter().filter_map(row))
+}
+
 /// How far our models are above each other method, one column per data set.
 fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<&str> = ["method"].into_iter().chain(sets.iter().map(|s| s.snapshot.name.as_str())).collect();
@@ -163,6 +220,7 @@ mod tests {
     use super::*;
     use crate::settings::Settings;
     use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::model::Units;
     use particlegs_pipeline::picture::Size;
 
     #[test]
@@ -178,5 +236,23 @@ mod tests {
         let (ours, margins) = (&found.tables[0], &found.tables[1]);
         assert_eq!((ours.rows.len(), &ours.rows[0][0], margins.columns.len()), (1, &TableCell::text("1 large"), 2));
         assert!(run(&lab, &[of("small", 300)]).is_err());
+    }
+
+    #[test]
+    fn masses_are_compared_about_the_centres_beside_a_snapshot() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut particles = crate::testing::lattice(20_000, |v| (v / 31.0).powi(2));
+        particles.meta.units = Units::new(Some("Mpc/h"), None, Some(true));
+        let snapshot = Snapshot::new("s".into(), folder.path().into(), particles, None);
+        let settings = Settings { size: Size { width: 64, height: 36 }, ..Settings::new(true, "".into()) };
+        let lab = Lab::new(settings, folder.path(), &Context::SILENT).unwrap();
+        let model = lab.model(&snapshot, &ModelSettings::ratio(COMPARED, 42)).unwrap().model;
+        assert!(enclosed_masses(&lab, &snapshot, &model).unwrap().is_empty());
+        std::fs::write(folder.path().join("centres.csv"), "x,y,z\n1,1,1\n30,30,30\n").unwrap();
+        let found = enclosed_masses(&lab, &snapshot, &model).unwrap();
+        assert_eq!(found.len(), RADII.len());
+        assert!(found[0].centres >= 1 && found[0].median.is_some_and(|m| m > 0.0 && m < 2.0));
+        std::fs::write(folder.path().join("centres.csv"), "nothing\n").unwrap();
+        assert!(enclosed_masses(&lab, &snapshot, &model).is_err());
     }
 }

@@ -1,5 +1,6 @@
 //! The whole job: from particles or a model to a catalogue.
 
+use super::dense::dense_part;
 use super::mass_curve::{HaloSphere, SPHERES, integrated};
 use super::members::{LinkOptions, LinkedHaloes, density_peak};
 use super::overdensity::{HaloDensities, Overdensity};
@@ -27,7 +28,7 @@ const SOFTENING: f64 = 0.04;
 const FIRST_REACH: f64 = 1.3;
 const GROWTH: f64 = 1.5;
 /// Particles that errors are measured of, about: of more, each of some, scaled as errors are with numbers.
-const ERROR_SAMPLE: usize = 1024;
+const ERROR_SAMPLE: usize = 512;
 
 /// How haloes are found.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,22 +118,26 @@ impl HaloSetting {
 pub fn find_haloes(source: HaloSource<'_>, o: &HaloOptions, context: &Context<'_>) -> Result<HaloCatalogue> {
     check(o)?;
     let drawn;
-    let (particles, velocities, domain) = match source {
-        HaloSource::Particles(p, v) => (p, v.map(Cow::Borrowed), Domain::from_particles(p)),
+    let mut spheres = None;
+    let (particles, velocities, domain, number) = match source {
+        HaloSource::Particles(p, v) => (p, v.map(Cow::Borrowed), Domain::from_particles(p), p.len() as u64),
         HaloSource::Model(m) => {
+            let domain = Domain::from_model(m);
             let options = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
-            let (particles, fields) = options.draw_with_fields(m.clone(), context)?;
+            let own = spheres.insert(GaussianSpheres::new(m, &domain, domain.spacing(options.total(m) as usize))?);
+            let dense = dense_part(m, own, (&domain, o.linking), context)?.unwrap_or_else(|| m.clone());
+            let (particles, fields) = options.draw_with_fields(dense, context)?;
             let velocities = ParticleFields::moving(&particles, &fields)?;
             drawn = particles;
-            (&drawn, velocities.map(Cow::Owned), Domain::from_model(m))
+            (&drawn, velocities.map(Cow::Owned), domain, options.total(m))
         }
     };
     if particles.is_empty() {
         return Err(Error::argument("there are no particles"));
     }
     let positions = local_positions(particles, &domain);
-    let search = HaloSearch::new(source, particles, velocities.as_deref(), (&domain, &positions), o)?;
-    search.catalogue(context)
+    let search = HaloSearch::new(source, (particles, number), velocities.as_deref(), (&domain, &positions), o)?;
+    search.catalogue(spheres.as_ref(), context)
 }
 
 fn check(o: &HaloOptions) -> Result<()> {
@@ -153,6 +158,8 @@ pub struct HaloSearch<'a> {
     pub source: HaloSource<'a>,
     pub setting: HaloSetting,
     pub particles: &'a Particles,
+    /// Particles of the source: more than these where a model's thin part is not drawn.
+    number: u64,
     pub velocities: Option<&'a ParticleFields>,
     pub domain: &'a Domain,
     pub positions: &'a [[f64; 3]],
@@ -195,7 +202,7 @@ impl HaloMeasures {
 impl<'a> HaloSearch<'a> {
     fn new(
         source: HaloSource<'a>,
-        particles: &'a Particles,
+        (particles, number): (&'a Particles, u64),
         velocities: Option<&'a ParticleFields>,
         (domain, positions): (&'a Domain, &'a [[f64; 3]]),
         o: &'a HaloOptions,
@@ -209,35 +216,32 @@ impl<'a> HaloSearch<'a> {
         let masses = stated || o.particle_mass.is_some();
         let each = o.particle_mass.or(particles.meta.particle_mass).unwrap_or(1.0);
         let unit = each / o.sample_fraction;
-        let mean = (domain.periodic == [true; 3]).then(|| unit * particles.total_mass() / domain.volume());
+        let mass = unit * particles.total_mass() * (number as f64 / particles.len() as f64);
+        let mean = (domain.periodic == [true; 3]).then(|| mass / domain.volume());
         let setting = HaloSetting::new(&source, o);
         let HaloSetting { epoch, cosmology, units } = &setting;
         let system = UnitSystem::new(units, epoch, cosmology);
         let densities = HaloDensities::new(&system, (epoch, cosmology), mean, masses)?;
-        Ok(HaloSearch { source, setting, particles, velocities, domain, positions, o, densities, unit, masses })
+        Ok(HaloSearch { source, setting, particles, number, velocities, domain, positions, o, densities, unit, masses })
     }
 
     fn mass_of(&self, i: u32) -> f64 {
         self.unit * self.particles.weights().map_or(1.0, |w| f64::from(w[i as usize]))
     }
 
-    fn catalogue(&self, context: &Context<'_>) -> Result<HaloCatalogue> {
-        let link = LinkOptions { linking: self.o.linking, smallest: self.o.smallest, linked: &self.o.linked };
+    fn catalogue(&self, model: Option<&GaussianSpheres>, context: &Context<'_>) -> Result<HaloCatalogue> {
+        let HaloOptions { linking, smallest, ref linked, .. } = *self.o;
+        let link = LinkOptions { number: self.number, linking, smallest, linked };
         let mass = |i: u32| self.mass_of(i);
         let found = LinkedHaloes::find(self.particles, self.positions, self.domain, &link, &mass, context)?;
         context.begin("haloes", found.members.len() as u64);
-        let reach = self.first_reach(found.masses.first().copied().unwrap_or(0.0));
         let points = PointGrid::new(self.positions, self.domain, 0.0)?;
-        let model = match self.source {
-            HaloSource::Particles(..) => None,
-            HaloSource::Model(m) => Some(GaussianSpheres::new(m, self.domain, reach)?),
-        };
         let softening = self.o.softening.unwrap_or(SOFTENING * found.number_density.powf(-1.0 / 3.0));
         let about = AboutCenter {
             search: self,
             points: &points,
             fine: found.fine.as_deref(),
-            model: model.as_ref(),
+            model,
             number_density: found.number_density,
             inner: SOFTENINGS * softening,
         };
@@ -356,8 +360,8 @@ impl AboutCenter<'_> {
         }
         let of = |kind: Overdensity| spheres[kind as usize].map(|s| s.sphere);
         let outer = of(Overdensity::Mean200).map_or(0.0, |s| s.radius);
-        let count = particles.count_within(outer);
-        let inside = &particles.particles[..count];
+        let inside = &particles.particles[..particles.count_within(outer)];
+        let count = of(Overdensity::Mean200).filter(|_| self.model.is_some()).map_or(inside.len(), |s| s.count);
         let all: f64 = inside.iter().map(|p| p.mass).sum();
         let coarse = |p: &&SphereParticle| self.fine.is_some_and(|fine| !fine[p.index as usize]);
         let contamination = inside.iter().filter(coarse).map(|p| p.mass).sum::<f64>() / all;

@@ -1,11 +1,10 @@
 //! Masses of a model within radii about a centre, by integration over its Gaussians.
 
-use super::find::LEAST_MASS;
 use super::overdensity::Overdensity;
 use super::sphere::DensitySphere;
 use crate::Result;
 use crate::context::Context;
-use crate::stats::GaussianSpheres;
+use crate::stats::{EnclosedMass, GaussianSpheres};
 
 /// Steps of the logarithm of the radius in which masses are integrated, and the most of them.
 const CURVE_STEP: f64 = 0.3;
@@ -28,8 +27,9 @@ struct MassCurve {
     /// Logarithm of the first radius, and the distance of each from the last.
     first: f64,
     step: f64,
-    /// Logarithms of the masses, and their variances.
-    masses: Vec<(f64, f64)>,
+    /// Logarithms of the masses.
+    masses: Vec<f64>,
+    inside: Vec<EnclosedMass>,
 }
 
 impl MassCurve {
@@ -40,17 +40,15 @@ impl MassCurve {
         let step = (last - first) / number;
         let radii: Vec<f64> = (0..=number as usize).map(|i| (first + step * i as f64).exp()).collect();
         let inside = model.enclosed(center, &radii, context)?;
-        let masses = inside.into_iter().map(|[m, variance]| (m.max(f64::MIN_POSITIVE).ln(), variance)).collect();
-        Ok(MassCurve { first, step, masses })
+        let masses = inside.iter().map(|inside| inside.mass.max(f64::MIN_POSITIVE).ln()).collect();
+        Ok(MassCurve { first, step, masses, inside })
     }
 
     /// Where the mass first falls to `per_cube` times the cube of the radius, and its error.
-    fn sphere(&self, per_cube: f64, count: usize) -> Option<HaloSphere> {
-        let excess = |i: usize| self.masses[i].0 - 3.0 * (self.first + self.step * i as f64) - per_cube.ln();
-        let above = (1..self.masses.len()).find(|i| excess(*i) < 0.0)?;
-        if excess(above - 1) < 0.0 {
-            return None;
-        }
+    fn sphere(&self, per_cube: f64) -> Option<HaloSphere> {
+        let excess = |i: usize| self.masses[i] - 3.0 * (self.first + self.step * i as f64) - per_cube.ln();
+        // Small spheres about a density peak may hold less.
+        let above = (1..self.masses.len()).find(|i| excess(*i) < 0.0 && excess(i - 1) >= 0.0)?;
         // The parabola about the middle of the three nodes, in steps.
         let middle = above.min(self.masses.len() - 2);
         let [low, at, high] = [middle - 1, middle, middle + 1].map(excess);
@@ -62,12 +60,14 @@ impl MassCurve {
         }
         let x = 0.5 * (from + to);
         let radius = (self.first + self.step * (middle as f64 + x)).exp();
-        let variance = self.masses[above - 1].1
-            + (self.masses[above].1 - self.masses[above - 1].1) * (x - (above - 1) as f64 + middle as f64);
+        let [inner, outer] = [self.inside[above - 1], self.inside[above]];
+        let variance = inner.variance + (outer.variance - inner.variance) * (x - (above - 1) as f64 + middle as f64);
         // A mass that is larger by a share makes the sphere larger, too.
         let steepness = -(slope + curve * x) / (3.0 * self.step);
         let error = variance.max(0.0).sqrt() / steepness.max(0.2);
-        Some(HaloSphere { sphere: DensitySphere { radius, mass: per_cube * radius.powi(3), count }, error })
+        let mass = per_cube * radius.powi(3);
+        let count = (mass * (outer.number / outer.mass)).round() as usize;
+        Some(HaloSphere { sphere: DensitySphere { radius, mass, count }, error })
     }
 }
 
@@ -79,8 +79,7 @@ pub fn integrated(
     per_cube: [Option<f64>; SPHERES],
     context: &Context<'_>,
 ) -> Result<[Option<HaloSphere>; SPHERES]> {
-    let enough = |s: &Option<DensitySphere>| s.filter(|s| s.count >= LEAST_MASS);
-    let radii = || counted.iter().filter_map(enough).map(|s| s.radius);
+    let radii = || counted.iter().flatten().map(|s| s.radius);
     let (smallest, largest) = (radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
     let mut found = [None; SPHERES];
     let mut reach = CURVE_REACH;
@@ -89,8 +88,8 @@ pub fn integrated(
             break;
         }
         let curve = MassCurve::new(model, center, [smallest / reach, largest * reach], context)?;
-        found = std::array::from_fn(|k| curve.sphere(per_cube[k]?, enough(&counted[k])?.count));
-        if (0..SPHERES).all(|k| found[k].is_some() || enough(&counted[k]).is_none()) {
+        found = std::array::from_fn(|k| counted[k].and_then(|_| curve.sphere(per_cube[k]?)));
+        if (0..SPHERES).all(|k| found[k].is_some() || counted[k].is_none()) {
             break;
         }
         reach *= CURVE_REACH;

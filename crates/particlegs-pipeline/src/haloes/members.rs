@@ -38,6 +38,8 @@ pub struct LinkedHaloes {
 
 /// What is linked.
 pub struct LinkOptions<'a> {
+    /// Particles of the source, of which all are there or the dense part.
+    pub number: u64,
     /// Linking length in mean spacings of the linked particles.
     pub linking: f64,
     pub smallest: usize,
@@ -65,7 +67,8 @@ impl LinkedHaloes {
             Some(layers) => finest.only(&ranges(p, layers), p.len()),
             None => finest,
         };
-        let length = o.linking * linked.spacing;
+        let spacing = linked.spacing * (p.len() as f64 / o.number as f64).cbrt();
+        let length = o.linking * spacing;
         if length > longest_link(domain) {
             let what =
                 format!("the linking length {length:.4} is more than a third of the box: there are too few particles");
@@ -79,7 +82,7 @@ impl LinkedHaloes {
                 groups
             }
         };
-        let number_density = linked.spacing.powi(-3);
+        let number_density = spacing.powi(-3);
         let mut found = LinkedHaloes {
             linking_length: length,
             masses: parallel::map(&groups, |members| members.iter().map(|i| mass(*i)).sum()),
@@ -171,10 +174,15 @@ pub fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, nu
     let mut cells: Vec<[i32; 3]> = all.iter().map(cell).collect();
     cells.sort_unstable();
     let counts: Vec<([i32; 3], usize)> = cells.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect();
-    let count = |cell: [i32; 3]| counts.binary_search_by_key(&cell, |c| c.0).map_or(0, |i| counts[i].1);
-    let around = |[x, y, z]: [i32; 3]| -> usize {
-        let steps = || -1..=1;
-        steps().flat_map(|i| steps().flat_map(move |j| steps().map(move |k| count([x + i, y + j, z + k])))).sum()
+    // Rows of cells about one, each from the first that the last one's neighbours began with: all are sorted alike.
+    let mut rows: Vec<(i32, i32, usize)> = (0..9).map(|i| (i / 3 - 1, i % 3 - 1, 0)).collect();
+    let mut around = |[x, y, z]: [i32; 3]| -> usize {
+        let in_row = |(i, j, first): &mut (i32, i32, usize)| {
+            *first += counts[*first..].iter().take_while(|c| c.0 < [x + *i, y + *j, z - 1]).count();
+            let row = counts[*first..].iter().take_while(|c| c.0 <= [x + *i, y + *j, z + 1]);
+            row.map(|c| c.1).sum::<usize>()
+        };
+        rows.iter_mut().map(in_row).sum()
     };
     let densest = counts.iter().map(|c| (around(c.0), c.0)).reduce(|a, b| if b.0 > a.0 { b } else { a });
     let near = |x: &&[f64; 3]| densest.is_some_and(|(_, center)| (0..3).all(|k| (cell(x)[k] - center[k]).abs() <= 1));

@@ -7,6 +7,7 @@
 //! (`matching`) and counted by mass (`mass_function`).
 
 mod columns;
+mod dense;
 mod find;
 mod mass_curve;
 mod mass_function;

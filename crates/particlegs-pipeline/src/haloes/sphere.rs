@@ -124,7 +124,9 @@ impl HaloShape {
                 let (b, c) = (along[1] / shape.b_to_a, along[2] / shape.c_to_a);
                 let square = along[0] * along[0] + b * b + c * c;
                 if square > 0.0 && square <= radius * radius {
-                    tensor = tensor.add(&Sym3::outer(p.offset).scale(p.mass / square));
+                    let ([x, y, z], weight) = (p.offset, p.mass / square);
+                    let products = [x * x, x * y, x * z, y * y, y * z, z * z];
+                    tensor.0.iter_mut().zip(products).for_each(|(sum, product)| *sum += weight * product);
                 }
             }
             let eigen = tensor.eigen();

@@ -24,3 +24,4 @@ mod wrap;
 pub(crate) use in_memory::draw;
 pub use job::{drawn_fields, recover};
 pub use options::{Method, Options};
+pub(crate) use stratified::stratify;

@@ -9,7 +9,7 @@ const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549
 
 /// Replaces `raw` by standard normals: particles `first` and on of the Gaussian that `key` names, at
 /// the places of a low-discrepancy sequence with a random start.
-pub(super) fn stratify(key: [u64; 2], first: u64, raw: &mut [&mut [f64]; 3]) {
+pub(crate) fn stratify(key: [u64; 2], first: u64, raw: &mut [&mut [f64]; 3]) {
     let mut state = mixed(key[0] ^ mixed(key[1]));
     for (column, step) in raw.iter_mut().zip(STEPS) {
         state = mixed(state);

@@ -6,12 +6,13 @@
 //! joined first: of those further apart most are then of one group already, and need no look.
 
 use super::Domain;
-use super::points::gathered;
+use super::points::{by_cell, gathered};
 use crate::context::Context;
 use crate::particles::RUN;
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
+use std::ops::Range;
 
 /// Groups of at least the smallest size asked for, the largest first.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +32,8 @@ impl Groups {
 
 /// Pairs of particles above which two cells count as crowded.
 const MANY: usize = 1 << 12;
+/// Rows that are walked between two looks at whether the work was stopped.
+const TOGETHER: usize = 64;
 /// Cells along an axis that repeats, at most: f64 tells no more places apart.
 const MOST_CELLS: i64 = 1 << 53;
 
@@ -167,29 +170,32 @@ impl<'a> CellRows<'a> {
         context: &Context<'_>,
     ) -> Result<Vec<Vec<(u32, u32)>>> {
         let most = if reach == NeighbourCells::Touching { [1; 3] } else { self.most };
-        parallel::try_map_range(self.rows.len() - 1, |row| {
+        let rows = self.rows.len() - 1;
+        parallel::try_map_range(rows.div_ceil(TOGETHER), |part| {
             context.check()?;
             let mut links = Vec::new();
-            for dx in 0..=most[0] {
-                for dy in -most[1]..=most[1] {
-                    // Each pair of rows from one of its two sides.
-                    if (dx, dy) >= (0, 0)
-                        && let Some((other, turns)) = self.row_beside(row, dx, dy)
-                    {
-                        let gap = self.least_square(
-                            gap(dx) * self.height[0] * gap(dx) * self.height[0],
-                            gap(dy) * self.height[1] * gap(dy) * self.height[1],
-                        );
-                        // Rows that touch have cells apart along z alone.
-                        let apart = dx.abs() > 1 || dy.abs() > 1;
-                        let walk = RowWalk { length, gap, reach, apart, roots, context };
-                        self.link_rows(row, other, turns, &walk, &mut links);
-                    }
+            let part = part * TOGETHER..rows.min((part + 1) * TOGETHER);
+            for (row, dx) in part.clone().flat_map(|row| (0..=most[0]).map(move |dx| (row, dx))) {
+                let Some((plane, tx)) = self.plane_beside(row, dx) else { continue };
+                let mut near = plane.start;
+                // Each pair of rows from one of its two sides.
+                for dy in if dx == 0 { 0 } else { -most[1] }..=most[1] {
+                    let Some((other, ty)) = self.row_beside(self.rows[row].0[1] + dy, &plane, &mut near) else {
+                        continue;
+                    };
+                    let gap = self.least_square(
+                        gap(dx) * self.height[0] * gap(dx) * self.height[0],
+                        gap(dy) * self.height[1] * gap(dy) * self.height[1],
+                    );
+                    // Rows that touch have cells apart along z alone.
+                    let apart = dx.abs() > 1 || dy.abs() > 1;
+                    let walk = RowWalk { length, gap, reach, apart, roots, context };
+                    self.link_rows(row, other, [tx, ty], &walk, &mut links);
                 }
             }
             // What a stop cut short is no list of links.
             context.check()?;
-            context.advance(1);
+            context.advance(part.len() as u64);
             Ok(links)
         })
     }
@@ -200,15 +206,23 @@ impl<'a> CellRows<'a> {
         if self.domain.tilt.is_none() { a + b } else { a.max(b) }
     }
 
-    /// The row dx, dy away, and the turns that bring its particles beside this one's.
-    fn row_beside(&self, row: usize, dx: i64, dy: i64) -> Option<(usize, [f64; 2])> {
-        let [x, y] = self.rows[row].0;
-        let (x, tx) = self.wrapped(0, x + dx)?;
-        let (y, ty) = self.wrapped(1, y + dy)?;
+    /// The rows of the plane dx away, and the turns that bring its particles beside this row's.
+    fn plane_beside(&self, row: usize, dx: i64) -> Option<(Range<usize>, f64)> {
+        let (x, turns) = self.wrapped(0, self.rows[row].0[0] + dx)?;
         let plane = self.planes[..self.planes.len() - 1].binary_search_by_key(&x, |p| p.0).ok()?;
-        let first = self.planes[plane].1 as usize;
-        let rows = &self.rows[first..self.planes[plane + 1].1 as usize];
-        Some((first + rows.binary_search_by_key(&y, |r| r.0[1]).ok()?, [tx, ty]))
+        Some((self.planes[plane].1 as usize..self.planes[plane + 1].1 as usize, turns))
+    }
+
+    /// The row of a plane at y, and the turns that bring it there; `near` is where one is looked for first.
+    fn row_beside(&self, y: i64, plane: &Range<usize>, near: &mut usize) -> Option<(usize, f64)> {
+        let (y, turns) = self.wrapped(1, y)?;
+        let at = |i: usize| self.rows[i].0[1];
+        if *near > plane.start && at(*near - 1) >= y || *near < plane.end && at(*near) < y {
+            *near = plane.start + self.rows[plane.clone()].partition_point(|r| r.0[1] < y);
+        }
+        let found = (*near < plane.end && at(*near) == y).then_some((*near, turns));
+        *near += usize::from(found.is_some());
+        found
     }
 
     fn wrapped(&self, axis: usize, i: i64) -> Option<(i64, f64)> {
@@ -329,6 +343,17 @@ fn sorted(positions: &[[f64; 3]], cell: &(impl Fn(&[f64; 3]) -> [i64; 3] + Sync)
     if all.is_none_or(|n| n > i64::MAX as u64) {
         let mut order: Vec<u32> = (0..positions.len() as u32).collect();
         order.sort_by_cached_key(|i| cell(&positions[*i as usize]));
+        return order;
+    }
+    // Rows that are not more than the particles are counted, and sorted within.
+    if let Some(rows) = cells[0].checked_mul(cells[1]).filter(|rows| *rows <= positions.len() as i64) {
+        let each =
+            |of: fn([i64; 3], i64) -> i64| parallel::map_range(positions.len(), |i| of(cell(&positions[i]), cells[1]));
+        let (start, mut order) = by_cell(&each(|[x, y, _], row| x * row + y), rows as usize);
+        let along = each(|cell, _| cell[2]);
+        for ends in start.windows(2) {
+            order[ends[0] as usize..ends[1] as usize].sort_by_key(|i| along[*i as usize]);
+        }
         return order;
     }
     let key = |i: usize| {

@@ -7,6 +7,7 @@ use super::{Domain, Subject};
 use crate::context::Context;
 use crate::model::Model;
 use crate::particles::Particles;
+use crate::recover::stratify;
 use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_core::math::{GaussianInSphere, Rules};
@@ -21,6 +22,11 @@ const NARROWEST: f64 = 1e-9;
 const WIDEST: f64 = 0.5;
 /// Images of a Gaussian are looked for as many edges away: in absurd files those of thin boxes have no end.
 const IMAGES: f64 = 4.0;
+
+/// Gaussians between two looks at whether the work was stopped.
+const CHECKED: usize = 64;
+/// Points that stand for a Gaussian where a sphere cuts it.
+const SPREAD_POINTS: usize = 256;
 
 /// The variance of the mass of n particles of a Gaussian in a sphere is that of drawing them times 1 + a n^b: a and b.
 /// Measured on nbody128 at ratios 100, 300 and 1000 (docs/results/haloes.md).
@@ -220,8 +226,8 @@ fn of_particles(
 /// Gaussians of about one size, by the place of their means.
 struct GaussianSizeClass {
     gaussians: Vec<GaussianInSphere>,
-    /// The variance of the mass p of each in a sphere, over p (1 - p) of its mass.
-    spread: Vec<f64>,
+    /// Particles of each.
+    numbers: Vec<f64>,
     points: PointGrid,
     reach: f64,
 }
@@ -230,16 +236,31 @@ struct GaussianSizeClass {
 pub(crate) struct GaussianSpheres {
     classes: Vec<GaussianSizeClass>,
     rules: Rules,
+    /// A standard normal distribution, evenly spread.
+    normals: [Vec<f64>; 3],
+}
+
+/// What a sphere holds of a model.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct EnclosedMass {
+    pub mass: f64,
+    /// That of drawing each particle of each Gaussian alone, and that of particles which are not spread like their Gaussian
+    /// ([`MISFIT`]).
+    pub variance: f64,
+    /// Particles.
+    pub number: f64,
 }
 
 impl GaussianSpheres {
     /// To be asked about spheres of at most about `radius`.
     pub fn new(m: &Model, domain: &Domain, radius: f64) -> Result<Self> {
-        Ok(GaussianSpheres { classes: classes(m, domain, radius)?, rules: Rules::new() })
+        let mut normals = [0; 3].map(|_| vec![0.0; SPREAD_POINTS]);
+        stratify([0; 2], 0, &mut normals.each_mut().map(|column| &mut column[..]));
+        Ok(GaussianSpheres { classes: classes(m, domain, radius)?, rules: Rules::new(), normals })
     }
 
     /// Calls `visit` with each Gaussian that may reach a sphere about a place, the place's offset from its mean, and its
-    /// variance's factor.
+    /// number of particles.
     fn visit(
         &self,
         center: [f64; 3],
@@ -249,10 +270,10 @@ impl GaussianSpheres {
     ) -> Result<()> {
         for class in &self.classes {
             class.points.near(class.points.cell_of(center), class.reach + radius, |run, shift| {
-                for i in run.filter(|_| !context.cancelled()) {
+                for i in run.take_while(|i| i % CHECKED != 0 || !context.cancelled()) {
                     let index = class.points.index[i] as usize;
                     let one = &class.gaussians[index];
-                    visit(one, each_axis(|k| center[k] - shift[k] - one.mean[k]), class.spread[index]);
+                    visit(one, each_axis(|k| center[k] - shift[k] - one.mean[k]), class.numbers[index]);
                 }
             });
             context.check()?;
@@ -260,20 +281,36 @@ impl GaussianSpheres {
         Ok(())
     }
 
-    /// Mass inside spheres of ascending `radii` about a place, and its variance: that of drawing each particle of each
-    /// Gaussian alone, and that of particles which are not spread like their Gaussian ([`MISFIT`]).
-    pub fn enclosed(&self, center: [f64; 3], radii: &[f64], context: &Context<'_>) -> Result<Vec<[f64; 2]>> {
-        let mut inside = vec![[0.0; 2]; radii.len()];
+    /// What is inside spheres of ascending `radii` about a place: of each Gaussian, the share of evenly spread points.
+    pub fn enclosed(&self, center: [f64; 3], radii: &[f64], context: &Context<'_>) -> Result<Vec<EnclosedMass>> {
+        let mut inside = vec![EnclosedMass::default(); radii.len()];
         let mut own = vec![0.0; radii.len()];
-        self.visit(center, radii.last().copied().unwrap_or(0.0), context, |one, offset, spread| {
+        self.visit(center, radii.last().copied().unwrap_or(0.0), context, |one, offset, number| {
             own.fill(0.0);
-            one.add_within(offset, radii, &self.rules, &mut own);
-            for (sum, mass) in inside.iter_mut().zip(&own).filter(|(_, mass)| **mass > 0.0) {
-                sum[0] += mass;
-                sum[1] += spread * mass * (1.0 - mass / one.mass).max(0.0);
+            one.add_counted(offset, radii, &self.normals, &mut own);
+            if own.last().is_none_or(|mass| *mass <= 0.0) {
+                return;
+            }
+            let number = number.max(f64::MIN_POSITIVE);
+            let spread = one.mass / number * (1.0 + MISFIT[0] * libm::pow(number, MISFIT[1]));
+            for (sum, mass) in inside.iter_mut().zip(&own) {
+                sum.mass += mass;
+                sum.variance += spread * mass * (1.0 - mass / one.mass).max(0.0);
+                sum.number += number * (mass / one.mass);
             }
         })?;
         Ok(inside)
+    }
+
+    /// Is the mass per volume at a place at least `least`?
+    pub fn is_dense(&self, center: [f64; 3], least: f64, context: &Context<'_>) -> Result<bool> {
+        let mut density = 0.0;
+        self.visit(center, 0.0, context, |one, offset, _| {
+            if density < least {
+                density += one.density(offset);
+            }
+        })?;
+        Ok(density >= least)
     }
 }
 
@@ -301,15 +338,19 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
     for (unit, g, i) in gaussians(m) {
         let mass = unit * g.mass_of(i);
         let one = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), mass, widths);
-        let number = g.count[i].max(f64::MIN_POSITIVE);
-        let spread = mass / number * (1.0 + MISFIT[0] * libm::pow(number, MISFIT[1]));
-        by_size.entry(one.reach().log2().ceil() as i64).or_default().push((one, spread));
+        by_size.entry(one.reach().log2().ceil() as i64).or_default().push((one, g.count[i]));
     }
     let class = |members: Vec<(GaussianInSphere, f64)>| {
-        let (gaussians, spread): (Vec<GaussianInSphere>, Vec<f64>) = members.into_iter().unzip();
+        let (gaussians, numbers): (Vec<GaussianInSphere>, Vec<f64>) = members.into_iter().unzip();
         let reach = gaussians.iter().map(GaussianInSphere::reach).fold(0.0, f64::max).min(IMAGES * repeats);
         let means: Vec<[f64; 3]> = gaussians.iter().map(|g| g.mean).collect();
-        Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, gaussians, spread, reach })
+        // Cells of half the reach hold fewer of what is out of it.
+        Ok(GaussianSizeClass {
+            points: PointGrid::new(&means, domain, 0.5 * (radius + reach))?,
+            gaussians,
+            numbers,
+            reach,
+        })
     };
     by_size.into_values().map(class).collect()
 }

@@ -47,8 +47,23 @@ pub(crate) struct PointGrid {
 
 /// Bytes of the points of `n` particles.
 pub(super) fn points_bytes(n: usize) -> u64 {
-    // Two columns of positions while they are sorted, indices, keys and cells.
-    n as u64 * (24 + 24 + 4 + 8 + 16)
+    // Two columns of positions, indices, keys, and two of up to four cells a point.
+    n as u64 * (24 + 24 + 4 + 8 + 32)
+}
+
+/// The first particle of each cell and their number, and the particles by cell and by number within one, from the cell of
+/// each.
+pub(super) fn by_cell(cell: &[i64], cells: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut start = vec![0u32; cells + 1];
+    cell.iter().for_each(|c| start[*c as usize + 1] += 1);
+    (1..start.len()).for_each(|i| start[i] += start[i - 1]);
+    let (mut next, mut index) = (start.clone(), vec![0; cell.len()]);
+    for (i, c) in cell.iter().enumerate() {
+        let next = &mut next[*c as usize];
+        index[*next as usize] = i as u32;
+        *next += 1;
+    }
+    (start, index)
 }
 
 impl PointGrid {
@@ -77,15 +92,8 @@ impl PointGrid {
             position: Vec::new(),
             index: Vec::new(),
         };
-        let mut keys = parallel::map_range(positions.len(), |i| (p.key(p.cell_of(positions[i])) as u64, i as u32));
-        parallel::sort_keys(&mut keys);
-        let mut start = vec![0u32; cells.iter().product::<usize>() + 1];
-        keys.iter().for_each(|(key, _)| start[*key as usize + 1] += 1);
-        for i in 1..start.len() {
-            start[i] += start[i - 1];
-        }
-        p.start = start;
-        p.index = keys.into_iter().map(|(_, i)| i).collect();
+        let keys = parallel::map_range(positions.len(), |i| p.key(p.cell_of(positions[i])) as i64);
+        (p.start, p.index) = by_cell(&keys, cells.iter().product());
         p.position = gathered(positions, &p.index);
         Ok(p)
     }
