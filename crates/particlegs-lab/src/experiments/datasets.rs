@@ -31,11 +31,11 @@ struct DatasetComparison<'a> {
     gaussians: usize,
     rows: Vec<RatePoint>,
     beside: ReferenceScores,
-    enclosed: Vec<EnclosedMass>,
+    enclosed: Vec<EnclosedMassRatio>,
 }
 
 /// Mass within one of [`RADII`] about centres of haloes, model / truth.
-struct EnclosedMass {
+struct EnclosedMassRatio {
     /// Centres about which the truth has mass.
     centres: u64,
     median: Option<f64>,
@@ -92,7 +92,7 @@ fn measured<'a>(lab: &Lab<'_>, snapshot: &'a Snapshot) -> Result<DatasetComparis
 }
 
 /// Nothing where a snapshot has no centres, or other units.
-fn enclosed_masses(lab: &Lab<'_>, snapshot: &Snapshot, model: &Model) -> Result<Vec<EnclosedMass>> {
+fn enclosed_masses(lab: &Lab<'_>, snapshot: &Snapshot, model: &Model) -> Result<Vec<EnclosedMassRatio>> {
     let centres = snapshot.centres(lab.context)?;
     if centres.is_empty() || snapshot.unit() != RADII_UNIT {
         return Ok(Vec::new());
@@ -109,7 +109,7 @@ fn enclosed_masses(lab: &Lab<'_>, snapshot: &Snapshot, model: &Model) -> Result<
         let haloes = compare(truth, model, &options, lab.context)?.haloes;
         let last = |h: HaloProfiles| Some((*h.compared.last()?, *h.median.last()?, *h.quartiles.last()?));
         let (centres, median, quartiles) = haloes.and_then(last).unwrap_or_default();
-        Ok(EnclosedMass { centres, median, quartiles })
+        Ok(EnclosedMassRatio { centres, median, quartiles })
     };
     RADII.into_iter().map(within).collect()
 }
@@ -169,7 +169,7 @@ fn enclosed(sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<String> =
         ["data set", "haloes"].map(String::from).into_iter().chain(RADII.iter().map(within)).collect();
     let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
-    let cell = |m: &EnclosedMass| match (m.median, m.quartiles) {
+    let cell = |m: &EnclosedMassRatio| match (m.median, m.quartiles) {
         (Some(value), Some(range)) => TableCell::Spread { value, range, digits: 3 },
         _ => TableCell::Empty,
     };
