@@ -6,7 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
-use particlegs_pipeline::codec::SeriesFile;
+use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
@@ -107,13 +107,13 @@ fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_
         if series.frame_at(time).is_none() {
             context.message(&format!("note: {place}: {clock} {time} is interpolated between two frames"));
         }
-        return series.extract_at(time, context);
+        return SeriesDecoder::new(&series).extract_at(time, context);
     }
     let number = frame.number(&series, place)?;
     if frame.frame.is_none() {
         context.message(&format!("note: {place}: frame {number} is read, {clock} {}", series.frames[number].time));
     }
-    series.extract(number, context)
+    SeriesDecoder::new(&series).extract(number, context)
 }
 
 fn no_model(path: &Path) -> Error {

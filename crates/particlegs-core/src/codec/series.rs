@@ -28,7 +28,7 @@ const ENTRY: usize = 1 + 8 + 8 + 8;
 pub const INDEX_FROM: usize = HEAD_BYTES + SECTION_BYTES;
 /// Bytes of the recipe at most.
 const RECIPE_TEXT: usize = 16_384;
-/// How finely a frame is coded as a model of its own ([`SeriesFile::extract`]): its steps add next to nothing to the errors
+/// How finely a frame is coded as a model of its own ([`SeriesDecoder::extract`]): its steps add next to nothing to the errors
 /// of the series.
 const EXTRACTED: f64 = 0.25;
 
@@ -247,17 +247,6 @@ impl<'a> SeriesFile<'a> {
         format!("{}, frame {frame}", self.place)
     }
 
-    /// A frame as a model file: a keyframe's own bytes, and others coded anew.
-    pub fn extract(&self, frame: usize, context: &Context<'_>) -> Result<Vec<u8>> {
-        let bytes = self.frame_bytes(frame)?;
-        if self.frames[frame].kind == FrameCoding::Keyframe {
-            return Ok(bytes.to_vec());
-        }
-        let Model { metadata, layers, certificate } =
-            SeriesDecoder::new(self).frame(frame, context)?.clone().into_model();
-        assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), coded_finely(layers)?)
-    }
-
     /// Units of its frames.
     pub fn units(&self) -> Result<Units> {
         let first = self.frames.iter().position(|f| f.kind == FrameCoding::Keyframe);
@@ -270,19 +259,6 @@ impl<'a> SeriesFile<'a> {
         let off = |i: &usize| (self.frames[*i].time - time).abs();
         let there = (0..self.frames.len()).filter(|&i| self.frames[i].kind != FrameCoding::Missing);
         there.min_by(|a, b| off(a).total_cmp(&off(b))).filter(|i| off(i) <= 1e-6 * time.abs())
-    }
-
-    /// The model at a time of the clock as a file: of a frame what [`SeriesFile::extract`] gives, between frames what
-    /// [`SeriesDecoder::model_at`] gives.
-    pub fn extract_at(&self, time: f64, context: &Context<'_>) -> Result<Vec<u8>> {
-        match self.frame_at(time) {
-            Some(frame) => self.extract(frame, context),
-            None => {
-                let Model { metadata, layers, .. } = SeriesDecoder::new(self).model_at(time, context)?;
-                let layers = coded_finely(layers)?;
-                assemble(&Metadata { source_hash: blocks_hash(&layers), ..metadata }, None, layers)
-            }
-        }
     }
 }
 
@@ -366,6 +342,27 @@ impl<'a> SeriesDecoder<'a> {
         let from = self.frame(before, context)?.clone();
         let next = self.frame(after, context)?;
         Ok(from.between(next, (time - from.time) / (next.time - from.time)))
+    }
+
+    /// A frame as a model file: a keyframe's own bytes, and others coded anew.
+    pub fn extract(&mut self, frame: usize, context: &Context<'_>) -> Result<Vec<u8>> {
+        let bytes = self.series.frame_bytes(frame)?;
+        if self.series.frames[frame].kind == FrameCoding::Keyframe {
+            return Ok(bytes.to_vec());
+        }
+        let Model { metadata, layers, certificate } = self.frame(frame, context)?.clone().into_model();
+        assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), coded_finely(layers)?)
+    }
+
+    /// The model at a time of the clock as a file: of a frame what [`SeriesDecoder::extract`] gives, between frames what
+    /// [`SeriesDecoder::model_at`] gives.
+    pub fn extract_at(&mut self, time: f64, context: &Context<'_>) -> Result<Vec<u8>> {
+        if let Some(frame) = self.series.frame_at(time) {
+            return self.extract(frame, context);
+        }
+        let Model { metadata, layers, .. } = self.model_at(time, context)?;
+        let layers = coded_finely(layers)?;
+        assemble(&Metadata { source_hash: blocks_hash(&layers), ..metadata }, None, layers)
     }
 }
 

@@ -374,7 +374,7 @@ impl AboutCenter<'_> {
             let sample = |p: &&SphereParticle| (p.index as usize / JACKKNIFE).is_multiple_of(every);
             let part = |left_out: usize| {
                 let others = inside.iter().filter(sample).filter(|p| p.index as usize % JACKKNIFE != left_out).copied();
-                properties(&RadialParticles::new(others.collect()))
+                properties(&RadialParticles::new(others.collect(), 0.0))
             };
             let parts = std::array::from_fn::<_, JACKKNIFE, _>(part);
             SphereProperties::jackknife(&parts, (every as f64).sqrt().recip())
@@ -402,7 +402,7 @@ impl AboutCenter<'_> {
                 }
             });
             let all = found.len() == search.positions.len();
-            let particles = RadialParticles::new(found);
+            let particles = RadialParticles::new(found, reach);
             if all || reach >= furthest || particles.sphere(search.thinnest()).is_some() {
                 return particles;
             }

@@ -37,28 +37,31 @@ pub struct DensitySphere {
 pub struct RadialParticles {
     pub particles: Vec<SphereParticle>,
     enclosed: Vec<f64>,
+    /// Square of the distance up to which there are no others.
+    reach: f64,
 }
 
 impl RadialParticles {
-    pub fn new(mut particles: Vec<SphereParticle>) -> Self {
+    /// All particles up to a distance `reach`.
+    pub fn new(mut particles: Vec<SphereParticle>, reach: f64) -> Self {
         particles.sort_unstable_by(|a, b| a.square.total_cmp(&b.square).then(a.index.cmp(&b.index)));
         let mut sum = 0.0;
         let enclosed = particles.iter().map(|p| {
             sum += p.mass;
             sum
         });
-        RadialParticles { enclosed: enclosed.collect(), particles }
+        RadialParticles { enclosed: enclosed.collect(), particles, reach: reach * reach }
     }
 
     /// The sphere in which the mass first falls to `per_cube` times the cube of the radius, outside the innermost
-    /// particles; `None` where it does not up to the last particle.
+    /// particles; `None` where it does not as far as particles are known.
     pub fn sphere(&self, per_cube: f64) -> Option<DensitySphere> {
         let first = INNERMOST.min(self.particles.len());
         let thin = |i: &usize| {
-            let square = self.particles[*i].square;
+            let square = self.particles.get(*i).map_or(self.reach, |p| p.square);
             self.enclosed[i - 1] < per_cube * square * square.sqrt()
         };
-        let count = (first.max(1)..self.particles.len()).find(thin)?;
+        let count = (first.max(1)..=self.particles.len()).find(thin)?;
         let mass = self.enclosed[count - 1];
         Some(DensitySphere { radius: (mass / per_cube).cbrt(), mass, count })
     }
@@ -202,7 +205,7 @@ mod tests {
             let offset: [f64; 3] = each_axis(|k| per * z[k] * axes[k]);
             SphereParticle { square: offset.iter().map(|v| v * v).sum(), offset, mass: 2.0, index: index as u32 }
         };
-        RadialParticles::new((0..n).map(particle).collect())
+        RadialParticles::new((0..n).map(particle).collect(), 1.5)
     }
 
     #[test]
@@ -221,6 +224,10 @@ mod tests {
             let [_, at] = h.steepest(0.01, 1.5).unwrap();
             assert!(c < 4.0 || (at * c / 2.163 - 1.0).abs() < 0.35, "{}", at * c);
             assert_eq!(h.sphere(1.0), None);
+            // Past the last particle, as far as there are known to be no others.
+            let alone = RadialParticles::new(h.particles, 2.0);
+            let all = alone.sphere(80_000.0 / 1.9f64.powi(3)).unwrap();
+            assert!((all.radius - 1.9).abs() < 1e-9 && all.count == 40_000 && alone.sphere(9e3).is_none());
         }
         assert_eq!(concentration(&RadialParticles::default(), 0.1, 1.0), None);
     }
