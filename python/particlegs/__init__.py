@@ -15,7 +15,7 @@ open, read, compress, stats, haloes, formats
 
 Classes
 -------
-Snapshot, Model, Gaussians, Camera, Map, Grid, Stats
+Snapshot, Model, Series, Gaussians, Camera, Map, Grid, Stats
 
 Exceptions
 ----------
@@ -30,6 +30,7 @@ from ._haloes import haloes
 from ._model import Model, read
 from ._open import formats, open
 from ._particlegs import InputError, ModelError, UnreachableError, __version__
+from ._series import Series
 from ._snapshot import Snapshot
 from ._stats import Stats, stats
 
@@ -41,6 +42,7 @@ __all__ = [
     "Map",
     "Model",
     "ModelError",
+    "Series",
     "Snapshot",
     "Stats",
     "UnreachableError",

@@ -1,15 +1,16 @@
-"""Snapshots from files."""
+"""Snapshots and series from files."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any, Literal, Optional, Union
+from typing import Any, Literal, Optional, Union, cast
 
 from numpy.typing import ArrayLike
 
 from . import _coerce, _particlegs
 from ._particlegs import InputError
+from ._series import Series, is_series
 from ._snapshot import Snapshot
 from ._types import Path, Progress
 
@@ -44,7 +45,7 @@ def open(  # noqa: A001
     progress: Progress = None,
     weights: Optional[str] = "auto",
 ) -> Snapshot:
-    """Opens a snapshot in any format that the command reads.
+    """Opens a snapshot in any format that the command reads, or a series.
 
     Parameters
     ----------
@@ -97,7 +98,10 @@ def open(  # noqa: A001
     Returns
     -------
     Snapshot
+        Of the file of a series a `Series`, as ``Series(path, threads=threads)`` gives it also to type checkers.
     """
+    if isinstance(paths, (str, os.PathLike)) and is_series(paths):
+        return cast(Snapshot, Series(paths, threads=threads))
     if (center is None) != (width is None):
         raise InputError("a window needs both center and width")
     if region is not None and center is not None:

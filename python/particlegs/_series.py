@@ -1,0 +1,108 @@
+"""Series: the snapshots of a run as models in one file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import Optional, Union
+
+import numpy as np
+
+from . import _particlegs
+from ._model import Model
+from ._types import Float64, Path
+
+
+class Series:
+    """The snapshots of a run as models in one file, made by the command ``particlegs series``. Immutable.
+
+    ``len(run)`` is the number of its frames, ``run[12]`` is a frame's `Model`, ``run[-1]`` that of the last, and
+    ``run.at("z=1")`` the model of a moment, interpolated between frames. A loop gives the frames that are there.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    threads : int, optional
+        Number of threads for reading and for decoding frames; all that the process may use by default.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the file does not exist.
+    ModelError
+        If the file is corrupt or of a newer version.
+    """
+
+    def __init__(self, path: Path, *, threads: Optional[int] = None) -> None:
+        self._native = _particlegs.Series.read(os.fspath(path), threads)
+        self._threads = threads
+
+    @property
+    def name(self) -> str:
+        """The name of the file."""
+        return self._native.name
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the file in bytes."""
+        return self._native.nbytes
+
+    @property
+    def clock(self) -> str:
+        """What `times` are: ``"scale factor"``, ``"time"``, ``"time step"`` or ``"frame"``."""
+        return self._native.clock
+
+    @property
+    def times(self) -> Float64:
+        """What the clock shows for each frame; NaN for a frame that is missing."""
+        return np.array([np.nan if t is None else t for t in self._native.times])
+
+    @property
+    def redshifts(self) -> Optional[Float64]:
+        """Redshift of each frame, NaN for a frame that is missing; None if the clock is not the scale factor."""
+        return 1.0 / self.times - 1.0 if self.clock == "scale factor" else None
+
+    def __len__(self) -> int:
+        return len(self._native.times)
+
+    def __getitem__(self, frame: int) -> Model:
+        count = len(self)
+        number = frame + count if frame < 0 else frame
+        if not 0 <= number < count:
+            raise IndexError(f"there is no frame {frame}; the series has {count} frames, from 0")
+        return Model._of(self._native.frame(number, self._threads))
+
+    def __iter__(self) -> Iterator[Model]:
+        there = [i for i, time in enumerate(self._native.times) if time is not None]
+        return (self[i] for i in there)
+
+    def at(self, when: Union[str, float]) -> Model:
+        """The model of a moment; between frames it is interpolated.
+
+        Parameters
+        ----------
+        when : str or float
+            ``"a=0.5"``, ``"z=1"``, ``"step=1000"``, a time such as ``"500ps"``, or a number as `times` has them.
+
+        Raises
+        ------
+        InputError
+            If the text names no moment, one of another clock, or the moment is outside the series.
+        """
+        time = self._native.moment(when) if isinstance(when, str) else float(when)
+        return Model._of(self._native.at(time, self._threads))
+
+    def __repr__(self) -> str:
+        there = self.times[np.isfinite(self.times)]
+        span = f", {self.clock} {there[0]:g} to {there[-1]:g}" if there.size else ""
+        return f"<Series {self.name}: {len(self)} frames{span}, {self.nbytes} bytes>"
+
+
+def is_series(path: Path) -> bool:
+    """Whether a path is a file that begins like a series."""
+    where = os.fspath(path)
+    if not os.path.isfile(where):
+        return False
+    with open(where, "rb") as file:
+        return _particlegs.Series.begins(file.read(64))

@@ -1,0 +1,113 @@
+//! A series: its index, and its models by number and by moment.
+
+use crate::errors::IntoPyResult;
+use crate::model::Model;
+use crate::work::WorkOptions;
+use particlegs_files::input::Source;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::codec::{self, FrameCoding, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::context::Context;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// A series. Immutable; what was decoded lately is kept, so that frames in order cost one step each.
+#[pyclass(frozen, module = "particlegs._particlegs")]
+pub struct Series {
+    name: String,
+    place: String,
+    nbytes: usize,
+    clock: &'static str,
+    times: Vec<Option<f64>>,
+    decoder: Mutex<SeriesDecoder<'static>>,
+}
+
+impl Series {
+    fn model(
+        &self,
+        py: Python<'_>,
+        name: String,
+        threads: Option<usize>,
+        file: impl FnOnce(&mut SeriesDecoder<'_>, &Context<'_>) -> Result<Vec<u8>> + Send,
+    ) -> PyResult<Model> {
+        let (bytes, model) = WorkOptions::quietly(threads).run(py, |context| {
+            let mut decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
+            let bytes = file(&mut decoder, context)?;
+            let model = codec::decode_with(&bytes, &self.place, context)?;
+            Ok((bytes, model))
+        })?;
+        Ok(Model::new(bytes, model, name))
+    }
+}
+
+#[pymethods]
+impl Series {
+    /// Reads a series.
+    #[staticmethod]
+    #[pyo3(signature = (path, threads=None))]
+    fn read(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
+        let place = path.display().to_string();
+        WorkOptions::quietly(threads).run(py, |context| {
+            let bytes = codec::read_source(Source::open(&path, context)?, &place)?;
+            SeriesFile::read(&bytes, &place)?;
+            let series = SeriesFile::read_start(&bytes, &place)?;
+            let there = |f: &codec::FrameEntry| (f.kind != FrameCoding::Missing).then_some(f.time);
+            Ok(Series {
+                name: path.file_name().map_or_else(|| place.clone(), |n| n.to_string_lossy().into_owned()),
+                nbytes: bytes.len(),
+                clock: series.clock.name(),
+                times: series.frames.iter().map(there).collect(),
+                decoder: Mutex::new(SeriesDecoder::of(series)),
+                place,
+            })
+        })
+    }
+
+    /// Does a file that begins with these bytes hold a series?
+    #[staticmethod]
+    fn begins(head: &[u8]) -> bool {
+        codec::is_series(head)
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.nbytes
+    }
+
+    #[getter]
+    fn clock(&self) -> &str {
+        self.clock
+    }
+
+    /// What the clock shows for each frame; `None` for a frame that is missing.
+    #[getter]
+    fn times(&self) -> Vec<Option<f64>> {
+        self.times.clone()
+    }
+
+    /// The model of a frame.
+    #[pyo3(signature = (frame, threads=None))]
+    fn frame(&self, py: Python<'_>, frame: usize, threads: Option<usize>) -> PyResult<Model> {
+        let name = format!("{}, frame {frame}", self.name);
+        self.model(py, name, threads, move |decoder, context| decoder.extract(frame, context))
+    }
+
+    /// The time of the clock at a moment such as `z=1`.
+    fn moment(&self, text: &str) -> PyResult<f64> {
+        let decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
+        let series = decoder.series();
+        series.units().and_then(|units| series.clock.moment(text, &units)).or_raise()
+    }
+
+    /// The model at a time of the clock, between frames interpolated.
+    #[pyo3(signature = (time, threads=None))]
+    fn at(&self, py: Python<'_>, time: f64, threads: Option<usize>) -> PyResult<Model> {
+        let name = format!("{}, {} {time}", self.name, self.clock);
+        self.model(py, name, threads, move |decoder, context| decoder.extract_at(time, context))
+    }
+}
