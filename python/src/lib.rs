@@ -27,7 +27,7 @@ fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     errors::add(py, m)?;
     m.add_class::<snapshot::Snapshot>()?;
     m.add_class::<model::Model>()?;
-    m.add_class::<series::Series>()?;
+    m.add_class::<series::ModelSeries>()?;
     m.add_class::<gaussians::Gaussians>()?;
     m.add_function(wrap_pyfunction!(choice::open, m)?)?;
     m.add_function(wrap_pyfunction!(choice::formats, m)?)?;

@@ -12,8 +12,8 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 /// A series. Immutable; what was decoded lately is kept, so that frames in order cost one step each.
-#[pyclass(frozen, module = "particlegs._particlegs")]
-pub struct Series {
+#[pyclass(frozen, name = "Series", module = "particlegs._particlegs")]
+pub struct ModelSeries {
     name: String,
     place: String,
     nbytes: usize,
@@ -22,7 +22,7 @@ pub struct Series {
     decoder: Mutex<SeriesDecoder<'static>>,
 }
 
-impl Series {
+impl ModelSeries {
     fn model(
         &self,
         py: Python<'_>,
@@ -41,7 +41,7 @@ impl Series {
 }
 
 #[pymethods]
-impl Series {
+impl ModelSeries {
     /// Reads a series.
     #[staticmethod]
     #[pyo3(signature = (path, threads=None))]
@@ -52,7 +52,7 @@ impl Series {
             SeriesFile::read(&bytes, &place)?;
             let series = SeriesFile::read_start(&bytes, &place)?;
             let there = |f: &codec::FrameEntry| (f.kind != FrameCoding::Missing).then_some(f.time);
-            Ok(Series {
+            Ok(ModelSeries {
                 name: path.file_name().map_or_else(|| place.clone(), |n| n.to_string_lossy().into_owned()),
                 nbytes: bytes.len(),
                 clock: series.clock.name(),
