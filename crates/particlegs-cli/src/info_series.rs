@@ -1,10 +1,11 @@
 //! Output of `info` for a series.
 
 use crate::common::CommandContext;
+use crate::frame_table::FrameTable;
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
-use particlegs_pipeline::codec::{FrameCoding, SeriesFile};
-use particlegs_pipeline::model::Certificate;
+use particlegs_pipeline::codec::{FrameCoding, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::model::{Certificate, Metadata, PictureScore};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
@@ -44,4 +45,50 @@ pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> 
     let recipe: Value = serde_json::from_str(&series.recipe).unwrap_or(Value::Null);
     let report = json!({ "series_bytes": bytes.len(), "clock": clock, "frames": rows, "recipe": recipe });
     context.finish(&text, &report)
+}
+
+/// What a score of pictures is: column, unit, meaning, and where it is found.
+type ScoreColumn = (&'static str, Option<&'static str>, &'static str, fn(PictureScore) -> Option<f64>);
+const SCORES: [ScoreColumn; 2] = [
+    ("masked_psnr", Some("dB"), "of noise-free pictures, stored with the frame", |s| s.masked_psnr),
+    ("ssim", None, "of noise-free pictures, stored with the frame", |s| Some(s.ssim)),
+];
+
+/// A table of the frames as CSV, on standard output.
+pub fn print_table(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> {
+    let series = SeriesFile::read(bytes, &name_of(path))?;
+    let mut decoder = SeriesDecoder::new(&series);
+    let (mut frames, mut gaussians, mut scores) = (Vec::new(), Vec::new(), Vec::new());
+    context.begin("reading frames", series.frames.len() as u64);
+    for (number, frame) in series.frames.iter().enumerate() {
+        context.check()?;
+        context.advance(1);
+        if frame.kind == FrameCoding::Missing {
+            frames.push(None::<Metadata>);
+            gaussians.push(None);
+            scores.push(None);
+            continue;
+        }
+        let model = decoder.frame(number, context)?;
+        let blocks = model.layers.iter().flat_map(|l| &l.content);
+        gaussians.push(Some(blocks.map(|b| b.block.gaussians.len()).sum::<usize>() as f64));
+        frames.push(Some(model.metadata.clone()));
+        scores.push(model.certificate);
+    }
+    context.end();
+    let mut table = FrameTable::new(&series, &frames, &series.units()?);
+    table.add(("gaussians", None), "of the frame", gaussians);
+    let bytes = series.frames.iter().map(|f| (f.kind != FrameCoding::Missing).then_some(f.place.len() as f64));
+    table.add(("bytes", None), "that the frame takes in the file", bytes);
+    for (name, unit, about, of) in SCORES {
+        for (i, orbit) in ["far", "mid", "near"].into_iter().enumerate() {
+            let score = |c: &Option<Certificate>| c.as_ref()?.views.orbits[i].expected.model.and_then(of);
+            table.add((&format!("{name}_{orbit}"), unit.map(String::from)), about, scores.iter().map(score));
+        }
+    }
+    let density = |pick: fn(&Certificate) -> f64| scores.iter().map(move |c| c.as_ref().map(pick));
+    table.add(("density_correlation", None), "of densities on a grid", density(|c| c.density.correlation));
+    let about = "mean absolute error of the density contrast on a grid";
+    table.add(("density_error", None), about, density(|c| c.density.mean_absolute_error));
+    context.line(&table.text())
 }

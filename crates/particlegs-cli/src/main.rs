@@ -17,6 +17,7 @@ mod error_text;
 mod field_args;
 mod figure;
 mod fit_args;
+mod frame_table;
 mod info_model;
 mod info_series;
 mod info_snapshot;

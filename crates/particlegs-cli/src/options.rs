@@ -67,6 +67,7 @@ const RULES: &[OptionRule] = rules! {
         "fits: the published recipe starts from random particles",
         "omit --effort; --scale and --iterations shorten training";
     "info": "SnapshotArgs no_bounds", |g| g.model("input") => MODEL;
+    "info": "csv", |g| !g.series("input") || g.has("frame") => "a whole series (run.pgs)";
     "convert": "SnapshotArgs SelectionArgs WindowArgs", |g| g.model("input") => MODEL,
         "draw particles with `recover`, then convert those";
     "verify": "SnapshotArgs SelectionArgs WindowArgs", |g| !g.has("snapshot") && !g.series("model") => NO_SNAPSHOT, "name it after the model";

@@ -15,6 +15,7 @@ use std::path::PathBuf;
   particlegs info snap_099.0.hdf5
   particlegs info dump.lammpstrj.gz --frame 0
   particlegs info run.pgs --frame 12
+  particlegs info run.pgs --csv > frames.csv
   particlegs info M.pgs --json - | jq .metadata")]
 pub struct Arguments {
     /// Model file, or a snapshot: its first file, its folder, or raw columns x y z (w).
@@ -23,6 +24,9 @@ pub struct Arguments {
     /// Do not read the particles of a snapshot, and leave out their bounds.
     #[arg(long)]
     no_bounds: bool,
+    /// Print a table of the frames of a series as CSV: times, particles, Gaussians, bytes and scores.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -34,7 +38,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().chain(&a.snapshot.topology).map(PathBuf::as_path), false)?;
     match &a.input[..] {
         [one] if a.snapshot.frame.is_none() && inputs::is_series(one) => {
-            info_series::print(&context, one, &inputs::model_or_series(one, &context)?)
+            let print = if a.csv { info_series::print_table } else { info_series::print };
+            print(&context, one, &inputs::model_or_series(one, &context)?)
         }
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             PathContent::Model(bytes) => info_model::print(&context, one, &bytes),

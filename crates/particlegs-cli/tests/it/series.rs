@@ -1,6 +1,7 @@
 //! `series`, `extract`, and frames of a series where a model is taken.
 
 use crate::common::TestFolder;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Snapshots of groups that drift in a periodic box.
@@ -125,4 +126,54 @@ fn frames_out_of_order_and_other_snapshots_are_refused() {
     assert!(!dir.at("turned.pgs").exists());
     dir.runs(&format!("series snap-0 snap-1 -o run.pgs {OPTIONS}"));
     dir.fails(&format!("series snap-0 snap-2 -o run.pgs {OPTIONS}"), 2, "another snapshot");
+}
+
+/// Rows of a table whose remarks stand behind `#`, by the names of the columns.
+fn rows(text: &str) -> Vec<HashMap<String, String>> {
+    let mut lines = text.lines().filter(|l| !l.starts_with('#'));
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!(cells.len(), names.len(), "{line}");
+        names.iter().zip(cells).map(|(name, cell)| (name.to_string(), cell.to_string())).collect()
+    };
+    lines.map(row).collect()
+}
+
+fn value(row: &HashMap<String, String>, name: &str) -> f64 {
+    row[name].parse().unwrap_or_else(|_| panic!("{name}: {row:?}"))
+}
+
+#[test]
+fn a_table_has_a_row_for_each_frame_and_nothing_of_a_gap() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 4);
+    std::fs::rename(dir.at("snap-2"), dir.at("away")).unwrap();
+    let options = OPTIONS.replace("--certificate none", "--certificate quick");
+    dir.runs(&format!("series snap-0 snap-1 snap-2 snap-3 -o run.pgs {options}"));
+    let [text, _] = dir.runs("info run.pgs --csv");
+    let (rows, info) = (rows(&text), dir.says("info run.pgs"));
+    assert!(text.contains("\n# masked_psnr_far [dB]: "), "{text}");
+    assert_eq!(rows.iter().map(|r| &r["kind"][..]).collect::<Vec<_>>(), ["keyframe", "changes", "missing", "changes"]);
+    for (i, row) in rows.iter().enumerate() {
+        assert_eq!(value(row, "frame"), i as f64);
+        if i == 2 {
+            assert!(row.iter().all(|(name, v)| v.is_empty() || ["frame", "kind"].contains(&&name[..])), "{row:?}");
+            continue;
+        }
+        let a = 0.5 + 0.05 * i as f64;
+        assert!(
+            (value(row, "scale_factor") - a).abs() < 1e-12 && (value(row, "redshift") - 1.0 / a + 1.0).abs() < 1e-12
+        );
+        assert_eq!((value(row, "particles"), &row["time"][..]), (4000.0, ""));
+        assert_eq!(Some(value(row, "bytes")), info["frames"][i]["bytes"].as_f64());
+        let one = dir.says(&format!("info run.pgs --frame {i}"));
+        assert_eq!(Some(value(row, "gaussians")), one["gaussians"].as_f64());
+        let mean = ["far", "mid", "near"].map(|o| value(row, &format!("masked_psnr_{o}"))).iter().sum::<f64>() / 3.0;
+        assert!((mean - info["frames"][i]["masked_psnr"].as_f64().unwrap()).abs() < 1e-9);
+    }
+    dir.runs("extract run.pgs -o m.pgs --quiet");
+    for other in ["m.pgs", "snap-0", "run.pgs --frame 1"] {
+        dir.fails(&format!("info {other} --csv"), 2, "--csv has no effect here; it applies to a whole series");
+    }
 }
