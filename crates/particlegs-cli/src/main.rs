@@ -14,6 +14,7 @@ mod device;
 mod drawing;
 mod emit;
 mod error_text;
+mod evolution;
 mod field_args;
 mod figure;
 mod fit_args;

@@ -1,7 +1,8 @@
 //! `particlegs stats TRUTH OTHER -o DIR`.
 
 use crate::centres;
-use crate::common::{Common, named};
+use crate::common::{CommandContext, Common, named};
+use crate::evolution::SeriesEvolution;
 use crate::figure::FileKind;
 use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
@@ -10,14 +11,16 @@ use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::Catalogue;
+use particlegs_pipeline::codec::SeriesFile;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Model, UnitSystem};
 use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::stats::{
-    Assignment, Convention, Measure, ParticleFields, Statistics, StatsOptions, StatsSide, Subject, compare,
+    Assignment, Convention, Evolution, Measure, ParticleFields, Statistics, StatsOptions, StatsSide, Subject, compare,
 };
 use particlegs_pipeline::{Error, Result, codec};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -27,13 +30,14 @@ use std::path::{Path, PathBuf};
 Examples:
   particlegs stats snapshot recovered -o stats
   particlegs stats snapshot model.pgs -o stats --only density,spectrum
-  particlegs stats model.pgs held-out -o stats --only likelihood",
+  particlegs stats run.pgs -o stats --only spectrum",
     after_long_help = "\
 Writes stats.json, tables as CSV, and plots as SVG and PNG unless --plots says otherwise. A model is
 measured from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass
 around centres; velocities and other fields are those of particles drawn from it; pairs, groups,
 neighbours and g(r) need particles.
 A model and particles, in either order, also give the likelihood of the particles under the model.
+A whole series alone gives P(k), groups and means of fields over time.
 docs/guide/statistics.md defines every measure.
 
 Examples:
@@ -44,15 +48,16 @@ Examples:
   particlegs stats snapshot model.pgs -o stats --only haloes --centres catalogue.csv
   particlegs stats snapshot model.pgs -o stats --only multipoles,momentum,dispersion
   particlegs stats snapshot model.pgs -o stats --only joint --joint density,temperature
-  particlegs stats snapshot model.pgs -o stats --only spectrum --plots pdf"
+  particlegs stats snapshot model.pgs -o stats --only spectrum --plots pdf
+  particlegs stats run.pgs -o stats --only spectrum"
 )]
 pub struct Arguments {
-    /// Truth: a snapshot's file or folder, or a model file.
+    /// Truth: a snapshot's file or folder, or a model file; or a whole series alone.
     #[arg(value_name = "TRUTH")]
     truth: PathBuf,
     /// What to compare with it: recovered particles, a snapshot or a model file.
     #[arg(value_name = "OTHER")]
-    other: PathBuf,
+    other: Option<PathBuf>,
     /// Folder for the results.
     #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
@@ -235,8 +240,9 @@ struct StatsReport<'a> {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let mut options = options(&a)?;
+    let Some(other) = &a.other else { return run_series(&a, options, &context) };
     context.reads(
-        [&a.truth, &a.other].into_iter().chain(&a.measure.centres).chain(&a.snapshot.topology).map(PathBuf::as_path),
+        [&a.truth, other].into_iter().chain(&a.measure.centres).chain(&a.snapshot.topology).map(PathBuf::as_path),
         false,
     )?;
     context.makes_folder(&a.out)?;
@@ -244,20 +250,20 @@ pub fn run(a: Arguments) -> Result<()> {
     let list = a.measure.centres.as_ref().map(|path| Ok((path, Catalogue::read(path, &context)?))).transpose()?;
     // A frame of a series stands beside the frame that it was made from.
     let mut beside = a.snapshot.clone();
-    if let Some(series) = [&a.truth, &a.other].into_iter().find(|p| inputs::is_series(p)) {
+    if let Some(series) = [&a.truth, other].into_iter().find(|p| inputs::is_series(p)) {
         inputs::model_with_snapshot(series, &mut beside, &context)?;
     }
     let opening = |path: &Path| if inputs::is_series(path) { &a.snapshot } else { &beside };
     let truth = StatsInput::open(&a.truth, opening(&a.truth), &options, &context)?;
     let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
-    let other = StatsInput::open(&a.other, opening(&a.other), &options, &context)?;
-    let statistics = compare(truth.side(), other.side(), &options, &context)?;
+    let compared = StatsInput::open(other, opening(other), &options, &context)?;
+    let statistics = compare(truth.side(), compared.side(), &options, &context)?;
     context.notes(&statistics.notes);
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
     let report = StatsReport {
         truth: a.truth.display().to_string(),
-        other: a.other.display().to_string(),
+        other: other.display().to_string(),
         length_unit: unit.clone(),
         tool_version: env!("CARGO_PKG_VERSION"),
         statistics: &statistics,
@@ -270,6 +276,32 @@ pub fn run(a: Arguments) -> Result<()> {
         crate::report::json(&folder.join("stats.json"), &report)
     })?;
     context.finish(&stats_tables::summary(&statistics, unit.as_deref()), &report)
+}
+
+/// Measures each frame of a series.
+fn run_series(a: &Arguments, options: StatsOptions, context: &CommandContext) -> Result<()> {
+    if a.snapshot.frame.is_some() || !inputs::is_series(&a.truth) {
+        let what = "stats compares two inputs, and only one is given";
+        return Err(Error::argument_with(what, "name the other; alone stands a series, without --frame"));
+    }
+    if let Some(measure) = a.only.iter().find(|m| !Evolution::MEASURES.contains(m)) {
+        let names = Evolution::MEASURES.map(Measure::name).join(" and ");
+        let what = format!("--only {} compares two inputs; of a series alone there are {names}", measure.name());
+        return Err(Error::argument(what));
+    }
+    context.reads([a.truth.as_path()], false)?;
+    context.makes_folder(&a.out)?;
+    output::check_writable(&a.out.join("stats.json"))?;
+    let (bytes, place) = (inputs::model_or_series(&a.truth, context)?, name_of(&a.truth));
+    let series = SeriesFile::read(&bytes, &place)?;
+    let taken = json!(&options);
+    let found = SeriesEvolution::new(&series, &place, options, |model| a.snapshot.layers_of(model), context)?;
+    let report = found.report(&a.truth, taken);
+    context.write_set(&a.out, |folder| {
+        found.write(folder, (!a.no_plots).then_some(&a.plots[..]))?;
+        crate::report::json(&folder.join("stats.json"), &report)
+    })?;
+    context.finish(&found.summary(), &report)
 }
 
 fn options(a: &Arguments) -> Result<StatsOptions> {

@@ -1,6 +1,7 @@
 //! `series`, `extract`, and frames of a series where a model is taken.
 
 use crate::common::TestFolder;
+use particlegs_pipeline::codec::{self, CodedFrame, SeriesClock};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -176,4 +177,87 @@ fn a_table_has_a_row_for_each_frame_and_nothing_of_a_gap() {
     for other in ["m.pgs", "snap-0", "run.pgs --frame 1"] {
         dir.fails(&format!("info {other} --csv"), 2, "--csv has no effect here; it applies to a whole series");
     }
+}
+
+#[test]
+fn statistics_over_time_are_those_of_each_frame() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 4);
+    std::fs::rename(dir.at("snap-1"), dir.at("away")).unwrap();
+    dir.runs(&format!("series snap-0 snap-1 snap-2 snap-3 -o run.pgs {OPTIONS}"));
+    let [said, _] = dir.runs("stats run.pgs -o s --spectrum-grid 32 --plots png,svg");
+    assert!(said.contains("3 frames, z = 1.000 to z = 0.538"), "{said}");
+    let name = |path: std::path::PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+    let names: Vec<String> = crate::common::files(&dir.at("s")).into_iter().map(name).collect();
+    for name in ["frames.csv", "power_frames.csv", "stats.json", "power_frames.png", "groups_frames.svg"] {
+        assert!(names.iter().any(|n| n == name), "{names:?}");
+    }
+    let (table, spectra) = (rows(&dir.text("s/frames.csv")), rows(&dir.text("s/power_frames.csv")));
+    assert_eq!(table.len(), 4);
+    assert!(table[1].iter().all(|(name, v)| v.is_empty() || ["frame", "kind"].contains(&&name[..])));
+    let of_frame = |i: usize| spectra.iter().filter(move |r| value(r, "frame") == i as f64);
+    assert_eq!(of_frame(1).count(), 0);
+    // Each frame as the models of these frames are measured on their own.
+    for i in [0, 3] {
+        dir.runs(&format!("extract run.pgs --frame {i} -o f{i}.pgs --quiet"));
+        dir.runs(&format!("stats f{i}.pgs f{i}.pgs -o one{i} --only spectrum --spectrum-grid 32 --no-plots --quiet"));
+        let alone = rows(&dir.text(&format!("one{i}/power.csv")));
+        assert_eq!(alone.len(), of_frame(i).count());
+        for (own, one) in of_frame(i).zip(&alone) {
+            let (own, one) = ([value(own, "k"), value(own, "power")], [value(one, "k"), value(one, "power_truth")]);
+            // A frame between is coded anew where it is extracted.
+            assert!(
+                (0..2).all(|k| (own[k] / one[k] - 1.0).abs() < if i == 0 { 1e-12 } else { 0.02 }),
+                "{own:?} {one:?}"
+            );
+        }
+        let first = of_frame(i).next().unwrap();
+        let name = table[0].keys().filter(|n| n.starts_with("power_")).min_by(|a, b| {
+            let k = |name: &str| name["power_".len()..].parse::<f64>().unwrap();
+            k(a).total_cmp(&k(b))
+        });
+        assert_eq!(table[i][name.unwrap()], first["power"]);
+    }
+    dir.runs("recover f0.pgs -o drawn --quiet");
+    dir.runs("stats drawn drawn -o groups --only groups --no-plots --quiet");
+    let groups: f64 = rows(&dir.text("groups/groups.csv")).iter().map(|r| value(r, "groups_truth")).sum();
+    assert!(groups > 3.0 && value(&table[0], "groups_20") == groups, "{groups} {:?}", table[0]);
+    // All frames by the first one's links, whatever the threads.
+    dir.runs("stats run.pgs -o again --spectrum-grid 32 --plots png,svg --threads 1 --quiet");
+    for name in names {
+        assert!(dir.bytes(&format!("s/{name}")) == dir.bytes(&format!("again/{name}")), "{name}");
+    }
+    dir.fails("stats run.pgs -o no --only density", 2, "--only density compares two inputs");
+    dir.fails("stats run.pgs -o no --joint-bins 5", 2, "--joint-bins has no effect here");
+    dir.fails("stats run.pgs -o no --frame 1", 2, "only one is given");
+    dir.fails("stats f0.pgs -o no", 2, "only one is given");
+    assert!(!dir.at("no").exists());
+}
+
+#[test]
+fn means_of_fields_over_time_are_those_of_the_particles() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 3);
+    let mut means = Vec::new();
+    let mut frames = Vec::new();
+    for i in 0..3 {
+        // The last frame has no temperature.
+        let values: Vec<f32> = (0..4000).map(|p| 100.0 * (i + 1) as f32 + (p % 7) as f32).collect();
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        if i < 2 {
+            std::fs::write(dir.at(&format!("snap-{i}/temperature.f32")), bytes).unwrap();
+        }
+        means.push(values.iter().map(|v| f64::from(*v)).sum::<f64>() / 4000.0);
+        let fields = if i < 2 { "--fields all" } else { "" };
+        let model = dir.makes(&format!("compress snap-{i} -o m{i}.pgs --gaussians 40 --certificate none -q {fields}"));
+        frames.push(Some(CodedFrame { time: 0.5 + 0.05 * i as f64, keyframe: true, bytes: model }));
+    }
+    dir.write("run.pgs", codec::assemble_series(SeriesClock::ScaleFactor, "", &frames).unwrap());
+    dir.runs("stats run.pgs -o s --only groups --quiet");
+    let table = rows(&dir.text("s/frames.csv"));
+    for (row, mean) in table.iter().zip(&means).take(2) {
+        assert!((value(row, "mean_temperature") / mean - 1.0).abs() < 1e-6, "{row:?} {mean}");
+    }
+    assert_eq!(table[2]["mean_temperature"], "");
+    assert!(dir.at("s/fields_frames.png").exists() && !dir.at("s/power_frames.csv").exists());
 }

@@ -151,7 +151,7 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
     Ok(statistics)
 }
 
-fn check(o: &StatsOptions) -> Result<()> {
+pub(super) fn check(o: &StatsOptions) -> Result<()> {
     let within = |name: &str, value: f64, low: f64, high: f64| {
         if value >= low && value <= high {
             Ok(())
@@ -205,11 +205,11 @@ fn job_domain(truth: Subject<'_>, o: &StatsOptions) -> Domain {
     Domain::new(&truth.bounds(), None)
 }
 
-struct ComparisonJob<'a> {
-    pair: [Subject<'a>; 2],
-    domain: Domain,
-    o: &'a StatsOptions,
-    context: &'a Context<'a>,
+pub(super) struct ComparisonJob<'a> {
+    pub pair: [Subject<'a>; 2],
+    pub domain: Domain,
+    pub o: &'a StatsOptions,
+    pub context: &'a Context<'a>,
 }
 
 impl ComparisonJob<'_> {
@@ -218,7 +218,7 @@ impl ComparisonJob<'_> {
     }
 
     /// Mean spacing of one side.
-    fn spacing(&self, side: usize) -> f64 {
+    pub fn spacing(&self, side: usize) -> f64 {
         self.domain.spacing(self.pair[side].count() as usize)
     }
 
@@ -300,7 +300,7 @@ impl ComparisonJob<'_> {
         })
     }
 
-    fn spectrum_options(&self) -> SpectrumOptions {
+    pub fn spectrum_options(&self) -> SpectrumOptions {
         let cells = self.o.spectrum_cells;
         let grid_limit = PI * cells as f64 / self.domain.longest();
         let wanted = self.o.k_max.unwrap_or(PI / self.spacing(0));
@@ -406,7 +406,7 @@ impl ComparisonJob<'_> {
         if centers || measured { self.find_groups(positions, 0, notes) } else { Ok(None) }
     }
 
-    fn find_groups(
+    pub fn find_groups(
         &self,
         positions: &[[f64; 3]],
         side: usize,

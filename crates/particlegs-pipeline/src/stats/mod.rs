@@ -9,6 +9,7 @@
 //! particles or of the Gaussians themselves (`sphere`), which particles are scored under, too (`likelihood`).
 //! Particles with velocities (`velocities`) have power in redshift space and of their momentum (`multipoles`), and
 //! dispersions about centres (`dispersion`); those with scalars have joint histograms of two (`joint`).
+//! The frames of a series are measured one after the other (`evolution`).
 
 mod aperture;
 mod boxes;
@@ -16,6 +17,7 @@ mod compare;
 mod density;
 mod deposit;
 mod dispersion;
+mod evolution;
 mod field_cells;
 mod gaussian;
 mod grid;
@@ -56,6 +58,7 @@ pub use density::{DensityComparison, DensityPdf};
 pub use deposit::{Field, deposit};
 pub(crate) use deposit::{deposit_bytes, deposit_steps};
 pub use dispersion::HaloDispersions;
+pub use evolution::{Evolution, FieldMean, FrameStatistics, WaveShell};
 pub use field_cells::field_in_cells;
 pub(crate) use gaussian::DepositScratch;
 pub use grid::{Assignment, Grid};

@@ -1,0 +1,301 @@
+//! Statistics of a whole series: a table with a row for each frame, its spectra, and plots over time.
+
+use crate::common::CommandContext;
+use crate::figure::{self, FileKind, Plot, PlotAxis, Point, Series, write_plots};
+use crate::frame_table::{FrameTable, number};
+use particlegs_files::output::write_bytes;
+use particlegs_pipeline::codec::{FrameCoding, SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::model::{Metadata, Model, Units, per_length};
+use particlegs_pipeline::stats::{Evolution, FieldMean, FrameStatistics, StatsOptions, WaveShell};
+use particlegs_pipeline::{Error, Result};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Wave numbers whose power is in the table and the plot.
+const WAVES: usize = 5;
+/// Groups are counted from so many particles on.
+const SIZES: [u64; 3] = [20, 100, 1000];
+
+/// The statistics of each frame; `None` of a gap.
+pub struct SeriesEvolution<'a> {
+    series: &'a SeriesFile<'a>,
+    units: Units,
+    frames: Vec<Option<Metadata>>,
+    found: Vec<Option<FrameStatistics>>,
+    linking_length: Option<String>,
+    /// Wave numbers of the first frame's shells, at most [`WAVES`].
+    waves: Vec<f64>,
+}
+
+impl<'a> SeriesEvolution<'a> {
+    /// Measures every frame, of the layers that `of` takes.
+    pub fn new(
+        series: &'a SeriesFile<'a>,
+        place: &str,
+        options: StatsOptions,
+        of: impl Fn(Model) -> Result<Model>,
+        context: &CommandContext,
+    ) -> Result<Self> {
+        let mut evolution = Evolution::new(options)?;
+        let mut decoder = SeriesDecoder::new(series);
+        let (mut frames, mut found) = (Vec::new(), Vec::new());
+        for (number, frame) in series.frames.iter().enumerate() {
+            if frame.kind == FrameCoding::Missing {
+                frames.push(None);
+                found.push(None);
+                continue;
+            }
+            let model = of(decoder.frame(number, context)?.clone().into_model())?;
+            let own = evolution.measure(&model, &format!("{place}, frame {number}"), context)?;
+            context.notes(&own.notes);
+            frames.push(Some(model.metadata));
+            found.push(Some(own));
+        }
+        if frames.iter().all(Option::is_none) {
+            return Err(Error::input(place, "the series has no frames"));
+        }
+        let first = found.iter().flatten().next().map_or(&[][..], |f| &f.spectrum);
+        let waves = chosen_waves(first);
+        let linking_length = evolution.linking_length().map(String::from);
+        Ok(SeriesEvolution { series, units: series.units()?, frames, found, linking_length, waves })
+    }
+
+    fn values<T>(&self, pick: impl Fn(&FrameStatistics) -> Option<T>) -> Vec<Option<T>> {
+        self.found.iter().map(|f| f.as_ref().and_then(&pick)).collect()
+    }
+
+    fn power(&self, k: f64) -> Vec<Option<f64>> {
+        self.values(|f| power_at(&f.spectrum, k))
+    }
+
+    fn groups(&self, from: u64) -> Vec<Option<f64>> {
+        self.values(|f| Some(f.groups.as_ref()?.iter().filter(|n| **n >= from).count() as f64))
+    }
+
+    fn has_groups(&self) -> bool {
+        self.found.iter().flatten().any(|f| f.groups.is_some())
+    }
+
+    /// Components of fields that any frame has, as the first that has them says.
+    fn components(&self) -> Vec<&FieldMean> {
+        let mut all: Vec<&FieldMean> = Vec::new();
+        for mean in self.found.iter().flatten().flat_map(|f| &f.fields) {
+            if !all.iter().any(|m| m.component == mean.component) {
+                all.push(mean);
+            }
+        }
+        all
+    }
+
+    /// Values of a component in the unit that the first frame has it in; frames with another have none.
+    fn mean(&self, of: &FieldMean) -> Vec<Option<f64>> {
+        let same = |m: &&FieldMean| m.component == of.component && m.unit == of.unit && m.is_sum == of.is_sum;
+        self.values(|f| Some(f.fields.iter().find(same)?.value))
+    }
+
+    fn volume_unit(&self) -> Option<String> {
+        self.units.length_text().map(|u| if u.contains(['/', ' ']) { format!("({u})^3") } else { format!("{u}^3") })
+    }
+
+    fn wave_text(&self, k: f64) -> String {
+        let unit = self.units.length_text().map_or(String::new(), |u| format!(" {}", per_length(u)));
+        format!("{}{unit}", figure::number(k))
+    }
+
+    /// The rows of the frames as CSV.
+    fn table(&self) -> String {
+        let mut table = FrameTable::new(self.series, &self.frames, &self.units);
+        for &k in &self.waves {
+            let about = format!("P(k) at k = {}, of the mixture", self.wave_text(k));
+            table.add((&format!("power_{}", figure::number(k)), self.volume_unit()), &about, self.power(k));
+        }
+        if self.has_groups() {
+            for from in SIZES {
+                let length = self.linking_length.as_deref().unwrap_or("-");
+                let unit = self.units.length_text().unwrap_or_default();
+                let about = format!("friends of friends of drawn particles, linked within {length} {unit}");
+                table.add((&format!("groups_{from}"), None), about.trim_end(), self.groups(from));
+            }
+        }
+        for mean in self.components() {
+            let (word, about) = match mean.is_sum {
+                true => ("total", "sum over all particles"),
+                false => ("mean", "over all particles, weighted by mass"),
+            };
+            table.add((&format!("{word}_{}", mean.component), mean.unit.clone()), about, self.mean(mean));
+        }
+        table.text() + "\n"
+    }
+
+    /// All spectra as CSV: a row for each shell of each frame.
+    fn spectra(&self) -> String {
+        let mut csv = "frame,time,step,redshift,scale_factor,k_low,k_high,k,modes,power\n".to_string();
+        for (i, (found, metadata)) in self.found.iter().zip(&self.frames).enumerate() {
+            let (Some(found), Some(m)) = (found, metadata) else { continue };
+            let when = [m.epoch.time, m.epoch.step.map(|s| s as f64), m.epoch.redshift(), m.epoch.scale_factor];
+            let when = when.map(number).join(",");
+            for WaveShell { edges, k, modes, power } in &found.spectrum {
+                let [low, high, k, power] = [edges[0], edges[1], *k, *power].map(|v| number(Some(v)));
+                let _ = writeln!(csv, "{i},{when},{low},{high},{k},{modes},{power}");
+            }
+        }
+        csv
+    }
+
+    /// Writes `frames.csv`, where there are spectra `power_frames.csv`, and plots.
+    pub fn write(&self, folder: &Path, plots: Option<&[FileKind]>) -> Result<()> {
+        write_bytes(&folder.join("frames.csv"), self.table().as_bytes())?;
+        if !self.waves.is_empty() {
+            write_bytes(&folder.join("power_frames.csv"), self.spectra().as_bytes())?;
+        }
+        for figure in self.figures() {
+            write_plots(folder, &figure, plots.unwrap_or_default())?;
+        }
+        Ok(())
+    }
+
+    /// Figures over time: power at a few wave numbers, numbers of groups, and means of fields below one another.
+    fn figures(&self) -> Vec<Vec<Plot>> {
+        let brackets = |unit: Option<String>| unit.map_or(String::new(), |u| format!(" [{u}]"));
+        let plot = |name: &str, title: &str, y: PlotAxis, series: Vec<Series>| Plot {
+            name: name.into(),
+            title: title.into(),
+            x: self.clock_axis(),
+            y,
+            series,
+            levels: Vec::new(),
+        };
+        let power = self.waves.iter().enumerate().map(|(i, &k)| {
+            let name = format!("k = {}", self.wave_text(k));
+            self.curve(&name, i, self.power(k).into_iter().map(|p| p.filter(|p| *p > 0.0)))
+        });
+        let volume =
+            self.units.length_text().map(|u| if u.contains(['/', ' ']) { format!("({u})³") } else { format!("{u}³") });
+        let y = PlotAxis::logarithmic(format!("P(k){}", brackets(volume)));
+        let mut figures = vec![vec![plot("power_frames", "Power spectrum over time", y, power.collect())]];
+        if self.has_groups() {
+            let series = SIZES.iter().enumerate().map(|(i, from)| {
+                let name = format!("{from} particles and more");
+                self.curve(&name, i, self.groups(*from).into_iter())
+            });
+            let y = PlotAxis::linear("groups");
+            figures.push(vec![plot("groups_frames", "Friends-of-friends groups over time", y, series.collect())]);
+        }
+        let mut fields: Vec<Plot> = Vec::new();
+        let components = self.components();
+        for of in components.chunk_by(|a, b| a.field == b.field) {
+            let series = of.iter().enumerate().map(|(i, mean)| {
+                let name = if of.len() > 1 { &mean.component[..] } else { "" };
+                self.curve(name, i, self.mean(mean).into_iter())
+            });
+            let title = if fields.is_empty() { "Fields over time, weighted by mass" } else { "" };
+            let word = if of[0].is_sum { "total" } else { "mean" };
+            let y = PlotAxis::linear(format!("{word} {}{}", of[0].field, brackets(of[0].unit.clone())));
+            fields.push(plot("fields_frames", title, y, series.collect()));
+        }
+        figures.push(fields);
+        figures
+    }
+
+    fn clock_axis(&self) -> PlotAxis {
+        let unit = self.units.time.as_ref().filter(|_| self.series.clock == SeriesClock::Time);
+        PlotAxis::linear(format!(
+            "{}{}",
+            self.series.clock.name(),
+            unit.map_or(String::new(), |u| format!(" [{}]", u.text))
+        ))
+    }
+
+    fn curve(&self, name: &str, style: usize, values: impl Iterator<Item = Option<f64>>) -> Series {
+        let at = |(value, frame): (Option<f64>, &particlegs_pipeline::codec::FrameEntry)| {
+            Some(Point::new(frame.time, value.filter(|v| v.is_finite())?))
+        };
+        let points = values.zip(&self.series.frames).filter_map(at).collect();
+        Series { name: name.into(), style, dashed: false, points }
+    }
+
+    /// What is printed: the first and the last value of each quantity.
+    pub fn summary(&self) -> String {
+        let there: Vec<usize> = (0..self.found.len()).filter(|&i| self.found[i].is_some()).collect();
+        let (Some(&first), Some(&last)) = (there.first(), there.last()) else { return String::new() };
+        let when = |i: usize| self.series.clock.text(self.series.frames[i].time, &self.units);
+        let mut text = format!("{} frames, {} to {}", there.len(), when(first), when(last));
+        let mut line = |name: String, values: Vec<Option<f64>>, unit: Option<String>| {
+            let shown = |i: usize| values[i].map_or("-".into(), figure::number);
+            let unit = unit.map_or(String::new(), |u| format!(" {u}"));
+            let _ = write!(text, "\n{name:<36} {} to {}{unit}", shown(first), shown(last));
+        };
+        for &k in &self.waves {
+            line(format!("P(k) at {}", self.wave_text(k)), self.power(k), self.volume_unit());
+        }
+        if self.has_groups() {
+            SIZES.iter().for_each(|n| line(format!("groups of {n} particles and more"), self.groups(*n), None));
+        }
+        for mean in self.components() {
+            let word = if mean.is_sum { "total" } else { "mean" };
+            line(format!("{word} {}", mean.component), self.mean(mean), mean.unit.clone());
+        }
+        text
+    }
+
+    /// The result as JSON.
+    pub fn report(&self, path: &Path, options: Value) -> Value {
+        let frames = self.found.iter().zip(&self.frames).enumerate().map(|(i, (found, metadata))| {
+            let (Some(found), Some(m)) = (found, metadata) else { return json!({ "frame": i, "kind": "missing" }) };
+            let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
+                let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
+                SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()
+            });
+            json!({
+                "frame": i, "time": m.epoch.time, "step": m.epoch.step, "redshift": m.epoch.redshift(),
+                "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": found.spectrum,
+                "groups": groups, "fields": found.fields,
+            })
+        });
+        json!({
+            "series": path.display().to_string(), "clock": self.series.clock.name(),
+            "length_unit": self.units.length_text(), "linking_length": self.linking_length,
+            "tool_version": env!("CARGO_PKG_VERSION"), "options": options, "frames": frames.collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Wave numbers of shells in about equal factors, from the first to the last.
+fn chosen_waves(shells: &[WaveShell]) -> Vec<f64> {
+    let (Some(first), Some(last)) = (shells.first(), shells.last()) else { return Vec::new() };
+    let nearest = |k: f64| shells.iter().map(|s| s.k).min_by(|a, b| (a / k).ln().abs().total_cmp(&(b / k).ln().abs()));
+    let step = (last.k / first.k).ln() / (WAVES - 1) as f64;
+    let mut waves: Vec<f64> = (0..WAVES).filter_map(|i| nearest(first.k * (step * i as f64).exp())).collect();
+    waves.dedup();
+    waves
+}
+
+/// The power at a wave number, between shells by the logarithms of both; `None` beyond them.
+fn power_at(shells: &[WaveShell], k: f64) -> Option<f64> {
+    let after = shells.partition_point(|s| s.k < k);
+    let next = shells.get(after)?;
+    if next.k == k {
+        return Some(next.power);
+    }
+    let before = shells.get(after.checked_sub(1)?)?;
+    let share = (k / before.k).ln() / (next.k / before.k).ln();
+    (before.power > 0.0 && next.power > 0.0).then(|| before.power * (next.power / before.power).powf(share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn power_between_shells_follows_a_power_law() {
+        let shell = |k: f64| WaveShell { edges: [k, k], k, modes: 1, power: 100.0 * k.powi(-2) };
+        let shells: Vec<WaveShell> = (1..=64).map(|i| shell(f64::from(i))).collect();
+        assert_eq!(power_at(&shells, 4.0), Some(6.25));
+        assert!((power_at(&shells, 4.5).unwrap() / (100.0 / 20.25) - 1.0).abs() < 1e-12);
+        assert_eq!([0.5, 65.0].map(|k| power_at(&shells, k)), [None; 2]);
+        assert_eq!(chosen_waves(&shells), [1.0, 3.0, 8.0, 23.0, 64.0]);
+        assert_eq!(chosen_waves(&shells[..2]), [1.0, 2.0]);
+        assert_eq!(chosen_waves(&[]), [0.0; 0]);
+    }
+}
