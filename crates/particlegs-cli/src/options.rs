@@ -60,6 +60,7 @@ const RULES: &[OptionRule] = rules! {
     "render reference": "figure_width font_size", |g| g.has("no_annotations") && !g.draws_page() =>
         "figures: with --no-annotations a PNG is only the picture", "set its number of pixels with --size";
     "render reference": "FigureArgs colormap range video", |g| g.has("raw") => "pictures: --raw writes values";
+    "render": "follow", |g| !g.series("models") => "films of a series (run.pgs)";
     "compress": "resume minutes log", |g| !g.trains() => "training: it needs --train fast|best|paper";
     "compress plan": "law scale iterations", |g| !g.trains() =>
         "training: it needs --train fast|best|paper, or --config";

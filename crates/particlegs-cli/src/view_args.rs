@@ -7,10 +7,11 @@ use particlegs_files::output::write_bytes;
 use particlegs_pipeline::camera::{Camera, DensityView, Extent, Frame, Projection, View, ViewSet, ViewsFile, Window};
 use particlegs_pipeline::camera::{FOV_DEG, WindowContent, base_distance, spherical_camera};
 use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::model::Model;
+use particlegs_pipeline::model::{LawKind, Model};
 use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::render::{self, Scene};
 use particlegs_pipeline::space::{Bounds, Cell};
+use particlegs_pipeline::stats::Domain;
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
@@ -64,17 +65,20 @@ pub struct ViewArgs {
         conflicts_with = "views"
     )]
     pub projection: ProjectionArg,
-    /// Centre of the picture, world units [default: the centre of the bounds, or of the box in orthographic pictures].
+    /// Centre of the picture [default: the centre of the bounds, or of the box in orthographic pictures].
+    ///
+    /// A place X,Y,Z in world units; of a model also the centre of mass of layers, named as by --layer, or of a region
+    /// x0,x1,y0,y1,z0,z1. In a film of a series the camera follows that. Content of a periodic box is moved to its images
+    /// about a centre of mass.
     #[arg(
         long,
-        value_name = "X,Y,Z",
-        value_delimiter = ',',
-        num_args = 1,
+        value_name = "X,Y,Z|NAME,...",
         allow_hyphen_values = true,
         hide_short_help = true,
+        value_parser = PictureCenter::parse,
         conflicts_with = "views"
     )]
-    pub center: Option<Vec<f64>>,
+    pub center: Option<PictureCenter>,
     /// Width of the picture in world units [default: the whole box].
     ///
     /// In perspective, the width at the centre, instead of --distance.
@@ -88,6 +92,63 @@ pub struct ViewArgs {
     /// Frame this as tightly as possible.
     #[arg(long, value_enum, value_name = "WHAT", hide_short_help = true, conflicts_with_all = ["views", "width"])]
     pub fit: Option<Fit>,
+}
+
+/// What is in the middle of a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PictureCenter {
+    /// A place, world units.
+    Place([f64; 3]),
+    /// The centre of the mass in a part of the world.
+    Region(Bounds),
+    /// The centre of mass of layers; of all where none are named.
+    Layers(Vec<String>),
+}
+
+impl PictureCenter {
+    fn parse(text: &str) -> std::result::Result<PictureCenter, String> {
+        let words: Vec<&str> = text.split(',').map(str::trim).collect();
+        let numbers: Option<Vec<f64>> = words.iter().map(|w| w.parse().ok()).collect();
+        let finite = numbers.iter().flatten().all(|v| v.is_finite());
+        match numbers.as_deref() {
+            Some(&[x, y, z]) if finite => Ok(PictureCenter::Place([x, y, z])),
+            Some(&[x0, x1, y0, y1, z0, z1]) if finite => {
+                Ok(PictureCenter::Region(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }))
+            }
+            Some(_) => Err("--center takes X,Y,Z, each a finite number, a region x0,x1,y0,y1,z0,z1, or layers".into()),
+            None if words == ["all"] => Ok(PictureCenter::Layers(Vec::new())),
+            None => Ok(PictureCenter::Layers(words.into_iter().map(String::from).collect())),
+        }
+    }
+
+    /// Is it a centre of mass?
+    pub fn is_of_mass(&self) -> bool {
+        !matches!(self, PictureCenter::Place(_))
+    }
+
+    /// The place in a model, which `of` names in errors.
+    pub fn of_model(&self, model: &Model, of: &str, context: &CommandContext) -> Result<[f64; 3]> {
+        let (layers, region) = match self {
+            PictureCenter::Place(place) => return Ok(*place),
+            PictureCenter::Region(bounds) => (&[][..], Some(bounds)),
+            PictureCenter::Layers(names) => (&names[..], None),
+        };
+        if model.metadata.law == LawKind::AlphaBlend {
+            return Err(Error::input(of, "an alpha-blend model has no centre of mass: its splats hold opacities"));
+        }
+        let found = Domain::from_model(model).mass_center(model, layers, region)?;
+        let found = found.ok_or_else(|| Error::input(of, "there is no mass where --center asks for its centre"))?;
+        let axes: Vec<&str> = ["x", "y", "z"].into_iter().zip(found.filled).filter(|a| a.1).map(|a| a.0).collect();
+        if axes.len() == 3 {
+            let what = "--center: this mass fills the periodic box, and has no centre";
+            return Err(Error::input_with(of, what, "name a region or a place"));
+        }
+        if !axes.is_empty() {
+            let axes = axes.join(" and ");
+            context.message(&format!("note: --center: the mass fills the box along {axes}, and has no centre there: the middle of the box is taken"));
+        }
+        Ok(found.place)
+    }
 }
 
 /// The lines of sight.
@@ -146,6 +207,8 @@ pub struct ViewSubject {
     pub opacity: f64,
     /// Is a surface density drawn?
     pub density: bool,
+    /// The centre of mass that pictures are about, if that was asked for.
+    pub center: Option<[f64; 3]>,
 }
 
 impl ViewArgs {
@@ -187,12 +250,13 @@ impl ViewArgs {
             }
         }
         let size = self.size.unwrap_or(Size { width: 1920, height: 1080 });
-        let center = match self.center.as_deref() {
-            Some([x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => [*x, *y, *z],
-            Some(_) => return Err(Error::argument("--center takes X,Y,Z, each a finite number")),
-            None if self.fit == Some(Fit::Box) => center(&Fit::Box.corners(subject)?),
-            None if self.projection == ProjectionArg::Orthographic => subject.extent.center,
-            None => subject.bounds.center(),
+        let center = match (&self.center, subject.center) {
+            (Some(PictureCenter::Place(place)), _) => *place,
+            (_, Some(center)) => center,
+            (Some(_), None) => {
+                return Err(Error::argument("--center takes X,Y,Z here; layers and regions are those of models"));
+            }
+            (None, None) => self.default_center(subject)?,
         };
         let camera = match self.projection {
             ProjectionArg::Perspective => self.perspective(subject, center, size, turned)?,
@@ -200,6 +264,14 @@ impl ViewArgs {
         };
         let view = View { name: "view".into(), camera, radius: subject.radius, opacity: subject.opacity };
         Ok(ViewSet { size, views: vec![view] })
+    }
+
+    fn default_center(&self, subject: &ViewSubject) -> Result<[f64; 3]> {
+        Ok(match self.fit {
+            Some(Fit::Box) => center(&Fit::Box.corners(subject)?),
+            _ if self.projection == ProjectionArg::Orthographic => subject.extent.center,
+            _ => subject.bounds.center(),
+        })
     }
 
     fn perspective(&self, subject: &ViewSubject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
@@ -260,7 +332,27 @@ impl ViewSubject {
             true => render::extent(&Scene::new(model), cell.as_ref()),
             false => Extent::new(&bounds, cell.as_ref()),
         };
-        ViewSubject { bounds, cell, extent, radius: m.default_radius, opacity: m.default_opacity, density }
+        ViewSubject {
+            bounds,
+            cell,
+            extent,
+            radius: m.default_radius,
+            opacity: m.default_opacity,
+            density,
+            center: None,
+        }
+    }
+
+    /// The subject of all pictures of a film, whose bounds move with what they are about.
+    pub fn through(&self, set: &ViewSet) -> ViewSubject {
+        let Some(center) = self.center else { return *self };
+        let moved = |view: &View| {
+            let shift: [f64; 3] = each_axis(|k| view.camera.focal_point[k] - center[k]);
+            let [min, max] = [self.bounds.min, self.bounds.max].map(|p| each_axis(|k| p[k] + shift[k]));
+            Bounds { min, max }
+        };
+        let bounds = set.views.iter().map(moved).fold(self.bounds, |all, own| all.union(&own));
+        ViewSubject { bounds, ..*self }
     }
 
     pub fn repeats(&self) -> bool {
@@ -296,11 +388,24 @@ mod tests {
     }
 
     #[test]
+    fn centres_are_places_regions_or_layers() {
+        let layers = |names: &[&str]| PictureCenter::Layers(names.iter().map(|n| n.to_string()).collect());
+        assert_eq!(PictureCenter::parse("-1, 2,3e1"), Ok(PictureCenter::Place([-1.0, 2.0, 30.0])));
+        let region = Bounds { min: [0.0, 2.0, 4.0], max: [1.0, 3.0, 5.0] };
+        assert_eq!(PictureCenter::parse("0,1,2,3,4,5"), Ok(PictureCenter::Region(region)));
+        assert_eq!(PictureCenter::parse("stars,gas"), Ok(layers(&["stars", "gas"])));
+        assert_eq!(PictureCenter::parse("all"), Ok(layers(&[])));
+        for bad in ["1,2", "1,2,inf", "nan,0,0", "1,2,3,4"] {
+            assert!(PictureCenter::parse(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
     fn fit_box_needs_a_known_box() {
         let subject = |cell: Option<Cell>| {
             let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [5.0, 4.0, 9.0] };
             let extent = Extent::new(&bounds, cell.as_ref());
-            ViewSubject { bounds, cell, extent, radius: 0.1, opacity: 0.05, density: false }
+            ViewSubject { bounds, cell, extent, radius: 0.1, opacity: 0.05, density: false, center: None }
         };
         assert!(Fit::Box.corners(&subject(None)).is_err());
         let of_box = Fit::Box.corners(&subject(Some(Cell::orthogonal([10.0; 3])))).unwrap();

@@ -159,7 +159,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let (density, cell) = (style.is_none(), particles.meta.cell);
     let radius = bounds.default_radius(count);
     let extent = Extent::new(&bounds, cell.as_ref());
-    let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
+    let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density, center: None };
     let quantities = Quantities::from_particles(&particles, a.smooth);
     let set = run::views(None, &a.view, (&a.sequence, None), &subject, &context)?;
     let kind = a.out.as_deref().and_then(FileKind::from_path).unwrap_or(FileKind::Png);

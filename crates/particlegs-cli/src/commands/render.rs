@@ -4,11 +4,12 @@ use crate::common::{CommandContext, Common, NamedChoice, OrNone, one_of};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::DeviceArgs;
 use crate::drawing::finish::Finisher;
+use crate::drawing::focus::{FocusPath, HaloNumber, centred};
 use crate::drawing::job::DrawingJob;
 use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, PictureTarget};
-use crate::drawing::series_film::SeriesFilm;
+use crate::drawing::series_film::{SeriesFilm, there};
 use crate::drawing::{ViewContent, ViewRenderer, layers};
 use crate::field_args::{FieldArgs, FieldChoice};
 use crate::figure::FileKind;
@@ -17,7 +18,7 @@ use crate::inputs::{self, FrameArgs};
 use crate::picture_out::PictureOut;
 use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
-use crate::view_args::{ViewArgs, ViewSubject};
+use crate::view_args::{PictureCenter, ViewArgs, ViewSubject};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::camera::{View, ViewSet};
@@ -55,6 +56,7 @@ Examples:
   particlegs render model.pgs --like published.png -o again.png
   particlegs render model.pgs --turntable 120 --video turn.mp4
   particlegs render model.pgs --path keys.json --frames 300 --video flight.webm -o frames
+  particlegs render run.pgs --frames all --follow haloes.csv:12 --width 5 --video halo.mp4
 
 docs/guide/pictures.md describes styles, cameras, figures, films and views files."
 )]
@@ -113,6 +115,20 @@ pub struct Arguments {
     density: DensityArgs,
     #[command(flatten)]
     field: FieldArgs,
+    /// Follow a halo through a film of a series (--frames): a list read as by `stats --centres`, and the halo's id, or its
+    /// row from 1 if the list has no ids.
+    ///
+    /// From the frame of the list on, the centre moves with the mass within the halo's radius. The camera keeps its
+    /// distance and direction.
+    #[arg(
+        long,
+        value_name = "FILE:NUMBER",
+        hide_short_help = true,
+        requires = "frames",
+        value_parser = HaloNumber::parse,
+        conflicts_with_all = ["views", "path", "like", "center"]
+    )]
+    follow: Option<HaloNumber>,
     #[command(flatten)]
     series: FrameArgs,
     #[command(flatten)]
@@ -143,6 +159,8 @@ struct RenderReport {
 struct SourceModel {
     model: Model,
     source: SourceFile,
+    /// The centre of mass that --center asks for.
+    center: Option<[f64; 3]>,
 }
 
 impl SourceModel {
@@ -219,6 +237,11 @@ impl RenderOptions {
         Ok(asked)
     }
 
+    /// The layers that are drawn.
+    fn chosen(&self, model: Model) -> Result<Model> {
+        if self.layers == ["all"] { Ok(model) } else { model.only(&self.layers) }
+    }
+
     /// Converts the --like settings to the model's units; a given range is in them already.
     fn convert(&mut self, a: &Arguments, model: &Model, context: &CommandContext) -> Result<()> {
         let (Some((set, units)), Some(path)) = (&mut self.like, &a.like) else { return Ok(()) };
@@ -236,6 +259,7 @@ impl RenderOptions {
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like, &a.figure.overlay].into_iter().flatten();
+    let files = files.chain(a.follow.iter().map(|halo| &halo.file));
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
     let mut asked = RenderOptions::new(a, &context)?;
     let of_series = a.sequence.frames.is_some() && matches!(&a.models[..], [path] if inputs::is_series(path));
@@ -245,10 +269,15 @@ pub fn run(a: &Arguments) -> Result<()> {
     let series = if of_series { Some(inputs::model_or_series(&a.models[0], &context)?) } else { None };
     let series = series.as_ref().map(|bytes| SeriesFile::read(bytes, &name_of(&a.models[0]))).transpose()?;
     let film = series.as_ref().zip(a.sequence.frames);
-    let film = film.map(|(s, length)| SeriesFilm::new(s, &a.models[0], length)).transpose()?;
+    let mut film = film.map(|(s, length)| SeriesFilm::new(s, &a.models[0], length)).transpose()?;
+    let focus = series.as_ref().map(|series| focus(a, series, &context)).transpose()?.flatten();
+    let followed = film.as_mut().zip(focus).and_then(|(film, path)| film.follow(&path));
     // The last frame gives a film its bounds and units.
-    let frame = if of_series { FrameArgs::numbered(Some(-1)) } else { a.series.clone() };
-    let read = a.models.iter().map(|path| read(path, &frame, &asked, &context)).collect::<Result<Vec<_>>>()?;
+    let last = series.as_ref().and_then(|series| there(series).last()).and_then(|frame| i64::try_from(frame).ok());
+    let frame = if of_series { FrameArgs::numbered(last) } else { a.series.clone() };
+    let center = a.view.center.as_ref().filter(|c| c.is_of_mass() && !of_series);
+    let opened = |path: &PathBuf| read(path, &frame, (&asked, center), &context);
+    let read = a.models.iter().map(opened).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, but a picture shows only one", read.len());
         return Err(Error::argument_with(what, "draw them in one figure with --panels"));
@@ -256,12 +285,17 @@ pub fn run(a: &Arguments) -> Result<()> {
     let mut read = read.into_iter();
     let Some(first) = read.next() else { return Err(Error::argument("no model is given")) };
     let others = read.map(|other| other.convert(&first.model, &context)).collect::<Result<Vec<_>>>()?;
-    let read: Vec<SourceModel> = std::iter::once(first).chain(others).collect();
+    let center = followed.or(first.center);
+    let moved = |source: SourceModel| match center {
+        Some(center) => SourceModel { model: centred(source.model, center), ..source },
+        None => source,
+    };
+    let read: Vec<SourceModel> = std::iter::once(first).chain(others).map(moved).collect();
     let model = &read[0].model;
     asked.convert(a, model, &context)?;
     let m = &model.metadata;
     let density = asked.style.is_none();
-    let subject = ViewSubject::of_model(model, density);
+    let subject = ViewSubject { center, ..ViewSubject::of_model(model, density) };
     let quantities = Quantities::from_model(model);
     let device = a.device.open()?;
     let map = asked.colormap;
@@ -282,8 +316,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let painters = read.iter().zip(&fields).map(|(r, field)| painter(field).renderer(&r.model, film.as_ref()));
     let painters = painters.collect::<Result<Vec<_>>>()?;
     let like = asked.like.as_ref().map(|(set, _)| set.clone());
-    let set =
-        run::views(like, &a.view, (&a.sequence, film.as_ref().map(|film| film.stamps.len())), &subject, &context)?;
+    let set = run::views(like, &a.view, (&a.sequence, film.as_ref()), &subject, &context)?;
     let panels = a.panels.then(|| Panels {
         painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p)).collect(),
         captions: a.captions.clone(),
@@ -298,12 +331,13 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.message(&note);
     }
     asked.figure.note_missing(&a.captions, &context);
+    let whole = subject.through(&set);
     let finish = Finisher {
         args: &asked.figure,
         colormap: asked.colormap.unwrap_or_default(),
         field: field.as_ref().map(|f| f.legend.clone()),
         quantities: &quantities,
-        subject: &subject,
+        subject: &whole,
         legend: legend(&asked, model),
         circles: asked.figure.circles((m.unit_system(), m.cell), &context)?,
         stamps: film.as_ref().map_or(&[], |film| &film.stamps),
@@ -359,14 +393,31 @@ fn alike(fields: &[Option<FieldChoice>], read: &[SourceModel]) -> Result<()> {
     }
 }
 
-fn read(path: &Path, frame: &FrameArgs, asked: &RenderOptions, context: &CommandContext) -> Result<SourceModel> {
+/// What a film of a series follows, if anything.
+fn focus(a: &Arguments, series: &SeriesFile<'_>, context: &CommandContext) -> Result<Option<FocusPath>> {
+    let place = name_of(&a.models[0]);
+    match (&a.follow, &a.view.center) {
+        (Some(halo), _) => FocusPath::of_halo(series, halo, &place, context).map(Some),
+        (None, Some(center)) if center.is_of_mass() => FocusPath::of_mass(series, center, &place, context).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// A model with the layers that are drawn; centres of mass are those of the whole model.
+fn read(
+    path: &Path,
+    frame: &FrameArgs,
+    (asked, center): (&RenderOptions, Option<&PictureCenter>),
+    context: &CommandContext,
+) -> Result<SourceModel> {
     let bytes = inputs::model_of(path, frame, context)?;
     let name = name_of(path);
     let model = codec::decode_with(&bytes, &name, context)?;
-    let model = if asked.layers == ["all"] { model } else { model.only(&asked.layers)? };
+    let center = center.map(|center| center.of_model(&model, &name, context)).transpose()?;
+    let model = asked.chosen(model)?;
     let file = path.file_name().map_or(name, |n| n.to_string_lossy().into_owned());
     let hash = particlegs_pipeline::model::hex(blake3::hash(&bytes).as_bytes());
-    Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash } })
+    Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash }, center })
 }
 
 fn stem(name: &str) -> String {
@@ -421,9 +472,15 @@ impl<'a> ScenePainter<'a> {
     fn renderer<'f: 'a>(self, model: &'a Model, film: Option<&'a SeriesFilm<'f>>) -> Result<ViewRenderer<'a>> {
         let parts = self.parts(model)?;
         let side_by_side = film.is_none() && parts.on_device.is_none();
-        let draw = move |view: &View, size: Size| match film {
-            None => self.picture(&parts, view, size),
-            Some(film) => self.picture(&self.parts(&film.model(view, self.context)?)?, view, size),
+        let draw = move |view: &View, size: Size| {
+            let Some(film) = film else { return self.picture(&parts, self.subject, view, size) };
+            let model = self.asked.chosen(film.model(view, self.context)?)?;
+            if self.subject.center.is_none() {
+                return self.picture(&self.parts(&model)?, self.subject, view, size);
+            }
+            let model = centred(model, view.camera.focal_point);
+            let subject = ViewSubject { bounds: model.metadata.bounds, ..*self.subject };
+            self.picture(&self.parts(&model)?, &subject, view, size)
         };
         Ok(ViewRenderer { draw: Box::new(draw), side_by_side })
     }
@@ -445,10 +502,10 @@ impl<'a> ScenePainter<'a> {
         Ok(SceneParts { scene, layers, on_device })
     }
 
-    fn picture(&self, of: &SceneParts<'_>, view: &View, size: Size) -> Result<ViewContent> {
+    fn picture(&self, of: &SceneParts<'_>, subject: &ViewSubject, view: &View, size: Size) -> Result<ViewContent> {
         let (scene, context) = (&of.scene, self.context);
         let Some(look) = self.asked.style else {
-            let view = self.subject.density_view(view, size);
+            let view = subject.density_view(view, size);
             if let Some(field) = self.field {
                 return Ok(field.content(field_map(scene, &field.query, &view, size, context)?));
             }

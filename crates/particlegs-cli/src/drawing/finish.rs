@@ -13,7 +13,8 @@ use crate::figure::{FileKind, output};
 use crate::view_args::ViewSubject;
 use particlegs_files::output::write_bytes;
 use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{Projection, View, frame_number};
+use particlegs_pipeline::camera::{CenteredCell, Projection, View, frame_number};
+use particlegs_pipeline::math::each_axis;
 use particlegs_pipeline::picture::{Colormap, Size, journal_unit};
 use std::path::Path;
 
@@ -151,7 +152,15 @@ impl Finisher<'_> {
         }
         let stamp = frame_number(&view.name).and_then(|frame| self.stamps.get(frame));
         panel.names.extend(stamp.filter(|_| !self.args.no_annotations).map(|text| ([0.0, 0.0], text.clone())));
-        panel.lines.extend(cube::circles(&view.camera, size, &self.circles)?);
+        // Circles go where the content goes.
+        let about = self.subject.cell.filter(|_| self.subject.center.is_some());
+        let about = about.and_then(|cell| CenteredCell::new(view.camera.focal_point, cell));
+        let moved = |(place, radius): &([f64; 3], f64)| {
+            let shift = about.map_or([0.0; 3], |about| about.shift(*place));
+            (each_axis(|k| place[k] + shift[k]), *radius)
+        };
+        let circles: Vec<_> = self.circles.iter().map(moved).collect();
+        panel.lines.extend(cube::circles(&view.camera, size, &circles)?);
         Ok(panel)
     }
 

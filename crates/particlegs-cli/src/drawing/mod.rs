@@ -4,6 +4,7 @@ pub mod colours;
 pub mod field_colors;
 pub mod film;
 pub mod finish;
+pub mod focus;
 pub mod frames;
 mod gif;
 pub mod job;

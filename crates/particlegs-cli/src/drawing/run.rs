@@ -4,6 +4,7 @@ use super::ViewContent;
 use super::film::{Film, FilmFormat};
 use super::frames::{self, FrameOutputs};
 use super::job::DrawingJob;
+use super::series_film::SeriesFilm;
 use crate::common::CommandContext;
 use crate::density_args::DensityArgs;
 use crate::figure::FileKind;
@@ -36,12 +37,12 @@ pub struct PictureTarget<'a> {
     pub sequence: &'a SequenceArgs,
 }
 
-/// The views of the file or the options, with the options applied; key frames become a path. A film of a series has so
-/// many pictures.
+/// The views of the file or the options, with the options applied; key frames become a path. A film of a series has as
+/// many as it has pictures.
 pub fn views(
     given: Option<ViewSet>,
     args: &ViewArgs,
-    (of, of_series): (&SequenceArgs, Option<usize>),
+    (of, film): (&SequenceArgs, Option<&SeriesFilm<'_>>),
     subject: &ViewSubject,
     context: &CommandContext,
 ) -> Result<ViewSet> {
@@ -51,7 +52,8 @@ pub fn views(
         (None, None) => args.one_view(subject, &of.turns())?,
     };
     args.apply(&mut set)?;
-    let set = of.frames(set, of_series)?;
+    let mut set = of.frames(set, film.map(|film| film.stamps.len()))?;
+    film.iter().for_each(|film| film.move_views(&mut set));
     args.save(&set, context)?;
     Ok(set)
 }

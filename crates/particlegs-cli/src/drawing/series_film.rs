@@ -1,10 +1,12 @@
 //! A film of a series: which moment each picture shows.
 
+use super::focus::FocusPath;
 use crate::sequence_args::FilmLength;
 use particlegs_files::input::name_of;
-use particlegs_pipeline::camera::{View, frame_number};
+use particlegs_pipeline::camera::{View, ViewSet, frame_number};
 use particlegs_pipeline::codec::{FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::Context;
+use particlegs_pipeline::math::each_axis;
 use particlegs_pipeline::model::Model;
 use particlegs_pipeline::{Error, Result};
 use std::path::Path;
@@ -16,12 +18,19 @@ pub struct SeriesFilm<'a> {
     times: Vec<f64>,
     /// What is written into each picture.
     pub stamps: Vec<String>,
+    /// What each picture is about, if that moves.
+    centers: Option<Vec<[f64; 3]>>,
+}
+
+/// The numbers of the frames that are no gaps.
+pub fn there<'a>(series: &'a SeriesFile<'_>) -> impl Iterator<Item = usize> + 'a {
+    (0..series.frames.len()).filter(|&i| series.frames[i].kind != FrameCoding::Missing)
 }
 
 impl<'a> SeriesFilm<'a> {
     /// Each frame once, or so many pictures, evenly from the first frame to the last.
     pub fn new(series: &'a SeriesFile<'a>, path: &Path, length: FilmLength) -> Result<Self> {
-        let times: Vec<f64> = series.frames.iter().filter(|f| f.kind != FrameCoding::Missing).map(|f| f.time).collect();
+        let times: Vec<f64> = there(series).map(|i| series.frames[i].time).collect();
         let (Some(first), Some(last)) = (times.first(), times.last()) else {
             return Err(Error::input(name_of(path), "the series has no frames"));
         };
@@ -38,7 +47,23 @@ impl<'a> SeriesFilm<'a> {
             let between = if series.frame_at(time).is_some() { "" } else { " (interpolated)" };
             series.clock.text(time, &units) + between
         });
-        Ok(SeriesFilm { stamps: stamps.collect(), times: moments, decoder: Mutex::new(SeriesDecoder::new(series)) })
+        let (stamps, decoder) = (stamps.collect(), Mutex::new(SeriesDecoder::new(series)));
+        Ok(SeriesFilm { stamps, times: moments, decoder, centers: None })
+    }
+
+    /// Follows a path; gives what the first picture is about.
+    pub fn follow(&mut self, path: &FocusPath) -> Option<[f64; 3]> {
+        self.centers = Some(self.times.iter().map(|time| path.at(*time)).collect());
+        self.centers.iter().flatten().next().copied()
+    }
+
+    /// Moves each camera, all of which look at what the first picture is about, along with what its picture is about.
+    pub fn move_views(&self, set: &mut ViewSet) {
+        for (view, center) in set.views.iter_mut().zip(self.centers.iter().flatten()) {
+            let camera = &mut view.camera;
+            let offset: [f64; 3] = each_axis(|k| camera.position[k] - camera.focal_point[k]);
+            (camera.focal_point, camera.position) = (*center, each_axis(|k| center[k] + offset[k]));
+        }
     }
 
     /// The model that a view of the film shows.

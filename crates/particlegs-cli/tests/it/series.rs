@@ -110,6 +110,8 @@ fn a_gap_is_filled_with_the_bytes_of_the_whole_series() {
     std::fs::rename(dir.at("snap-2"), dir.at("away")).unwrap();
     dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
     assert!(dir.says("info gap.pgs")["frames"][2]["kind"] == "missing");
+    dir.runs("render gap.pgs --frames all -o film --size 32x24 --quiet");
+    assert_eq!(crate::common::files(&dir.at("film")).len(), 4);
     std::fs::rename(dir.at("away"), dir.at("snap-2")).unwrap();
     dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
     assert!(dir.bytes("gap.pgs") == whole);
@@ -260,4 +262,117 @@ fn means_of_fields_over_time_are_those_of_the_particles() {
     }
     assert_eq!(table[2]["mean_temperature"], "");
     assert!(dir.at("s/fields_frames.png").exists() && !dir.at("s/power_frames.csv").exists());
+}
+
+/// The focal points and positions of a views file.
+fn cameras(dir: &TestFolder, name: &str) -> Vec<[[f64; 3]; 2]> {
+    let views = dir.json(name);
+    let three = |v: &serde_json::Value| std::array::from_fn(|k| v[k].as_f64().unwrap());
+    let of = |v: &serde_json::Value| [three(&v["focal_point"]), three(&v["position"])];
+    views["views"].as_array().unwrap().iter().map(of).collect()
+}
+
+/// The shortest way between places in a box of 10.
+fn way(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| (b[k] - a[k] + 5.0).rem_euclid(10.0) - 5.0)
+}
+
+fn is_near(a: [f64; 3], b: [f64; 3], by: f64) -> bool {
+    way(a, b).iter().all(|d| d.abs() <= by)
+}
+
+#[test]
+fn the_camera_follows_a_halo_across_the_face_of_the_box() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 4);
+    dir.runs(&format!("series snap-0 snap-1 snap-2 snap-3 -o run.pgs {OPTIONS}"));
+    // The group at the corner, which drifts by (0.05, 0.1, 0.15) a frame.
+    let drift = |frame: f64| [1.0, 2.0, 3.0].map(|k| 0.05 * frame * k);
+    dir.write(
+        "first.csv",
+        "id,x,y,z,radius\n# positions and radii in kpc/h\n# a = 0.5\n3,5000,5000,5000,600\n8,30,9990,0,600\n",
+    );
+    let [x, y, z] = drift(3.0);
+    dir.write("last.csv", format!("x,y,z,radius\n# positions and radii in Mpc/h\n# a = 0.65\n{x},{y},{z},0.6\n"));
+    let film = "render run.pgs --width 2 --depth 1.6 --size 64x48 --no-annotations --quiet";
+    dir.runs(&format!("{film} --frames all --follow first.csv:8 -o a --save-views a.json"));
+    dir.runs(&format!("{film} --frames all --follow last.csv:1 -o b --save-views b.json"));
+    dir.runs(&format!("{film} --frames 7 --follow first.csv:8 -o c --save-views c.json"));
+    dir.runs(&format!("{film} --frames all --center 0,0,0 -o still"));
+    let [a, b, c] = ["a.json", "b.json", "c.json"].map(|name| cameras(&dir, name));
+    assert_eq!([a.len(), b.len(), c.len()], [4, 4, 7]);
+    for (i, [focal, position]) in a.iter().enumerate() {
+        assert!(is_near(*focal, drift(i as f64), 0.12), "{i}: {focal:?}");
+        assert!(focal.iter().all(|v| (0.0..=10.0).contains(v)), "{focal:?}");
+        let offset = |[focal, position]: [[f64; 3]; 2]| -> [f64; 3] { std::array::from_fn(|k| position[k] - focal[k]) };
+        let (own, first) = (offset([*focal, *position]), offset(a[0]));
+        assert!((0..3).all(|k| (own[k] - first[k]).abs() < 1e-9), "{own:?} {first:?}");
+        // Backwards from the last frame it is the same way.
+        assert!(is_near(*focal, b[i][0], 0.02), "{i}: {focal:?} {:?}", b[i]);
+        assert!(is_near(c[2 * i][0], *focal, 1e-9));
+    }
+    let middle = way(a[1][0], a[2][0]).map(|d| 0.5 * d);
+    assert!(is_near(c[3][0], std::array::from_fn(|k| a[1][0][k] + middle[k]), 1e-9));
+    // Followed, the group stays whole and in the middle; the corner itself shows an eighth of it.
+    let light = |name: &str| {
+        let picture = particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap().data;
+        let (mut all, mut across) = (0.0, 0.0);
+        for (i, v) in picture.iter().enumerate() {
+            all += f64::from(*v);
+            across += f64::from(*v) * ((i / (picture.len() / 3072) % 64) as f64 - 31.5) / 64.0;
+        }
+        (all, across / all)
+    };
+    let followed: Vec<(f64, f64)> = (0..4).map(|i| light(&format!("a/frame_000{i}.png"))).collect();
+    assert!(followed.iter().all(|(_, across)| across.abs() < 0.08), "{followed:?}");
+    assert!(followed.iter().all(|(all, _)| (all / followed[0].0 - 1.0).abs() < 0.3), "{followed:?}");
+    assert!(followed[0].0 > 2.5 * light("still/frame_0000.png").0, "{followed:?} {:?}", light("still/frame_0000.png"));
+    let all = "render run.pgs -o no --frames all";
+    dir.fails(&format!("{all} --follow first.csv:5"), 3, "it lists no halo 5");
+    dir.fails(&format!("{all} --follow first.csv"), 2, "write FILE:NUMBER");
+    dir.fails("render run.pgs -o no --follow first.csv:8", 2, "required arguments");
+    // Where the group is gone, the camera stays.
+    let mut x = dir.bytes("snap-1/xx.f32");
+    for group in x.chunks_exact_mut(4 * 25) {
+        group[..4].copy_from_slice(&5f32.to_le_bytes());
+    }
+    dir.write("snap-1/xx.f32", x);
+    dir.runs(&format!("series snap-0 snap-1 -o gone.pgs {OPTIONS}"));
+    let gone = "render gone.pgs --frames all --follow first.csv:8 --size 32x24";
+    let [_, said] = dir.runs(&format!("{gone} -o gone --save-views gone.json"));
+    assert!(said.contains("warning: frame 1 (z = 0.818) has no mass near the place of halo 8"), "{said}");
+    let views = cameras(&dir, "gone.json");
+    assert_eq!(views[0], views[1]);
+    dir.write("late.csv", "id,x,y,z,radius\n# positions and radii in Mpc/h\n# a = 0.9\n1,1,1,1,1\n");
+    dir.fails(&format!("{all} --follow late.csv:1"), 3, "the nearest frame's is 0.65");
+    dir.write("point.csv", "id,x,y,z\n# a = 0.5\n1,1,1,1\n");
+    dir.fails(&format!("{all} --follow point.csv:1"), 3, "halo 1 has no radius");
+    dir.write("second.csv", "id,x,y,z,radius\n# positions and radii in Mpc/h\n# a = 0.55\n1,0,0,0,0.6\n");
+    dir.fails(&format!("{gone} -o no --follow second.csv:1").replace(" --follow first.csv:8", ""), 3, "no mass near");
+}
+
+#[test]
+fn pictures_are_about_the_mass_of_a_region_or_of_layers() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 3);
+    dir.runs(&format!("series snap-0 snap-1 snap-2 -o run.pgs {OPTIONS}"));
+    let small = "--width 3 --radius 0.05 --size 64x48 --quiet";
+    // A group at (1.11, 1.48, 1.85).
+    let region = "--center 0.4,1.9,0.7,2.3,1.0,2.7";
+    dir.runs(&format!("render run.pgs --frames all --no-annotations {region} -o film {small} --save-views film.json"));
+    for (i, [focal, _]) in cameras(&dir, "film.json").into_iter().enumerate() {
+        let place = [1.11 + 0.05 * i as f64, 1.48 + 0.1 * i as f64, 1.85 + 0.15 * i as f64];
+        assert!(is_near(focal, place, 0.15), "{i}: {focal:?}");
+    }
+    // One frame is drawn as it is in the film.
+    dir.runs(&format!("render run.pgs --frame 0 {region} -o one {small} --save-views one.json"));
+    assert!(is_near(cameras(&dir, "one.json")[0][0], cameras(&dir, "film.json")[0][0], 1e-12));
+    let pixels = |name: &str| particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap().data;
+    assert!(pixels("one/view.png") == pixels("film/frame_0000.png"));
+    dir.fails("render run.pgs --frame 0 --center all -o no", 3, "fills the periodic box");
+    dir.fails("render run.pgs --frames all --center stars -o no", 2, "no layer `stars`");
+    dir.fails("render run.pgs --frame 0 --center 20,21,20,21,20,21 -o no", 3, "there is no mass");
+    dir.fails("reference snap-0 --center stars -o no", 2, "--center takes X,Y,Z here");
+    dir.runs("extract run.pgs --frame 0 -o m.pgs --quiet");
+    dir.fails("render m.pgs --frames all --follow a.csv:1 -o no", 2, "--follow has no effect here");
 }

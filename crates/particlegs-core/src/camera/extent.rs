@@ -144,7 +144,7 @@ pub struct CenteredCell {
 
 impl CenteredCell {
     /// `None` for a cell without volume, and for one that does not repeat.
-    pub(super) fn new(center: [f64; 3], cell: Cell) -> Option<CenteredCell> {
+    pub fn new(center: [f64; 3], cell: Cell) -> Option<CenteredCell> {
         Some(CenteredCell { center, cell: PeriodicCell::new(cell)? })
     }
 

@@ -19,6 +19,9 @@ type Centre = ([f64; 3], Option<f64>);
 const RADII: &str =
     "radius r rvir rhalo r200 r200c r200m r200b r200crit r200mean rcrit200 rmean200 rtophat200 r500c r500";
 
+/// What the numbers of haloes are called.
+const IDS: [&str; 2] = ["id", "haloid"];
+
 /// Boxes whose sides differ by no more than this share are the same.
 const SAME_BOX: f64 = 1e-3;
 
@@ -27,6 +30,8 @@ const SAME_BOX: f64 = 1e-3;
 pub struct Catalogue {
     /// Centres, in the units of the file.
     centres: Vec<Centre>,
+    /// The numbers of the haloes, where a column has them.
+    ids: Option<Vec<u64>>,
     /// Units of positions and radii, where the header or the program that wrote it says.
     units: [Units; 2],
     scale_factor: Option<f64>,
@@ -39,6 +44,7 @@ pub struct Catalogue {
 struct CentreColumns {
     position: [usize; 3],
     radius: Option<usize>,
+    id: Option<usize>,
 }
 
 impl Catalogue {
@@ -68,12 +74,30 @@ impl Catalogue {
             centre(&values, &chosen, guess.layout.comma).map_err(|what| format!("line {}: {what}", i + 1))
         };
         let centres = rows().map(read).collect::<Result<Vec<Centre>, String>>()?;
+        let id = |(_, line): (usize, &[u8])| {
+            let word = tokens(line, guess.layout.separator).get(chosen.id?).copied()?;
+            std::str::from_utf8(word).ok()?.trim().parse().ok()
+        };
+        let ids = rows().map(id).collect::<Option<Vec<u64>>>();
         let header = CatalogueHeader::new(&guess.remarks);
         let CatalogueHeader { scale_factor, hubble, .. } = header;
         let (units, box_length, notes) = (Default::default(), header.box_length.clone(), Vec::new());
-        let mut catalogue = Catalogue { centres, units, scale_factor, hubble, box_length, notes };
+        let mut catalogue = Catalogue { centres, ids, units, scale_factor, hubble, box_length, notes };
         catalogue.state_units(&guess, &chosen, header);
         Ok(catalogue)
+    }
+
+    /// The place in the list of the halo of a number: that of its column of ids, else of its row, from 1.
+    pub fn place_of(&self, number: u64) -> Option<usize> {
+        match &self.ids {
+            Some(ids) => ids.iter().position(|id| *id == number),
+            None => usize::try_from(number).ok()?.checked_sub(1).filter(|row| *row < self.centres.len()),
+        }
+    }
+
+    /// The scale factor that the header states.
+    pub fn scale_factor(&self) -> Option<f64> {
+        self.scale_factor
     }
 
     /// Units of positions and radii: those of the columns' names, else the header's, else those of the program that
@@ -157,7 +181,8 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
         && let Some(position) = positions(names)
     {
         let radius = RADII.split(' ').find_map(|radius| names.iter().position(|name| name.stem == radius));
-        return Ok(CentreColumns { position, radius });
+        let id = names.iter().position(|name| IDS.contains(&&name.stem[..]));
+        return Ok(CentreColumns { position, radius, id });
     }
     let columns = names.len() - guess.first_column;
     if guess.named && columns > 3 {
@@ -179,7 +204,7 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
             values.join(", ")
         ));
     }
-    Ok(CentreColumns { position, radius: (columns == 4).then_some(from + 3) })
+    Ok(CentreColumns { position, radius: (columns == 4).then_some(from + 3), id: None })
 }
 
 fn centre(values: &[&[u8]], chosen: &CentreColumns, comma: bool) -> Result<Centre, String> {
@@ -303,6 +328,15 @@ mod tests {
         assert_eq!(parsed("1 2 3 0.5\n").unwrap(), [([1.0, 2.0, 3.0], Some(0.5))]);
         let named = parsed("id,Radius,mass,z,y,x\n7,0.5,9,3,2,1\n8,,9,3,2,1\n").unwrap();
         assert_eq!(named, [([1.0, 2.0, 3.0], Some(0.5)), ([1.0, 2.0, 3.0], None)]);
+    }
+
+    #[test]
+    fn haloes_are_found_by_their_ids_or_rows() {
+        let place = |text: &str, number: u64| Catalogue::parse(text.as_bytes()).unwrap().place_of(number);
+        let named = "id,x,y,z\n7,1,2,3\n4,4,5,6\n";
+        assert_eq!([7, 4, 1].map(|n| place(named, n)), [Some(0), Some(1), None]);
+        let plain = "1.5 2 3\n4 5 6\n";
+        assert_eq!([0, 1, 2, 3].map(|n| place(plain, n)), [None, Some(0), Some(1), None]);
     }
 
     #[test]

@@ -9,7 +9,8 @@
 //! particles or of the Gaussians themselves (`sphere`), which particles are scored under, too (`likelihood`).
 //! Particles with velocities (`velocities`) have power in redshift space and of their momentum (`multipoles`), and
 //! dispersions about centres (`dispersion`); those with scalars have joint histograms of two (`joint`).
-//! The frames of a series are measured one after the other (`evolution`).
+//! The frames of a series are measured one after the other (`evolution`); pictures of them follow centres of mass
+//! (`mass_center`).
 
 mod aperture;
 mod boxes;
@@ -26,6 +27,7 @@ mod haloes;
 mod joint;
 mod likelihood;
 mod linking;
+mod mass_center;
 mod moments;
 mod multipoles;
 mod neighbours;
@@ -69,6 +71,7 @@ pub use joint::JointHistogram;
 pub(crate) use likelihood::likelihood;
 pub use likelihood::{Likelihood, MeanAndDispersion};
 pub(crate) use linking::LinkedParticles;
+pub use mass_center::MassCenter;
 pub use moments::AxisMoments;
 pub use multipoles::{MultipoleShell, Multipoles};
 pub use neighbours::NearestDistances;

@@ -1,0 +1,200 @@
+//! What pictures are about: the middle of some mass, or a halo, through the frames of a series.
+
+use super::series_film::there;
+use crate::centres;
+use crate::common::CommandContext;
+use crate::view_args::PictureCenter;
+use particlegs_files::input::name_of;
+use particlegs_formats::Catalogue;
+use particlegs_pipeline::camera::CenteredCell;
+use particlegs_pipeline::codec::{SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::math::each_axis;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::space::{Bounds, Cell};
+use particlegs_pipeline::stats::Domain;
+use particlegs_pipeline::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// A halo of a list, `haloes.csv:12`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HaloNumber {
+    pub file: PathBuf,
+    number: u64,
+}
+
+impl HaloNumber {
+    pub fn parse(text: &str) -> std::result::Result<HaloNumber, String> {
+        let parts = text.rsplit_once(':').and_then(|(file, number)| Some((file, number.parse().ok()?)));
+        let (file, number) = parts.filter(|p| !p.0.is_empty()).ok_or("write FILE:NUMBER, such as haloes.csv:12")?;
+        Ok(HaloNumber { file: file.into(), number })
+    }
+}
+
+/// Where the middle of the picture is in each frame of a series.
+pub struct FocusPath {
+    frames: Vec<(f64, [f64; 3], Domain)>,
+}
+
+impl FocusPath {
+    /// The middle of chosen mass in each frame.
+    pub fn of_mass(
+        series: &SeriesFile<'_>,
+        center: &PictureCenter,
+        place: &str,
+        context: &CommandContext,
+    ) -> Result<Self> {
+        let mut decoder = SeriesDecoder::new(series);
+        let mut frames = Vec::new();
+        context.begin("centres of mass", there(series).count() as u64);
+        for number in there(series) {
+            let model = decoder.frame(number, context)?.clone().into_model();
+            let middle = center.of_model(&model, &format!("{place}, frame {number}"), context)?;
+            frames.push((series.frames[number].time, middle, Domain::from_model(&model)));
+            context.advance(1);
+        }
+        context.end();
+        Ok(FocusPath { frames })
+    }
+
+    /// A halo from the frame of its list on, forwards and backwards: in each next frame the centre of the mass within its
+    /// radius about the place where it is expected.
+    pub fn of_halo(series: &SeriesFile<'_>, halo: &HaloNumber, place: &str, context: &CommandContext) -> Result<Self> {
+        let HaloNumber { file, number } = halo;
+        let list = Catalogue::read(file, context)?;
+        let row = list.place_of(*number);
+        let row = row.ok_or_else(|| Error::input(name_of(file), format!("it lists no halo {number}")))?;
+        let numbers: Vec<usize> = there(series).collect();
+        let start = start(series, &numbers, list.scale_factor(), file, context)?;
+        let mut decoder = SeriesDecoder::new(series);
+        let model = decoder.frame(numbers[start], context)?.clone().into_model();
+        let to = (model.metadata.unit_system(), model.metadata.cell);
+        let (stated, radius) = centres::convert(list, file, to, context)?[row];
+        let radius = radius.ok_or_else(|| {
+            let what = format!("halo {number} has no radius");
+            Error::input_with(name_of(file), what, "name a column `radius` or `r200m`")
+        })?;
+        let lost = |frame: usize| {
+            let when = series.clock.text(series.frames[frame].time, &model.metadata.units);
+            format!("frame {frame} ({when}) has no mass near the place of halo {number}")
+        };
+        let domain = Domain::from_model(&model);
+        let first =
+            domain.mass_center_near(&model, stated, radius).ok_or_else(|| Error::input(place, lost(numbers[start])))?;
+        let at_start = (series.frames[numbers[start]].time, first, domain);
+        context.begin("following the halo", numbers.len() as u64 - 1);
+        let mut walk = |to: &mut dyn Iterator<Item = usize>| -> Result<Vec<(f64, [f64; 3], Domain)>> {
+            let mut found = vec![at_start];
+            for frame in to {
+                let model = decoder.frame(frame, context)?.clone().into_model();
+                let (time, domain) = (series.frames[frame].time, Domain::from_model(&model));
+                let Some(center) = domain.mass_center_near(&model, expected(&found, time), radius) else {
+                    // A halo has not always been there.
+                    context.message(&format!("warning: {}: from there on the camera stays", lost(frame)));
+                    break;
+                };
+                found.push((time, center, domain));
+                context.advance(1);
+            }
+            Ok(found)
+        };
+        let after = walk(&mut numbers[start + 1..].iter().copied())?;
+        let mut frames = walk(&mut numbers[..start].iter().rev().copied())?;
+        context.end();
+        frames.reverse();
+        frames.extend(after.into_iter().skip(1));
+        Ok(FocusPath { frames })
+    }
+
+    /// The place at a time of the clock; between frames on the straight line from one to the next.
+    pub fn at(&self, time: f64) -> [f64; 3] {
+        let after = self.frames.partition_point(|f| f.0 < time).min(self.frames.len() - 1);
+        let (to, next, domain) = &self.frames[after];
+        let (from, before, _) = &self.frames[after.saturating_sub(1)];
+        if to <= from || time >= *to {
+            return *next;
+        }
+        let (share, way) = ((time - from) / (to - from), domain.shortest_way(each_axis(|k| next[k] - before[k])));
+        in_box(domain, each_axis(|k| before[k] + share * way[k]))
+    }
+}
+
+/// The frame that a list of haloes belongs to, by its place among `numbers`.
+fn start(
+    series: &SeriesFile<'_>,
+    numbers: &[usize],
+    scale_factor: Option<f64>,
+    file: &Path,
+    context: &CommandContext,
+) -> Result<usize> {
+    let list = name_of(file);
+    let Some(a) = scale_factor.filter(|_| series.clock == SeriesClock::ScaleFactor) else {
+        context.message(&format!(
+            "note: {list} states no scale factor: its haloes are taken for those of frame {}",
+            numbers[0]
+        ));
+        return Ok(0);
+    };
+    let off = |i: &usize| (series.frames[numbers[*i]].time - a).abs();
+    let nearest = (0..numbers.len()).min_by(|i, j| off(i).total_cmp(&off(j))).unwrap_or(0);
+    let spacing = [nearest.checked_sub(1), Some(nearest + 1)].into_iter().flatten().filter_map(|i| numbers.get(i));
+    let time = series.frames[numbers[nearest]].time;
+    let widest = spacing.map(|i| (series.frames[*i].time - time).abs()).fold(0.0, f64::max);
+    if off(&nearest) > (0.5 * widest).max(0.01 * a) {
+        let what = format!("its scale factor is {a}, and the nearest frame's is {time}");
+        return Err(Error::input_with(list, what, "name a list of a moment within the series"));
+    }
+    if off(&nearest) > 1e-6 * a {
+        let frame = numbers[nearest];
+        context.message(&format!("note: {list} is of scale factor {a}: frame {frame} is the nearest, of {time}"));
+    }
+    Ok(nearest)
+}
+
+/// Where a centre is expected that moves on evenly.
+fn expected(found: &[(f64, [f64; 3], Domain)], time: f64) -> [f64; 3] {
+    match found {
+        [.., (t0, a, domain), (t1, b, _)] => {
+            let (way, share) = (domain.shortest_way(each_axis(|k| b[k] - a[k])), (time - t1) / (t1 - t0));
+            each_axis(|k| b[k] + share * way[k])
+        }
+        [(_, only, _)] => *only,
+        [] => [0.0; 3],
+    }
+}
+
+fn in_box(domain: &Domain, place: [f64; 3]) -> [f64; 3] {
+    let local = domain.local(place);
+    each_axis(|k| domain.min[k] + local[k])
+}
+
+/// The model with each Gaussian where it is nearest to a place, in a box that repeats.
+pub fn centred(mut model: Model, center: [f64; 3]) -> Model {
+    let Some(cell) = model.metadata.cell else { return model };
+    let Some(about) = CenteredCell::new(center, cell) else { return model };
+    for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {
+        let gaussians = &mut block.gaussians;
+        for i in 0..gaussians.len() {
+            let shift = about.shift(gaussians.mean_of(i));
+            (0..3).for_each(|k| gaussians.mean[k][i] += shift[k]);
+        }
+    }
+    model.metadata.bounds = bounds_about(&model.metadata.bounds, &cell, center);
+    model
+}
+
+/// Bounds of what lies in a cell about a place, as wide as before along axes that do not repeat.
+fn bounds_about(own: &Bounds, cell: &Cell, center: [f64; 3]) -> Bounds {
+    let mut around = Bounds::empty();
+    let half = each_axis(|k| 0.5 * (0..3).map(|a| cell.vectors[a][k]).sum::<f64>());
+    for corner in cell.corners() {
+        around.include(each_axis(|k| corner[k] - cell.origin[k] - half[k] + center[k]));
+    }
+    match cell.periodic {
+        [true, true, true] => around,
+        _ if cell.lengths().is_none() => around.union(own),
+        repeats => Bounds {
+            min: each_axis(|k| if repeats[k] { around.min[k] } else { own.min[k] }),
+            max: each_axis(|k| if repeats[k] { around.max[k] } else { own.max[k] }),
+        },
+    }
+}
