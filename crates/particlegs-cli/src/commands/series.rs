@@ -9,11 +9,11 @@ use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
-use particlegs_formats::{Choice, folder_snapshots};
+use particlegs_formats::{AtomSelection, Choice, folder_snapshots};
 use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile, TrackedBlock, TrackedModel};
 use particlegs_pipeline::compress::Options;
 use particlegs_pipeline::model::{Layer, Model};
-use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::particles::{AlignedFrame, Alignment, LayerFields, Particles, Storage};
 use particlegs_pipeline::series::{KEYFRAME_INTERVAL, SeriesBuilder};
 use particlegs_pipeline::{Error, Result};
 use serde_json::json;
@@ -43,6 +43,11 @@ pub struct Arguments {
     /// Frames from one keyframe to the next.
     #[arg(long, value_name = "N", default_value_t = KEYFRAME_INTERVAL)]
     keyframe_interval: usize,
+    /// Turn and move each frame so that these atoms, such as "name CA", lie best on those of the first frame.
+    ///
+    /// The words are those of --select. Aligned frames have no periodic box.
+    #[arg(long, value_name = "TEXT", hide_short_help = true)]
+    align: Option<String>,
     #[command(flatten)]
     fit: FitArgs,
     #[command(flatten)]
@@ -59,13 +64,63 @@ struct FrameSource {
     frame: Option<i64>,
 }
 
+/// Turns frames onto the first.
+struct Aligner {
+    /// The atoms that are put onto those of the first frame.
+    chosen: Choice,
+    /// These, and their ids, where the file has any.
+    first: Option<(Alignment, Option<Vec<f64>>)>,
+}
+
+impl Aligner {
+    fn new(text: &str, a: &Arguments) -> Result<Aligner> {
+        let select = AtomSelection::parse(text).map_err(|e| Error::argument(format!("--align: {e}")))?;
+        let chosen = Choice { select: Some(select), species: Vec::new(), ..a.particles.opening.choice()? };
+        Ok(Aligner { chosen, first: None })
+    }
+
+    fn aligned(&mut self, source: &FrameSource, all: Particles, context: &CommandContext) -> Result<Particles> {
+        let paths = std::slice::from_ref(&source.path);
+        let mut choice = Choice { frame: source.frame, ..self.chosen.clone() };
+        let (chosen, fields) = choice.read_fields(paths, &Storage::Memory, context)?;
+        let ids = ids(&chosen, &fields)?;
+        if self.first.is_none() {
+            self.first = Some((Alignment::new(&chosen)?, ids.clone()));
+            context.message("note: aligned frames have no periodic box");
+        }
+        let Some((alignment, first)) = &self.first else { return Ok(all) };
+        if ids != *first {
+            let what = "its atoms are in another order than those of the first frame, by which it is aligned";
+            return Err(Error::input_with(source.name(), what, "sort the atoms of each frame by their ids"));
+        }
+        let AlignedFrame { particles, rms_distance } = alignment.apply(&chosen, &all)?;
+        let unit = all.meta.units.length_text().unwrap_or_default();
+        context.message(format!("{}: aligned, RMS distance {rms_distance:.4} {unit}", source.name()).trim_end());
+        Ok(particles)
+    }
+}
+
+/// The ids of atoms, where their file has a field of that name.
+fn ids(particles: &Particles, fields: &[LayerFields]) -> Result<Option<Vec<f64>>> {
+    let mut all = Vec::new();
+    for (layer, fields) in particles.layers().iter().zip(fields) {
+        let Some(number) = fields.fields.iter().position(|f| f.name.eq_ignore_ascii_case("id")) else {
+            return Ok(None);
+        };
+        all.extend(fields.values(number, layer.content.len())?.into_iter().flatten());
+    }
+    Ok(Some(all).filter(|ids| !ids.is_empty()))
+}
+
 /// Frames that are kept until the series is whole.
 struct WorkFolder {
     path: PathBuf,
 }
 
 pub fn run(a: Arguments) -> Result<()> {
-    let options = a.fit.options(&a.particles, a.common.seed)?;
+    let mut options = a.fit.options(&a.particles, a.common.seed)?;
+    let mut aligner = a.align.as_deref().map(|text| Aligner::new(text, &a)).transpose()?;
+    options.read.extend(a.align.iter().map(|text| ("align".to_string(), text.clone())));
     let mut builder = SeriesBuilder::new(options.clone(), a.keyframe_interval)?;
     let context = a.common.clone().start()?;
     let start = Instant::now();
@@ -98,6 +153,10 @@ pub fn run(a: Arguments) -> Result<()> {
                 frames.push(kept);
                 continue;
             }
+        };
+        let particles = match &mut aligner {
+            Some(aligner) => aligner.aligned(source, particles, &context)?,
+            None => particles,
         };
         raw_bytes += particles.raw_bytes();
         let kept = match kept {

@@ -376,3 +376,42 @@ fn pictures_are_about_the_mass_of_a_region_or_of_layers() {
     dir.runs("extract run.pgs --frame 0 -o m.pgs --quiet");
     dir.fails("render m.pgs --frames all --follow a.csv:1 -o no", 2, "--follow has no effect here");
 }
+
+/// A helix of CA atoms with two hydrogens each that turns about z and drifts across the faces of its box, as GRO files.
+fn molecule(dir: &TestFolder, frames: usize) {
+    for frame in 0..frames {
+        let (sine, cosine) = (0.9 * frame as f64).sin_cos();
+        let mut text = format!("helix t= {:.5}\n{:>5}\n", 2.0 * frame as f64, 300);
+        for i in 0..300 {
+            let (t, side) = ((i / 3) as f64 * 0.03, [0.0, 0.08, -0.08][i % 3]);
+            let p = [t - 1.5, 0.5 * (3.0 * t).sin() + side, 0.3 * (3.0 * t).cos() - side];
+            let p = [cosine * p[0] - sine * p[1] + 0.4 * frame as f64, sine * p[0] + cosine * p[1] + 0.2, p[2]];
+            let [x, y, z] = p.map(|v| v.rem_euclid(5.0));
+            let name = ["CA", "H", "H"][i % 3];
+            text += &format!("{:>5}{:<5}{:>5}{:>5}{x:>8.3}{y:>8.3}{z:>8.3}\n", i / 3 + 1, "ALA", name, i + 1);
+        }
+        dir.write(&format!("mol{frame}.gro"), text + "   5.00000   5.00000   5.00000\n");
+    }
+}
+
+#[test]
+fn molecules_are_aligned_onto_the_first_frame() {
+    let dir = TestFolder::new();
+    molecule(&dir, 4);
+    let options = "--gaussians 30 --certificate none --keyframe-interval 2";
+    let all = "series mol0.gro mol1.gro mol2.gro mol3.gro";
+    let mut command = dir.command(&format!("{all} -o run.pgs {options}"));
+    let [_, said] = crate::common::success(command.args(["--align", "name CA"]));
+    assert!(said.contains("aligned frames have no periodic box"), "{said}");
+    let (first, plain) = (dir.says("info run.pgs --frame 0"), format!("{all} -o plain.pgs {options} -q"));
+    dir.runs(&plain);
+    for frame in 1..4 {
+        let other = dir.says(&format!("info run.pgs --frame {frame}"));
+        assert!(other["metadata"]["cell"].is_null());
+        for (end, k) in [("min", 0), ("max", 1), ("max", 2)] {
+            let of = |info: &serde_json::Value| info["metadata"]["bounds"][end][k].as_f64().unwrap();
+            assert!((of(&other) - of(&first)).abs() < 0.01, "{frame} {end} {k}: {} {}", of(&other), of(&first));
+        }
+    }
+    assert!(!dir.says("info plain.pgs --frame 0")["metadata"]["cell"].is_null());
+}

@@ -11,8 +11,7 @@ pub use random::{Purpose, Random};
 pub use sphere::{GaussianInSphere, Rules};
 pub use symmetric::{Eigen, Sym3};
 pub use vector::{Matrix, across, add_product, exp2};
-pub(crate) use vector3::cross;
-pub use vector3::{dot, norm};
+pub use vector3::{cross, dot, norm};
 
 /// What `of` makes of each axis: x, y and z are 0, 1 and 2. A plain array: `std::array::from_fn` takes the compiler
 /// six functions for every closure, and vectors of three are made in hundreds of places.

@@ -6,6 +6,7 @@
 //! precision; raw float32 files have the origin 0 and are never copied. [`SelectedParticles`] is what is
 //! left of a snapshot when it is tiled, cropped and thinned, to be written by any format.
 
+mod align;
 mod box_check;
 mod chunk;
 mod convert;
@@ -29,6 +30,7 @@ mod tile;
 mod units;
 mod write;
 
+pub use align::{AlignedFrame, Alignment};
 pub(crate) use box_check::{ParticlesOutsideBox, check_box, check_particles};
 pub(crate) use chunk::ChunkBuffer;
 pub use chunk::{Chunk, RUN};
