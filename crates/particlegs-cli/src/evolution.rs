@@ -3,6 +3,7 @@
 use crate::common::CommandContext;
 use crate::figure::{self, FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use crate::frame_table::{FrameTable, number};
+use crate::stats_plots::AxisUnits;
 use particlegs_files::output::write_bytes;
 use particlegs_pipeline::codec::{FrameCoding, SeriesClock, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::model::{Metadata, Model, Units, per_length};
@@ -39,21 +40,32 @@ impl<'a> SeriesEvolution<'a> {
     ) -> Result<Self> {
         let mut evolution = Evolution::new(options)?;
         let mut decoder = SeriesDecoder::new(series);
-        let (mut frames, mut found) = (Vec::new(), Vec::new());
+        let (mut frames, mut found, mut without) = (Vec::new(), Vec::new(), None);
         for (number, frame) in series.frames.iter().enumerate() {
             if frame.kind == FrameCoding::Missing {
                 frames.push(None);
                 found.push(None);
                 continue;
             }
-            let model = of(decoder.frame(number, context)?.clone().into_model())?;
+            let model = decoder.frame(number, context)?.clone().into_model();
+            let metadata = model.metadata.clone();
+            // A species may appear later.
+            let model = match of(model) {
+                Ok(model) => model,
+                Err(error) => {
+                    without.get_or_insert(error);
+                    frames.push(Some(Metadata { count: 0, ..metadata }));
+                    found.push(None);
+                    continue;
+                }
+            };
             let own = evolution.measure(&model, &format!("{place}, frame {number}"), context)?;
             context.notes(&own.notes);
             frames.push(Some(model.metadata));
             found.push(Some(own));
         }
-        if frames.iter().all(Option::is_none) {
-            return Err(Error::input(place, "the series has no frames"));
+        if found.iter().all(Option::is_none) {
+            return Err(without.unwrap_or_else(|| Error::input(place, "the series has no frames")));
         }
         let first = found.iter().flatten().next().map_or(&[][..], |f| &f.spectrum);
         let waves = chosen_waves(first);
@@ -170,9 +182,7 @@ impl<'a> SeriesEvolution<'a> {
             let name = format!("k = {}", self.wave_text(k));
             self.curve(&name, i, self.power(k).into_iter().map(|p| p.filter(|p| *p > 0.0)))
         });
-        let volume =
-            self.units.length_text().map(|u| if u.contains(['/', ' ']) { format!("({u})³") } else { format!("{u}³") });
-        let y = PlotAxis::logarithmic(format!("P(k){}", brackets(volume)));
+        let y = PlotAxis::logarithmic(format!("P(k){}", AxisUnits::new(self.units.length_text()).volume));
         let mut figures = vec![vec![plot("power_frames", "Power spectrum over time", y, power.collect())]];
         if self.has_groups() {
             let series = SIZES.iter().enumerate().map(|(i, from)| {
@@ -241,8 +251,10 @@ impl<'a> SeriesEvolution<'a> {
 
     /// The result as JSON.
     pub fn report(&self, path: &Path, options: Value) -> Value {
+        let nothing = FrameStatistics::default();
         let frames = self.found.iter().zip(&self.frames).enumerate().map(|(i, (found, metadata))| {
-            let (Some(found), Some(m)) = (found, metadata) else { return json!({ "frame": i, "kind": "missing" }) };
+            let Some(m) = metadata else { return json!({ "frame": i, "kind": "missing" }) };
+            let found = found.as_ref().unwrap_or(&nothing);
             let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
                 let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
                 SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()

@@ -99,7 +99,7 @@ const RULES: &[OptionRule] = rules! {
     "stats": "joint joint_bins", |g| g.without(&["joint"]) => "the measure `joint`, which --only leaves out";
     "stats": "spectrum_assignment no_interlacing", |g| g.is("convention", "paper") =>
         "--convention correct: the published definitions are fixed";
-    "stats": "convention grid assignment separations pairs rdf_max profile_axis profile_bins centres halo_radius halo_bins aperture neighbours joint joint_bins",
+    "stats": "convention grid assignment separations pairs rdf_max profile_axis profile_bins centres halo_radius halo_bins aperture neighbours joint joint_bins format positions mass_field topology select layers_by box_lengths length_unit mass_unit skip_invalid strict unwrapped gadget_blocks",
         |g| g.series("truth") && !g.has("other") => "two inputs, and a series alone is given";
     "export": "color", |g| g.exports() != Some(Group::Splats) =>
         "splats: it needs an output that ends in .ply, .glb or .gltf";

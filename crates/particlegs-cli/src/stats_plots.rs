@@ -15,14 +15,14 @@ use particlegs_pipeline::stats::{
 use std::path::Path;
 
 /// Axis labels with the unit of length, if it is known.
-struct AxisUnits {
+pub struct AxisUnits {
     length: String,
     wave: String,
-    volume: String,
+    pub volume: String,
 }
 
 impl AxisUnits {
-    fn new(unit: Option<&str>) -> Self {
+    pub fn new(unit: Option<&str>) -> Self {
         let brackets = |of: fn(&str) -> String| unit.map_or(String::new(), |u| format!(" [{}]", of(u)));
         let cubed = |u: &str| if u.contains(['/', ' ']) { format!("({u})³") } else { format!("{u}³") };
         AxisUnits { length: brackets(str::to_string), wave: brackets(per_length), volume: brackets(cubed) }

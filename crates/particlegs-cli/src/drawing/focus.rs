@@ -44,15 +44,27 @@ impl FocusPath {
         context: &CommandContext,
     ) -> Result<Self> {
         let mut decoder = SeriesDecoder::new(series);
-        let mut frames = Vec::new();
+        let (mut frames, mut without) = (Vec::new(), None);
         context.begin("centres of mass", there(series).count() as u64);
         for number in there(series) {
             let model = decoder.frame(number, context)?.clone().into_model();
-            let middle = center.of_model(&model, &format!("{place}, frame {number}"), context)?;
-            frames.push((series.frames[number].time, middle, Domain::from_model(&model)));
+            match center.of_model(&model, &format!("{place}, frame {number}"), context) {
+                Ok(middle) => frames.push((series.frames[number].time, middle, Domain::from_model(&model))),
+                // A species may appear later.
+                Err(error) => {
+                    without.get_or_insert((number, error));
+                }
+            }
             context.advance(1);
         }
         context.end();
+        match without {
+            Some((_, error)) if frames.is_empty() => return Err(error),
+            Some((number, _)) => {
+                context.message(&format!("warning: frame {number} has no mass to be centred on: the camera stays"));
+            }
+            None => {}
+        }
         Ok(FocusPath { frames })
     }
 
@@ -114,7 +126,7 @@ impl FocusPath {
             return *next;
         }
         let (share, way) = ((time - from) / (to - from), domain.shortest_way(each_axis(|k| next[k] - before[k])));
-        in_box(domain, each_axis(|k| before[k] + share * way[k]))
+        domain.in_box(each_axis(|k| before[k] + share * way[k]))
     }
 }
 
@@ -160,11 +172,6 @@ fn expected(found: &[(f64, [f64; 3], Domain)], time: f64) -> [f64; 3] {
         [(_, only, _)] => *only,
         [] => [0.0; 3],
     }
-}
-
-fn in_box(domain: &Domain, place: [f64; 3]) -> [f64; 3] {
-    let local = domain.local(place);
-    each_axis(|k| domain.min[k] + local[k])
 }
 
 /// The model with each Gaussian where it is nearest to a place, in a box that repeats.

@@ -415,3 +415,26 @@ fn molecules_are_aligned_onto_the_first_frame() {
     }
     assert!(!dir.says("info plain.pgs --frame 0")["metadata"]["cell"].is_null());
 }
+
+#[test]
+fn a_species_that_appears_later_leaves_the_first_frames_empty() {
+    let dir = TestFolder::new();
+    let options = "--gaussians 4 --certificate none --quiet";
+    let dark = dir.makes(&format!("compress FIXTURES/species.hdf5 -o dark.pgs --particle-type dm {options}"));
+    let both = dir.makes(&format!("compress FIXTURES/species.hdf5 -o both.pgs --share-gaussians no {options}"));
+    let frame = |time: f64, bytes: Vec<u8>| Some(CodedFrame { time, keyframe: true, bytes });
+    let frames = [frame(1.0, dark), frame(2.0, both)];
+    dir.write("run.pgs", codec::assemble_series(SeriesClock::Time, "", &frames).unwrap());
+    dir.runs("stats run.pgs -o s --only groups --particle-type gas --quiet");
+    let table = rows(&dir.text("s/frames.csv"));
+    assert_eq!((&table[0]["groups_20"][..], &table[0]["particles"][..]), ("", "0"));
+    assert_eq!((&table[1]["groups_100"][..], &table[1]["particles"][..]), ("0", "20"));
+    // The table is replaced by one with other columns.
+    dir.runs("stats run.pgs -o s --only spectrum --spectrum-grid 8 --no-plots --quiet");
+    dir.fails("stats run.pgs -o no --particle-type stars", 2, "no layer `stars`");
+    let film = "render run.pgs --frames all --size 32x24 --save-views views.json -o film";
+    let [_, said] = dir.runs(&format!("{film} --center gas"));
+    assert!(said.contains("warning: frame 0 has no mass to be centred on"), "{said}");
+    let views = cameras(&dir, "views.json");
+    assert_eq!(views[0], views[1]);
+}

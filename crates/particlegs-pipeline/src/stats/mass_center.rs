@@ -84,7 +84,7 @@ impl Domain {
                 break;
             }
         }
-        Some(MassCenter { place: self.in_box(center), filled })
+        Some(MassCenter { place: self.in_box(self.world(center)), filled })
     }
 
     /// The centre of the mass about a place, found by steps from there: each to the mean of the mass in a sphere of a radius
@@ -115,7 +115,7 @@ impl Domain {
                 return None;
             }
             let step = step.map(|v| v / mass);
-            center = self.local_again(each_axis(|k| center[k] + step[k]));
+            center = self.local(self.world(each_axis(|k| center[k] + step[k])));
             if norm(self.shortest_way(each_axis(|k| center[k] - from[k]))) > REACH * radius {
                 return None;
             }
@@ -123,17 +123,17 @@ impl Domain {
                 break;
             }
         }
-        Some(self.in_box(center))
+        Some(self.in_box(self.world(center)))
     }
 
-    /// The place of the world, in the box, that lies so far from the lowest corner.
-    fn in_box(&self, x: [f64; 3]) -> [f64; 3] {
-        let x = self.local_again(x);
+    /// The image of a place in the box, along edges that repeat.
+    pub fn in_box(&self, place: [f64; 3]) -> [f64; 3] {
+        self.world(self.local(place))
+    }
+
+    /// The place that lies so far from the lowest corner.
+    fn world(&self, x: [f64; 3]) -> [f64; 3] {
         each_axis(|k| self.min[k] + x[k])
-    }
-
-    fn local_again(&self, x: [f64; 3]) -> [f64; 3] {
-        self.local(each_axis(|k| self.min[k] + x[k]))
     }
 }
 
