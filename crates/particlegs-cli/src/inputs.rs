@@ -69,7 +69,13 @@ pub fn model_with_snapshot(path: &Path, opening: &mut SnapshotArgs, context: &Co
         return Ok(bytes);
     }
     let bytes = frame_of(bytes, &FrameArgs::numbered(opening.frame), &name_of(path), context)?;
-    opening.frame = codec::read_metadata(&bytes, &name_of(path))?.epoch.frame.and_then(|f| i64::try_from(f).ok());
+    let metadata = codec::read_metadata(&bytes, &name_of(path))?;
+    if metadata.recipe.read.contains_key("align") {
+        let name = name_of(path);
+        context
+            .message(&format!("warning: the frames of {name} were aligned: their places are not those of snapshots"));
+    }
+    opening.frame = metadata.epoch.frame.and_then(|f| i64::try_from(f).ok());
     Ok(bytes)
 }
 

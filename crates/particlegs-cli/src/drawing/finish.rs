@@ -154,7 +154,7 @@ impl Finisher<'_> {
         panel.names.extend(stamp.filter(|_| !self.args.no_annotations).map(|text| ([0.0, 0.0], text.clone())));
         // Circles go where the content goes.
         let about = self.subject.cell.filter(|_| self.subject.center.is_some());
-        let about = about.and_then(|cell| CenteredCell::new(view.camera.focal_point, cell));
+        let about = about.and_then(|cell| CenteredCell::new(view.camera.focal_point, cell.reduced()));
         let moved = |(place, radius): &([f64; 3], f64)| {
             let shift = about.map_or([0.0; 3], |about| about.shift(*place));
             (each_axis(|k| place[k] + shift[k]), *radius)

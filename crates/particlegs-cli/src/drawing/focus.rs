@@ -176,7 +176,7 @@ fn expected(found: &[(f64, [f64; 3], Domain)], time: f64) -> [f64; 3] {
 
 /// The model with each Gaussian where it is nearest to a place, in a box that repeats.
 pub fn centred(mut model: Model, center: [f64; 3]) -> Model {
-    let Some(cell) = model.metadata.cell else { return model };
+    let Some(cell) = model.metadata.cell.map(|cell| cell.reduced()) else { return model };
     let Some(about) = CenteredCell::new(center, cell) else { return model };
     for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {
         let gaussians = &mut block.gaussians;

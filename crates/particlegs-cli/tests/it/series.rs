@@ -414,6 +414,15 @@ fn molecules_are_aligned_onto_the_first_frame() {
         }
     }
     assert!(!dir.says("info plain.pgs --frame 0")["metadata"]["cell"].is_null());
+    for (name, is_told) in [("run", true), ("plain", false)] {
+        let [_, said] = dir.runs(&format!("eval {name}.pgs mol1.gro --frame 1 --frames 1 --size 32x24"));
+        assert_eq!(said.contains("the frames of run.pgs were aligned"), is_told, "{said}");
+    }
+    // Other options make another series.
+    let mut command = dir.command(&format!("{all} -o run.pgs {options}"));
+    crate::common::fails(command.args(["--align", "name H"]), 8, "run.pgs: exists already");
+    let mut command = dir.command(&format!("{all} -o no.pgs {options}"));
+    crate::common::fails(command.args(["--align", "resid 1"]), 2, "atoms that lie on a line");
 }
 
 #[test]

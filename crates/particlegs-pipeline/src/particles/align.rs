@@ -6,8 +6,8 @@ use crate::space::Cell;
 use crate::{Error, Result, parallel};
 use particlegs_core::camera::CenteredCell;
 
-/// Atoms that frames are aligned by, at most: making them whole takes the square of their number.
-const MOST: usize = 20_000;
+/// Atoms that frames are aligned by, at most: all others are looked at beside each of them.
+const MOST: usize = 5000;
 /// Atoms whose second longest spread is below this share of the longest lie on a line.
 const LINE: f64 = 1e-6;
 
@@ -71,12 +71,8 @@ impl Alignment {
             (0..3).map(|k| (at[k] + self.center[k] - to[k]).powi(2)).sum::<f64>()
         };
         let sum: f64 = places.iter().zip(&self.places).map(square).sum();
-        let about = all.meta.cell.and_then(|cell| CenteredCell::new(center, cell.reduced()));
-        let moved = parallel::map_range(all.len(), |i| {
-            let p = all.position(i);
-            let shift = about.map_or([0.0; 3], |about| about.shift(p));
-            turned(each_axis(|k| p[k] + shift[k])).map(|v| v as f32)
-        });
+        let images = MoleculeImages::new(all, &places);
+        let moved = parallel::map_range(all.len(), |i| turned(images.nearest(all.position(i))).map(|v| v as f32));
         let column = |k: usize| Column::owned(moved.iter().map(|p| p[k]).collect());
         let mut particles = all.clone();
         particles.positions = Positions::Columns([column(0), column(1), column(2)]);
@@ -103,6 +99,34 @@ impl Alignment {
         // The third of each by the other two: a rotation, and no reflection.
         let (from, to) = ([u, w, cross(u, w)], [first, second, cross(first, second)]);
         each_axis(|k| each_axis(|a| (0..3).map(|s| to[s][k] * from[s][a]).sum()))
+    }
+}
+
+/// Cells about each of the chosen atoms, in a box that repeats.
+struct MoleculeImages<'a> {
+    about: Vec<(&'a [f64; 3], CenteredCell)>,
+}
+
+impl<'a> MoleculeImages<'a> {
+    fn new(all: &Particles, places: &'a [[f64; 3]]) -> Self {
+        let cell = all.meta.cell.map(|cell| cell.reduced());
+        let about = |p: &'a [f64; 3]| Some((p, CenteredCell::new(*p, cell?)?));
+        MoleculeImages { about: places.iter().filter_map(about).collect() }
+    }
+
+    /// The image of a place that has the nearest chosen atom: about the middle of a long molecule in a tilted box, others
+    /// would tear it apart.
+    fn nearest(&self, p: [f64; 3]) -> [f64; 3] {
+        let mut best = (f64::INFINITY, p);
+        for (place, about) in &self.about {
+            let shift = about.shift(p);
+            let image: [f64; 3] = each_axis(|k| p[k] + shift[k]);
+            let square = (0..3).map(|k| (image[k] - place[k]).powi(2)).sum();
+            if square < best.0 {
+                best = (square, image);
+            }
+        }
+        best.1
     }
 }
 
@@ -186,6 +210,29 @@ mod tests {
         let shaken = chain(2.0, [8.0; 3], 3);
         let found = alignment.apply(&shaken, &shaken).unwrap();
         assert!((0.012..0.022).contains(&found.rms_distance), "{}", found.rms_distance);
+    }
+
+    /// A chain longer than half the box: what hangs on its ends stays there.
+    #[test]
+    fn ends_of_a_long_molecule_stay_on_it() {
+        let long = |angle: f64| {
+            let (sine, cosine) = libm::sincos(angle);
+            let mut columns = [Vec::new(), Vec::new(), Vec::new()];
+            for i in 0..60 {
+                let along = 0.15 * f64::from(i % 30) - 2.0 + if i < 30 { 0.0 } else { 4.5 };
+                let p = [cosine * along + 1.0, sine * along + 2.0, 0.3 * libm::sin(3.0 * along)];
+                (0..3).for_each(|k| columns[k].push(p[k].rem_euclid(10.0) as f32));
+            }
+            let [x, y, z] = columns;
+            let mut p = Particles::from_columns(x, y, z);
+            p.meta.cell = Some(Cell::orthogonal([10.0; 3]));
+            p
+        };
+        let (first, other) = (long(0.0), long(0.6));
+        let found = Alignment::new(&first).unwrap().apply(&other, &other).unwrap();
+        assert!(found.rms_distance < 1e-5);
+        let extent = found.particles.bounds().extent();
+        assert!((extent[0] - 8.85).abs() < 1e-3 && extent[1] < 1e-3, "{extent:?}");
     }
 
     #[test]
