@@ -9,6 +9,7 @@ import numpy as np
 import particlegs
 import pytest
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
+from conftest import series_of, snapshot
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkDataObject
@@ -18,7 +19,6 @@ from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
 import particlegs_reader as plugin
 import particlegs_views as views
-from conftest import series_of, snapshot
 from particlegs_reader import DENSITY, GAUSSIANS, PARTICLES, ParticlegsReader
 
 TIMES = [0.5, 0.6, 0.7]
