@@ -184,6 +184,25 @@ def package() -> Any:
     return particlegs
 
 
+def cells_of(path: str, cells: int) -> int | tuple[int, int, int]:
+    """Give the number of cells of grids of a model, or of all frames of a series.
+
+    Parameters
+    ----------
+    path : str
+        A `.pgs` file.
+    cells : int
+        Cells along the longest edge.
+
+    Returns
+    -------
+    int or three
+        `cells`; of a series those along x, y and z in its first frame. VTK's filters keep the extent of the first time
+        that they see, and would cut off what lies beyond it later.
+    """
+    return cells if read_series(path) is None else _shape(os.fspath(path), *stamp(path), cells)
+
+
 def stamp(path: str) -> tuple[int, int]:
     """Give the time of the last change (ns) and length (bytes) of a file, to detect changes."""
     about = os.stat(path)
@@ -204,6 +223,14 @@ def _read(path: str, changed: int, length: int, moment: float | None) -> Model:
         return package().read(path)
     frames = frames_of(series, moment)
     return series[frames[0]] if len(frames) == 1 else series.at(moment)
+
+
+@functools.lru_cache(maxsize=4)
+def _shape(path: str, changed: int, length: int, cells: int) -> tuple[int, int, int]:
+    series = _read_series(path, changed, length)
+    assert series is not None
+    nx, ny, nz = _read(path, changed, length, moment_of(series, None)).density_grid(cells).shape
+    return nx, ny, nz
 
 
 def one_line(error: BaseException) -> str:
@@ -684,47 +711,33 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
                 if asking >= 0 and port != asking:
                     outputs.GetInformationObject(port).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
             return 1
-        if request.Has(vtkStreamingDemandDrivenPipeline.REQUEST_TIME_DEPENDENT_INFORMATION()):
-            # Frames without a box differ in their bounds, and so in the extent of the grid.
-            if request.Get(vtkDemandDrivenPipeline.FROM_OUTPUT_PORT()) in (-1, DENSITY):
-                self._tell_extent(outputs.GetInformationObject(DENSITY))
-            return 1
         return super().ProcessRequest(request, inputs, outputs)
 
     def RequestInformation(self, _request: Any, _inputs: Any, outputs: Any) -> int:
         """Find the time steps, the layers and the extent of the grid."""
         times: list[float] = []
+        extent: tuple[int, ...] = (0, -1) * 3
         try:
-            series = read_series(self._path) if self._path else None
-            if series is not None:
-                times = times_of(series).tolist()
+            if self._path:
+                series = read_series(self._path)
+                times = [] if series is None else times_of(series).tolist()
+                image = self._make(DENSITY, asked_time(outputs.GetInformationObject(DENSITY)))
+                assert isinstance(image, vtkImageData)
+                extent = image.GetExtent()
         except Exception as error:
             self._tell(error)
         pipeline = vtkStreamingDemandDrivenPipeline
         for port in range(3):
             about = outputs.GetInformationObject(port)
-            for key in (pipeline.TIME_STEPS(), pipeline.TIME_RANGE(), pipeline.TIME_DEPENDENT_INFORMATION()):
-                about.Remove(key)
+            about.Remove(pipeline.TIME_STEPS())
+            about.Remove(pipeline.TIME_RANGE())
             if times:
                 about.Set(pipeline.TIME_STEPS(), times, len(times))
                 about.Set(pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
-                about.Set(pipeline.TIME_DEPENDENT_INFORMATION(), 1)
             if port != DENSITY:
                 about.Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
-        self._tell_extent(outputs.GetInformationObject(DENSITY))
+        outputs.GetInformationObject(DENSITY).Set(pipeline.WHOLE_EXTENT(), extent, 6)
         return 1
-
-    def _tell_extent(self, about: Any) -> None:
-        """Announce the extent of the grid at the time that is asked for."""
-        extent: tuple[int, ...] = (0, -1) * 3
-        try:
-            if self._path:
-                image = self._make(DENSITY, asked_time(about))
-                assert isinstance(image, vtkImageData)
-                extent = image.GetExtent()
-        except Exception as error:
-            self._tell(error)
-        about.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), extent, 6)
 
     def RequestData(self, request: Any, _inputs: Any, outputs: Any) -> int:
         """Make the requested data; if that fails, empty data and an error of one line."""
@@ -811,8 +824,10 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         here = [name for name in (model.fields if o["fields"] else ()) if has_field(model, name, layers)]
         # A sum over particles has no dispersion.
         what = ((n,) if model.fields[n].kind == "sum" else (n, f"dispersion.{n}") for n in here)
-        fields = (tuple(model.grid(n, o["cells"], layers=layers) for n in names) for names in what)
-        return density_of(model.density_grid(o["cells"], layers=layers), facts, fields)
+        assert self._path is not None
+        cells = cells_of(self._path, o["cells"])
+        fields = (tuple(model.grid(n, cells, layers=layers) for n in names) for names in what)
+        return density_of(model.density_grid(cells, layers=layers), facts, fields)
 
     def _progress(self, _phase: str, done: int, total: int) -> None:
         if total > 0:

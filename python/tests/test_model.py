@@ -115,6 +115,15 @@ def test_the_grid_sums_to_the_mass(model):
     assert abs((rho.sum() * rho.cell_volume + rho.outside) / 3000 - 1) < 1e-6
 
 
+def test_cells_along_each_axis(model):
+    rho = model.density_grid((8, 16, 32))
+    assert rho.shape == (8, 16, 32) and np.allclose(rho.spacing, (25 / 8, 25 / 16, 25 / 32))
+    fine = model.density_grid(32)
+    assert np.allclose(fine.reshape(8, 4, 16, 2, 32).mean(axis=(1, 3)), rho, rtol=1e-4, atol=1e-4 * rho.mean())
+    with pytest.raises(pg.InputError, match="cells per edge"):
+        model.density_grid((8, 0, 8))
+
+
 def test_the_grid_is_the_average_of_points(model):
     rho = model.density_grid(8)
     rng = np.random.default_rng(4)
