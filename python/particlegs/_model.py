@@ -405,7 +405,7 @@ class Model:
             plus the mass beyond open edges (`Grid.outside`), is the total mass to one in a million.
         """
         names = _coerce.names(layers)
-        values, origin, spacing, outside = self._native.density_grid(cells, names, threads)
+        values, origin, spacing, outside = self._native.density_grid(_coerce.cells(cells), names, threads)
         return Grid._of(
             values,
             origin=tuple(origin),
@@ -441,7 +441,9 @@ class Model:
             `Grid.outside` is NaN.
         """
         name, dispersion = self._field(field)
-        values, origin, spacing = self._native.field_grid(name, dispersion, cells, _coerce.names(layers), threads)
+        values, origin, spacing = self._native.field_grid(
+            name, dispersion, _coerce.cells(cells), _coerce.names(layers), threads
+        )
         return Grid._of(
             values,
             origin=tuple(origin),
