@@ -9,7 +9,7 @@ import numpy as np
 import particlegs
 import pytest
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
-from conftest import series_of, snapshot
+from series_files import series_of, snapshot
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkDataObject
