@@ -145,6 +145,10 @@ pub fn run(a: Arguments) -> Result<()> {
     if a.link && !paged {
         return Err(Error::argument(format!("--link is for pages, not for .{}", kind.ending())));
     }
+    if a.link && a.series.is_given() {
+        let what = "--link leaves the whole file beside the page, so it takes no --frame or --time";
+        return Err(Error::argument_with(what, "extract the frame first, or leave out --link"));
+    }
     let bytes = if paged && !a.series.is_given() {
         inputs::model_or_series(&a.model, &context)?
     } else {
