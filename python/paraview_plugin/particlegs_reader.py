@@ -1,4 +1,4 @@
-"""ParaView plug-in: shows `.pgs` models as a density, as synthetic particles and as Gaussians.
+"""ParaView plug-in: shows `.pgs` models and series as a density, as synthetic particles and as Gaussians.
 
 Load this file in ParaView (Tools, Manage Plugins, Load New), or run it there as a script. A script also works if
 the plug-in manager cannot load plug-ins (ParaView 5.11 with Python 3.11 or newer). ParaView's Python must be able
@@ -43,7 +43,7 @@ from vtkmodules.vtkCommonExecutionModel import (
 Method = Literal["count", "volume", "ellipsoid", "grid", "stratified", "spaced"]
 
 if TYPE_CHECKING:
-    from particlegs import Grid, Model, Snapshot
+    from particlegs import Grid, Model, Series, Snapshot
 
 if not hasattr(inspect, "getargspec"):
     # ParaView 5.11's decorators need it, but Python 3.11 removed it. They use only `args`.
@@ -80,13 +80,15 @@ LEAST_VOLUME = 1e-30
 # Models
 
 
-def read_model(path: str) -> Model:
-    """Read a model file; it is cached until the file changes.
+def read_model(path: str, time: float | None = None) -> Model:
+    """Read a model, alone in its file or of a series; it is cached until the file changes.
 
     Parameters
     ----------
     path : str
         A `.pgs` file.
+    time : float, optional
+        A time of a series; see `moment_of`.
 
     Returns
     -------
@@ -96,11 +98,71 @@ def read_model(path: str) -> Model:
     ------
     RuntimeError
         If this Python does not have the package.
-    OSError, particlegs.Error
+    OSError, particlegs.InputError, particlegs.ModelError
         If the file cannot be read or is not a model.
     """
+    series = read_series(path)
+    return _read(os.fspath(path), *stamp(path), None if series is None else moment_of(series, time))
+
+
+def read_series(path: str) -> Series | None:
+    """Read a series; it is cached until the file changes.
+
+    Parameters
+    ----------
+    path : str
+        A `.pgs` file.
+
+    Returns
+    -------
+    particlegs.Series or None
+        None if the file does not begin like a series.
+
+    Raises
+    ------
+    RuntimeError
+        If this Python does not have the package.
+    OSError, particlegs.ModelError
+        If the file cannot be read or is corrupt.
+    """
     package()
-    return _read(os.fspath(path), *stamp(path))
+    return _read_series(os.fspath(path), *stamp(path))
+
+
+def times_of(series: Series) -> np.ndarray:
+    """Give what the clock of a series shows for each frame that is there, (n,), rising; there is at least one."""
+    times = series.times[np.isfinite(series.times)]
+    if times.size == 0:
+        raise ValueError(f"{series.name}: all frames of the series are missing")
+    return times
+
+
+def moment_of(series: Series, time: float | None) -> float:
+    """Give the time at which a series is shown.
+
+    Parameters
+    ----------
+    series : particlegs.Series
+    time : float or None
+        What the clock of the series shows; None for the first frame.
+
+    Returns
+    -------
+    float
+        The time of the first or the last frame where it would lie outside the series, and that of a frame where it
+        differs from that by rounding alone.
+    """
+    times = times_of(series)
+    if time is None:
+        return float(times[0])
+    near = times[np.isclose(times, time, rtol=1e-6, atol=0.0)]
+    return float(near[0] if near.size else np.clip(time, times[0], times[-1]))
+
+
+def frames_of(series: Series, moment: float) -> list[int]:
+    """Give the number of the frame at a time of `moment_of`; between frames those of both."""
+    before, after = np.flatnonzero(series.times <= moment)[-1], np.flatnonzero(series.times >= moment)[0]
+    return sorted({int(before), int(after)})
 
 
 def package() -> Any:
@@ -122,15 +184,53 @@ def package() -> Any:
     return particlegs
 
 
+def cells_of(path: str, cells: int) -> int | tuple[int, int, int]:
+    """Give the number of cells of grids of a model, or of all frames of a series.
+
+    Parameters
+    ----------
+    path : str
+        A `.pgs` file.
+    cells : int
+        Cells along the longest edge.
+
+    Returns
+    -------
+    int or three
+        `cells`; of a series those along x, y and z in its first frame. VTK's filters keep the extent of the first time
+        that they see, and would cut off what lies beyond it later.
+    """
+    return cells if read_series(path) is None else _shape(os.fspath(path), *stamp(path), cells)
+
+
 def stamp(path: str) -> tuple[int, int]:
     """Give the time of the last change (ns) and length (bytes) of a file, to detect changes."""
     about = os.stat(path)
     return about.st_mtime_ns, about.st_size
 
 
+@functools.lru_cache(maxsize=2)
+def _read_series(path: str, _changed: int, _length: int) -> Series | None:
+    from particlegs._series import is_series
+
+    return package().Series(path) if is_series(path) else None
+
+
 @functools.lru_cache(maxsize=4)
-def _read(path: str, _changed: int, _length: int) -> Model:
-    return package().read(path)
+def _read(path: str, changed: int, length: int, moment: float | None) -> Model:
+    series = _read_series(path, changed, length)
+    if series is None or moment is None:
+        return package().read(path)
+    frames = frames_of(series, moment)
+    return series[frames[0]] if len(frames) == 1 else series.at(moment)
+
+
+@functools.lru_cache(maxsize=4)
+def _shape(path: str, changed: int, length: int, cells: int) -> tuple[int, int, int]:
+    series = _read_series(path, changed, length)
+    assert series is not None
+    nx, ny, nz = _read(path, changed, length, moment_of(series, None)).density_grid(cells).shape
+    return nx, ny, nz
 
 
 def one_line(error: BaseException) -> str:
@@ -207,6 +307,7 @@ def add_field(data: vtkDataObject, field: str, values: Iterable[np.ndarray], uni
 
 def facts_of(model: Model) -> dict[str, object]:
     """List the field data that every output has."""
+    about = model.metadata
     return {
         "model": model.name,
         "length_unit": model.length_unit,
@@ -216,6 +317,10 @@ def facts_of(model: Model) -> dict[str, object]:
         "default_radius": model.radius,
         "default_opacity": model.opacity,
         "verdict": str(model.verdict),
+        "scale_factor": about["scale_factor"],
+        "redshift": about["redshift"],
+        "time": about["time"],
+        "time_step": about["step"],
     }
 
 
@@ -273,7 +378,9 @@ def has_field(model: Model, name: str, layers: list[str] | None) -> bool:
     )
 
 
-def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlockDataSet:
+def gaussians_of(
+    model: Model, layers: list[str] | None = None, facts: Mapping[str, object] | None = None
+) -> vtkMultiBlockDataSet:
     """Make a block of points for each layer, with a point for each Gaussian.
 
     Parameters
@@ -281,6 +388,8 @@ def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlock
     model : particlegs.Model
     layers : list of str, optional
         Names of the layers to use; all by default.
+    facts : mapping, optional
+        Field data, see `annotate`; those of `facts_of` by default.
 
     Returns
     -------
@@ -291,14 +400,15 @@ def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlock
     """
     gaussians = model.gaussians
     blocks = vtkMultiBlockDataSet()
-    annotate(blocks, facts_of(model))
+    facts = facts_of(model) if facts is None else facts
+    annotate(blocks, facts)
     for name, rows in gaussians.layers.items():
         if layers is not None and name not in layers:
             continue
         covariances, counts = gaussians.covariances[rows], gaussians.counts[rows]
         roots, deviations = square_roots(covariances)
         block = vertices(np.asarray(gaussians.means[rows], dtype=np.float64))
-        annotate(block, {"layer": name, **facts_of(model)})
+        annotate(block, {"layer": name, **facts})
         of_points = block.GetPointData()
         of_points.AddArray(column("counts", counts))
         if gaussians.masses is not None:
@@ -426,14 +536,23 @@ class _Stopped(Exception):
     """The user stopped the work."""
 
 
+def asked_time(about: Any) -> float | None:
+    """Give the time that the information of an output asks for, or None."""
+    key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+    return float(about.Get(key)) if about.Has(key) else None
+
+
 PROPERTIES = """
 <OutputPort name="Density" index="0"/>
 <OutputPort name="Recovered particles" index="1"/>
 <OutputPort name="Gaussians" index="2"/>
 <StringVectorProperty name="FileName" command="SetFileName" number_of_elements="1" panel_visibility="never">
   <FileListDomain name="files"/>
-  <Documentation>Model file written by particlegs.</Documentation>
+  <Documentation>Model file or series written by particlegs.</Documentation>
 </StringVectorProperty>
+<DoubleVectorProperty name="TimestepValues" repeatable="1" information_only="1" si_class="vtkSITimeStepsProperty">
+  <Documentation>Scale factor, time, time step or number of each frame of a series.</Documentation>
+</DoubleVectorProperty>
 <StringVectorProperty name="LayersInfo" command="GetLayers" number_of_elements_per_command="2"
     information_only="1" si_class="vtkSIDataArraySelectionProperty"/>
 <StringVectorProperty name="Layers" command="GetLayers" information_property="LayersInfo" repeat_command="1"
@@ -500,7 +619,7 @@ PROPERTIES = """
 @smhint.xml('<View type="None" port="2"/>')
 @smproperty.xml(PROPERTIES)
 class ParticlegsReader(VTKPythonAlgorithmBase):
-    """Reads a `.pgs` model.
+    """Reads a `.pgs` model, or a series, whose frames are time steps.
 
     Output 0 is the density on a grid, unless it is switched off by `SetComputeDensity`. Output 1 contains particles
     drawn from the Gaussians if `SetRecoverParticles` is on; it is off by default because ParaView updates all outputs
@@ -529,10 +648,11 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
     # Properties
 
     def SetFileName(self, path: str | None) -> None:
-        """Set the model file."""
+        """Set the model file or series."""
         if path != self._path:
             self._path = path
             self._layers.RemoveAllArrays()
+            self._made.clear()
             self.Modified()
 
     def GetLayers(self) -> vtkDataArraySelection:
@@ -594,21 +714,29 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         return super().ProcessRequest(request, inputs, outputs)
 
     def RequestInformation(self, _request: Any, _inputs: Any, outputs: Any) -> int:
-        """Find the layers and the extent of the grid."""
+        """Find the time steps, the layers and the extent of the grid."""
+        times: list[float] = []
         extent: tuple[int, ...] = (0, -1) * 3
         try:
             if self._path:
-                model = read_model(self._path)
-                self._list_layers(model)
-                image = self._make(DENSITY)
+                series = read_series(self._path)
+                times = [] if series is None else times_of(series).tolist()
+                image = self._make(DENSITY, asked_time(outputs.GetInformationObject(DENSITY)))
                 assert isinstance(image, vtkImageData)
                 extent = image.GetExtent()
         except Exception as error:
             self._tell(error)
-        about = outputs.GetInformationObject(DENSITY)
-        about.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), extent, 6)
-        for port in (GAUSSIANS, PARTICLES):
-            outputs.GetInformationObject(port).Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
+        pipeline = vtkStreamingDemandDrivenPipeline
+        for port in range(3):
+            about = outputs.GetInformationObject(port)
+            about.Remove(pipeline.TIME_STEPS())
+            about.Remove(pipeline.TIME_RANGE())
+            if times:
+                about.Set(pipeline.TIME_STEPS(), times, len(times))
+                about.Set(pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
+            if port != DENSITY:
+                about.Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
+        outputs.GetInformationObject(DENSITY).Set(pipeline.WHOLE_EXTENT(), extent, 6)
         return 1
 
     def RequestData(self, request: Any, _inputs: Any, outputs: Any) -> int:
@@ -623,7 +751,11 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             try:
                 if not self._path:
                     raise ValueError("no file is chosen: set FileName to a .pgs file")
-                output.ShallowCopy(self._make(port))
+                time = asked_time(about)
+                output.ShallowCopy(self._make(port, time))
+                series = read_series(self._path)
+                if series is not None:
+                    output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), moment_of(series, time))
             except _Stopped:
                 pass
             except Exception as error:
@@ -641,31 +773,39 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             self._layers.AddArray(layer["name"])
         self._listing = False
 
-    def _make(self, port: int) -> vtkDataObject:
-        """Give the data of an output, cached until its options change."""
+    def _make(self, port: int, time: float | None) -> vtkDataObject:
+        """Give the data of an output at a time of a series, cached until its options or the frame change."""
         assert self._path is not None
-        chosen = [self._layers.GetArrayName(i) for i in range(self._layers.GetNumberOfArrays())]
-        layers = [name for name in chosen if self._layers.ArrayIsEnabled(name)]
+        series = read_series(self._path)
+        moment = None if series is None else moment_of(series, time)
+        listed = map(self._layers.GetArrayName, range(self._layers.GetNumberOfArrays()))
+        off = tuple(name for name in listed if not self._layers.ArrayIsEnabled(name))
         o = self._options
         depends = {
             DENSITY: (o["density"], o["cells"], o["fields"]),
             PARTICLES: (o["recover"], o["number"], o["method"], o["seed"]),
             GAUSSIANS: (),
         }[port]
-        key = (self._path, stamp(self._path), tuple(layers), depends)
+        key = (self._path, stamp(self._path), moment, off, depends)
         known = self._made.get(port)
         if known is None or known[0] != key:
-            model = read_model(self._path)
-            some = None if len(layers) == len(chosen) else layers
+            model = read_model(self._path, moment)
+            # A particle type may appear in a later frame.
+            self._list_layers(model)
+            facts = facts_of(model)
+            if series is not None and moment is not None:
+                facts["frame"] = frames_of(series, moment)
+            names = [layer["name"] for layer in model.layers]
+            layers = [name for name in names if name not in off]
             self._made.pop(port, None)
-            self._made[port] = known = (key, self._compute(port, model, some))
+            self._made[port] = known = (key, self._compute(port, model, None if layers == names else layers, facts))
         return known[1]
 
-    def _compute(self, port: int, model: Model, layers: list[str] | None) -> vtkDataObject:
+    def _compute(self, port: int, model: Model, layers: list[str] | None, facts: Mapping[str, object]) -> vtkDataObject:
         """Compute the data of an output."""
         o = self._options
         if port == GAUSSIANS:
-            return gaussians_of(model, layers)
+            return gaussians_of(model, layers, facts)
         if layers == []:
             return vtkPolyData() if port == PARTICLES else vtkImageData()
         if port == PARTICLES:
@@ -677,15 +817,17 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             )
             words = f"drawn from the model {model.name} by method {method}, seed {o['seed']}: not simulated"
             units = {f"{name}_unit": field.unit for name, field in model.fields.items()}
-            return particles_of(snapshot, {"SYNTHETIC": words, **units, **facts_of(model)})
+            return particles_of(snapshot, {"SYNTHETIC": words, **units, **facts})
         # Alpha-blend models have opacities, not masses.
         if not o["density"] or model.law == "alpha-blend":
             return vtkImageData()
         here = [name for name in (model.fields if o["fields"] else ()) if has_field(model, name, layers)]
         # A sum over particles has no dispersion.
         what = ((n,) if model.fields[n].kind == "sum" else (n, f"dispersion.{n}") for n in here)
-        fields = (tuple(model.grid(n, o["cells"], layers=layers) for n in names) for names in what)
-        return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model), fields)
+        assert self._path is not None
+        cells = cells_of(self._path, o["cells"])
+        fields = (tuple(model.grid(n, cells, layers=layers) for n in names) for names in what)
+        return density_of(model.density_grid(cells, layers=layers), facts, fields)
 
     def _progress(self, _phase: str, done: int, total: int) -> None:
         if total > 0:

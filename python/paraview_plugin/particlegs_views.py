@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCamera, vtkImageMapper, vtkRenderer
 
 import particlegs_reader
-from particlegs_reader import package, read_model, report
+from particlegs_reader import package, read_model, read_series, report
 
 if TYPE_CHECKING:
     from particlegs import Camera, Model, Snapshot
@@ -60,6 +61,8 @@ class Picture:
         `paraview`, `paraview-no-fxaa` or `expected`.
     like : representation proxy, optional
         A Point Gaussian representation whose radius and opacity are used instead.
+    follow : function, optional
+        Gives the model to draw, whenever the renderer draws.
     """
 
     def __init__(
@@ -71,8 +74,9 @@ class Picture:
         opacity: float | None = None,
         style: Literal["paraview", "paraview-no-fxaa", "expected"] = "paraview",
         like: Any = None,
+        follow: Callable[[], Model] | None = None,
     ) -> None:
-        self.model, self.renderer, self.style, self.like = model, renderer, style, like
+        self.model, self.renderer, self.style, self.like, self.follow = model, renderer, style, like, follow
         self.radius = model.radius if radius is None else radius
         self.opacity = model.opacity if opacity is None else opacity
         self.pixels = np.zeros((1, 1), dtype=np.uint8)
@@ -99,7 +103,9 @@ class Picture:
             report(error)
 
     def _update(self) -> None:
-        """Draw if the camera, size, radius, opacity or style has changed."""
+        """Draw if the model, camera, size, radius, opacity or style has changed."""
+        if self.follow is not None:
+            self.model = self.follow()
         if self.like is not None:
             self.radius, self.opacity = float(self.like.GaussianRadius), float(self.like.Opacity)
         # The size of the whole picture, even if it is drawn in tiles.
@@ -108,7 +114,7 @@ class Picture:
         size = (max(1, width // coarse), max(1, height // coarse))
         camera = camera_of(self.renderer.GetActiveCamera(), self.renderer.GetRenderWindow().GetTileScale()[1])
         at = (camera.position, camera.focal_point, camera.view_up, camera.fov_deg, camera.height)
-        asked = (at, size, self.radius, self.opacity, self.style)
+        asked = (self.model, at, size, self.radius, self.opacity, self.style)
         if asked == self._asked:
             return
         # Set before drawing, so that an error is reported once.
@@ -263,7 +269,7 @@ def show_picture(model: Model | str, view: Any, **options: Any) -> Picture:
     Parameters
     ----------
     model : particlegs.Model or str
-        A model or its path.
+        A model, its path, or the path of a series, which is drawn at the view's time.
     view : render view proxy
     **options
         Keywords of `Picture`.
@@ -276,8 +282,16 @@ def show_picture(model: Model | str, view: Any, **options: Any) -> Picture:
     dress(view)
     # The picture is already antialiased.
     view.UseFXAA = 0
-    found = read_model(model) if isinstance(model, str) else model
-    picture = Picture(found, view.SMProxy.GetRenderer(), **options)
+    if isinstance(model, str):
+        path = model
+
+        def now() -> Model:
+            return read_model(path, float(view.ViewTime))
+
+        if read_series(path) is not None:
+            options["follow"] = now
+        model = now()
+    picture = Picture(model, view.SMProxy.GetRenderer(), **options)
     _pictures[view.SMProxy.GetGlobalID()] = picture
     return picture
 

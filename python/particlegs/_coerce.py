@@ -117,6 +117,17 @@ def field(given: Any, name: str) -> tuple[Optional[str], Float64]:
     return unit, np.require(array, np.float64, ["C", "A"])
 
 
+def cells(given: Any) -> Union[int, list[int]]:
+    """Numbers of cells: along the longest edge, or along x, y and z."""
+    try:
+        numbers = [operator.index(n) for n in np.atleast_1d(given)]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) not in (1, 3) or min(numbers) < 1:
+        raise InputError(f"cells must be one or three whole numbers from 1, not {given!r}")
+    return numbers if len(numbers) == 3 else numbers[0]
+
+
 def size_of(given: Any) -> tuple[int, int]:
     """Width and height in pixels."""
     try:

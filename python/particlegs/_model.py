@@ -21,6 +21,7 @@ from ._snapshot import Snapshot, as_snapshot
 from ._types import (
     Axis,
     Bytes8,
+    Cells,
     Extent,
     Float32,
     Float64,
@@ -383,13 +384,15 @@ class Model:
             values, extent=window.extent, unit=unit or "", axes=window.axes, title=title, scale=scale, **known
         )
 
-    def density_grid(self, cells: int = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None) -> Grid:
+    def density_grid(
+        self, cells: Cells = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None
+    ) -> Grid:
         """Density averaged over the cells of a grid: the integral of the mixture over each cell, without shot noise.
 
         Parameters
         ----------
-        cells : int
-            Cells along the longest edge of the box (or of the bounds if nothing is periodic).
+        cells : int or three
+            Cells along the longest edge of the box (or of the bounds if nothing is periodic), or along x, y and z.
         layers : sequence of str, optional
             Layers to include; all by default.
         threads : int, optional
@@ -402,7 +405,7 @@ class Model:
             plus the mass beyond open edges (`Grid.outside`), is the total mass to one in a million.
         """
         names = _coerce.names(layers)
-        values, origin, spacing, outside = self._native.density_grid(cells, names, threads)
+        values, origin, spacing, outside = self._native.density_grid(_coerce.cells(cells), names, threads)
         return Grid._of(
             values,
             origin=tuple(origin),
@@ -416,7 +419,7 @@ class Model:
         )
 
     def grid(
-        self, field: str, cells: int = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None
+        self, field: str, cells: Cells = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None
     ) -> Grid:
         """Mean of a field over each cell of the grid of `density_grid`, weighted by density.
 
@@ -424,8 +427,8 @@ class Model:
         ----------
         field : str
             A field's name, such as ``"velocity"``, or its dispersion: ``"dispersion.velocity"``.
-        cells : int
-            Cells along the longest edge of the box (or of the bounds if nothing is periodic).
+        cells : int or three
+            Cells along the longest edge of the box (or of the bounds if nothing is periodic), or along x, y and z.
         layers : sequence of str, optional
             Layers to include; all by default. Layers without the field add nothing.
         threads : int, optional
@@ -438,7 +441,9 @@ class Model:
             `Grid.outside` is NaN.
         """
         name, dispersion = self._field(field)
-        values, origin, spacing = self._native.field_grid(name, dispersion, cells, _coerce.names(layers), threads)
+        values, origin, spacing = self._native.field_grid(
+            name, dispersion, _coerce.cells(cells), _coerce.names(layers), threads
+        )
         return Grid._of(
             values,
             origin=tuple(origin),

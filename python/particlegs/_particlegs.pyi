@@ -162,14 +162,17 @@ class Model:
     ) -> NDArray[np.float64]: ...
     def density_unit(self, power: int, layers: Optional[Sequence[str]] = None) -> str: ...
     def density_grid(
-        self, cells: int, layers: Optional[Sequence[str]] = None, threads: Optional[int] = None
+        self,
+        cells: Union[int, Sequence[int]],
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
     ) -> tuple[NDArray[np.float64], list[float], list[float], float]: ...
     def field_unit(self, field: str, dispersion: bool) -> Optional[str]: ...
     def field_grid(
         self,
         field: str,
         dispersion: bool,
-        cells: int,
+        cells: Union[int, Sequence[int]],
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
     ) -> tuple[NDArray[np.float64], list[float], list[float]]: ...

@@ -14,6 +14,8 @@ Path = Union[str, "os.PathLike[str]"]
 Progress = Union[bool, Callable[[str, int, int], object], None]
 #: One or more names.
 Names = Union[str, Sequence[str]]
+#: Cells of a grid: along the longest edge, or along x, y and z.
+Cells = Union[int, tuple[int, int, int]]
 #: An array of numbers of any type.
 Numbers = NDArray[Any]
 #: Left, right, bottom, top.

@@ -10,6 +10,24 @@ use particlegs_pipeline::model::{LawKind, Mass, Model};
 use particlegs_pipeline::stats::{Domain, field_in_cells};
 use pyo3::prelude::*;
 
+/// How many cells a grid has.
+#[derive(FromPyObject)]
+pub enum CellNumbers {
+    /// Along the longest edge.
+    Longest(usize),
+    /// Along x, y and z.
+    Each([usize; 3]),
+}
+
+impl From<CellNumbers> for Cells {
+    fn from(numbers: CellNumbers) -> Cells {
+        match numbers {
+            CellNumbers::Longest(n) => Cells::Along(n),
+            CellNumbers::Each(cells) => Cells::Numbers(cells),
+        }
+    }
+}
+
 /// Refuses models without densities, and layers that cannot be added.
 pub fn refuse_without_masses(model: &Model, shown: &[bool]) -> PyResult<()> {
     if model.metadata.law == LawKind::AlphaBlend {
@@ -30,12 +48,12 @@ pub fn refuse_without_masses(model: &Model, shown: &[bool]) -> PyResult<()> {
 pub fn grid<'py>(
     py: Python<'py>,
     model: &Model,
-    cells: usize,
+    cells: CellNumbers,
     threads: Option<usize>,
 ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
     refuse_without_masses(model, &vec![true; model.layers.len()])?;
     let how = WorkOptions::quietly(threads);
-    let density = how.run(py, |progress| Density::new(model, Cells::Along(cells), progress))?;
+    let density = how.run(py, |progress| Density::new(model, cells.into(), progress))?;
     let values: Vec<f64> = density.values.iter().map(|v| f64::from(*v)).collect();
     let array = ArrayD::from_shape_vec(IxDyn(&density.grid.cells), values);
     let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
@@ -47,11 +65,11 @@ pub fn field_grid<'py>(
     py: Python<'py>,
     model: &Model,
     (field, dispersion): (&str, bool),
-    cells: usize,
+    cells: CellNumbers,
     threads: Option<usize>,
 ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {
     let (grid, found) = WorkOptions::quietly(threads).run(py, |progress| {
-        let grid = Cells::Along(cells).over_model(model)?;
+        let grid = Cells::from(cells).over_model(model)?;
         Ok((grid, field_in_cells(model, field, &grid, progress)?))
     })?;
     let columns = if dispersion { found.dispersion } else { found.mean };

@@ -1,6 +1,6 @@
 //! A model: its bytes, its Gaussians, pictures and densities.
 
-use crate::density;
+use crate::density::{self, CellNumbers};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::gaussians::Gaussians;
 use crate::pictures::{self, CameraArgs, ViewDefaults};
@@ -325,7 +325,7 @@ impl Model {
     fn density_grid<'py>(
         &self,
         py: Python<'py>,
-        cells: usize,
+        cells: CellNumbers,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
@@ -345,7 +345,7 @@ impl Model {
         py: Python<'py>,
         field: &str,
         dispersion: bool,
-        cells: usize,
+        cells: CellNumbers,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {

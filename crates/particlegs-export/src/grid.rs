@@ -16,6 +16,8 @@ const USUAL: usize = 128;
 pub enum Cells {
     /// So many cells along the longest edge.
     Along(usize),
+    /// So many cells along each axis.
+    Numbers([usize; 3]),
     /// Cells of about this length.
     OfSide(f64),
 }
@@ -36,9 +38,16 @@ impl Cells {
 
     /// The grid over a domain. Cells of a given length become as long as divides the box.
     fn over(self, domain: &Domain) -> Result<Grid> {
+        let checked = |n: usize| match n {
+            1..=MOST => Ok(()),
+            _ => Err(Error::argument(format!("{n} cells per edge is outside 1 to {MOST}"))),
+        };
         match self {
-            Cells::Along(n) if (1..=MOST).contains(&n) => Ok(Grid::new(domain, n)),
-            Cells::Along(n) => Err(Error::argument(format!("{n} cells per edge is outside 1 to {MOST}"))),
+            Cells::Along(n) => checked(n).map(|()| Grid::new(domain, n)),
+            Cells::Numbers(cells) => {
+                cells.into_iter().try_for_each(checked)?;
+                Ok(Grid::stretched(domain, cells))
+            }
             Cells::OfSide(side) if side.is_finite() && side > 0.0 => {
                 let cells = domain.length.map(|l| (l / side).round().max(1.0));
                 if let Some(n) = cells.iter().find(|n| **n > MOST as f64) {

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import particlegs
 import pytest
+from series_files import series_of, snapshot
+from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
 PLUGIN = Path(__file__).resolve().parents[1]
 SAMPLE = PLUGIN.parents[1] / "samples" / "nbody64"
@@ -51,3 +54,26 @@ def cloud(folder: Path) -> Path:
     path = folder / "cloud.pgs"
     particlegs.compress(snapshot, gaussians=1).save(path)
     return path
+
+
+@pytest.fixture
+def messages() -> Iterator[vtkStringOutputWindow]:
+    """Catch the messages that VTK would show."""
+    before, window = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    yield window
+    vtkOutputWindow.SetInstance(before)
+
+
+@pytest.fixture(scope="session")
+def snapshots(folder: Path) -> list[Path]:
+    """Write a cloud that grows along x, at the scale factors 0.5, 0.6 and 0.7."""
+    points = np.random.default_rng(3).normal(50.0, 8.0, (4000, 3))
+    places = [(points - 50.0) * (1.0 + 0.5 * i, 1.0, 1.0) + 50.0 for i in range(3)]
+    return [snapshot(folder / f"snap_{i}.hdf5", 0.5 + 0.1 * i, dm=x) for i, x in enumerate(places)]
+
+
+@pytest.fixture(scope="session")
+def run(folder: Path, snapshots: list[Path]) -> Path:
+    """Make a series of three frames."""
+    return series_of(snapshots, folder / "run.pgs")

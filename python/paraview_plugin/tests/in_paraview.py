@@ -5,9 +5,11 @@ pvbatch in_paraview.py SNAPSHOT FOLDER
 
 from __future__ import annotations
 
+import json
 import os
 import runpy
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -162,6 +164,45 @@ def check_picture(model_file: str, truth_file: str, folder: Path) -> None:
     assert levels(path).mean() > 1.5 * ours.mean()
 
 
+def check_series(snapshot: str, folder: Path) -> None:
+    """Check that the frames of a series are time steps, and that a picture follows the time."""
+    import particlegs_views as views
+
+    for frame, redshift in enumerate((1.0, 0.0)):
+        shutil.copytree(snapshot, folder / f"frame_{frame}")
+        about = folder / f"frame_{frame}" / "meta.json"
+        about.write_text(json.dumps({**json.loads(about.read_text()), "redshift": redshift}))
+        column = about.with_name("xx.f32")
+        ((np.fromfile(column, np.float32) + 5.0 * frame) % 25.0).astype(np.float32).tofile(column)
+    series_file = str(folder / "run.pgs")
+    # The wheel's command lies beside the package.
+    command = os.environ.get("PARTICLEGS", str(Path(particlegs.__file__).parents[1] / "bin" / "particlegs"))
+    frames = [folder / f"frame_{frame}" for frame in range(2)]
+    subprocess.run([command, "series", *frames, "-o", series_file, "--ratio", "300", "--quiet"], check=True)
+    series = particlegs.Series(series_file)
+    reader = simple.OpenDataFile(series_file)
+    assert list(reader.TimestepValues) == [0.5, 1.0]
+    reader.Resolution = 20
+    view = simple.CreateView("RenderView")
+    simple.Show(reader, view)
+    gaussians = simple.Show(simple.OutputPort(reader, 2), view)
+    gaussians.SetRepresentationType("Points")
+    scene = simple.GetAnimationScene()
+    scene.UpdateAnimationUsingDataTimeSteps()
+    picture = views.show_picture(series_file, view)
+    for time, model in ((1.0, series[1]), (0.5, series[0]), (0.75, series.at(0.75)), (1.0, series[1])):
+        scene.AnimationTime = time
+        simple.Render(view)
+        block = servermanager.Fetch(reader, idx=2).GetBlock(0)
+        np.testing.assert_array_equal(vtk_to_numpy(block.GetPoints().GetData()), model.gaussians.means)
+        density = vtk_to_numpy(servermanager.Fetch(reader, idx=0).GetCellData().GetArray("density"))
+        np.testing.assert_array_equal(density, np.asarray(model.density_grid(20)).ravel(order="F"))
+        np.testing.assert_array_equal(picture.model.gaussians.means, model.gaussians.means)
+    views.hide_picture(view)
+    simple.Delete(view)
+    simple.Delete(reader)
+
+
 def main() -> None:
     """Make a model and its particles as VTP, then check."""
     snapshot, folder = sys.argv[1], Path(sys.argv[2])
@@ -185,6 +226,7 @@ def main() -> None:
     check_errors(folder)
     check_macros(model_file, truth_file, folder)
     check_picture(model_file, truth_file, folder)
+    check_series(snapshot, folder)
     print("in ParaView: all as it should be", flush=True)
 
 

@@ -11,7 +11,7 @@ import particlegs
 import pytest
 import pyvista
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+from vtkmodules.vtkCommonCore import vtkStringOutputWindow
 from vtkmodules.vtkFiltersCore import vtkTensorGlyph
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
@@ -37,15 +37,6 @@ def output(reader: ParticlegsReader, port: int) -> object:
 def array(data: object, name: str) -> np.ndarray:
     """Point data by name."""
     return vtk_to_numpy(data.GetPointData().GetArray(name))
-
-
-@pytest.fixture
-def messages() -> vtkStringOutputWindow:
-    """Catch the messages that VTK would show."""
-    before, window = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
-    vtkOutputWindow.SetInstance(window)
-    yield window
-    vtkOutputWindow.SetInstance(before)
 
 
 def test_gaussians_are_the_packages(sample: Path) -> None:
@@ -226,7 +217,7 @@ def test_nothing_is_computed_that_is_not_asked_for(sample: Path, monkeypatch: py
     monkeypatch.setattr(ParticlegsReader, "_compute", counted)
     calls: list[str] = []
     read = plugin.read_model
-    monkeypatch.setattr(plugin, "read_model", lambda path: Watched(read(path), calls))
+    monkeypatch.setattr(plugin, "read_model", lambda *where: Watched(read(*where), calls))
     reader = reader_of(sample, ComputeDensity=0)
     for port in (GAUSSIANS, PARTICLES, DENSITY):
         reader.Update(port)
