@@ -7,7 +7,7 @@ import type { SeriesFrames } from "./series";
 /** Frames of the series per second. */
 const SPEEDS = [1, 2, 4, 8, 15, 30];
 /** A run is played in about this many seconds, unless the user chooses a speed. */
-const USUAL = 10;
+const USUAL = 8;
 
 export class Timeline {
   readonly element: HTMLElement;
