@@ -37,12 +37,25 @@ export class EngineClient {
     return responseOf(await this.send({ do: "open", bytes }, [bytes]));
   }
 
+  /** Opens a series by its first bytes, which hold the index and the first frame; `start` is their number. */
+  async openSeries(source: Source): Promise<EngineResponse<OpenedModel> & { start: number }> {
+    let bytes = await bytesOf(source, [0, SERIES_START]);
+    for (;;) {
+      const answer = responseOf<OpenedModel & { needs?: number }>(await this.send({ do: "open", bytes }));
+      const { needs } = answer.json;
+      if (needs === undefined) return { ...answer, start: bytes.byteLength };
+      if (needs <= bytes.byteLength) throw new Error("the series ends too early");
+      const rest = await bytesOf(source, [bytes.byteLength, needs]);
+      bytes = await new Blob([bytes, rest]).arrayBuffer();
+    }
+  }
+
   /** Sends a query; `numbers` are transferred with it. */
   async ask<T>(question: EngineQuery, numbers?: ArrayBuffer): Promise<EngineResponse<T>> {
     return responseOf(await this.send({ do: "ask", question, numbers }, numbers ? [numbers] : []));
   }
 
-  private send(message: Message, transfer: Transferable[]): Promise<WorkerResponse> {
+  private send(message: Message, transfer: Transferable[] = []): Promise<WorkerResponse> {
     const id = this.next++;
     return new Promise((resolve, reject) => {
       const done = (r: WorkerResponse) => (r.error === undefined ? resolve(r) : reject(new Error(r.error)));
@@ -55,10 +68,14 @@ export class EngineClient {
 const responseOf = <T>({ json, numbers, milliseconds }: WorkerResponse): EngineResponse<T> =>
   ({ json: json as T, numbers: numbers ?? new ArrayBuffer(0), milliseconds });
 
-/** The bytes of a source. */
-export async function bytesOf({ url, element }: Source): Promise<ArrayBuffer> {
+/** Bytes that are requested of a series at first. */
+const SERIES_START = 16384;
+
+/** The bytes of a source, or those from the first up to the second of a range; a server may send all of them. */
+export async function bytesOf({ url, element }: Source, range?: [number, number]): Promise<ArrayBuffer> {
   if (url !== undefined) {
-    const answer = await fetch(url);
+    const answer = await fetch(url, range && { headers: { Range: `bytes=${range[0]}-${range[1] - 1}` } });
+    if (range && range[0] > 0 && answer.status === 200) return (await answer.arrayBuffer()).slice(...range);
     if (!answer.ok) throw new Error(`${url}: the server returned HTTP ${answer.status}`);
     return answer.arrayBuffer();
   }

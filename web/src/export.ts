@@ -7,6 +7,7 @@ import { withColorBar } from "./colorbar";
 import { drawOverlay } from "./overlay";
 import type { Page } from "./main";
 import type { Size } from "./protocol";
+import type { SeriesFrames } from "./series";
 import { fromViewsFile, hasColorBar, mapOf, paintOf, sceneOf, toLink, viewsFile, type State } from "./state";
 import { canvasOf, encodeNpy, encodePng, encodeZip } from "./encode";
 
@@ -28,7 +29,7 @@ function pngTexts(page: Page, size: Size, range: [number, number] | null): Recor
   };
   const density = { colormap: s.colormap, range, unit: pane.about.units.surface };
   const provenance = {
-    particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: shown ? "density" : s.look,
+    particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], ...(pane.moment ? { moment: pane.moment.text } : {}), style: shown ? "density" : s.look,
     layers: s.hidden.length > 0 ? pane.about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n)) : [],
     color_by_layer: s.byLayer && !shown,
     ...(shown ? field ?? density : {}),
@@ -61,7 +62,7 @@ export async function exportPng(page: Page): Promise<void> {
   const sizes = h("select", { name: "size" }, ...SIZES.map(([text], i) => h("option", { value: i, text })));
   const lines = h("input", { type: "checkbox", name: "lines" });
   const bar = h("input", { type: "checkbox", name: "bar", checked: true });
-  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, circles, axes and scale bar, if shown"),
+  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with time, box, circles, axes and scale bar, if shown"),
     h("label", { class: "check", hidden: !hasColorBar(page.state) }, bar, "with colour bar"));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
@@ -120,10 +121,17 @@ export function copyLink(page: Page): Promise<void> {
 /** Quotes a word for a shell: names come from files and may contain anything. */
 const shellQuote = (word: string): string => (/^[\w./,][\w./,-]*$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
+/** The options of `render` that name a moment of a series: the nearest frame where its clock has no words for it. */
+function momentOption(series: SeriesFrames, time: number): string {
+  const position = series.positionOf(time);
+  const word = position % 1 === 0 ? undefined : { "scale factor": "a", "time step": "step" }[series.clock];
+  return word ? `--time ${word}=${Number(time.toPrecision(9))}` : `--frame ${series.frames[Math.round(position)].number}`;
+}
+
 /** The command that draws the picture on the screen, given the exported views.json. */
 export function commandFor(page: Page): string {
   const { state: s } = page;
-  const [{ name, about }] = page.panes;
+  const [{ name, about, series }] = page.panes;
   const parts = [`particlegs render ${shellQuote(name.startsWith("-") ? `./${name}` : name)} --views views.json`];
   if (s.field) {
     parts.push(`--field ${shellQuote(s.field.name)}`);
@@ -141,6 +149,7 @@ export function commandFor(page: Page): string {
   if (shown.length < about.layers.length) parts.push(`--layer ${shellQuote(shown.join(","))}`);
   if (s.byLayer && !hasColorBar(s)) parts.push("--color-by-layer");
   if (s.white) parts.push("--background white");
+  if (series) parts.push(momentOption(series, s.time ?? 0));
   const left = [s.clip && "the clip box", s.slab && s.slab.axis !== "view" && "the slab", s.images && "periodic images",
     s.exposure !== 0 && "the exposure", page.setup.opening.circles && s.circles && "the circles"].filter((t) => t);
   const note = left.length > 0 ? `   # without ${left.join(", ")}` : "";

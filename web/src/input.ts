@@ -82,7 +82,9 @@ export function listenToKeys(keys: KeyBinding[]): void {
     // An open dialog gets all keys.
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
     const target = event.target as HTMLElement;
-    const typing = target.matches("input:not([type=checkbox]):not([type=radio]), select, textarea, [role=separator]");
+    const moves = event.key.startsWith("Arrow") && target.matches("[type=range]");
+    const presses = event.key === " " && target.matches("button, summary, [type=checkbox]");
+    const typing = moves || presses || target.matches("input:not([type=checkbox], [type=radio], [type=range]), select, textarea, [role=separator]");
     if (event.metaKey || event.altKey || event.ctrlKey || (typing && event.key !== "Escape")) return;
     const key = keys.find((k) => k.keys.includes(event.key));
     if (!key) return;

@@ -4,10 +4,13 @@ import { panned, turned, zoomed } from "./camera";
 import type { KeyBinding } from "./input";
 import type { Page } from "./main";
 import type { Action } from "./panel";
+import type { Timeline } from "./timeline";
 import { LOOKS, idleReason, nextField, type Control, type State } from "./state";
 
 /** All keys of a page; `look(i)` views from +x, -x, +y, -y, +z or -z. */
-export function keyBindings(page: Page, act: (name: Action) => void, look: (which: number) => void): KeyBinding[] {
+export function keyBindings(
+  page: Page, act: (name: Action) => void, timeline: Timeline | null, look: (which: number) => void,
+): KeyBinding[] {
   const size = () => page.panes[0].size;
   const orbit = (o: State["orbit"]) => page.change({ orbit: o });
   const step = (event: KeyboardEvent): [number, number] => {
@@ -71,6 +74,13 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
     ...(page.setup.opening.circles ? [key(["e"], "e", "circles", flip("circles"))] : []),
     key(["i"], "i", "periodic images", unlessIdle("images", flip("images"))),
     key(["k"], "k", "colour by layer", unlessIdle("byLayer", flip("byLayer"))),
+    ...(timeline ? [
+      key([" "], "space", "play or pause", () => timeline.toggle()),
+      key(["<"], "<", "previous frame", () => timeline.step(-1)),
+      key([">"], ">", "next frame", () => timeline.step(1)),
+      key(["s"], "s", "smooth: interpolated pictures between frames", () => timeline.flip("smooth")),
+      key(["u"], "u", "loop", () => timeline.flip("loop")),
+    ] : []),
     ...(page.setup.truth ? [
       key(["t"], "t", "compare with all particles, side by side", () => act("compare")),
       key(["d"], "d", "show the difference from all particles", () => act("difference")),

@@ -12,8 +12,10 @@ import { panel, preset, parseTarget, type Action, type PanelContext } from "./pa
 import type { ProbeHit, Setup, Vec3 } from "./protocol";
 import { EngineClient } from "./engine";
 import { Comparison } from "./compare";
+import { SeriesFrames } from "./series";
 import { cameraFor, fromLink, hasColorBar, initialState, mapOf, withOpening, paintOf, sceneOf, toLink, withKnownField, type State } from "./state";
 import { copyCommand, copyLink, exportNpy, exportPng, exportTurn, exportViews, importViews } from "./export";
+import { Timeline } from "./timeline";
 import { lengthUnit, formatNumber, formatWhole } from "./units";
 
 /** What the parts of the page share; `layers` is the number of different layer names of all models. */
@@ -66,10 +68,11 @@ async function start(): Promise<void> {
   performance.mark("engine");
   const panes: Pane[] = [];
   for (const [i, model] of setup.models.entries()) {
-    const { json: { about, decoded }, milliseconds } = await remote.open(model);
+    const { json: { about, decoded, series }, milliseconds, start } = model.series
+      ? await remote.openSeries(model) : { ...await remote.open(model), start: 0 };
     // A poster, or a short wait, is better than a partly decoded model.
     const waits = poster !== null || milliseconds / decoded < LONG;
-    const pane = new Pane(remote, i, model.name, about, decoded, waits);
+    const pane = new Pane(remote, i, model.name, about, decoded, waits, series ? new SeriesFrames(remote, i, model, series, start) : null);
     pane.circles = setup.opening.circles ?? [];
     stage.append(pane.element);
     panes.push(pane);
@@ -77,9 +80,10 @@ async function start(): Promise<void> {
   performance.mark("opened");
   stage.classList.toggle("many", panes.length > 1);
   const about = panes[0].about;
-  subtitle.textContent = panes.map((p, i) => summaryLine(p.about, setup.models[i].bytes)).join(" | ");
+  subtitle.textContent = panes.map((p, i) => summaryLine(p.about, setup.models[i].bytes, p.series)).join(" | ");
   const named = panes.flatMap((p) => p.about.layers).filter((l, i, all) => all.findIndex((o) => o.name === l.name) === i);
-  const first = (home: Orbit) => withOpening(setup.opening, initialState(about, home), about);
+  const series = panes.map((p) => p.series).filter((s) => s !== null);
+  const first = (home: Orbit) => withOpening(setup.opening, initialState(about, home, series[0]?.frames[0].time ?? null), about);
   const home = await panes[0].home();
   const page: Page = { setup, remote, panes, layers: named.length, state: first(home), change, say };
   page.state = fromLink(location.hash.slice(1), page.state);
@@ -89,10 +93,12 @@ async function start(): Promise<void> {
     logarithmic: () => !page.state.field || panes[0].answerFor(page.state)?.scale === "log",
   };
   const controls = panel(context);
-  controls.element.append(...panes.map((p, i) => summaryTable(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
+  controls.element.append(...panes.map((p, i) => summaryTable(p, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
   if (compare) controls.element.prepend(compare.element);
   shell.replaceWith(controls.element);
-  keys = keyBindings(page, act, (which) => change({ orbit: preset(page.state, which) }));
+  const timeline = series[0] ? new Timeline(page, series[0]) : null;
+  if (timeline) app.lastElementChild!.before(timeline.element);
+  keys = keyBindings(page, act, timeline, (which) => change({ orbit: preset(page.state, which) }));
   listenToKeys(keys);
 
   /** The range of the state, or of the last picture. */
@@ -127,6 +133,7 @@ async function start(): Promise<void> {
     document.body.classList.toggle("white", page.state.white);
     showAll();
     controls.refresh(page.state);
+    timeline?.refresh();
     compare?.moved();
     void fit().catch(sayError);
     // Browsers refuse more than 100 changes of address in ten seconds.
@@ -242,6 +249,7 @@ async function start(): Promise<void> {
     if (poster) poster.remove();
     // Pictures during decoding are not timed.
     if (pane === panes[0] && pane.milliseconds > 0) timing.textContent = `${pane.milliseconds.toFixed(0)} ms on the ${pane.drew}`;
+    timeline?.refresh();
     if (pane !== panes[0]) return;
     document.documentElement.dataset.frames = String(pane.frames);
     if (pane.frames === 1) performance.mark("first-picture");
@@ -281,6 +289,7 @@ async function start(): Promise<void> {
   change({});
   for (const pane of panes) await pane.decode((share) => reportDecoding(pane, share));
   await fit();
+  for (const s of series) await s.loadAll(() => timeline?.refresh());
 
   /** Reports progress in steps of 10 %, which a screen reader can follow; other messages are kept. */
   function reportDecoding(pane: Pane, share: number): void {

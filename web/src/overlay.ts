@@ -15,11 +15,13 @@ const SMALLEST = 2;
 export interface Marker { position: Vec3; sphere: number }
 
 /** A model, and what is marked in its space. */
-interface OverlaySubject { about: ModelSummary; marker: Marker | null; circles: Circle[] }
+interface OverlaySubject {
+  about: ModelSummary; marker: Marker | null; circles: Circle[]; moment: { text: string; interpolated: boolean } | null;
+}
 
 /** Draws over a picture of `size` pixels; `unit` scales lines and text, which is `13 * unit` pixels high. */
 export function drawOverlay(
-  c: CanvasRenderingContext2D | OffscreenCanvasRenderingContext2D, s: State, { about, marker, circles }: OverlaySubject,
+  c: CanvasRenderingContext2D | OffscreenCanvasRenderingContext2D, s: State, { about, marker, circles, moment }: OverlaySubject,
   size: Size, unit: number,
 ): void {
   c.clearRect(0, 0, size.width, size.height);
@@ -33,6 +35,7 @@ export function drawOverlay(
   if (marker) drawMarker(context, s, marker, size);
   if (s.axes) drawTriad(context, s, size);
   if (s.scale) drawScaleBar(context, s, about, size);
+  if (moment) drawText(context, ink, moment.text + (moment.interpolated ? ", interpolated" : ""), size.width - 14 * unit, 18 * unit, "right");
 }
 
 interface OverlayContext {

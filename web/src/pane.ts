@@ -5,8 +5,9 @@ import { h } from "./dom";
 import { GlRenderer } from "./gl";
 import { drawOverlay, type Marker } from "./overlay";
 import type { BarContent } from "./colorbar";
-import { LOWEST, type ModelSummary, type OpenedModel, type PictureAnswer, type PlaneColours, type Scene, type Size, type StrokePlanes, type ToneCurve, type Vec3, type ValueScale } from "./protocol";
+import { LOWEST, type ModelSummary, type MomentSummary, type OpenedModel, type PictureAnswer, type PlaneColours, type Scene, type Size, type StrokePlanes, type ToneCurve, type Vec3, type ValueScale } from "./protocol";
 import type { EngineClient } from "./engine";
+import type { SeriesFrames } from "./series";
 import { hasColorBar, mapOf, paintOf, sceneOf, type Circle, type State } from "./state";
 
 /** Frames that take longer, in milliseconds, are drawn coarser in motion. */
@@ -21,6 +22,9 @@ const SKETCH = 400;
 const REST = 120;
 
 export type Processor = "CPU" | "GPU";
+
+/** What a state's colours show. */
+const shown = ({ look, field }: State): string => (field ? `${field.name} ${field.bulk} ${field.scale}` : look);
 
 export class Pane {
   readonly element: HTMLElement;
@@ -37,6 +41,12 @@ export class Pane {
   frames = 0;
   marker: Marker | null = null;
   circles: Circle[] = [];
+  /** The moment of the series that is shown. */
+  moment: { time: number; text: string; interpolated: boolean } | null = null;
+  /** Whether a series is playing: then the range of its colours does not change. */
+  playing = false;
+  /** The range of colours while time passes, and what is drawn with it. */
+  private held: { view: string; shown: string; range: [number, number] } | null = null;
   private homes = new Map<string, Promise<Orbit>>();
   /** Called after every frame; `full` if nothing is left to draw. */
   onframe: (full: boolean) => void = () => {};
@@ -63,8 +73,8 @@ export class Pane {
    * unless the user moves the view.
    */
   constructor(
-    private remote: EngineClient, readonly model: number, readonly name: string, readonly about: ModelSummary,
-    private decoded: number, private waits: boolean,
+    private remote: EngineClient, readonly model: number, readonly name: string, public about: ModelSummary,
+    private decoded: number, private waits: boolean, readonly series: SeriesFrames | null,
   ) {
     // The context is lost when a driver is reset or a machine sleeps.
     this.gpu.addEventListener("webglcontextlost", () => {
@@ -165,8 +175,9 @@ export class Pane {
     const { width, height } = this.size;
     const size = { width: Math.ceil(width / coarse), height: Math.ceil(height / coarse) };
     const began = performance.now();
+    const held = await this.rangeOverTime(state);
     const scene = { ...sceneOf(state, this.about, size), coarse: coarse > 1 };
-    const paint = paintOf(state);
+    const paint = { ...paintOf(state), range: state.range ?? held };
     let gpu = this.by === "GPU" && this.about.adds_up && !paint.by_layer && !paint.field ? this.gl : null;
     // Densities exceed the largest half float, 65504.
     if (gpu?.half && paint.look === null) gpu = null;
@@ -195,9 +206,45 @@ export class Pane {
     }
   }
 
+  /** Whether a picture is being drawn. */
+  get drawing(): boolean {
+    return this.busy || this.pending;
+  }
+
+  /** Shows the series at the time of a state; returns the range of its colours if that must not change with time. */
+  private async rangeOverTime(state: State): Promise<[number, number] | null> {
+    const { series, last } = this;
+    if (!series || state.time === null) return null;
+    const passes = last !== null && last.state.time !== state.time;
+    const view = JSON.stringify({ ...state, time: null });
+    const kept = this.held && this.held.shown === shown(state) && (this.playing || this.held.view === view);
+    if (!kept) this.held = null;
+    if (!kept && passes && !state.range && hasColorBar(state)) {
+      const ends: [number, number][] = [];
+      for (const position of [0, series.keyframe(series.last / 2), series.keyframe(series.last)]) {
+        await this.setTime(series.timeAt(position));
+        ends.push(await this.rangeOf(sceneOf(state, this.about, this.size), state.field));
+      }
+      const range: [number, number] = [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))];
+      this.held = { view, shown: shown(state), range };
+    }
+    await this.setTime(series.timeAt(series.positionOf(state.time)));
+    return this.held?.range ?? null;
+  }
+
+  private async setTime(time: number): Promise<void> {
+    if (this.moment?.time === time) return;
+    await this.series!.load(time);
+    const { json } = await this.remote.ask<MomentSummary>({ ask: "set-time", model: this.model, time });
+    const { text, interpolated, ...changes } = json;
+    this.about = { ...this.about, ...changes };
+    this.moment = { time, text, interpolated };
+    this.marker = null;
+    this.lines();
+  }
+
   /** The answer to the last picture, with its range, if that showed the same field or style as a state. */
   answerFor(state: State): PictureAnswer | null {
-    const shown = ({ look, field }: State) => (field ? `${field.name} ${field.bulk} ${field.scale}` : look);
     return this.last && shown(this.last.state) === shown(state) ? this.last.answer : null;
   }
 
@@ -272,10 +319,10 @@ export class Pane {
     return own.range;
   }
 
-  /** The density range of a picture, from one of a quarter of its size. */
-  private async rangeOf(scene: Scene): Promise<[number, number]> {
+  /** The range of a picture's densities or of a field's values, from one of a quarter of its size. */
+  private async rangeOf(scene: Scene, field?: State["field"]): Promise<[number, number]> {
     const size = { width: Math.ceil(scene.size.width / 4), height: Math.ceil(scene.size.height / 4) };
-    return (await this.values({ ...scene, size }, "density")).json.range;
+    return (await this.values({ ...scene, size }, "density", field)).json.range;
   }
 
   private async curve(scene: Scene): Promise<{ curve: ToneCurve; levels: Float32Array }> {

@@ -12,7 +12,7 @@ export interface Setup {
   version: string;
   served: boolean;
   engine: Source;
-  models: (Source & { name: string; bytes: number; verdict?: Verdict[] })[];
+  models: (Source & { name: string; bytes: number; series: boolean; verdict?: Verdict[] })[];
   /** `smoothed`: number of neighbours that densities are smoothed over; `null` if there are too many particles. */
   truth: { url: string; name: string; particles: number; smoothed: number | null } | null;
   opening: Opening;
@@ -104,11 +104,22 @@ export interface StrokePlanes {
 
 export interface ToneCurve { depths: number[]; ratios: number[]; blur: number }
 
-/** An open model, and the share of its Gaussians that is decoded. */
-export interface OpenedModel { about: ModelSummary; decoded: number }
+/** An open model, and the share of its Gaussians that is decoded; of a series its first frame. */
+export interface OpenedModel { about: ModelSummary; decoded: number; series?: SeriesSummary }
+
+/** What a series' clock shows, and its frames without gaps. */
+export interface SeriesSummary { clock: string; frames: SeriesFrame[] }
+
+/** A frame: its time, as a number and as pictures show it, and where its bytes are in the file. */
+export interface SeriesFrame { number: number; keyframe: boolean; time: number; text: string; start: number; length: number }
+
+/** What changes of a model's summary from one moment of a series to another. */
+export interface MomentSummary extends Pick<ModelSummary, "metadata" | "gaussians" | "mass" | "layers"> { text: string; interpolated: boolean }
 
 export type EngineQuery =
   | { ask: "decode"; model: number }
+  | { ask: "add-frame"; model: number; frame: number }
+  | { ask: "set-time"; model: number; time: number }
   | { ask: "picture"; model: number; scene: Scene; paint: PlaneColours }
   | { ask: "values"; model: number; scene: Scene; style: "depth" | "density"; field?: FieldRequest }
   | { ask: "strokes"; model: number; scene: Scene; style: "depth" | "density" }

@@ -11,6 +11,8 @@ export interface FieldColours extends FieldRequest { colormap: string }
 
 export interface State {
   orbit: Orbit;
+  /** Of a series, what its clock shows. */
+  time: number | null;
   radius: number;
   opacity: number;
   look: (typeof LOOKS)[number];
@@ -34,11 +36,11 @@ export interface State {
   circles: boolean;
 }
 
-/** The initial view of a model: its surface density, if it has one. */
-export function initialState(about: ModelSummary, orbit: Orbit): State {
+/** The initial view of a model, or of a series at `time`: its surface density, if it has one. */
+export function initialState(about: ModelSummary, orbit: Orbit, time: number | null): State {
   const m = about.metadata;
   return {
-    orbit, radius: m.default_radius, opacity: m.default_opacity,
+    orbit, time, radius: m.default_radius, opacity: m.default_opacity,
     look: about.adds_up ? "density" : "paraview", field: null, exposure: 0,
     colormap: "inferno", range: null, white: false, hidden: [], byLayer: false, slab: null,
     clip: null, images: false, box: false, axes: true, scale: true, circles: true,
@@ -195,6 +197,7 @@ export function toLink(s: State): string {
   const p = new URLSearchParams();
   p.set("at", o.focal.map(numberText).join(","));
   p.set("from", [o.azimuth, o.elevation, o.roll, o.distance].map(numberText).join(","));
+  if (s.time !== null) p.set("time", numberText(s.time));
   p.set("radius", numberText(s.radius));
   p.set("opacity", numberText(s.opacity));
   p.set("look", s.look);
@@ -241,6 +244,7 @@ export function fromLink(text: string, s: State): State {
     const v = parseNumbers(p.get(name), 1);
     if (v && v[0] >= low && v[0] <= high) take(v[0]);
   };
+  if (s.time !== null) one("time", -1e300, 1e300, (v) => (next.time = v));
   one("radius", 1e-300, 1e300, (v) => (next.radius = v));
   one("opacity", 1e-6, 1, (v) => (next.opacity = v));
   one("exposure", -8, 8, (v) => (next.exposure = v));

@@ -1,17 +1,20 @@
 // Text about a model and its certificate.
 
 import { h } from "./dom";
+import type { Pane } from "./pane";
 import type { ModelSummary, ProbeHit, Verdict } from "./protocol";
+import type { SeriesFrames } from "./series";
 import { formatBytes, lengthUnit, formatNumber, formatWhole } from "./units";
 
-/** Name, particles, Gaussians, size, ratio. */
-export function summaryLine(about: ModelSummary, size: number): string {
+/** Particles, Gaussians, size, ratio; of a series its frames and size. */
+export function summaryLine(about: ModelSummary, size: number, series: SeriesFrames | null): string {
   const m = about.metadata;
+  if (series) return `${formatWhole(series.frames.length)} frames of ${formatWhole(m.count)} particles, ${formatBytes(size)}`;
   return `${formatWhole(m.count)} particles, ${formatWhole(about.gaussians)} Gaussians, ${formatBytes(size)}, ratio ${formatNumber(about.raw_bytes / size)}`;
 }
 
 /** A table of the model's properties, and the certificate's verdict. */
-export function summaryTable(name: string, about: ModelSummary, size: number, verdict: Verdict[] | undefined, named: boolean): HTMLElement {
+export function summaryTable({ name, about, series }: Pane, size: number, verdict: Verdict[] | undefined, named: boolean): HTMLElement {
   const m = about.metadata;
   const u = about.units;
   const extent = m.bounds.max.map((v, k) => formatNumber(v - m.bounds.min[k])).join(" × ");
@@ -19,13 +22,14 @@ export function summaryTable(name: string, about: ModelSummary, size: number, ve
     ["Model", name], ["Source", m.source], ["Particles", formatWhole(m.count)], ["Gaussians", formatWhole(about.gaussians)],
     ["Size", formatBytes(size)], ["Extent", `${extent} ${lengthUnit(about).replaceAll(" ", "\u00a0")}`],
   ];
+  if (series) rows.splice(1, 1, ["Frames", `${series.frames.length}, ${series.frames[0].text} to ${series.frames[series.last].text}`]);
   if (about.mass !== null) rows.push(["Mass", `${formatNumber(about.mass, 4)} ${u.mass}`]);
   if (about.fields.length > 0) rows.push(["Fields", about.fields.map((f) => (f.unit ? `${f.name} (${f.unit})` : f.name)).join(", ")]);
-  if (m.scale_factor !== null) rows.push(["Redshift", formatNumber(1 / m.scale_factor - 1)]);
-  if (m.time !== null) rows.push(["Time", formatNumber(m.time)]);
+  if (m.scale_factor !== null && !series) rows.push(["Redshift", formatNumber(1 / m.scale_factor - 1)]);
+  if (m.time !== null && !series) rows.push(["Time", formatNumber(m.time)]);
   rows.push(["Law", m.law.replaceAll("_", " ")], ["Made by", `particlegs ${m.tool_version}`]);
   const table = h("table", {}, ...rows.map(([k, v]) => h("tr", {}, h("th", { scope: "row", text: k }), h("td", { text: v }))));
-  return h("details", { class: "facts" }, h("summary", { text: named ? `${name}: model and certificate` : "Model and certificate" }), table, verdicts(verdict));
+  return h("details", { class: "facts" }, h("summary", { text: named ? `${name}: model and certificate` : "Model and certificate" }), table, series ? h("p", { class: "hint", text: "Numbers are those of the first frame. `particlegs info` lists what was measured of each frame." }) : verdicts(verdict));
 }
 
 function verdicts(verdict: Verdict[] | undefined): HTMLElement {

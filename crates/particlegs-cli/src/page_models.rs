@@ -2,8 +2,9 @@
 
 use crate::common::CommandContext;
 use crate::inputs;
+use crate::snapshot_args::SnapshotArgs;
 use particlegs_files::input::name_of;
-use particlegs_pipeline::codec::FileInfo;
+use particlegs_pipeline::codec::{FileInfo, SeriesFile};
 use particlegs_pipeline::model::Metadata;
 use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::{Error, Result, codec};
@@ -24,12 +25,32 @@ struct PageModelFile {
 
 impl ModelFiles {
     /// Reads the files and refuses damaged ones. Small ones are decoded; for large ones only the checksums are
-    /// verified, to keep the page fast.
-    pub fn read(paths: &[PathBuf], context: &CommandContext) -> Result<Self> {
+    /// verified, to keep the page fast. Of a series the frame of a `snapshot` is read, if there is one to compare with.
+    pub fn read(
+        paths: &[PathBuf],
+        mut snapshot: Option<&mut SnapshotArgs>,
+        context: &CommandContext,
+    ) -> Result<Self> {
         let names = names(paths);
         let mut files = Vec::with_capacity(paths.len());
+        let mut clock = None;
         for (path, name) in paths.iter().zip(names) {
-            let (bytes, place) = (inputs::model(path, context)?, name_of(path));
+            let place = name_of(path);
+            let bytes = match &mut snapshot {
+                Some(snapshot) => inputs::model_with_snapshot(path, snapshot, context)?,
+                None => inputs::model_or_series(path, context)?,
+            };
+            if codec::is_series(&bytes) {
+                let series = SeriesFile::read(&bytes, &place)?;
+                if clock.is_some_and(|clock| clock != series.clock) {
+                    let what = format!("its clock is its {}, that of another series is not", series.clock.name());
+                    return Err(Error::input_with(place, what, "open the series in pages of their own"));
+                }
+                clock = Some(series.clock);
+                let info = codec::read_info(series.frame_bytes(series.first()?)?, &place)?;
+                files.push(PageModelFile { name, place, bytes, info });
+                continue;
+            }
             let info = codec::read_info(&bytes, &place)?;
             if info.gaussians() <= poster::MORE_THAN {
                 codec::check(&bytes, &place, context)?;
@@ -78,7 +99,7 @@ impl ModelFiles {
 
     /// Does the only model load slowly enough to need a poster?
     pub fn has_poster(&self, opening: &PageOpening) -> bool {
-        matches!(&self.files[..], [only] if poster::wanted(only.info.gaussians(), opening)
+        matches!(&self.files[..], [only] if !codec::is_series(&only.bytes) && poster::wanted(only.info.gaussians(), opening)
             && only.info.gaussians() <= poster::SERVED_UP_TO)
     }
 

@@ -18,6 +18,12 @@ pub fn text(text: &str) -> String {
     out
 }
 
+/// A file's name as a relative address.
+pub fn path_segment(name: &str) -> String {
+    let plain = |b: &u8| b.is_ascii_alphanumeric() || b"-._~".contains(b);
+    name.bytes().map(|b| if plain(&b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()
+}
+
 /// JSON for a script element, without any `<` that could end it.
 pub fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).expect("plain data").replace('<', "\\u003c")
@@ -35,6 +41,12 @@ pub fn can_stand_inside(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn addresses_of_any_name() {
+        assert_eq!(path_segment("run-1_a.pgs"), "run-1_a.pgs");
+        assert_eq!(path_segment("a b#1:ä%.pgs"), "a%20b%231%3A%C3%A4%25.pgs");
+    }
 
     #[test]
     fn nothing_ends_the_element_that_it_stands_in() {

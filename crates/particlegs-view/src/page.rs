@@ -26,7 +26,11 @@ pub struct ModelFile<'a> {
 }
 
 impl ModelFile<'_> {
-    /// The verdict of its certificate; empty without one.
+    fn is_series(&self) -> bool {
+        codec::is_series(self.bytes)
+    }
+
+    /// The verdict of its certificate; empty without one, and of a series.
     fn verdict(&self) -> Vec<Assessment> {
         let info = codec::read_info(self.bytes, self.name).ok();
         let certified = info.filter(|i| i.certificate.is_some());
@@ -130,12 +134,13 @@ pub struct Page {
 
 /// One file that shows the models offline, opened from disk. Its size is at most 1.35 times the models plus the shell.
 ///
-/// Each file comes with its decoded model, which proves that the page can show it. The page of a single model with more
-/// than [`poster::MORE_THAN`] Gaussians contains a poster to show during decoding, if it opens with the default view.
+/// Each file comes with its decoded model, of a series with its first frame, which proves that the page can show it. The
+/// page of a single model with more than [`poster::MORE_THAN`] Gaussians contains a poster to show during decoding, if it
+/// opens with the default view.
 pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, context: &Context<'_>) -> Result<Vec<u8>> {
     context.check()?;
     let poster = match models {
-        [(_, model)] if poster::wanted(model.gaussians(), opening) => {
+        [(file, model)] if !file.is_series() && poster::wanted(model.gaussians(), opening) => {
             Some(poster::draw(model, poster::SMALL, context)?.png)
         }
         _ => None,
@@ -145,13 +150,21 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, contex
     // The text of a circle takes about 100 bytes, in up to three copies.
     context.require_memory("the page", coded + (coded >> 3) + 300 * opening.circles.len() as u64)?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
-    let setup = Setup::new(files(), None, opening, false);
+    let setup = Setup::new(files(), None, opening, Delivery::InPage);
     let mut page = PageBuilder::new(&setup, poster.as_deref());
     for (i, model) in files().enumerate() {
         page.data(&format!("model-{i}"), model.bytes);
     }
     page.data("engine", assets::ENGINE);
     Ok(page.finish().html.into_bytes())
+}
+
+/// A page for any web server: it requests the model's file, which lies beside it. Of a series it requests the frames that
+/// it shows, where the server supports HTTP Range.
+pub fn linked(file: ModelFile<'_>, opening: &PageOpening) -> Vec<u8> {
+    let mut page = PageBuilder::new(&Setup::new([file], None, opening, Delivery::Beside), None);
+    page.data("engine", assets::ENGINE);
+    page.finish().html.into_bytes()
 }
 
 /// The page to serve for these models, with a poster if the server draws one.
@@ -161,7 +174,7 @@ pub fn served<'a>(
     opening: &'a PageOpening,
     poster: bool,
 ) -> Page {
-    PageBuilder::new(&Setup::new(models, snapshot, opening, true), poster.then_some("poster")).finish()
+    PageBuilder::new(&Setup::new(models, snapshot, opening, Delivery::Server), poster.then_some("poster")).finish()
 }
 
 /// The input of the script.
@@ -173,12 +186,26 @@ struct Setup<'a> {
     truth: Option<SetupTruth<'a>>,
     opening: &'a PageOpening,
     served: bool,
+    #[serde(skip)]
+    delivery: Delivery,
+}
+
+/// Where a page has its models and its engine.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Delivery {
+    /// The server of `view` has both.
+    Server,
+    /// Both are in the page.
+    InPage,
+    /// The model's file is beside the page, the engine within.
+    Beside,
 }
 
 #[derive(Serialize)]
 struct SetupModel<'a> {
     name: &'a str,
     bytes: usize,
+    series: bool,
     verdict: Vec<Assessment>,
     #[serde(flatten)]
     place: BytesLocation,
@@ -208,16 +235,20 @@ impl<'a> Setup<'a> {
         models: impl IntoIterator<Item = ModelFile<'a>>,
         snapshot: Option<&'a Snapshot>,
         opening: &'a PageOpening,
-        served: bool,
+        delivery: Delivery,
     ) -> Setup<'a> {
-        let at = |i| {
-            if served { BytesLocation::Url(format!("model/{i}")) } else { BytesLocation::Element(format!("model-{i}")) }
+        let served = delivery == Delivery::Server;
+        let at = |i, name: &str| match delivery {
+            Delivery::Server => BytesLocation::Url(format!("model/{i}")),
+            Delivery::InPage => BytesLocation::Element(format!("model-{i}")),
+            Delivery::Beside => BytesLocation::Url(markup::path_segment(name)),
         };
         let models = models.into_iter().enumerate().map(|(i, file)| SetupModel {
             name: file.name,
             bytes: file.bytes.len(),
+            series: file.is_series(),
             verdict: file.verdict(),
-            place: at(i),
+            place: at(i, file.name),
         });
         Setup {
             version: env!("CARGO_PKG_VERSION"),
@@ -231,6 +262,7 @@ impl<'a> Setup<'a> {
             }),
             opening,
             served,
+            delivery,
         }
     }
 
@@ -248,7 +280,7 @@ struct PageBuilder {
 impl PageBuilder {
     /// The page up to the worker's source. `poster` is the address of the picture.
     fn new(setup: &Setup<'_>, poster: Option<&str>) -> Self {
-        let (title, policy) = (markup::text(&setup.title()), policy(setup.served));
+        let (title, policy) = (markup::text(&setup.title()), policy(setup.delivery));
         let poster = poster.map(|src| format!("<img id=\"poster\" alt=\"{title}\" src=\"{src}\">"));
         // The empty icon keeps browsers from asking for one.
         let html = format!(
@@ -286,9 +318,10 @@ impl PageBuilder {
 }
 
 /// The security policy: only this script, WebAssembly, workers from a Blob, and requests to this server.
-fn policy(served: bool) -> String {
+fn policy(delivery: Delivery) -> String {
     let (script, style) = (assets::SCRIPT_HASH, assets::STYLE_HASH);
-    let (images, connect) = if served { (" 'self'", " connect-src 'self';") } else { ("", "") };
+    let images = if delivery == Delivery::Server { " 'self'" } else { "" };
+    let connect = if delivery == Delivery::InPage { "" } else { " connect-src 'self';" };
     format!(
         "default-src 'none'; script-src 'sha256-{script}' 'wasm-unsafe-eval'; style-src 'sha256-{style}'; worker-src blob:; \
          img-src data: blob:{images};{connect} base-uri 'none'; form-action 'none'"

@@ -1,7 +1,7 @@
 //! A summary of a model for the page.
 
-use particlegs_core::codec::FileInfo;
-use particlegs_core::model::{LawKind, Metadata, Quantity, QuantityKind, hex, species_title};
+use particlegs_core::codec::{FileInfo, FrameCoding, FrameEntry, SeriesFile};
+use particlegs_core::model::{LawKind, Mass, Metadata, Model, Quantity, QuantityKind, Units, species_title};
 use particlegs_core::picture::{Colormap, Rgb8, journal_unit};
 use particlegs_core::render::FieldQuery;
 use serde::Serialize;
@@ -10,7 +10,7 @@ use serde::Serialize;
 #[derive(Serialize)]
 pub(crate) struct ModelSummary<'a> {
     metadata: &'a Metadata,
-    /// BLAKE3 of the file.
+    /// BLAKE3 of the file; empty of a series.
     blake3: String,
     colormaps: Vec<&'static str>,
     gaussians: usize,
@@ -110,19 +110,82 @@ struct LayerSummary {
     color: [u8; 3],
 }
 
-impl<'a> ModelSummary<'a> {
-    pub(crate) fn new(info: &'a FileInfo, file: &[u8]) -> Self {
-        let raw_bytes = info.species_layers().iter().map(|l| l.content.particles * l.mass.particle_bytes()).sum();
-        let layers = info.species_layers().into_iter().enumerate().map(|(place, l)| LayerSummary {
-            color: Rgb8::layer_color(place),
-            title: species_title(&l.name),
-            name: l.name,
-            particles: l.content.particles,
-            gaussians: l.content.gaussians,
+impl LayerSummary {
+    fn new(place: usize, name: &str, particles: u64, gaussians: usize) -> Self {
+        let (color, title) = (Rgb8::layer_color(place), species_title(name));
+        LayerSummary { name: name.into(), title, particles, gaussians, color }
+    }
+}
+
+/// What a series says of itself before its frames are decoded.
+#[derive(Serialize)]
+pub(crate) struct SeriesSummary {
+    /// What its clock shows, such as `scale factor`.
+    clock: &'static str,
+    frames: Vec<FrameSummary>,
+}
+
+/// A frame that is there, and where its bytes are in the file.
+#[derive(Serialize)]
+struct FrameSummary {
+    number: usize,
+    keyframe: bool,
+    time: f64,
+    /// Its time as pictures show it.
+    text: String,
+    start: usize,
+    length: usize,
+}
+
+impl SeriesSummary {
+    pub(crate) fn new(series: &SeriesFile<'_>, units: &Units) -> Self {
+        let there = series.frames.iter().enumerate().filter(|(_, f)| f.kind != FrameCoding::Missing);
+        let frame = |(number, f): (usize, &FrameEntry)| FrameSummary {
+            number,
+            keyframe: f.kind == FrameCoding::Keyframe,
+            time: f.time,
+            text: series.clock.text(f.time, units),
+            start: f.place.start,
+            length: f.place.len(),
+        };
+        SeriesSummary { clock: series.clock.name(), frames: there.map(frame).collect() }
+    }
+}
+
+/// What changes of a [`ModelSummary`] from one moment of a series to another.
+#[derive(Serialize)]
+pub(crate) struct MomentSummary<'a> {
+    metadata: &'a Metadata,
+    gaussians: usize,
+    mass: Option<f64>,
+    layers: Vec<LayerSummary>,
+    /// The time as pictures show it.
+    text: String,
+    /// Whether it lies between two frames.
+    interpolated: bool,
+}
+
+impl<'a> MomentSummary<'a> {
+    pub(crate) fn new(model: &'a Model, text: String, interpolated: bool) -> Self {
+        let layers = model.layers.iter().enumerate().map(|(place, l)| {
+            let gaussians = l.content.iter().map(|b| b.gaussians.len()).sum();
+            LayerSummary::new(place, &l.name, l.content.iter().map(|b| b.count).sum(), gaussians)
         });
+        let metadata = &model.metadata;
+        let mass = model.layers.iter().all(|l| l.mass != Mass::Unknown).then_some(metadata.mass);
+        MomentSummary { metadata, gaussians: model.gaussians(), mass, layers: layers.collect(), text, interpolated }
+    }
+}
+
+impl<'a> ModelSummary<'a> {
+    pub(crate) fn new(info: &'a FileInfo, blake3: String) -> Self {
+        let raw_bytes = info.species_layers().iter().map(|l| l.content.particles * l.mass.particle_bytes()).sum();
+        let layers = info.species_layers().into_iter().enumerate();
+        let layers =
+            layers.map(|(place, l)| LayerSummary::new(place, &l.name, l.content.particles, l.content.gaussians));
         ModelSummary {
             metadata: &info.metadata,
-            blake3: hex(blake3::hash(file).as_bytes()),
+            blake3,
             colormaps: Colormap::ALL.iter().map(|c| c.name()).collect(),
             gaussians: info.gaussians(),
             has_masses: info.mass().is_some(),

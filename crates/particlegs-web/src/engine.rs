@@ -1,6 +1,6 @@
 //! The open models and answers to queries.
 
-use crate::about::ModelSummary;
+use crate::about::{ModelSummary, MomentSummary, SeriesSummary};
 use crate::answer::EngineResponse;
 use crate::field::FieldPlane;
 use crate::opened::LoadedModel;
@@ -9,9 +9,9 @@ use crate::probe;
 use crate::question::{EngineQuery, PlaneColours, PlaneStyle, QueryKind, SceneRequest};
 use crate::strokes::strokes;
 use particlegs_core::camera::base_distance;
-use particlegs_core::codec::Decoder;
+use particlegs_core::codec::{self, Decoder, FrameEntry, SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
-use particlegs_core::model::Model;
+use particlegs_core::model::{Model, hex};
 use particlegs_core::picture::{Colormap, DensityColors, Gray8, Size, ValueColors, ValueScale, masked_psnr};
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
@@ -58,15 +58,43 @@ impl SceneRequest {
 
 impl Engine {
     /// Opens a model file and returns its summary. Small models are then decoded; others need `Decode` queries.
+    ///
+    /// Of a series the first bytes are enough, up to the end of the first frame; if they are fewer, the answer says how
+    /// many it `needs`, and nothing is opened.
     pub fn open(&mut self, file: Vec<u8>) -> EngineResponse {
-        let opened = Decoder::new(file, "the model", &Context::SILENT).and_then(|decoder| {
-            let about = json!(ModelSummary::new(decoder.info(), decoder.file()));
-            let mut opened = LoadedModel::new(decoder);
-            let decoded = opened.step()?;
-            self.models.push(opened);
-            EngineResponse::new(&json!({ "about": about, "decoded": decoded }))
-        });
+        let opened = if codec::is_series(&file) { self.open_series(&file) } else { self.open_model(file) };
         EngineResponse::or_error(opened)
+    }
+
+    fn open_model(&mut self, file: Vec<u8>) -> Result<EngineResponse> {
+        let decoder = Decoder::new(file, "the model", &Context::SILENT)?;
+        let blake3 = hex(blake3::hash(decoder.file()).as_bytes());
+        let about = json!(ModelSummary::new(decoder.info(), blake3));
+        let mut opened = LoadedModel::new(decoder);
+        let decoded = opened.step()?;
+        self.models.push(opened);
+        EngineResponse::new(&json!({ "about": about, "decoded": decoded }))
+    }
+
+    fn open_series(&mut self, start: &[u8]) -> Result<EngineResponse> {
+        const PLACE: &str = "the series";
+        let index = SeriesFile::index_end(start, PLACE)?;
+        if start.len() < index {
+            return EngineResponse::new(&json!({ "needs": index }));
+        }
+        let series = SeriesFile::read_start(start, PLACE)?;
+        let first = series.first()?;
+        let FrameEntry { time, place, .. } = &series.frames[first];
+        if start.len() < place.end {
+            return EngineResponse::new(&json!({ "needs": place.end }));
+        }
+        let decoder = Decoder::new(series.frame_bytes(first)?, PLACE, &Context::SILENT)?;
+        let answer = json!({
+            "about": ModelSummary::new(decoder.info(), String::new()), "decoded": 1.0,
+            "series": SeriesSummary::new(&series, &series.units()?),
+        });
+        self.models.push(LoadedModel::of_series(SeriesDecoder::of(series.clone()), *time)?);
+        EngineResponse::new(&answer)
     }
 
     /// Answers a query: JSON followed by its numbers.
@@ -85,6 +113,16 @@ impl Engine {
         let opened = models.get_mut(model).ok_or_else(none)?;
         match what {
             QueryKind::Decode => EngineResponse::new(&json!({ "decoded": opened.step()? })),
+            QueryKind::AddFrame { frame } => {
+                opened.series()?.add_frame(frame, numbers.to_vec())?;
+                EngineResponse::new(&json!({}))
+            }
+            QueryKind::SetTime { time } => {
+                opened.set_time(time)?;
+                let series = opened.series()?.series();
+                let (text, interpolated) = (series.clock.text(time, &series.units()?), series.frame_at(time).is_none());
+                EngineResponse::new(&MomentSummary::new(&opened.full()?.model, text, interpolated))
+            }
             QueryKind::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
             QueryKind::Values { scene, field: Some(field), .. } => {
                 check(scene.size)?;

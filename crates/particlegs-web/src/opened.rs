@@ -4,7 +4,8 @@ use crate::clip::clipped;
 use crate::coarse::{coarse, joined, run};
 use crate::question::SceneRequest;
 use particlegs_core::camera::Extent;
-use particlegs_core::codec::Decoder;
+use particlegs_core::codec::{Decoder, SeriesDecoder};
+use particlegs_core::context::Context;
 use particlegs_core::model::{Block, Layer, Model};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
@@ -19,6 +20,8 @@ pub(crate) struct LoadedModel {
     opening: Option<PartialModel>,
     /// The decoded model, or the error that prevents it.
     whole: std::result::Result<CompleteModel, String>,
+    /// The series that the model is a moment of.
+    series: Option<SeriesDecoder<'static>>,
 }
 
 /// A decoded model, and a smaller one for motion if it is large.
@@ -63,7 +66,25 @@ impl LoadedModel {
         let sketch = ModelPreview::new(&decoder);
         let bounds = decoder.info().metadata.bounds;
         let opening = Some(PartialModel { decoder, left, decoded: 0, sketch });
-        LoadedModel { bounds, opening, whole: Err("the model could not be decoded".into()) }
+        LoadedModel { bounds, opening, whole: Err("the model could not be decoded".into()), series: None }
+    }
+
+    /// A series at the time of its clock; `bounds` stay those of this moment.
+    pub(crate) fn of_series(mut series: SeriesDecoder<'static>, time: f64) -> Result<Self> {
+        let model = series.model_at(time, &Context::SILENT)?;
+        let (bounds, whole) = (model.metadata.bounds, Ok(CompleteModel::new(model)));
+        Ok(LoadedModel { bounds, opening: None, whole, series: Some(series) })
+    }
+
+    /// Shows the series at another time. On an error the moment stays.
+    pub(crate) fn set_time(&mut self, time: f64) -> Result<()> {
+        let model = self.series()?.model_at(time, &Context::SILENT)?;
+        self.whole = Ok(CompleteModel::new(model));
+        Ok(())
+    }
+
+    pub(crate) fn series(&mut self) -> Result<&mut SeriesDecoder<'static>> {
+        self.series.as_mut().ok_or_else(|| Error::argument("the model is not a series"))
     }
 
     /// Decodes one step; returns the decoded share, 1 at the end.

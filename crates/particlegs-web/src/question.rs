@@ -22,6 +22,10 @@ pub(crate) struct EngineQuery {
 pub(crate) enum QueryKind {
     /// Decodes one step; answers the decoded share.
     Decode,
+    /// Takes the bytes of a series' frame, which follow the query.
+    AddFrame { frame: usize },
+    /// Shows a series at a time of its clock, for all later queries; answers a `MomentSummary`.
+    SetTime { time: f64 },
     /// A picture: RGBA, four bytes per pixel.
     Picture { scene: SceneRequest, paint: PlaneColours },
     /// Optical depths or surface densities, or values of a field, as f32.

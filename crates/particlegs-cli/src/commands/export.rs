@@ -12,9 +12,10 @@ use particlegs_export::{
 };
 use particlegs_files::input::name_of;
 use particlegs_files::output::{is_stream, write_bytes};
+use particlegs_pipeline::codec::{FileInfo, SeriesFile};
 use particlegs_pipeline::model::{LawKind, Model, Quantity};
 use particlegs_pipeline::{Error, Result, codec};
-use particlegs_view::page::{ModelFile, offline};
+use particlegs_view::page::{ModelFile, linked, offline};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -42,6 +43,7 @@ For particles, run `recover`, then `convert` to any format:
 
 Examples:
   particlegs export M.pgs -o page.html                        # opens in any browser, offline
+  particlegs export run.pgs -o run.html --link                # a series, whose frames the page loads
   particlegs export M.pgs -o splats.ply                       # as for 3-D Gaussian splatting
   particlegs export M.pgs -o splats.glb --color layer         # glTF with KHR_gaussian_splatting
   particlegs export M.pgs -o splats.ply --opacity 0.5 --color density --colormap viridis
@@ -72,6 +74,11 @@ pub struct Arguments {
     /// A page contains all layers, and opens with these.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
     layers: Vec<String>,
+    /// Leave the model's file out of the page, which then loads it from its own folder on a web server.
+    ///
+    /// Of a series it loads the frames that it shows, if the server supports HTTP Range, as most do.
+    #[arg(long, hide_short_help = true)]
+    link: bool,
     #[command(flatten)]
     page: PageArgs,
     #[command(flatten, next_help_heading = "Pages and splats (.html, .ply, .glb, .gltf)")]
@@ -134,10 +141,28 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let kept = context.writes(&a.output, &kind.file())?;
     let start = Instant::now();
-    let bytes = inputs::model_of(&a.model, &a.series, &context)?;
+    let paged = kind.group() == Group::Page;
+    if a.link && !paged {
+        return Err(Error::argument(format!("--link is for pages, not for .{}", kind.ending())));
+    }
+    if a.link && a.series.is_given() {
+        let what = "--link leaves the whole file beside the page, so it takes no --frame or --time";
+        return Err(Error::argument_with(what, "extract the frame first, or leave out --link"));
+    }
+    let bytes = if paged && !a.series.is_given() {
+        inputs::model_or_series(&a.model, &context)?
+    } else {
+        inputs::model_of(&a.model, &a.series, &context)?
+    };
     let name = a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
-    let whole = a.layers == ["all"] || kind.group() == Group::Page;
+    let place = name_of(&a.model);
+    let series = if codec::is_series(&bytes) { Some(SeriesFile::read(&bytes, &place)?) } else { None };
+    let first = match &series {
+        Some(series) => series.frame_bytes(series.first()?)?,
+        None => &bytes,
+    };
+    let model = codec::decode_with(first, &place, &context)?;
+    let whole = a.layers == ["all"] || paged;
     let model = if whole { model } else { model.only(&a.layers)? };
     let fields = fields_named(kind, &model, &a.grid.fields)?;
     let notes = Notes::new(kind, &model, &name, &fields);
@@ -147,8 +172,13 @@ pub fn run(a: Arguments) -> Result<()> {
         Group::Splats => export.splats(model)?,
         Group::Grid => export.grid(&model, fields)?,
         Group::Page => {
-            let bytes = export.page(ModelFile { name: &name, bytes: &bytes }, &model)?;
-            (bytes, format!("a page of {gaussians} Gaussians"), json!({}))
+            let info = codec::read_info(first, &place)?;
+            let written = export.page(ModelFile { name: &name, bytes: &bytes }, &model, &info)?;
+            let what = match &series {
+                Some(series) => format!("a page of {} frames", series.frames.len()),
+                None => format!("a page of {gaussians} Gaussians"),
+            };
+            (written, what, json!({}))
         }
         Group::Gaussians => {
             let write = |out: &Path| write_gaussians(kind, &model, &export.notes, out, &context);
@@ -166,12 +196,16 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 impl Export<'_> {
-    /// The page, which contains the unchanged file.
-    fn page(&self, file: ModelFile<'_>, model: &Model) -> Result<u64> {
+    /// The page, which contains the unchanged file or requests it.
+    fn page(&self, file: ModelFile<'_>, model: &Model, info: &FileInfo) -> Result<u64> {
         let a = self.a;
-        let info = codec::read_info(file.bytes, &name_of(&a.model))?;
-        let opening = a.page.opening(&a.dials, &a.layers, &[&info], self.context)?;
-        let html = offline(&[(file, model)], &opening, self.context)?;
+        let opening = a.page.opening(&a.dials, &a.layers, &[info], self.context)?;
+        let html = if a.link {
+            self.context.message(&format!("note: put the page and {} into one folder of a web server", file.name));
+            linked(file, &opening)
+        } else {
+            offline(&[(file, model)], &opening, self.context)?
+        };
         self.context.write_snapshot(&self.a.output, self.kept, |out| {
             write_bytes(out, &html)?;
             Ok(html.len() as u64)

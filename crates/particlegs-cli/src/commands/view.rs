@@ -40,7 +40,7 @@ The printed address contains a secret token, new each time; set PARTICLEGS_TOKEN
 and digits, to choose it. docs/guide/view.md describes SSH, Open OnDemand and jupyter-server-proxy."
 )]
 pub struct Arguments {
-    /// Model files; several are shown side by side with one camera.
+    /// Model files or series; several are shown side by side with one camera.
     #[arg(required = true, value_name = "MODEL", value_hint = ValueHint::FilePath)]
     models: Vec<PathBuf>,
     /// Snapshot to compare with: its first file, its folder, or its raw columns, one option each.
@@ -84,14 +84,15 @@ pub struct Arguments {
     common: Common,
 }
 
-pub fn run(a: Arguments) -> Result<()> {
+pub fn run(mut a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(
         a.models.iter().chain(&a.particles).chain(&a.snapshot.topology).chain(a.page.files()).map(PathBuf::as_path),
         false,
     )?;
     let server = listen(&a, &context)?;
-    let mut viewed = ModelFiles::read(&a.models, &context)?;
+    let one_frame = !a.particles.is_empty() || a.snapshot.frame.is_some();
+    let mut viewed = ModelFiles::read(&a.models, one_frame.then_some(&mut a.snapshot), &context)?;
     let opening = a.page.opening(&a.dials, &a.layers, &viewed.infos(), &context)?;
     let particles = a.particles(&context)?.map(|p| viewed.in_units(p, &context)).transpose()?;
     let reference = particles.as_ref().map(Reference::new);
@@ -108,10 +109,10 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     // From here on the page shows the progress.
     let context = context.without_progress();
+    let has_poster = viewed.has_poster(&opening);
     let models = viewed.take_files();
     let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
-    let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> =
-        if viewed.has_poster(&opening) { Some(&poster) } else { None };
+    let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> = if has_poster { Some(&poster) } else { None };
     server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&describe(&event)))
 }
 

@@ -247,10 +247,15 @@ impl<'a> SeriesFile<'a> {
         format!("{}, frame {frame}", self.place)
     }
 
+    /// The number of its first frame, which is a keyframe.
+    pub fn first(&self) -> Result<usize> {
+        let first = self.frames.iter().position(|f| f.kind == FrameCoding::Keyframe);
+        first.ok_or_else(|| Error::input(&self.place, "the series has no frames"))
+    }
+
     /// Units of its frames.
     pub fn units(&self) -> Result<Units> {
-        let first = self.frames.iter().position(|f| f.kind == FrameCoding::Keyframe);
-        let first = first.ok_or_else(|| Error::input(&self.place, "the series has no frames"))?;
+        let first = self.first()?;
         Ok(file::read_metadata(self.frame_bytes(first)?, &self.name(first))?.units)
     }
 

@@ -1,6 +1,6 @@
 //! All addresses behind the token. There are no others: nothing is looked up in a file system.
 
-use super::answer::{HttpResponse, bytes, refusal, with};
+use super::answer::{HttpResponse, bytes, part, refusal, with};
 use crate::assets;
 use crate::page::Page;
 use crate::truth::RenderRequest;
@@ -96,7 +96,7 @@ impl RouteTable {
                 with(answer, header::CONTENT_SECURITY_POLICY, self.policy.clone())
             }
             Route::Engine => self.engine.answer("application/wasm", headers),
-            Route::Model(i) => bytes("application/octet-stream", self.models[i].clone()),
+            Route::Model(i) => part(&self.models[i], headers),
             Route::Poster => self.poster().await,
             Route::Truth => refusal(StatusCode::METHOD_NOT_ALLOWED, "request pictures by POST"),
         }
