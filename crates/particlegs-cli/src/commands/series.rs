@@ -11,9 +11,9 @@ use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::{Choice, folder_snapshots};
 use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile, TrackedBlock, TrackedModel};
-use particlegs_pipeline::compress::Options;
+use particlegs_pipeline::compress::{FieldSelection, Options};
 use particlegs_pipeline::model::{Layer, Model};
-use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::particles::{LayerFields, Particles, Storage};
 use particlegs_pipeline::series::{KEYFRAME_INTERVAL, SeriesBuilder};
 use particlegs_pipeline::{Error, Result};
 use serde_json::json;
@@ -86,8 +86,8 @@ pub fn run(a: Arguments) -> Result<()> {
         // A frame that is new changes those behind it.
         let kept = if all_kept { done.get(number).cloned().flatten().or_else(|| work.frame(number)) } else { None };
         let place = format!("{}, frame {number}", name_of(&a.output));
-        let particles = match source.read(&choice, &context) {
-            Ok(particles) => particles,
+        let (particles, sources) = match source.read(&choice, !a.fit.fields.is_empty(), &context) {
+            Ok(read) => read,
             Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
             Err(e) => {
                 let what = if kept.is_some() { "is kept as it was" } else { "is missing" };
@@ -102,9 +102,14 @@ pub fn run(a: Arguments) -> Result<()> {
         raw_bytes += particles.raw_bytes();
         let kept = match kept {
             Some(frame) => {
-                let same = builder.take(&frame, &place, &context)?.metadata.source_hash == particles.source_hash();
-                if !same {
-                    let what = format!("{place} was made from another snapshot than {}", source.name());
+                let model = builder.take(&frame, &place, &context)?.clone().into_model();
+                let differing = match &particles.differences_from(&model, false)[..] {
+                    [[what, stored, found], ..] => Some(format!("its {what} was {stored} and is {found} now")),
+                    [] if model.metadata.source_hash != particles.source_hash() => Some("its particles differ".into()),
+                    [] => None,
+                };
+                if let Some(differing) = differing {
+                    let what = format!("{place} was made from another snapshot than {}: {differing}", source.name());
                     return Err(Error::argument_with(what, "replace the series with --force"));
                 }
                 frame
@@ -112,7 +117,8 @@ pub fn run(a: Arguments) -> Result<()> {
             None => {
                 all_kept = false;
                 let from = Instant::now();
-                let added = builder.add(number, &particles, &context)?;
+                let fields = a.fields(&particles, &sources, &options)?;
+                let added = builder.add(number, &particles, fields.as_ref(), &context)?;
                 context.notes(&added.notes);
                 work.keep(number, &added.coded)?;
                 let text = describe(number, builder.clock().name(), &added.coded, &added.model, from);
@@ -167,6 +173,18 @@ impl Arguments {
         (0..there.frames.len()).map(frame).collect()
     }
 
+    /// The fields of a frame that are stored.
+    fn fields<'a>(
+        &self,
+        particles: &'a Particles,
+        sources: &'a [LayerFields],
+        options: &Options,
+    ) -> Result<Option<FieldSelection<'a>>> {
+        let FitArgs { fields, star_forming, .. } = &self.fit;
+        let chosen = || FieldSelection::new(fields, *star_forming, particles, sources, options.law());
+        (!fields.is_empty()).then(chosen).transpose()
+    }
+
     fn sources(&self) -> Result<Vec<FrameSource>> {
         let Some(text) = &self.frames else {
             let paths = match &self.input[..] {
@@ -214,9 +232,14 @@ fn raw_size(frame: &TrackedModel) -> u64 {
 }
 
 impl FrameSource {
-    fn read(&self, choice: &Choice, context: &CommandContext) -> Result<Particles> {
-        let choice = Choice { frame: self.frame, ..choice.clone() };
-        choice.read(std::slice::from_ref(&self.path), &Storage::Memory, context)
+    /// Its particles, and their fields if these are wanted.
+    fn read(&self, choice: &Choice, fields: bool, context: &CommandContext) -> Result<(Particles, Vec<LayerFields>)> {
+        let mut choice = Choice { frame: self.frame, ..choice.clone() };
+        let path = std::slice::from_ref(&self.path);
+        match fields {
+            true => choice.read_fields(path, &Storage::Memory, context),
+            false => Ok((choice.read(path, &Storage::Memory, context)?, Vec::new())),
+        }
     }
 
     fn name(&self) -> String {
