@@ -1,4 +1,4 @@
-//! Options of the fit: target, effort, certificate. Shared by `compress` and `plan`.
+//! Options of the fit: target, effort, certificate, fields. Shared by `compress`, `plan` and `series`.
 
 use crate::common::named;
 use crate::snapshot_args::ParticleArgs;
@@ -8,11 +8,15 @@ use clap::Args;
 use particlegs_pipeline::compress::Options;
 use particlegs_pipeline::fit::Effort;
 use particlegs_pipeline::model::CertificateLevel;
+use particlegs_pipeline::particles::StarFormingGas;
 use particlegs_pipeline::{Error, Result};
 
 pub fn number_of_blocks(text: &str) -> std::result::Result<u32, String> {
     text.parse().map_err(|_| "not a number (--gadget-blocks names the blocks of a Gadget file)".to_string())
 }
+
+/// Position in the help: after the options of the fit.
+pub const LATER: usize = 500;
 
 #[derive(Args, Clone, Debug)]
 #[command(mut_arg("ratio", |a| with_default(a, "300, less for small snapshots")))]
@@ -35,6 +39,18 @@ pub struct FitArgs {
     /// How much to measure on the decoded model and store in the file.
     #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
     certificate: CertificateLevel,
+    /// Fields to store as well, such as velocity, or `all`.
+    ///
+    /// Names are those that `info` lists, case aside; `velocity` also finds Velocities, or vx, vy and vz. Velocities of
+    /// cosmological snapshots are stored as peculiar velocities in km/s where the file says how. The target is met
+    /// without the fields, and the report says what they add.
+    #[arg(long, display_order = LATER, value_name = "NAME,...", value_delimiter = ',')]
+    pub fields: Vec<String>,
+    /// Temperature of star-forming gas, where it is computed from internal energy: keep, drop, or a value in K.
+    ///
+    /// Such gas follows an effective equation of state in many simulations, so its internal energy is not thermal.
+    #[arg(long, display_order = LATER, value_name = "keep|drop|K", hide_short_help = true, requires = "fields", default_value = "keep", hide_default_value = true)]
+    pub star_forming: StarFormingGas,
     #[command(flatten)]
     pub train: TrainArgs,
 }
@@ -58,6 +74,13 @@ impl FitArgs {
             Some(goal) => goal,
             None => self.target.target()?,
         };
+        let mut read = particles.choice(seed)?.options();
+        if !self.fields.is_empty() {
+            read.insert("fields".into(), self.fields.join(","));
+        }
+        if self.star_forming != StarFormingGas::Keep {
+            read.insert("star-forming".into(), self.star_forming.to_string());
+        }
         Ok(Options {
             target,
             effort: self.effort,
@@ -66,7 +89,8 @@ impl FitArgs {
             training: self.train.config()?,
             seed,
             certificate: self.certificate,
-            read: particles.choice(seed)?.options(),
+            read,
+            fields: !self.fields.is_empty(),
             ..Options::default()
         })
     }

@@ -26,11 +26,7 @@ struct PageModelFile {
 impl ModelFiles {
     /// Reads the files and refuses damaged ones. Small ones are decoded; for large ones only the checksums are
     /// verified, to keep the page fast. Of a series the frame of a `snapshot` is read, if there is one to compare with.
-    pub fn read(
-        paths: &[PathBuf],
-        mut snapshot: Option<&mut SnapshotArgs>,
-        context: &CommandContext,
-    ) -> Result<Self> {
+    pub fn read(paths: &[PathBuf], mut snapshot: Option<&mut SnapshotArgs>, context: &CommandContext) -> Result<Self> {
         let names = names(paths);
         let mut files = Vec::with_capacity(paths.len());
         let mut clock = None;

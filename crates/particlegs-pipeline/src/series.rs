@@ -3,10 +3,10 @@
 
 use crate::checkpoint::NoCheckpoints;
 use crate::codec::{ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel};
-use crate::compress::{Compression, Options, SharingPolicy, certify};
+use crate::compress::{Compression, FieldSelection, Options, SharingPolicy, certify};
 use crate::context::Context;
 use crate::fit::{FitOptions, TrackingEffort, track_gaussians};
-use crate::model::{CertificateLevel, Effort, LawKind, Mass, Metadata, Model};
+use crate::model::{Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Model};
 use crate::particles::Particles;
 use crate::{Error, Result};
 
@@ -47,8 +47,8 @@ impl SeriesBuilder {
         if options.law() == LawKind::AlphaBlend || options.training.is_some() {
             return Err(Error::argument("a series holds optical-depth models that are fitted, not trained"));
         }
-        if options.memory.is_some() || options.blocks.is_some_and(|b| b > 1) || options.fields {
-            return Err(Error::argument("the frames of a series are fitted in one block, without fields"));
+        if options.memory.is_some() || options.blocks.is_some_and(|b| b > 1) {
+            return Err(Error::argument("the frames of a series are fitted in one block"));
         }
         if interval == 0 {
             return Err(Error::argument("there is at least 1 frame from one keyframe to the next"));
@@ -82,8 +82,14 @@ impl SeriesBuilder {
         self.clock.unwrap_or(SeriesClock::Frame)
     }
 
-    /// Adds frame `number`.
-    pub fn add(&mut self, number: usize, particles: &Particles, context: &Context<'_>) -> Result<AddedFrame> {
+    /// Adds frame `number`, with the `fields` of its particles.
+    pub fn add(
+        &mut self,
+        number: usize,
+        particles: &Particles,
+        fields: Option<&FieldSelection<'_>>,
+        context: &Context<'_>,
+    ) -> Result<AddedFrame> {
         let planned = Compression::plan(particles, &self.options, context)?;
         let metadata = planned.metadata();
         let clock = *self.clock.get_or_insert_with(|| SeriesClock::of(metadata));
@@ -96,7 +102,7 @@ impl SeriesBuilder {
         }
         let mut notes = planned.notes().to_vec();
         let tracked = match self.before.as_ref().filter(|_| self.since < self.interval) {
-            Some(before) => self.change(before, particles, metadata, time, context)?,
+            Some(before) => self.change(before, (particles, fields), metadata, time, context)?,
             None => None,
         };
         let (keyframe, bytes, next) = match tracked {
@@ -109,7 +115,11 @@ impl SeriesBuilder {
                         self.key_bytes
                     ));
                 }
-                let bytes = planned.run(&mut NoCheckpoints, context)?.bytes;
+                let done = planned.run(&mut NoCheckpoints, context)?;
+                let bytes = match fields {
+                    Some(fields) => fields.add_to_model(done, context)?.bytes,
+                    None => done.bytes,
+                };
                 let next = TrackedModel::keyframe(&bytes, time, name, context)?;
                 (true, bytes, next)
             }
@@ -124,7 +134,7 @@ impl SeriesBuilder {
     fn change(
         &self,
         before: &TrackedModel,
-        particles: &Particles,
+        (particles, fields): (&Particles, Option<&FieldSelection<'_>>),
         metadata: &Metadata,
         time: f64,
         context: &Context<'_>,
@@ -162,9 +172,18 @@ impl SeriesBuilder {
             masses.push(Mass::new(own.mass.is_weighted(), own.mass.unit()));
         }
         sums.sort_unstable_by(f64::total_cmp);
-        let metadata = Metadata { mass: sums.iter().sum(), ..metadata.clone() };
-        let Some(bytes) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
-        let next = before.next(&bytes, time, &particles.meta.name)?;
+        let mut metadata = Metadata { mass: sums.iter().sum(), ..metadata.clone() };
+        let Some(mut bytes) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
+        let mut next = before.next(&bytes, time, &particles.meta.name)?;
+        let size = bytes.len() as u64;
+        if let Some(fields) = fields {
+            let coded = fields.sections(&next.clone().into_model(), context)?;
+            blocks.iter_mut().zip(coded).for_each(|(block, sections)| block.1 = sections);
+            metadata.fields = fields.quantities().to_vec();
+            let Some(whole) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
+            next = before.next(&whole, time, &particles.meta.name)?;
+            bytes = whole;
+        }
         let level = match self.options.certificate {
             CertificateLevel::None => return Ok(Some((bytes, next))),
             // Fits of halves say nothing of Gaussians that are tracked.
@@ -172,7 +191,11 @@ impl SeriesBuilder {
             level => level,
         };
         let model = next.into_model();
-        let certificate = certify(&model, bytes.len() as u64, particles, self.options.seed, level, context)?;
+        let seed = self.options.seed;
+        let mut certificate = certify(&model, size, particles, seed, level, context)?;
+        if let Some(fields) = fields {
+            certificate = Certificate { fields: fields.agreement(&model, seed, context)?, ..certificate };
+        }
         let Some(bytes) = before.change_file(&metadata, &masses, Some(&certificate), &blocks) else { return Ok(None) };
         let next = before.next(&bytes, time, &particles.meta.name)?;
         Ok(Some((bytes, next)))

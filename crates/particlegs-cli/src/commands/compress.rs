@@ -2,7 +2,7 @@
 
 use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
-use crate::fit_args::{FitArgs, number_of_blocks};
+use crate::fit_args::{FitArgs, LATER, number_of_blocks};
 use crate::info_model;
 use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
@@ -17,7 +17,7 @@ use particlegs_pipeline::compress::{
 };
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Model;
-use particlegs_pipeline::particles::{Particles, StarFormingGas, Storage};
+use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::{Error, Result, codec};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -55,18 +55,6 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    /// Fields to store as well, such as velocity, or `all`.
-    ///
-    /// Names are those that `info` lists, case aside; `velocity` also finds Velocities, or vx, vy and vz. Velocities of
-    /// cosmological snapshots are stored as peculiar velocities in km/s where the file says how. The target is met
-    /// without the fields, and the report says what they add.
-    #[arg(long, display_order = LATER, value_name = "NAME,...", value_delimiter = ',')]
-    fields: Vec<String>,
-    /// Temperature of star-forming gas, where it is computed from internal energy: keep, drop, or a value in K.
-    ///
-    /// Such gas follows an effective equation of state in many simulations, so its internal energy is not thermal.
-    #[arg(long, display_order = LATER, value_name = "keep|drop|K", hide_short_help = true, requires = "fields", default_value = "keep", hide_default_value = true)]
-    star_forming: StarFormingGas,
     /// Should particle types share Gaussians, each with a share of every Gaussian?
     ///
     /// This describes types better that lie in the same places, such as gas and dark matter.
@@ -115,21 +103,12 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Position in the help: after the options of the fit.
-const LATER: usize = 500;
-
 pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
     let mut options = a.fit.options(&a.particles, a.common.seed)?;
-    if !a.fields.is_empty() {
-        options.read.insert("fields".into(), a.fields.join(","));
-    }
-    if a.star_forming != StarFormingGas::Keep {
-        options.read.insert("star-forming".into(), a.star_forming.to_string());
-    }
-    (options.sharing, options.fields) = (a.share_gaussians, !a.fields.is_empty());
+    options.sharing = a.share_gaussians;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
     let total = a.size_total.as_deref().map(parse_bytes).transpose()?;
@@ -148,12 +127,12 @@ pub fn run(a: Arguments) -> Result<()> {
         options.storage = Storage::Disk(a.scratch_folder());
     }
     let mut choice = a.particles.choice(a.common.seed)?;
-    let (mut particles, sources) = match a.fields.is_empty() {
+    let (mut particles, sources) = match a.fit.fields.is_empty() {
         true => (choice.read(&a.input, &options.storage, &context)?, Vec::new()),
         false => choice.read_fields(&a.input, &options.storage, &context)?,
     };
-    if !a.fields.is_empty() {
-        let chosen = FieldSelection::new(&a.fields, a.star_forming, &particles, &sources, options.law())?;
+    if !a.fit.fields.is_empty() {
+        let chosen = FieldSelection::new(&a.fit.fields, a.fit.star_forming, &particles, &sources, options.law())?;
         context.notes(chosen.notes());
         let omitted = chosen.omitted().to_vec();
         particles.meta.fields = omitted;
@@ -172,10 +151,10 @@ pub fn run(a: Arguments) -> Result<()> {
         None => None,
     };
     let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
-        if a.fields.is_empty() {
+        if a.fit.fields.is_empty() {
             return planned.run(pieces, context);
         }
-        let fields = FieldSelection::new(&a.fields, a.star_forming, &particles, &sources, options.law())?;
+        let fields = FieldSelection::new(&a.fit.fields, a.fit.star_forming, &particles, &sources, options.law())?;
         match total {
             None => fields.add_to_model(planned.run(pieces, context)?, context),
             Some(total) => compress_to_total(&particles, &options, &fields, total, context),
@@ -274,7 +253,7 @@ fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, secon
         done.model.metadata.count,
     );
     text += &run_args::trained(done);
-    if !a.fields.is_empty() {
+    if !a.fit.fields.is_empty() {
         text += &info.describe_fields().iter().map(|line| format!("\n  {line}")).collect::<String>();
     }
     if let Some(goal) = &done.reached {

@@ -9,7 +9,7 @@ use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs_pipeline::job::{Job, Task};
-use particlegs_pipeline::particles::{StarFormingGas, Storage};
+use particlegs_pipeline::particles::Storage;
 use particlegs_pipeline::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -47,19 +47,6 @@ pub struct Arguments {
     /// Memory limit of a task, such as 4GiB [default with `auto`: 4GiB].
     #[arg(long, value_name = "SIZE")]
     memory: Option<String>,
-    /// Fields to store as well, such as velocity, or `all`, as for `compress`.
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
-    fields: Vec<String>,
-    /// Temperature of star-forming gas, as for `compress`: keep, drop, or a value in K.
-    #[arg(
-        long,
-        value_name = "keep|drop|K",
-        hide_short_help = true,
-        requires = "fields",
-        default_value = "keep",
-        hide_default_value = true
-    )]
-    star_forming: StarFormingGas,
     /// Print a workflow script.
     ///
     /// The summary is then printed on standard error.
@@ -80,12 +67,6 @@ pub fn run(a: Arguments) -> Result<()> {
         return crate::report::line(text.trim_end());
     }
     let mut options = a.fit.options(&a.particles, a.common.seed)?;
-    if !a.fields.is_empty() {
-        options.read.insert("fields".into(), a.fields.join(","));
-    }
-    if a.star_forming != StarFormingGas::Keep {
-        options.read.insert("star-forming".into(), a.star_forming.to_string());
-    }
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = match a.blocks.as_str() {
         "auto" => None,
@@ -111,12 +92,12 @@ pub fn run(a: Arguments) -> Result<()> {
     // The plan itself checks the content of the folder; here it only must not be an input.
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
-    let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), !a.fields.is_empty(), &context)?;
+    let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), !a.fit.fields.is_empty(), &context)?;
     let task = Task {
         reopened,
         options: &options,
-        fields: &a.fields,
-        star_forming: a.star_forming,
+        fields: &a.fit.fields,
+        star_forming: a.fit.star_forming,
         snapshot: named,
         place: &snapshot.place(),
         replace: a.force.force,

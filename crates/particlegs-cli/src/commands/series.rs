@@ -10,9 +10,9 @@ use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::{AtomSelection, Choice, folder_snapshots};
-use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile, TrackedBlock, TrackedModel};
-use particlegs_pipeline::compress::Options;
-use particlegs_pipeline::model::{Layer, Model};
+use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile};
+use particlegs_pipeline::compress::{FieldSelection, Options};
+use particlegs_pipeline::model::{Block, Layer, Model, QuantityKind};
 use particlegs_pipeline::particles::{AlignedFrame, Alignment, LayerFields, Particles, Storage};
 use particlegs_pipeline::series::{KEYFRAME_INTERVAL, SeriesBuilder};
 use particlegs_pipeline::{Error, Result};
@@ -136,51 +136,66 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let choice = a.particles.choice(a.common.seed)?;
     let (mut frames, mut raw_bytes, mut listed) = (Vec::new(), 0u64, Vec::new());
-    let mut all_kept = true;
+    let (mut all_kept, mut unread) = (true, None);
     for (number, source) in sources.iter().enumerate() {
         // A frame that is new changes those behind it.
         let kept = if all_kept { done.get(number).cloned().flatten().or_else(|| work.frame(number)) } else { None };
         let place = format!("{}, frame {number}", name_of(&a.output));
-        let particles = match source.read(&choice, &context) {
-            Ok(particles) => particles,
+        let (mut particles, fields) = match source.read(&choice, !a.fit.fields.is_empty(), &context) {
+            Ok(read) => read,
             Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
             Err(e) => {
                 let what = if kept.is_some() { "is kept as it was" } else { "is missing" };
                 context.message(&one_line(&format!("warning: frame {number} {what}: {e}")));
+                unread = Some(e);
                 if let Some(frame) = &kept {
-                    raw_bytes += raw_size(builder.take(frame, &place, &context)?);
+                    raw_bytes += raw_size(&builder.take(frame, &place, &context)?.clone().into_model());
                 }
                 frames.push(kept);
                 continue;
             }
         };
-        let particles = match &mut aligner {
-            Some(aligner) => aligner.aligned(source, particles, &context)?,
-            None => particles,
-        };
-        raw_bytes += particles.raw_bytes();
+        if let Some(aligner) = &mut aligner {
+            particles = aligner.aligned(source, particles, &context)?;
+        }
+        if !fields.is_empty() {
+            // What is left out was the user's choice.
+            particles.meta.fields.clear();
+        }
         let kept = match kept {
             Some(frame) => {
-                let same = builder.take(&frame, &place, &context)?.metadata.source_hash == particles.source_hash();
-                if !same {
-                    let what = format!("{place} was made from another snapshot than {}", source.name());
+                let model = builder.take(&frame, &place, &context)?.clone().into_model();
+                let differing = match &particles.differences_from(&model, false)[..] {
+                    [[what, stored, found], ..] => Some(format!("its {what} was {stored} and is {found} now")),
+                    [] if model.metadata.source_hash != particles.source_hash() => Some("its particles differ".into()),
+                    [] => None,
+                };
+                if let Some(differing) = differing {
+                    let what = format!("{place} was made from another snapshot than {}: {differing}", source.name());
                     return Err(Error::argument_with(what, "replace the series with --force"));
                 }
+                raw_bytes += raw_size(&model);
                 frame
             }
             None => {
                 all_kept = false;
                 let from = Instant::now();
-                let added = builder.add(number, &particles, &context)?;
+                let fields = a.fields(&particles, &fields, &options)?;
+                let added = builder.add(number, &particles, fields.as_ref(), &context)?;
                 context.notes(&added.notes);
                 work.keep(number, &added.coded)?;
                 let text = describe(number, builder.clock().name(), &added.coded, &added.model, from);
                 context.message(&text);
+                raw_bytes += raw_size(&added.model);
                 added.coded
             }
         };
         listed.push(json!({"frame": number, "time": kept.time, "keyframe": kept.keyframe, "bytes": kept.bytes.len()}));
         frames.push(Some(kept));
+    }
+    if let Some(error) = unread.filter(|_| frames.iter().all(Option::is_none)) {
+        work.remove();
+        return Err(error);
     }
     let bytes = codec::assemble_series(builder.clock(), &recipe, &frames)?;
     output::write_bytes(&a.output, &bytes)?;
@@ -226,6 +241,27 @@ impl Arguments {
         (0..there.frames.len()).map(frame).collect()
     }
 
+    /// The fields of a frame that are stored.
+    fn fields<'a>(
+        &self,
+        particles: &'a Particles,
+        sources: &'a [LayerFields],
+        options: &Options,
+    ) -> Result<Option<FieldSelection<'a>>> {
+        let FitArgs { fields, star_forming, .. } = &self.fit;
+        if fields.is_empty() {
+            return Ok(None);
+        }
+        let chosen = FieldSelection::new(fields, *star_forming, particles, sources, options.law())?;
+        if let Some(vector) =
+            chosen.quantities().iter().find(|q| q.kind == QuantityKind::Vector && self.align.is_some())
+        {
+            let what = format!("--align turns positions, but not vectors such as the field `{}`", vector.name);
+            return Err(Error::argument_with(what, "leave the field out, or --align"));
+        }
+        Ok(Some(chosen))
+    }
+
     fn sources(&self) -> Result<Vec<FrameSource>> {
         let Some(text) = &self.frames else {
             let paths = match &self.input[..] {
@@ -266,16 +302,27 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>> {
     if paths.is_empty() { Err(Error::argument(format!("no file matches {pattern}"))) } else { Ok(paths) }
 }
 
-/// Bytes of the positions that a frame was made from.
-fn raw_size(frame: &TrackedModel) -> u64 {
-    let particles = |layer: &Layer<Vec<TrackedBlock>>| layer.content.iter().map(|b| b.block.count).sum::<u64>();
-    frame.layers.iter().map(|l| l.mass.particle_bytes() * particles(l)).sum()
+/// Bytes of the columns that a frame was made from.
+fn raw_size(frame: &Model) -> u64 {
+    let of_fields = |b: &Block| {
+        let there = frame.metadata.fields.iter().filter(|q| b.gaussians.fields.get(&q.name).is_some());
+        there.map(|q| u64::from(q.bytes)).sum::<u64>()
+    };
+    let layer = |l: &Layer<Vec<Block>>| {
+        l.content.iter().map(|b| b.count * (l.mass.particle_bytes() + of_fields(b))).sum::<u64>()
+    };
+    frame.layers.iter().map(layer).sum()
 }
 
 impl FrameSource {
-    fn read(&self, choice: &Choice, context: &CommandContext) -> Result<Particles> {
-        let choice = Choice { frame: self.frame, ..choice.clone() };
-        choice.read(std::slice::from_ref(&self.path), &Storage::Memory, context)
+    /// Its particles, and their fields if these are wanted.
+    fn read(&self, choice: &Choice, fields: bool, context: &CommandContext) -> Result<(Particles, Vec<LayerFields>)> {
+        let mut choice = Choice { frame: self.frame, ..choice.clone() };
+        let path = std::slice::from_ref(&self.path);
+        match fields {
+            true => choice.read_fields(path, &Storage::Memory, context),
+            false => Ok((choice.read(path, &Storage::Memory, context)?, Vec::new())),
+        }
     }
 
     fn name(&self) -> String {

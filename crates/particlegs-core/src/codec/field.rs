@@ -35,6 +35,17 @@ impl Default for FieldPrecision {
     }
 }
 
+impl FieldPrecision {
+    /// All steps times `q`.
+    pub(crate) fn scaled(self, q: f32) -> FieldPrecision {
+        FieldPrecision {
+            steps: self.steps.map(|s| s * q),
+            logarithmic: self.logarithmic.map(|s| s * q),
+            shares: self.shares.map(|s| s * q),
+        }
+    }
+}
+
 /// What a section says before its stream.
 #[derive(Clone, Debug, PartialEq)]
 struct FieldHeader {

@@ -5,22 +5,26 @@ use super::exact::{exp, exp_twice};
 use super::series::TrackedModel;
 use super::sums::compensated;
 use crate::math::{Sym3, each_axis};
-use crate::model::{Block, Epoch, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, Epoch, Layer, Metadata, Mixture, Model, Quantity};
 use crate::space::{Bounds, Cell};
 
 impl TrackedModel {
     /// The model at `share` (0 to 1) of the way to the `next` frame, whose Gaussians are known by their
     /// [`TrackedBlock::origin`]: means move along the curve that has their velocities at both ends, shapes along the
-    /// geodesic, counts on a line. Gaussians of one frame alone fade. Counts are not whole, and the source has no hash.
+    /// geodesic, counts and fields that both frames have on a line. Gaussians of one frame alone fade. Counts are not whole, and the source has no hash.
     pub fn between(&self, next: &TrackedModel, share: f64) -> Model {
         let share = share.clamp(0.0, 1.0);
         let (own, other) = (&self.metadata, &next.metadata);
         let cell = own.cell.zip(other.cell).map(|(a, b)| between_cells(&a, &b, share)).or(own.cell);
         let frames = [self, next].map(|frame| FrameMap::new(frame.metadata.cell, cell));
         let elapsed = next.time - self.time;
+        let both = |q: &Quantity| other.fields.contains(q);
+        let fields: Vec<Quantity> = if own.fields.iter().all(both) { own.fields.clone() } else { Vec::new() };
         let layers = self.layers.iter().zip(&next.layers).map(|(a, b)| {
             let pairs = a.content.iter().zip(&b.content);
-            let blocks = pairs.map(|(from, to)| BlockPair { from, to, frames: &frames, elapsed }.at(share)).collect();
+            let blocks = pairs
+                .map(|(from, to)| BlockPair { from, to, frames: &frames, elapsed, fields: &fields }.at(share))
+                .collect();
             Layer { name: a.name.clone(), mass: a.mass, content: blocks }
         });
         let layers: Vec<Layer<Vec<Block>>> = layers.collect();
@@ -34,7 +38,7 @@ impl TrackedModel {
             source: format!("between {} and {}", own.source, other.source),
             source_hash: [0; 32],
             epoch: between_epochs(&own.epoch, &other.epoch, share),
-            fields: Vec::new(),
+            fields,
             ..own.clone()
         };
         Model { metadata, layers, certificate: None }
@@ -48,6 +52,7 @@ struct BlockPair<'a> {
     /// From the cell of each frame to that between.
     frames: &'a [FrameMap; 2],
     elapsed: f64,
+    fields: &'a [Quantity],
 }
 
 impl BlockPair<'_> {
@@ -56,12 +61,33 @@ impl BlockPair<'_> {
         let [old, new] = [&a.gaussians, &b.gaussians];
         let weighted = old.masses().is_some();
         let mut gaussians = Mixture::new(weighted);
+        let there = |q: &&Quantity| old.fields.get(&q.name).is_some() && new.fields.get(&q.name).is_some();
+        let names: Vec<&str> = self.fields.iter().filter(there).map(|q| &q.name[..]).collect();
+        for &name in &names {
+            let [a, b] = [old, new].map(|m| m.fields.get(name));
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            let mut moments = a.emptied();
+            moments.correlations.retain(|with| b.correlations.get(with).is_some());
+            let wider = |(a, b): (&[f64; 2], &[f64; 2])| [a[0].min(b[0]), a[1].max(b[1])];
+            moments.range = a.range.iter().zip(&b.range).map(wider).collect();
+            gaussians.fields.set(name, moments);
+        }
+        // A Gaussian of one frame alone has its own moments.
+        let add_fields = |to: &mut Mixture, from: [(&Mixture, usize); 2]| {
+            for &name in &names {
+                let [a, b] = from.map(|(m, i)| m.fields.get(name).map(|f| (f, i)));
+                if let (Some(a), Some(b), Some(own)) = (a, b, to.fields.get_mut(name)) {
+                    own.push_between([a, b], share);
+                }
+            }
+        };
         let mut goes = vec![true; old.len()];
         let [out, back] = self.frames;
         for (j, origin) in self.to.origin.iter().enumerate() {
             let end = back.carried(new.mean_of(j));
             let Some(i) = origin.map(|i| i as usize).filter(|&i| i < old.len()) else {
                 gaussians.push(out.image(end), new.cov_of(j), new.count[j] * share, new.mass_of(j) * share);
+                add_fields(&mut gaussians, [(new, j); 2]);
                 continue;
             };
             goes[i] = false;
@@ -75,12 +101,14 @@ impl BlockPair<'_> {
             let cov = between_shapes(&old.cov_of(i), &new.cov_of(j), share);
             let count = mix(old.count[i], new.count[j], share);
             gaussians.push(out.image(mean), cov, count, mix(old.mass_of(i), new.mass_of(j), share));
+            add_fields(&mut gaussians, [(old, i), (new, j)]);
         }
         for i in (0..old.len()).filter(|&i| goes[i]) {
             let moved = self.from.velocity(i).unwrap_or_default();
             let carried = out.carried(old.mean_of(i));
             let mean = out.image(each_axis(|k| carried[k] + moved[k] * self.elapsed * share));
             gaussians.push(mean, old.cov_of(i), old.count[i] * (1.0 - share), old.mass_of(i) * (1.0 - share));
+            add_fields(&mut gaussians, [(old, i); 2]);
         }
         let bounds = between_bounds(&a.bounds, &b.bounds, share);
         let count = compensated(&gaussians.count).round() as u64;

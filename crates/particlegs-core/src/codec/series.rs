@@ -6,15 +6,17 @@ use super::container::{
     self, BLOCK_CHANGE, CERTIFICATE, CHANGE, CORRELATION, FIELD, FRAME, FRAME_INDEX, HEAD_BYTES, META, SECTION_BYTES,
     SERIES, SERIES_RECIPE, Section,
 };
-use super::decode::{Decoder, correlation_of, fields_of};
-use super::file::{self, CodedLayer, StoredSection};
+use super::decode::{Decoder, correlation_of, decode_block, fields_of};
+use super::field::{FieldPrecision, encode_field};
+use super::field_correlation::encode_correlation;
+use super::file::{self, CodedLayer, StoredBlock, StoredSection};
 use super::merge::blocks_hash;
 use super::series_clock::SeriesClock;
 use super::sums::compensated;
 use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, assemble, certificate, metadata};
 use crate::context::Context;
-use crate::model::{Block, Certificate, Layer, Mass, Metadata, Model, Units};
+use crate::model::{Block, Certificate, Layer, Mass, Metadata, Mixture, Model, Quantity, Units};
 use crate::{Error, Result};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -356,7 +358,7 @@ impl<'a> SeriesDecoder<'a> {
             return Ok(bytes.to_vec());
         }
         let Model { metadata, layers, certificate } = self.frame(frame, context)?.clone().into_model();
-        assemble(&Metadata { fields: Vec::new(), ..metadata }, certificate.as_ref(), coded_finely(layers)?)
+        assemble(&metadata, certificate.as_ref(), coded_finely(layers, &metadata.fields)?)
     }
 
     /// The model at a time of the clock as a file: of a frame what [`SeriesDecoder::extract`] gives, between frames what
@@ -366,19 +368,49 @@ impl<'a> SeriesDecoder<'a> {
             return self.extract(frame, context);
         }
         let Model { metadata, layers, .. } = self.model_at(time, context)?;
-        let layers = coded_finely(layers)?;
+        let layers = coded_finely(layers, &metadata.fields)?;
         assemble(&Metadata { source_hash: blocks_hash(&layers), ..metadata }, None, layers)
     }
 }
 
-/// Layers whose steps are far finer than those of a series.
-fn coded_finely(layers: Vec<Layer<Vec<Block>>>) -> Result<Vec<CodedLayer>> {
+/// Layers whose steps are far finer than those of a series, with their `fields`.
+fn coded_finely(layers: Vec<Layer<Vec<Block>>>, fields: &[Quantity]) -> Result<Vec<CodedLayer>> {
     let precision = Precision::BALANCED.scaled(EXTRACTED);
-    let coded = |layer: Layer<Vec<Block>>| {
-        let blocks = layer.content.iter().map(|b| Ok(Encoder::new(b)?.encode(&precision).into()));
-        Ok(layer.with(blocks.collect::<Result<Vec<_>>>()?))
+    let coded = |b: &Block| {
+        let encoder = Encoder::new(b)?;
+        let bytes = encoder.encode(&precision);
+        let decoded = decode_block(&bytes, "the frame")?.gaussians;
+        let sections = field_sections(&b.gaussians, encoder.order(), &decoded, fields);
+        Ok(StoredBlock { sections, ..bytes.into() })
     };
-    layers.into_iter().map(coded).collect()
+    let layer = |layer: Layer<Vec<Block>>| {
+        let blocks = layer.content.iter().map(coded).collect::<Result<Vec<_>>>()?;
+        Ok(layer.with(blocks))
+    };
+    layers.into_iter().map(layer).collect()
+}
+
+/// The fields of Gaussians that are coded anew, and `decoded` in another `order`.
+fn field_sections(g: &Mixture, order: &[u32], decoded: &Mixture, fields: &[Quantity]) -> Vec<StoredSection> {
+    let precision = FieldPrecision::default().scaled(EXTRACTED as f32);
+    let (mut moments, mut correlations) = (Vec::new(), Vec::new());
+    for (number, quantity) in fields.iter().enumerate().filter(|(n, _)| Metadata::is_stored(fields, *n)) {
+        let Some(field) = g.fields.get(&quantity.name) else { continue };
+        let mut ordered = field.emptied();
+        order.iter().for_each(|&i| ordered.push_moved(field, i as usize, [0.0; 3]));
+        let weight = |i: usize| if quantity.by_mass { g.mass_of(i) } else { g.count[i] };
+        let value = |c: usize, i: usize| weight(i) * field.overall_value(c, i, &g.cov_of(i));
+        let sum = |c: usize| compensated(&(0..g.len()).map(|i| value(c, i)).collect::<Vec<_>>());
+        let sums: Vec<f64> = (0..field.components()).map(sum).collect();
+        let bytes = encode_field((number as u8, quantity), &ordered, decoded, &sums, &precision);
+        moments.push(StoredSection { tag: FIELD, bytes });
+        for (other, values) in ordered.correlations.iter() {
+            let Some(with) = fields.iter().position(|q| q.name == *other) else { continue };
+            let bytes = encode_correlation([number as u8, with as u8], values, decoded);
+            correlations.push(StoredSection { tag: CORRELATION, bytes });
+        }
+    }
+    moments.into_iter().chain(correlations).collect()
 }
 
 fn frame_entries(bytes: &[u8]) -> std::result::Result<(SeriesClock, Vec<FrameEntry>), String> {

@@ -96,6 +96,18 @@ impl FieldMoments {
         }
     }
 
+    /// Adds what lies at `share` (0 to 1) of the way from Gaussian `i` to Gaussian `j` of another's of the same kind.
+    pub fn push_between(&mut self, [from, to]: [(&FieldMoments, usize); 2], share: f64) {
+        let ((a, i), (b, j)) = (from, to);
+        for (own, (a, b)) in self.columns_mut().zip(a.columns().zip(b.columns())) {
+            own.push(a[i] + share * (b[j] - a[i]));
+        }
+        for (name, own) in self.correlations.iter_mut() {
+            let of = |f: &FieldMoments, i: usize| f.correlations.get(name).map_or(0.0, |c| c[i]);
+            own.push(of(a, i) + share * (of(b, j) - of(a, i)));
+        }
+    }
+
     /// Columns of moments: means, slopes, spreads, of a logarithmic field the excess.
     pub fn columns(&self) -> impl Iterator<Item = &Vec<f64>> {
         self.mean.iter().chain(self.slope.iter().flatten()).chain(&self.spread).chain(&self.excess)

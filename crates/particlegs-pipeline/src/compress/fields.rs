@@ -264,9 +264,23 @@ impl<'a> FieldSelection<'a> {
         if !shared.is_empty() {
             return Err(Error::argument("fields cannot be added where particle types share Gaussians"));
         }
-        let precision = &FieldPrecision::default();
         let metadata = Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
+        let blocks = coded.iter_mut().flat_map(|layer| &mut layer.content);
+        for (stored, sections) in blocks.zip(self.sections(model, context)?) {
+            stored.sections.extend(sections);
+        }
+        let measured =
+            |c: Certificate| Ok::<_, Error>(Certificate { fields: self.agreement(model, c.views.seed, context)?, ..c });
+        let certificate = model.certificate.map(measured).transpose()?;
+        codec::assemble(&metadata, certificate.as_ref(), coded)
+    }
+
+    /// The fields of a `model` that was made of the particles, coded for each of its blocks.
+    pub(crate) fn sections(&self, model: &Model, context: &Context<'_>) -> Result<Vec<Vec<StoredSection>>> {
+        let precision = &FieldPrecision::default();
+        let mut sections: Vec<Vec<Vec<StoredSection>>> =
+            model.layers.iter().map(|l| vec![Vec::new(); l.content.len()]).collect();
         for (index, layer) in self.particles.layers().iter().enumerate() {
             let chosen = self.numbers(index);
             let at = model.layers.iter().position(|l| l.name == layer.name);
@@ -276,12 +290,11 @@ impl<'a> FieldSelection<'a> {
             let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
             let particles = self.particles.of_layer(layer);
             let pairs = correlations(blocks, &particles, (&shapes, &gathered), &read, None, context)?;
-            for (((block, stored), fields), pairs) in blocks.iter().zip(&mut coded[at].content).zip(gathered).zip(pairs)
-            {
+            for (((block, stored), fields), pairs) in blocks.iter().zip(&mut sections[at]).zip(gathered).zip(pairs) {
                 for pair in pairs {
                     let numbers = pair.fields.map(|f| chosen[f] as u8);
                     let bytes = codec::encode_correlation(numbers, &pair.values, &block.gaussians);
-                    stored.sections.push(StoredSection { tag: codec::CORRELATION, bytes });
+                    stored.push(StoredSection { tag: codec::CORRELATION, bytes });
                 }
                 for (n, f) in chosen.iter().zip(fields) {
                     let bytes = codec::encode_field(
@@ -291,14 +304,11 @@ impl<'a> FieldSelection<'a> {
                         &f.sums,
                         precision,
                     );
-                    stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
+                    stored.push(StoredSection { tag: codec::FIELD, bytes });
                 }
             }
         }
-        let measured =
-            |c: Certificate| Ok::<_, Error>(Certificate { fields: self.agreement(model, c.views.seed, context)?, ..c });
-        let certificate = model.certificate.map(measured).transpose()?;
-        codec::assemble(&metadata, certificate.as_ref(), coded)
+        Ok(sections.concat())
     }
 }
 
