@@ -129,6 +129,52 @@ fn frames_out_of_order_and_other_snapshots_are_refused() {
     assert!(!dir.at("turned.pgs").exists());
     dir.runs(&format!("series snap-0 snap-1 -o run.pgs {OPTIONS}"));
     dir.fails(&format!("series snap-0 snap-2 -o run.pgs {OPTIONS}"), 2, "another snapshot");
+    // The same particles at another time.
+    let about = dir.text("snap-1/meta.json");
+    std::fs::write(dir.at("snap-1/meta.json"), about.replace("0.8181818181818181", "0.8")).unwrap();
+    assert!(dir.text("snap-1/meta.json") != about);
+    dir.fails(&format!("series snap-0 snap-1 -o run.pgs {OPTIONS}"), 2, "its scale factor was");
+}
+
+#[test]
+fn a_series_without_any_readable_snapshot_is_not_made() {
+    let dir = TestFolder::new();
+    dir.fails(&format!("series none-0 none-1 -o run.pgs {OPTIONS}"), 6, "none-1");
+    assert!(!dir.at("run.pgs").exists() && !dir.at("run.pgs.work").exists());
+}
+
+#[test]
+fn frames_have_the_fields_of_their_particles() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 3);
+    let temperature = |frame: usize, i: usize| (10.0 + (i % 25) as f32) * (1.0 + frame as f32);
+    for frame in 0..3 {
+        let bytes: Vec<u8> = (0..4000).flat_map(|i| temperature(frame, i).to_le_bytes()).collect();
+        std::fs::write(dir.at(&format!("snap-{frame}/temperature.f32")), bytes).unwrap();
+    }
+    let all = "snap-0 snap-1 snap-2 -o run.pgs --fields temperature";
+    let whole = dir.makes(&format!("series {all} {OPTIONS}"));
+    assert!(whole == dir.makes(&format!("series {all} {OPTIONS} --threads 1 --force")));
+    for frame in 0..3 {
+        dir.runs(&format!("extract run.pgs --frame {frame} -o m.pgs --quiet --force"));
+        let model = dir.model("m.pgs");
+        let g = &model.layers[0].content[0].gaussians;
+        let field = g.fields.get("temperature").unwrap();
+        let sum: f64 = (0..g.len()).map(|i| g.count[i] * field.mean[0][i]).sum();
+        let truth: f64 = (0..4000).map(|i| f64::from(temperature(frame, i))).sum();
+        assert!((sum / truth - 1.0).abs() < 1e-6, "frame {frame}: {sum} instead of {truth}");
+        let spread = (0..g.len()).map(|i| g.count[i] * (field.mean[0][i] - truth / 4000.0).powi(2)).sum::<f64>();
+        assert!(spread > 0.3 * 4000.0 * 52.0 * (1.0 + frame as f64).powi(2), "{spread}");
+    }
+    // Between two frames, on a line.
+    dir.runs("extract run.pgs --time a=0.525 -o between.pgs --quiet");
+    let model = dir.model("between.pgs");
+    let g = &model.layers[0].content[0].gaussians;
+    let mean: f64 = (0..g.len()).map(|i| g.count[i] * g.fields.get("temperature").unwrap().mean[0][i]).sum::<f64>();
+    assert!((mean / 4000.0 - 33.0).abs() < 1.0, "{}", mean / 4000.0);
+    dir.runs("render run.pgs --frame 1 --field temperature -o f.png --size 64x48 --quiet");
+    dir.runs("stats run.pgs -o s --no-plots --quiet");
+    assert!(dir.text("s/frames.csv").contains("temperature"));
 }
 
 /// Rows of a table whose remarks stand behind `#`, by the names of the columns.
