@@ -32,11 +32,13 @@ for frame in range(6):
     about["redshift"] = 1 / (0.5 + 0.02 * frame + 0.003 * (frame % 2)) - 1
     write(folder / f"moving-{frame}", place, about)
 
-# Particles with weights of their own, without a box and without a time.
+# Particles with weights and fields of their own, without a box and without a time.
 for frame in range(3):
     place = centres[member] + 0.1 * frame * drift[member] + noise
     write(folder / f"weights-{frame}", place[:3000], {})
     (1 + member[:3000] % 3 + 0.1 * frame).astype("<f4").tofile(folder / f"weights-{frame}" / "ww.f32")
+    for name, values in (("temperature", np.exp(place[:3000, 0] / 4)), ("metals", member[:3000] / 40 + place[:3000, 1])):
+        values.astype("<f4").tofile(folder / f"weights-{frame}" / f"{name}.f32")
 
 # A triclinic cell that grows and leans.
 with open(folder / "leaning.dump", "w") as out:

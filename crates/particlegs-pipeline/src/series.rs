@@ -172,14 +172,14 @@ impl SeriesBuilder {
             masses.push(Mass::new(own.mass.is_weighted(), own.mass.unit()));
         }
         sums.sort_unstable_by(f64::total_cmp);
-        let mut metadata = Metadata { mass: sums.iter().sum(), ..metadata.clone() };
+        let quantities = fields.map_or(Vec::new(), |f| f.quantities().to_vec());
+        let metadata = Metadata { mass: sums.iter().sum(), fields: quantities, ..metadata.clone() };
         let Some(mut bytes) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
         let mut next = before.next(&bytes, time, &particles.meta.name)?;
         let size = bytes.len() as u64;
         if let Some(fields) = fields {
             let coded = fields.sections(&next.clone().into_model(), context)?;
             blocks.iter_mut().zip(coded).for_each(|(block, sections)| block.1 = sections);
-            metadata.fields = fields.quantities().to_vec();
             let Some(whole) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
             next = before.next(&whole, time, &particles.meta.name)?;
             bytes = whole;
