@@ -47,7 +47,7 @@ impl SeriesBuilder {
         if options.law() == LawKind::AlphaBlend || options.training.is_some() {
             return Err(Error::argument("a series holds optical-depth models that are fitted, not trained"));
         }
-        if options.memory.is_some() || options.blocks.is_some_and(|b| b > 1) {
+        if options.blocks.is_some_and(|b| b > 1) {
             return Err(Error::argument("the frames of a series are fitted in one block"));
         }
         if interval == 0 {
@@ -83,6 +83,9 @@ impl SeriesBuilder {
     }
 
     /// Adds frame `number`, with the `fields` of its particles.
+    ///
+    /// # Errors
+    /// [`Error::Bound`]: the fit would take more than the options' memory.
     pub fn add(
         &mut self,
         number: usize,
@@ -90,6 +93,7 @@ impl SeriesBuilder {
         fields: Option<&FieldSelection<'_>>,
         context: &Context<'_>,
     ) -> Result<AddedFrame> {
+        self.options.blocks_of(particles)?;
         let planned = Compression::plan(particles, &self.options, context)?;
         let metadata = planned.metadata();
         let clock = *self.clock.get_or_insert_with(|| SeriesClock::of(metadata));

@@ -6,6 +6,7 @@ use crate::info_series::mean_psnr;
 use crate::outputs::{self, ForceArgs};
 use crate::printable::one_line;
 use crate::snapshot_args::ParticleArgs;
+use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
@@ -48,6 +49,11 @@ pub struct Arguments {
     /// The words are those of --select. Aligned frames have no periodic box.
     #[arg(long, value_name = "TEXT", hide_short_help = true)]
     align: Option<String>,
+    /// Memory limit, such as 2GiB: particles are then read from scratch files beside the output.
+    ///
+    /// Each frame is fitted as a whole; one that would need more is refused. The bytes are the same.
+    #[arg(long, value_name = "SIZE", hide_short_help = true)]
+    memory: Option<String>,
     #[command(flatten)]
     fit: FitArgs,
     #[command(flatten)]
@@ -121,6 +127,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let mut options = a.fit.options(&a.particles, a.common.seed)?;
     let mut aligner = a.align.as_deref().map(|text| Aligner::new(text, &a)).transpose()?;
     options.read.extend(a.align.iter().map(|text| ("align".to_string(), text.clone())));
+    options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
+    if options.memory.is_some() {
+        options.storage = Storage::Disk(output::scratch_folder(&a.output));
+    }
     let mut builder = SeriesBuilder::new(options.clone(), a.keyframe_interval)?;
     let context = a.common.clone().start()?;
     let start = Instant::now();
@@ -141,7 +151,8 @@ pub fn run(a: Arguments) -> Result<()> {
         // A frame that is new changes those behind it.
         let kept = if all_kept { done.get(number).cloned().flatten().or_else(|| work.frame(number)) } else { None };
         let place = format!("{}, frame {number}", name_of(&a.output));
-        let (mut particles, fields) = match source.read(&choice, !a.fit.fields.is_empty(), &context) {
+        let (mut particles, fields) = match source.read(&choice, (!a.fit.fields.is_empty(), &options.storage), &context)
+        {
             Ok(read) => read,
             Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
             Err(e) => {
@@ -316,12 +327,17 @@ fn raw_size(frame: &Model) -> u64 {
 
 impl FrameSource {
     /// Its particles, and their fields if these are wanted.
-    fn read(&self, choice: &Choice, fields: bool, context: &CommandContext) -> Result<(Particles, Vec<LayerFields>)> {
+    fn read(
+        &self,
+        choice: &Choice,
+        (fields, storage): (bool, &Storage),
+        context: &CommandContext,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
         let mut choice = Choice { frame: self.frame, ..choice.clone() };
         let path = std::slice::from_ref(&self.path);
         match fields {
-            true => choice.read_fields(path, &Storage::Memory, context),
-            false => Ok((choice.read(path, &Storage::Memory, context)?, Vec::new())),
+            true => choice.read_fields(path, storage, context),
+            false => Ok((choice.read(path, storage, context)?, Vec::new())),
         }
     }
 
