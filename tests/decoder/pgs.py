@@ -145,6 +145,13 @@ EDGES = (1, 2, 3, 5, 8, 12, 18, 27, 40, 70, 120)
 
 def read_series(data):
     """The last frame of a series."""
+    for model in frames_of(data):
+        pass
+    return model
+
+
+def frames_of(data):
+    """The frames of a series, one after the other."""
     (index, *others), _ = sections(data, 2)
     check(index[0] == b"FRMS", "index of frames")
     clock, number = struct.unpack_from("<BI", index[1])
@@ -166,8 +173,8 @@ def read_series(data):
         else:
             model = changed(model, key, content, time - before)
         before = time
+        yield model
     check(not frames, "frames")
-    return model
 
 
 def raw_fields(content):
@@ -256,6 +263,7 @@ class Change:
         at = struct.calcsize("<6dQdI5fd2f")
         self.columns, self.fields, self.correlations = {"mean": [], "cov": []}, {}, {}
         self.velocities, self.unrests, self.weights, self.each = [], [], [], []
+        self.stayed = []  # numbers of the Gaussians in the frame before
         self.start(block, Stream(content[at + new :]), (steps, scale, gains), cells, elapsed)
         self.counts, self.masses = [], [] if block.weighted else None
         added = Block([content[at : at + new]]) if new else None
@@ -285,6 +293,7 @@ class Change:
         for i, (mean, cov) in enumerate(zip(block.columns["mean"], block.columns["cov"])):
             if stays.read(stream):
                 continue
+            self.stayed.append(i)
             n, v = max(block.counts[i], 0.5), block.velocities[i]
             guess = v if v is not None else self.guess(places, mean)
             e = [c + g * elapsed for c, g in zip(carried(cells, mean), guess)]
