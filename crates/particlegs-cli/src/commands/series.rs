@@ -47,7 +47,7 @@ pub struct Arguments {
     /// Turn and move each frame so that these atoms, such as "name CA", lie best on those of the first frame.
     ///
     /// The words are those of --select. Aligned frames have no periodic box.
-    #[arg(long, value_name = "TEXT", hide_short_help = true)]
+    #[arg(long, value_name = "TEXT", hide_short_help = true, hide_short_help = true)]
     align: Option<String>,
     /// Memory limit, such as 2GiB: particles are then read from scratch files beside the output.
     ///
