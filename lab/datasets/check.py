@@ -46,8 +46,8 @@ def check(program, folder):
     compare(name, "species", len(said["species"]), 4 if name == "galaxy" else 1)
     compare(name, "unit", said["meta"]["length_unit"], record["unit"].split(",")[0])
     cell = said["meta"]["cell"]
-    lengths = cell and [round(cell["vectors"][axis][axis], 6) for axis in range(3)]
-    compare(name, "box", lengths, record["box"] and [round(edge, 6) for edge in record["box"]])
+    lengths = cell and [round(cell["vectors"][axis][axis], 4) for axis in range(3)]
+    compare(name, "box", lengths, record["box"] and [round(edge, 4) for edge in record["box"]])
     compare(name, "periodic", cell is not None and all(cell["periodic"]), record["periodic"])
     return record
 
