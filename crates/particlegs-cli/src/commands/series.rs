@@ -29,8 +29,7 @@ Run the command again to go on after an interruption, or with more snapshots.
 
 Examples:
   particlegs series snap_*.hdf5 -o run.pgs --ratio 300
-  particlegs series traj.xtc --topology conf.gro --frames 0:1000:10 -o run.pgs
-  particlegs render run.pgs --frame 12 -o frame.png")]
+  particlegs series traj.xtc --topology conf.gro --frames 0:1000:10 -o run.pgs")]
 pub struct Arguments {
     /// Snapshots in order of time, or their folder; or a trajectory, with --frames.
     #[arg(required = true, value_name = "SNAPSHOT")]
@@ -47,7 +46,7 @@ pub struct Arguments {
     /// Turn and move each frame so that these atoms, such as "name CA", lie best on those of the first frame.
     ///
     /// The words are those of --select. Aligned frames have no periodic box.
-    #[arg(long, value_name = "TEXT", hide_short_help = true, hide_short_help = true)]
+    #[arg(long, value_name = "TEXT", hide_short_help = true)]
     align: Option<String>,
     /// Memory limit, such as 2GiB: particles are then read from scratch files beside the output.
     ///
