@@ -100,8 +100,7 @@ impl ModelSeries {
     /// The time of the clock at a moment such as `z=1`.
     fn moment(&self, text: &str) -> PyResult<f64> {
         let decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
-        let series = decoder.series();
-        series.units().and_then(|units| series.clock.moment(text, &units)).or_raise()
+        decoder.series().moment(text).or_raise()
     }
 
     /// The model at a time of the clock, between frames interpolated.

@@ -18,7 +18,7 @@ pub struct FrameArgs {
     /// Frame of a series, from 0; -1 is the last [default: the last].
     #[arg(long, value_name = "N", hide_short_help = true, allow_negative_numbers = true, conflicts_with = "time")]
     frame: Option<i64>,
-    /// Moment of a series: a=0.5, z=1, step=1000 or 500ps; between frames it is interpolated.
+    /// Moment of a series: a=0.5, z=1, 5Gyr, step=1000 or 500ps; between frames it is interpolated.
     #[arg(long, value_name = "WHEN", hide_short_help = true)]
     time: Option<String>,
 }
@@ -109,7 +109,7 @@ fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_
     let series = SeriesFile::read(&bytes, place)?;
     let clock = series.clock.name();
     if let Some(text) = &frame.time {
-        let time = series.clock.moment(text, &series.units()?)?;
+        let time = series.moment(text)?;
         if series.frame_at(time).is_none() {
             context.message(&format!("note: {place}: {clock} {time} is interpolated between two frames"));
         }

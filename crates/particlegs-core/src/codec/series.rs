@@ -255,10 +255,21 @@ impl<'a> SeriesFile<'a> {
         first.ok_or_else(|| Error::input(&self.place, "the series has no frames"))
     }
 
+    /// Metadata of its first frame.
+    fn metadata(&self) -> Result<Metadata> {
+        let first = self.first()?;
+        file::read_metadata(self.frame_bytes(first)?, &self.name(first))
+    }
+
     /// Units of its frames.
     pub fn units(&self) -> Result<Units> {
-        let first = self.first()?;
-        Ok(file::read_metadata(self.frame_bytes(first)?, &self.name(first))?.units)
+        Ok(self.metadata()?.units)
+    }
+
+    /// As [`SeriesClock::moment`].
+    pub fn moment(&self, text: &str) -> Result<f64> {
+        let Metadata { units, cosmology, .. } = self.metadata()?;
+        self.clock.moment(text, &units, &cosmology)
     }
 
     /// The frame of a time of the clock, which may differ by a millionth.

@@ -1,6 +1,6 @@
 //! What the clock of a series shows.
 
-use crate::model::{Metadata, Units};
+use crate::model::{Cosmology, Metadata, Units};
 use crate::picture::journal_unit;
 use crate::{Error, Result};
 
@@ -72,12 +72,14 @@ impl SeriesClock {
     }
 
     /// What it shows at a moment that a user names: `a=0.5`, `z=1`, `step=1000`, or a time such as `500ps`, which takes the
-    /// `units` of the series.
+    /// `units` of the series, or `5Gyr` after the big bang, which takes its cosmology where the clock is the scale factor.
     ///
     /// # Errors
-    /// [`Error::Argument`]: the text names no moment, one of another clock, or a time where units are not known.
-    pub fn moment(self, text: &str, units: &Units) -> Result<f64> {
-        let wrong = || Error::argument(format!("time {text}: write a=0.5, z=1, step=1000 or a time such as 500ps"));
+    /// [`Error::Argument`]: the text names no moment, one of another clock, or a time where units or cosmology are not
+    /// known.
+    pub fn moment(self, text: &str, units: &Units, cosmology: &Cosmology) -> Result<f64> {
+        let wrong =
+            || Error::argument(format!("time {text}: write a=0.5, z=1, step=1000 or a time such as 500ps or 5Gyr"));
         let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
         let (clock, value) = if let Some(a) = text.strip_prefix("a=") {
             (SeriesClock::ScaleFactor, number(a)?)
@@ -88,6 +90,11 @@ impl SeriesClock {
         } else {
             let (unit, length) = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
             let seconds = number(text.trim_end_matches(unit))? * length;
+            if self == SeriesClock::ScaleFactor {
+                let what =
+                    format!("time {text}: the series does not state h, Omega_m and Omega_Lambda of a flat universe");
+                return cosmology.scale_factor_at(seconds).ok_or_else(|| Error::argument(what));
+            }
             let own = units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0);
             let own =
                 own.ok_or_else(|| Error::argument(format!("time {text}: the series does not state its unit of time")));
@@ -127,14 +134,23 @@ mod tests {
 
     #[test]
     fn moments_are_read_as_users_write_them() {
-        let none = Units::default();
-        let a = |text| SeriesClock::ScaleFactor.moment(text, &none).ok();
+        let (none, no_cosmology) = (Units::default(), Cosmology::default());
+        let a = |text| SeriesClock::ScaleFactor.moment(text, &none, &no_cosmology).ok();
         assert_eq!([a("a=0.5"), a("z=1"), a("z= 3 ")], [Some(0.5), Some(0.5), Some(0.25)]);
         assert_eq!([a("0.5"), a("step=3"), a("z=x"), a("a=inf"), a("500ps"), a("")], [None; 6]);
-        assert_eq!(SeriesClock::Step.moment("step=1000", &none).ok(), Some(1000.0));
+        assert_eq!(SeriesClock::Step.moment("step=1000", &none, &no_cosmology).ok(), Some(1000.0));
         let units = Units { time: Some(Unit::parse("fs", Dimension::Time)), ..Units::default() };
-        assert_eq!(SeriesClock::Time.moment("3ps", &units).ok(), Some(3000.0));
-        assert!(SeriesClock::Time.moment("3ps", &none).unwrap_err().to_string().contains("unit of time"));
+        assert_eq!(SeriesClock::Time.moment("3ps", &units, &no_cosmology).ok(), Some(3000.0));
+        assert!(
+            SeriesClock::Time.moment("3ps", &none, &no_cosmology).unwrap_err().to_string().contains("unit of time")
+        );
+        let [hubble, omega_matter, omega_lambda] = [Some(0.68), Some(0.31), Some(0.69)];
+        let flat = Cosmology { hubble, omega_matter, omega_lambda, omega_baryon: None };
+        // 2 / (3 sqrt(0.69)) asinh(sqrt(0.69 / 0.31)) / H0.
+        let today = SeriesClock::ScaleFactor.moment("13.7375Gyr", &none, &flat).unwrap();
+        assert!((today - 1.0).abs() < 1e-4, "{today}");
+        let open = Cosmology { omega_lambda: Some(0.5), ..flat };
+        assert!(SeriesClock::ScaleFactor.moment("13.7375Gyr", &none, &open).is_err());
     }
 
     #[test]

@@ -61,6 +61,19 @@ pub struct Cosmology {
     pub omega_baryon: Option<f64>,
 }
 
+impl Cosmology {
+    /// The scale factor of a flat universe of matter and a cosmological constant, `seconds` after the big bang. `None` where
+    /// parameters are missing, or the universe is not flat to a thousandth.
+    pub fn scale_factor_at(&self, seconds: f64) -> Option<f64> {
+        /// 100 km/s/Mpc, per second.
+        const HUNDRED: f64 = 3.240_779_289e-18;
+        let (hubble, matter, lambda) = (self.hubble?, self.omega_matter?, self.omega_lambda?);
+        let flat = matter > 0.0 && lambda > 0.0 && (matter + lambda - 1.0).abs() < 1e-3;
+        let grown = libm::sinh(1.5 * libm::sqrt(lambda) * HUNDRED * hubble * seconds);
+        (flat && grown > 0.0).then(|| libm::cbrt(matter / lambda * grown * grown))
+    }
+}
+
 /// The moment of a snapshot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Epoch {
