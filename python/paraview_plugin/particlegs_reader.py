@@ -155,8 +155,8 @@ def moment_of(series: Series, time: float | None) -> float:
     times = times_of(series)
     if time is None:
         return float(times[0])
-    near = times[np.isclose(times, time, rtol=1e-6, atol=0.0)]
-    return float(near[0] if near.size else np.clip(time, times[0], times[-1]))
+    near = times[np.abs(times - time).argmin()]
+    return float(near if np.isclose(near, time, rtol=1e-6, atol=0.0) else np.clip(time, times[0], times[-1]))
 
 
 def frames_of(series: Series, moment: float) -> list[int]:

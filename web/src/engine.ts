@@ -46,6 +46,7 @@ export class EngineClient {
       if (needs === undefined) return { ...answer, start: bytes.byteLength };
       if (needs <= bytes.byteLength) throw new Error("the series ends too early");
       const rest = await bytesOf(source, [bytes.byteLength, needs]);
+      if (rest.byteLength === 0) throw new Error("the series ends too early");
       bytes = await new Blob([bytes, rest]).arrayBuffer();
     }
   }

@@ -187,7 +187,9 @@ async function start(): Promise<void> {
       link: () => copyLink(page), command: () => copyCommand(page), turn: () => exportTurn(page),
       compare: () => compare?.toggle("split"), difference: () => compare?.toggle("difference"), help: () => showKeys(keys),
     };
-    Promise.resolve(acts[name]()).catch((error: unknown) => say(error instanceof Error ? error.message : String(error)));
+    const exports = ["png", "npy", "views", "link", "command", "turn"].includes(name);
+    const done = exports && timeline ? timeline.pause().then(acts[name]) : Promise.resolve(acts[name]());
+    done.catch((error: unknown) => say(error instanceof Error ? error.message : String(error)));
   }
 
   function goTo(text: string): string | null {
@@ -259,7 +261,7 @@ async function start(): Promise<void> {
     }
     if (full) document.documentElement.dataset.full = String(Number(document.documentElement.dataset.full ?? 0) + 1);
     const shared = panes[1]?.shownRange;
-    if (full && shared !== undefined && hasColorBar(page.state) && String(shared) !== String(pane.range)) showOthers();
+    if ((full || pane.playing) && shared !== undefined && hasColorBar(page.state) && String(shared) !== String(pane.range)) showOthers();
     const content = await pane.lastBar();
     if (content) bar.show(content);
     else bar.hide();

@@ -45,6 +45,8 @@ export class Pane {
   moment: { time: number; text: string; interpolated: boolean } | null = null;
   /** Whether a series is playing: then the range of its colours does not change. */
   playing = false;
+  /** The time of the engine's model; `null` while other moments are looked at. */
+  private engineTime: number | null = null;
   /** The range of colours while time passes, and what is drawn with it. */
   private held: { view: string; shown: string; range: [number, number] } | null = null;
   private homes = new Map<string, Promise<Orbit>>();
@@ -193,10 +195,11 @@ export class Pane {
       }
     }
     if (!gpu) answer = await this.drawOnCpu(scene, paint);
-    if (coarse === 1 || !this.range || !this.answerFor(state)) this.range = answer.range;
+    if (coarse === 1 || held || !this.range || !this.answerFor(state)) this.range = answer.range;
     this.last = { state, answer: { ...answer, range: this.range } };
     this.gpu.hidden = !gpu;
     this.cpu.hidden = !!gpu;
+    if (this.series) this.lines();
     this.drew = gpu ? "GPU" : "CPU";
     this.frames++;
     const took = performance.now() - began;
@@ -220,27 +223,38 @@ export class Pane {
     const kept = this.held && this.held.shown === shown(state) && (this.playing || this.held.view === view);
     if (!kept) this.held = null;
     if (!kept && passes && !state.range && hasColorBar(state)) {
-      const ends: [number, number][] = [];
-      for (const position of [0, series.keyframe(series.last / 2), series.keyframe(series.last)]) {
-        await this.setTime(series.timeAt(position));
-        ends.push(await this.rangeOf(sceneOf(state, this.about, this.size), state.field));
-      }
-      const range: [number, number] = [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))];
-      this.held = { view, shown: shown(state), range };
+      const range = await this.rangeOfKeyframes(state, series);
+      if (range) this.held = { view, shown: shown(state), range };
     }
-    await this.setTime(series.timeAt(series.positionOf(state.time)));
+    await this.setTime(series, series.timeAt(series.positionOf(state.time)));
     return this.held?.range ?? null;
   }
 
-  private async setTime(time: number): Promise<void> {
-    if (this.moment?.time === time) return;
-    await this.series!.load(time);
-    const { json } = await this.remote.ask<MomentSummary>({ ask: "set-time", model: this.model, time });
-    const { text, interpolated, ...changes } = json;
+  /** The range of the first, the middle and the last keyframe together; `null` if none has values. */
+  private async rangeOfKeyframes(state: State, series: SeriesFrames): Promise<[number, number] | null> {
+    const ends: [number, number][] = [];
+    this.engineTime = null;
+    for (const position of [0, series.keyframe(series.last / 2), series.keyframe(series.last)]) {
+      await this.askMoment(series, series.timeAt(position));
+      const range = await this.rangeOf(sceneOf(state, this.about, this.size), state.field).catch(() => null);
+      if (range) ends.push(range);
+    }
+    return ends.length > 0 ? [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))] : null;
+  }
+
+  private async askMoment(series: SeriesFrames, time: number): Promise<MomentSummary> {
+    await series.load(time);
+    return (await this.remote.ask<MomentSummary>({ ask: "set-time", model: this.model, time })).json;
+  }
+
+  /** Shows the series at a time: the engine's next picture is of it. */
+  private async setTime(series: SeriesFrames, time: number): Promise<void> {
+    if (this.engineTime === time) return;
+    const { text, interpolated, ...changes } = await this.askMoment(series, time);
+    this.engineTime = time;
     this.about = { ...this.about, ...changes };
     this.moment = { time, text, interpolated };
     this.marker = null;
-    this.lines();
   }
 
   /** The answer to the last picture, with its range, if that showed the same field or style as a state. */
@@ -306,13 +320,13 @@ export class Pane {
 
   /** The depths or densities of a picture, or the values of a field. */
   values(scene: Scene, style: "depth" | "density", field?: State["field"]) {
-    return this.remote.ask<{ range: [number, number] }>({ ask: "values", model: this.model, scene, style, field: field ?? undefined });
+    return this.remote.ask<{ range: [number, number] | null }>({ ask: "values", model: this.model, scene, style, field: field ?? undefined });
   }
 
   private async drawOnGpu(gl: GlRenderer, scene: Scene, paint: PlaneColours): Promise<[number, number] | null> {
     const style = paint.look === null ? "density" : "depth";
     const { json, numbers } = await this.remote.ask<StrokePlanes>({ ask: "strokes", model: this.model, scene, style });
-    const own = paint.range ? paint : { ...paint, range: paint.look === null ? await this.rangeOf(scene) : null };
+    const own = paint.range ? paint : { ...paint, range: paint.look === null ? await this.rangeOf(scene) ?? [1, 10] : null };
     const tone = paint.look === null || paint.look === "expected" ? null : await this.curve(scene);
     const colors = paint.look === null ? await this.mapColors(paint.colormap, paint.white) : null;
     gl.draw(numbers, { paint: own, strokes: json, tone, colors }, scene.size);
@@ -320,7 +334,7 @@ export class Pane {
   }
 
   /** The range of a picture's densities or of a field's values, from one of a quarter of its size. */
-  private async rangeOf(scene: Scene, field?: State["field"]): Promise<[number, number]> {
+  private async rangeOf(scene: Scene, field?: State["field"]): Promise<[number, number] | null> {
     const size = { width: Math.ceil(scene.size.width / 4), height: Math.ceil(scene.size.height / 4) };
     return (await this.values({ ...scene, size }, "density", field)).json.range;
   }

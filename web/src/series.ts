@@ -37,9 +37,12 @@ export class SeriesFrames {
 
   /** The position of a time; times outside the series are moved to its ends. */
   positionOf(time: number): number {
+    // A link has nine digits of it.
+    const same = this.frames.findIndex((f) => Math.abs(f.time - time) <= 1e-8 * Math.abs(time));
+    if (same >= 0) return same;
     const next = this.frames.findIndex((f) => f.time >= time);
     if (next < 0) return this.last;
-    if (next === 0 || this.frames[next].time === time) return next;
+    if (next === 0) return next;
     const [before, after] = [this.frames[next - 1].time, this.frames[next].time];
     return next - 1 + (time - before) / (after - before);
   }

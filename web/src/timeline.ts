@@ -19,11 +19,14 @@ export class Timeline {
   private loop = h("input", { type: "checkbox", checked: true });
   private smooth = h("input", { type: "checkbox", checked: true });
   private playing = false;
+  /** Where it plays, and how often it was started or stopped. */
+  private playhead = 0;
+  private turn = 0;
 
   constructor(private page: Page, private series: SeriesFrames) {
     const usual = SPEEDS.reduce((a, b) => (Math.abs(b - series.last / USUAL) < Math.abs(a - series.last / USUAL) ? b : a));
     this.slider = h("input", {
-      type: "range", min: 0, max: series.last, step: 1, value: 0, "aria-label": "Frame", input: () => this.to(Number(this.slider.value)),
+      type: "range", min: 0, max: series.last, step: 1, value: 0, "aria-label": "Frame", input: () => this.to((this.playhead = Number(this.slider.value))),
     });
     this.speed = h("select", { "aria-label": "Speed" },
       ...SPEEDS.map((s) => h("option", { value: s, selected: s === usual, text: `${s} frame${s === 1 ? "" : "s"}/s` })));
@@ -61,7 +64,14 @@ export class Timeline {
     this.setPlaying(false);
   }
 
+  /** Stops, and waits for the last picture. */
+  async pause(): Promise<void> {
+    this.stop();
+    await this.drawn();
+  }
+
   private setPlaying(on: boolean): void {
+    this.turn++;
     this.playing = on;
     this.page.panes.forEach((p) => (p.playing = on));
     this.play.textContent = on ? "❚❚" : "▶";
@@ -73,28 +83,30 @@ export class Timeline {
     const { last } = this.series;
     if (last < 1) return;
     this.setPlaying(true);
-    let position = this.position >= last ? 0 : this.position;
+    const turn = this.turn;
+    this.playhead = this.position >= last ? 0 : this.position;
     try {
-      this.to(position);
+      this.to(this.playhead);
       await this.drawn();
       let before = performance.now();
-      while (this.playing) {
+      while (this.turn === turn) {
         const now = performance.now();
-        position += (Math.min(now - before, 1000) / 1000) * Number(this.speed.value);
+        this.playhead += (Math.min(now - before, 1000) / 1000) * Number(this.speed.value);
         before = now;
-        if (position > last) {
+        if (this.playhead > last) {
           if (!this.loop.checked) {
             this.to(last);
             break;
           }
-          position %= last;
+          this.playhead %= last;
         }
-        const shown = this.smooth.checked ? position : Math.floor(position);
+        const shown = this.smooth.checked ? this.playhead : Math.floor(this.playhead);
         if (this.series.timeAt(shown) !== this.page.state.time) this.to(shown);
         await this.drawn();
       }
     } finally {
-      this.setPlaying(false);
+      // Stopped and started again meanwhile, it plays on.
+      if (this.turn === turn) this.setPlaying(false);
     }
   }
 

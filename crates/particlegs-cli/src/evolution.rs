@@ -124,16 +124,18 @@ impl<'a> SeriesEvolution<'a> {
         }
         if self.has_groups() {
             for from in SIZES {
+                // A number has the unit of the series; another text names its own.
                 let length = self.linking_length.as_deref().unwrap_or("-");
-                let unit = self.units.length_text().unwrap_or_default();
-                let about = format!("friends of friends of drawn particles, linked within {length} {unit}");
-                table.add((&format!("groups_{from}"), None), about.trim_end(), self.groups(from));
+                let unit = self.units.length_text().filter(|_| length.parse::<f64>().is_ok());
+                let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
+                let about = format!("friends of friends of drawn particles, linked within {length}{unit}");
+                table.add((&format!("groups_{from}"), None), &about, self.groups(from));
             }
         }
         for mean in self.components() {
             let (word, about) = match mean.is_sum {
                 true => ("total", "sum over all particles"),
-                false => ("mean", "over all particles, weighted by mass"),
+                false => ("mean", "over all particles, weighted by mass where that is known"),
             };
             table.add((&format!("{word}_{}", mean.component), mean.unit.clone()), about, self.mean(mean));
         }
@@ -199,7 +201,7 @@ impl<'a> SeriesEvolution<'a> {
                 let name = if of.len() > 1 { &mean.component[..] } else { "" };
                 self.curve(name, i, self.mean(mean).into_iter())
             });
-            let title = if fields.is_empty() { "Fields over time, weighted by mass" } else { "" };
+            let title = if fields.is_empty() { "Fields over time" } else { "" };
             let word = if of[0].is_sum { "total" } else { "mean" };
             let y = PlotAxis::linear(format!("{word} {}{}", of[0].field, brackets(of[0].unit.clone())));
             fields.push(plot("fields_frames", title, y, series.collect()));

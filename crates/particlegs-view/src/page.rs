@@ -159,8 +159,8 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, contex
     Ok(page.finish().html.into_bytes())
 }
 
-/// A page for any web server: it requests the model's file, which lies beside it. Of a series it requests the frames that
-/// it shows, where the server supports HTTP Range.
+/// A page for any web server: it requests the model's file, which lies beside it. Of a series it requests the index and the
+/// first frame, then all others group by group, where the server supports HTTP Range.
 pub fn linked(file: ModelFile<'_>, opening: &PageOpening) -> Vec<u8> {
     let mut page = PageBuilder::new(&Setup::new([file], None, opening, Delivery::Beside), None);
     page.data("engine", assets::ENGINE);

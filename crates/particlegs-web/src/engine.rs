@@ -133,7 +133,7 @@ impl Engine {
                 check(scene.size)?;
                 let model = opened.shown(&scene)?;
                 let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
-                EngineResponse::with(&json!({ "range": plane.first_range().unwrap_or(UNLIT) }), bytes(&plane))
+                EngineResponse::with(&json!({ "range": plane.first_range() }), bytes(&plane))
             }
             QueryKind::Strokes { scene, style } => {
                 check(scene.size)?;

@@ -10,7 +10,7 @@ use particlegs_export::{
     Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density,
     write_gaussians,
 };
-use particlegs_files::input::name_of;
+use particlegs_files::input::{self, name_of};
 use particlegs_files::output::{is_stream, write_bytes};
 use particlegs_pipeline::codec::{FileInfo, SeriesFile};
 use particlegs_pipeline::model::{LawKind, Model, Quantity};
@@ -43,7 +43,7 @@ For particles, run `recover`, then `convert` to any format:
 
 Examples:
   particlegs export M.pgs -o page.html                        # opens in any browser, offline
-  particlegs export run.pgs -o run.html --link                # a series, whose frames the page loads
+  particlegs export run.pgs -o run.html --link                # a series, for a web server
   particlegs export M.pgs -o splats.ply                       # as for 3-D Gaussian splatting
   particlegs export M.pgs -o splats.glb --color layer         # glTF with KHR_gaussian_splatting
   particlegs export M.pgs -o splats.ply --opacity 0.5 --color density --colormap viridis
@@ -76,7 +76,7 @@ pub struct Arguments {
     layers: Vec<String>,
     /// Leave the model's file out of the page, which then loads it from its own folder on a web server.
     ///
-    /// Of a series it loads the frames that it shows, if the server supports HTTP Range, as most do.
+    /// A series plays while its frames are loading, if the server supports HTTP Range, as most do.
     #[arg(long, hide_short_help = true)]
     link: bool,
     #[command(flatten)]
@@ -144,6 +144,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let paged = kind.group() == Group::Page;
     if a.link && !paged {
         return Err(Error::argument(format!("--link is for pages, not for .{}", kind.ending())));
+    }
+    if a.link && input::is_stream(&a.model) {
+        return Err(Error::argument("--link needs the name of a file that the page can load, not standard input"));
     }
     if a.link && a.series.is_given() {
         let what = "--link leaves the whole file beside the page, so it takes no --frame or --time";

@@ -157,6 +157,10 @@ pub fn run(a: Arguments) -> Result<()> {
             Err(e) => {
                 let what = if kept.is_some() { "is kept as it was" } else { "is missing" };
                 context.message(&one_line(&format!("warning: frame {number} {what}: {e}")));
+                if kept.is_some() && aligner.as_ref().is_some_and(|a| a.first.is_none()) {
+                    let what = format!("frame {number} cannot be read, and --align needs the first frame: {e}");
+                    return Err(Error::argument_with(what, "bring its snapshot back"));
+                }
                 unread = Some(e);
                 if let Some(frame) = &kept {
                     raw_bytes += raw_size(&builder.take(frame, &place, &context)?.clone().into_model());

@@ -61,7 +61,7 @@ impl FocusPath {
         match without {
             Some((_, error)) if frames.is_empty() => return Err(error),
             Some((number, _)) => {
-                context.message(&format!("warning: frame {number} has no mass to be centred on: the camera stays"));
+                context.message(&format!("warning: frame {number} has no mass to be centred on: the camera takes its place from the frames beside it"));
             }
             None => {}
         }

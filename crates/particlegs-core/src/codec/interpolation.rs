@@ -11,23 +11,32 @@ use crate::space::{Bounds, Cell};
 impl TrackedModel {
     /// The model at `share` (0 to 1) of the way to the `next` frame, whose Gaussians are known by their
     /// [`TrackedBlock::origin`]: means move along the curve that has their velocities at both ends, shapes along the
-    /// geodesic, counts and fields that both frames have on a line. Gaussians of one frame alone fade. Counts are not whole, and the source has no hash.
+    /// geodesic, counts and fields that both frames have on a line. Gaussians and layers of one frame alone fade. Counts are
+    /// not whole, and the source has no hash.
     pub fn between(&self, next: &TrackedModel, share: f64) -> Model {
         let share = share.clamp(0.0, 1.0);
         let (own, other) = (&self.metadata, &next.metadata);
         let cell = own.cell.zip(other.cell).map(|(a, b)| between_cells(&a, &b, share)).or(own.cell);
         let frames = [self, next].map(|frame| FrameMap::new(frame.metadata.cell, cell));
         let elapsed = next.time - self.time;
-        let both = |q: &Quantity| other.fields.contains(q);
-        let fields: Vec<Quantity> = if own.fields.iter().all(both) { own.fields.clone() } else { Vec::new() };
-        let layers = self.layers.iter().zip(&next.layers).map(|(a, b)| {
-            let pairs = a.content.iter().zip(&b.content);
-            let blocks = pairs
-                .map(|(from, to)| BlockPair { from, to, frames: &frames, elapsed, fields: &fields }.at(share))
-                .collect();
-            Layer { name: a.name.clone(), mass: a.mass, content: blocks }
+        let classes = |all: &[Quantity], q: &Quantity| -> Vec<Quantity> {
+            let category = q.class().map(|c| c.0);
+            let alike = |p: &&Quantity| category.is_some() && p.class().map(|c| c.0) == category;
+            all.iter().filter(alike).cloned().collect()
+        };
+        // A category is there with all its classes, or not at all.
+        let both = |q: &&Quantity| other.fields.contains(q) && classes(&own.fields, q) == classes(&other.fields, q);
+        let fields: Vec<Quantity> = own.fields.iter().filter(both).cloned().collect();
+        let at = |from: &TrackedBlock, to: &TrackedBlock| {
+            BlockPair { from, to, frames: &frames, elapsed, fields: &fields }.at(share)
+        };
+        let layers = self.layers.iter().map(|a| match next.layers.iter().find(|b| b.name == a.name) {
+            Some(b) => a.with(a.content.iter().zip(&b.content).map(|(from, to)| at(from, to)).collect()),
+            None => a.with(a.content.iter().map(|from| at(from, &without_gaussians(from))).collect()),
         });
-        let layers: Vec<Layer<Vec<Block>>> = layers.collect();
+        let new = next.layers.iter().filter(|b| self.layers.iter().all(|a| a.name != b.name));
+        let new = new.map(|b| b.with(b.content.iter().map(|to| at(&without_gaussians(to), to)).collect()));
+        let layers: Vec<Layer<Vec<Block>>> = layers.chain(new).collect();
         let all = || layers.iter().flat_map(|l| &l.content);
         let metadata = Metadata {
             count: all().map(|b| b.count).sum(),
@@ -43,6 +52,12 @@ impl TrackedModel {
         };
         Model { metadata, layers, certificate: None }
     }
+}
+
+/// A block of the same kind in a frame that does not have it.
+fn without_gaussians(TrackedBlock { block, .. }: &TrackedBlock) -> TrackedBlock {
+    let gaussians = Mixture::new(block.gaussians.masses().is_some());
+    TrackedBlock::new(Block { count: 0, mass: 0.0, gaussians, ..block.clone() })
 }
 
 /// A block in two frames.
@@ -203,6 +218,19 @@ mod tests {
             assert!((found.cov[0][i] / truth.gaussians.cov[0][i] - 1.0).abs() < 0.03);
         }
         assert_eq!((model.metadata.count, model.metadata.mass), (5000, 5000.0));
+    }
+
+    #[test]
+    fn layers_of_one_frame_alone_fade() {
+        let mut first = tracked(TrackedBlock::new(block(0.0)), 0.0);
+        let mut next = tracked(TrackedBlock::new(block(1.0)), 1.0);
+        let named = |name: &str, model: &TrackedModel| Layer { name: name.into(), ..model.layers[0].clone() };
+        first.layers.push(named("dust", &first));
+        next.layers.insert(0, named("stars", &next));
+        let model = first.between(&next, 0.25);
+        let counts: Vec<(&str, u64)> = model.layers.iter().map(|l| (&l.name[..], l.content[0].count)).collect();
+        assert_eq!(counts, [("gas", 5000), ("dust", 3750), ("stars", 1250)]);
+        assert_eq!(model.metadata.count, 10_000);
     }
 
     #[test]
