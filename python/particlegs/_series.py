@@ -83,8 +83,8 @@ class Series:
         Parameters
         ----------
         when : str or float
-            ``"a=0.5"``, ``"z=1"``, ``"step=1000"``, a time such as ``"500ps"`` or ``"5Gyr"``, or a number as `times` has
-            them.
+            ``"a=0.5"``, ``"z=1"``, ``"step=1000"``, a time such as ``"500ps"`` or ``"5Gyr"``, or a number
+            as `times` has them.
 
         Raises
         ------
