@@ -28,9 +28,9 @@ def models(program, work, ratio, *sets):
     """Haloes of draws with three seeds: the median, and how far the draws lie apart."""
     print(
         f"| ratio {ratio} | haloes | completeness | purity | M200m: median | scatter "
-        "| number of 100 to 300 particles | of 300 and more | (M - truth) / error: rms |"
+        "| number of 100 to 300 particles | of 300 and more | (M - truth) / error: rms | the same, centre | num_p |"
     )
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     for item in sets:
         name, _, rest = item.partition("=")
         snapshot, _, options = rest.partition(":")
@@ -50,23 +50,25 @@ def models(program, work, ratio, *sets):
                 return count[0] / max(count[1], 1)
 
             masses = [a["completeness"], a["purity"], a["mass_median"], a["mass_scatter"]]
-            rows.append([*masses, number(100, 300), number(300, np.inf), pull(of_truth, of_model)])
+            rows.append([*masses, number(100, 300), number(300, np.inf), *pulls(of_truth, of_model)])
         middle, low, high = np.median(rows, 0), np.min(rows, 0), np.max(rows, 0)
         cells = [f"{m:.3f} ({a:.3f} to {b:.3f})" for m, a, b in zip(middle, low, high, strict=True)]
         print(f"| {name} | {a['truth']} | " + " | ".join(cells) + " |")
 
 
-def pull(truth, model):
-    """Root of the median square of the difference in mass over its error, times what makes that 1 of normal errors, of
-    haloes of 300 particles and more that are nearest to one another."""
-    large = truth[truth["n200m"] >= 300]
-    pulls = []
-    for h in large:
+def pulls(truth, model):
+    """Root of the median square of the difference over its error, times what makes that 1 of normal errors, of haloes of
+    300 particles and more that are nearest to one another: mass (or number, without masses), centre, linked particles."""
+    mass = "m200m" if "m200m" in truth.dtype.names else "n200m"
+    found = {"mass": [], "center": [], "linked": []}
+    for h in truth[truth["n200m"] >= 300]:
         offset = np.stack([model[k] - h[k] for k in "xyz"])
-        nearest = np.argmin((offset**2).sum(0))
-        if (offset[:, nearest] ** 2).sum() < h["r200m"] ** 2 and np.isfinite(model["m200m"][nearest]):
-            pulls.append((model["m200m"][nearest] - h["m200m"]) / model["m200m_err"][nearest])
-    return np.median(np.abs(pulls)) / 0.6745
+        m = model[np.argmin((offset**2).sum(0))]
+        if sum((m[k] - h[k]) ** 2 for k in "xyz") < h["r200m"] ** 2 and np.isfinite(m["r200m"]):
+            found["mass"].append((m[mass] - h[mass]) / m[f"{mass}_err"])
+            found["center"].extend((m[k] - h[k]) / m["position_err"] for k in "xyz")
+            found["linked"].append((m["num_p"] - h["num_p"]) / m["num_p_err"])
+    return [np.median(np.abs(values)) / 0.6745 for values in found.values()]
 
 
 def compaso(program, work, folder):

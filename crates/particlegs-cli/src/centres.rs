@@ -8,14 +8,20 @@ use particlegs_pipeline::space::{Cell, PeriodicCell};
 use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
-/// Centres and radii of circles, in the units of a snapshot or model.
+/// Centres and radii of circles, in the units of a snapshot or model; one over a face of the periodic box is also at the
+/// other side.
 pub fn circles(
     path: &Path,
     place: (UnitSystem<'_>, Option<Cell>),
     context: &Context<'_>,
 ) -> Result<Vec<([f64; 3], f64)>> {
     let all = convert(Catalogue::read(path, context)?, path, place, context)?;
-    let circles: Vec<([f64; 3], f64)> = all.into_iter().filter_map(|(at, radius)| Some((at, radius?))).collect();
+    let cell = place.1.and_then(PeriodicCell::new);
+    // A halo that barely touches a face has next to nothing at the other.
+    let images = |at: [f64; 3], radius: f64| cell.map_or(vec![at], |cell| cell.images_of_sphere(at, 0.5 * radius));
+    let with_radius = all.into_iter().filter_map(|(at, radius)| Some((at, radius?)));
+    let circles: Vec<([f64; 3], f64)> =
+        with_radius.flat_map(|(at, radius)| images(at, radius).into_iter().map(move |at| (at, radius))).collect();
     if circles.is_empty() {
         let hint = "name a column `radius` or `r200m`";
         return Err(Error::input_with(name_of(path), "no centre has a radius", hint));

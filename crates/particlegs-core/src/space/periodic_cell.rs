@@ -46,6 +46,18 @@ impl PeriodicCell {
         let shift = self.vector(whole);
         each_axis(|k| p[k] - shift[k])
     }
+
+    /// Centres of the images of a sphere that reach into the cell, at most one cell away; first the sphere itself.
+    pub fn images_of_sphere(&self, center: [f64; 3], radius: f64) -> Vec<[f64; 3]> {
+        let reach: [f64; 3] = each_axis(|a| radius * (0..3).map(|k| self.inverse[k][a].powi(2)).sum::<f64>().sqrt());
+        let shifts = self.cell.shifts(self.cell.periodic.map(|p| [-i64::from(p), i64::from(p)]));
+        let images = shifts.into_iter().filter(|s| *s != [0.0; 3]).map(|s| each_axis(|k| center[k] + s[k]));
+        let reaches = |p: &[f64; 3]| {
+            let f = self.fractions(self.offset(*p));
+            (0..3).all(|a| !self.cell.periodic[a] || (-reach[a]..=1.0 + reach[a]).contains(&f[a]))
+        };
+        std::iter::once(center).chain(images.filter(reaches)).collect()
+    }
 }
 
 #[cfg(test)]
@@ -64,5 +76,15 @@ mod tests {
         let image = periodic.image(p);
         assert_eq!((beyond(image), image[2]), (0.0, 90.0));
         assert!(PeriodicCell::new(Cell { periodic: [false; 3], ..cell }).is_none());
+    }
+
+    #[test]
+    fn spheres_over_a_face_have_an_image_at_the_other() {
+        let periodic =
+            PeriodicCell::new(Cell { periodic: [true, true, false], ..Cell::orthogonal([10.0; 3]) }).unwrap();
+        assert_eq!(periodic.images_of_sphere([5.0; 3], 2.0), [[5.0; 3]]);
+        assert_eq!(periodic.images_of_sphere([1.0, 5.0, 0.0], 2.0), [[1.0, 5.0, 0.0], [11.0, 5.0, 0.0]]);
+        let corner = periodic.images_of_sphere([9.0, 0.5, 5.0], 1.5);
+        assert_eq!(corner[1..], [[-1.0, 0.5, 5.0], [-1.0, 10.5, 5.0], [9.0, 10.5, 5.0]]);
     }
 }

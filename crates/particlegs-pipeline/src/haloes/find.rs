@@ -27,6 +27,9 @@ const SOFTENING: f64 = 0.04;
 /// The sphere that particles are gathered in at first, in radii that the group's mass suggests, and its growth.
 const FIRST_REACH: f64 = 1.3;
 const GROWTH: f64 = 1.5;
+/// Standard error of a model's density peak along an axis, over the radius that holds the root of the halo's particles:
+/// tuned on the haloes of one snapshot, checked on others (docs/results/haloes.md).
+const CENTER_ERROR: f64 = 0.55;
 /// Particles that errors are measured of, about: of more, each of some, scaled as errors are with numbers.
 const ERROR_SAMPLE: usize = 512;
 
@@ -187,9 +190,12 @@ pub struct HaloMeasures {
     pub spheres: [Option<HaloSphere>; SPHERES],
     /// Particles inside the first.
     pub count: usize,
+    /// Standard error of the centre along an axis, of a model.
+    pub center_error: f64,
     pub properties: SphereProperties,
     pub errors: Option<SphereProperties>,
-    pub contamination: f64,
+    /// Share of the mass inside that is of coarse particles, and its error.
+    pub contamination: [f64; 2],
 }
 
 impl HaloMeasures {
@@ -363,8 +369,10 @@ impl AboutCenter<'_> {
         let inside = &particles.particles[..particles.count_within(outer)];
         let count = of(Overdensity::Mean200).filter(|_| self.model.is_some()).map_or(inside.len(), |s| s.count);
         let all: f64 = inside.iter().map(|p| p.mass).sum();
-        let coarse = |p: &&SphereParticle| self.fine.is_some_and(|fine| !fine[p.index as usize]);
-        let contamination = inside.iter().filter(coarse).map(|p| p.mass).sum::<f64>() / all;
+        let coarse = |p: &SphereParticle| f64::from(self.fine.is_some_and(|fine| !fine[p.index as usize]));
+        let share = inside.iter().map(|p| p.mass * coarse(p)).sum::<f64>() / all;
+        let share_error = inside.iter().map(|p| (p.mass * (coarse(p) - share)).powi(2)).sum::<f64>().sqrt() / all;
+        let contamination = [share, share_error];
         let critical = of(Overdensity::Critical200).map(|s| s.radius);
         let properties = |particles: &RadialParticles| {
             SphereProperties::new(particles, search.velocities, [self.inner, outer], critical, count)
@@ -379,7 +387,9 @@ impl AboutCenter<'_> {
             let parts = std::array::from_fn::<_, JACKKNIFE, _>(part);
             SphereProperties::jackknife(&parts, (every as f64).sqrt().recip())
         });
-        Ok(HaloMeasures { spheres, count, properties: properties(&particles), errors, contamination })
+        let core = (inside.len() as f64).sqrt().round() as usize;
+        let center_error = inside[..core].last().map_or(f64::NAN, |p| CENTER_ERROR * p.square.sqrt());
+        Ok(HaloMeasures { spheres, count, center_error, properties: properties(&particles), errors, contamination })
     }
 
     /// Particles about a centre, as far as the thinnest sphere reaches.
