@@ -1,13 +1,15 @@
 //! Floor 7: snapshots of one run to a series of models. The first frame of a group is a model of its own; the Gaussians of
-//! the others are those of the frame before, moved to where they are expected and refined on the frame's particles.
+//! the others are those of the frame before, moved to where they are expected and refined on the frame's particles. Where
+//! memory is bounded, a frame's blocks are sets of Gaussians with the particles that are likeliest theirs.
 
+use crate::blocks::divide;
 use crate::checkpoint::NoCheckpoints;
 use crate::codec::{ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel};
-use crate::compress::{Compression, FieldSelection, Options, SharingPolicy, certify};
+use crate::compress::{Compression, FieldSelection, MemoryLoad, Options, SharingPolicy, certify};
 use crate::context::Context;
-use crate::fit::{FitOptions, TrackingEffort, track_gaussians};
-use crate::model::{Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Model};
-use crate::particles::Particles;
+use crate::fit::{FitOptions, MixtureAssignment, TrackingEffort, track_gaussians};
+use crate::model::{Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Mixture, Model};
+use crate::particles::{Chunk, Particles};
 use crate::{Error, Result};
 
 /// Frames from one keyframe to the next where nothing is said.
@@ -47,13 +49,10 @@ impl SeriesBuilder {
         if options.law() == LawKind::AlphaBlend || options.training.is_some() {
             return Err(Error::argument("a series holds optical-depth models that are fitted, not trained"));
         }
-        if options.blocks.is_some_and(|b| b > 1) {
-            return Err(Error::argument("the frames of a series are fitted in one block"));
-        }
         if interval == 0 {
             return Err(Error::argument("there is at least 1 frame from one keyframe to the next"));
         }
-        let options = Options { sharing: SharingPolicy::No, blocks: Some(1), ..options };
+        let options = Options { sharing: SharingPolicy::No, ..options };
         Ok(SeriesBuilder { options, interval, clock: None, before: None, since: 0, key_bytes: 0 })
     }
 
@@ -93,8 +92,13 @@ impl SeriesBuilder {
         fields: Option<&FieldSelection<'_>>,
         context: &Context<'_>,
     ) -> Result<AddedFrame> {
-        self.options.blocks_of(particles)?;
-        let planned = Compression::plan(particles, &self.options, context)?;
+        let needed = self.blocks_needed(particles)?;
+        // A frame has the blocks of its keyframe.
+        let before = self.before.as_ref().filter(|_| self.since < self.interval);
+        let before = before.filter(|b| needed <= b.metadata.recipe.blocks);
+        let blocks = before.map_or(needed, |b| b.metadata.recipe.blocks);
+        let options = Options { blocks: Some(blocks), ..self.options.clone() };
+        let planned = Compression::plan(particles, &options, context)?;
         let metadata = planned.metadata();
         let clock = *self.clock.get_or_insert_with(|| SeriesClock::of(metadata));
         let name = &particles.meta.name;
@@ -105,7 +109,7 @@ impl SeriesBuilder {
             follows(before, metadata, time, clock, name)?;
         }
         let mut notes = planned.notes().to_vec();
-        let tracked = match self.before.as_ref().filter(|_| self.since < self.interval) {
+        let tracked = match before {
             Some(before) => self.change(before, (particles, fields), metadata, time, context)?,
             None => None,
         };
@@ -134,6 +138,26 @@ impl SeriesBuilder {
         Ok(AddedFrame { coded: CodedFrame { time, keyframe, bytes }, model, notes })
     }
 
+    /// The fewest blocks in which a frame is fitted and tracked within the options' memory.
+    fn blocks_needed(&self, particles: &Particles) -> Result<u32> {
+        let Options { blocks, memory, .. } = self.options;
+        let Some(bound) = memory.filter(|_| blocks.is_none()) else { return self.options.blocks_of(particles) };
+        let count = particles.len() as u64;
+        // Tracking sorts a copy by the number of each particle's Gaussian.
+        let load = self.options.load(count, particles.raw_bytes(), 2);
+        MemoryLoad { fields: 4 * count, ..load }.blocks_within(bound)
+    }
+
+    /// The particles of a layer, each with the block whose Gaussians it is likeliest to have.
+    fn divided(&self, particles: Particles, starts: &[Mixture], context: &Context<'_>) -> Result<Vec<Particles>> {
+        if starts.len() < 2 {
+            return Ok(vec![particles]);
+        }
+        let (assignment, origin) = (MixtureAssignment::new(starts), particles.origin);
+        let blocks_of = |chunk: &Chunk<'_>| assignment.mixtures_of(chunk, origin);
+        divide(&particles, starts.len(), &blocks_of, &self.options.storage, context)
+    }
+
     /// The file of what changes from the frame before, and the frame decoded; `None` where a keyframe is needed.
     fn change(
         &self,
@@ -145,35 +169,40 @@ impl SeriesBuilder {
     ) -> Result<Option<(Vec<u8>, TrackedModel)>> {
         let layers = particles.layers();
         let own = |name: &str| layers.iter().find(|l| l.name == name);
-        let same = |l: &crate::model::Layer<_>| {
-            own(&l.name).is_some_and(|o| o.mass.is_weighted() == l.mass.is_weighted()) && tracked_blocks(l) == 1
-        };
+        let same =
+            |l: &crate::model::Layer<_>| own(&l.name).is_some_and(|o| o.mass.is_weighted() == l.mass.is_weighted());
         if layers.len() != before.layers.len() || !before.layers.iter().all(same) {
             return Ok(None);
         }
         let step = FrameStep { cells: [before.metadata.cell, metadata.cell], elapsed: time - before.time };
         let (mut blocks, mut masses, mut sums) = (Vec::new(), Vec::new(), Vec::new());
-        for (layer, block) in before.layers.iter().flat_map(|l| l.content.first().map(|b| (l, b))) {
+        for layer in &before.layers {
             let Some(own) = own(&layer.name) else { return Ok(None) };
-            let particles = particles.of_layer(own);
-            let options = FitOptions {
-                effort: self.options.effort,
-                pixel: crate::compress::near_pixel(&metadata.bounds),
-                seed: self.options.seed,
-                ..FitOptions::new(block.block.gaussians.len(), metadata.default_radius)
-            };
-            let effort = if self.options.effort == Effort::Fast { TRACKING_FAST } else { TRACKING };
-            let tracked = track_gaussians(&particles, &block.expected(&step), &options, effort, context)?;
-            let target = ChangeTarget {
-                gaussians: &tracked.gaussians,
-                born: &tracked.born,
-                bounds: particles.bounds(),
-                count: particles.len() as u64,
-                mass: particles.total_mass(),
-            };
-            sums.push(target.mass);
-            blocks.push((block.encode(&target, &step, &ChangePrecision::default())?, Vec::new()));
             masses.push(Mass::new(own.mass.is_weighted(), own.mass.unit()));
+            let starts: Vec<Mixture> = layer.content.iter().map(|b| b.expected(&step)).collect();
+            let parts = self.divided(particles.of_layer(own), &starts, context)?;
+            for ((block, start), particles) in layer.content.iter().zip(&starts).zip(&parts) {
+                if particles.is_empty() {
+                    return Ok(None);
+                }
+                let options = FitOptions {
+                    effort: self.options.effort,
+                    pixel: crate::compress::near_pixel(&metadata.bounds),
+                    seed: self.options.seed,
+                    ..FitOptions::new(start.len(), metadata.default_radius)
+                };
+                let effort = if self.options.effort == Effort::Fast { TRACKING_FAST } else { TRACKING };
+                let tracked = track_gaussians(particles, start, &options, effort, context)?;
+                let target = ChangeTarget {
+                    gaussians: &tracked.gaussians,
+                    born: &tracked.born,
+                    bounds: particles.bounds(),
+                    count: particles.len() as u64,
+                    mass: particles.total_mass(),
+                };
+                sums.push(target.mass);
+                blocks.push((block.encode(&target, &step, &ChangePrecision::default())?, Vec::new()));
+            }
         }
         sums.sort_unstable_by(f64::total_cmp);
         let quantities = fields.map_or(Vec::new(), |f| f.quantities().to_vec());
@@ -206,10 +235,6 @@ impl SeriesBuilder {
     }
 }
 
-fn tracked_blocks<T>(layer: &crate::model::Layer<Vec<T>>) -> usize {
-    layer.content.len()
-}
-
 /// Refuses a frame that does not belong behind the one before.
 fn follows(before: &TrackedModel, next: &Metadata, time: f64, clock: SeriesClock, name: &str) -> Result<()> {
     let m = &before.metadata;
@@ -226,5 +251,58 @@ fn follows(before: &TrackedModel, next: &Metadata, time: f64, clock: SeriesClock
     match differing.into_iter().find(|d| d.1) {
         Some((what, _)) => Err(Error::input(name, format!("its {what} are not those of the frame before"))),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::Storage;
+    use crate::testing::{from_points, random_points};
+
+    /// Two species of clouds that drift through a box.
+    fn frame(number: usize) -> Particles {
+        let place = |i: u64, r: &mut crate::math::Random| {
+            let cloud = (i % 7) as f64;
+            let center = [2.0 + cloud + 0.1 * number as f64, 3.0 + (cloud * 2.3) % 5.0, 2.0 + (cloud * 3.7) % 6.0];
+            center.map(|c| c + 0.3 * r.normal())
+        };
+        let species = [("a", 0..2000), ("b", 2000..6000)];
+        let layer =
+            |(name, content): (&str, _)| crate::model::Layer { name: name.into(), mass: Mass::Unknown, content };
+        from_points(random_points(6000, 5, place)).with_layers(species.map(layer).to_vec())
+    }
+
+    fn series(blocks: u32, storage: Storage) -> Vec<AddedFrame> {
+        let certificate = CertificateLevel::None;
+        let options = Options { blocks: Some(blocks), storage, certificate, ..Options::gaussians(300) };
+        let mut builder = SeriesBuilder::new(options, 4).unwrap();
+        (0..3).map(|i| builder.add(i, &frame(i), None, &Context::SILENT).unwrap()).collect()
+    }
+
+    #[test]
+    fn blocks_of_a_frame_keep_their_gaussians_and_share_the_particles() {
+        let folder = tempfile::tempdir().unwrap();
+        let (one, three) = (series(1, Storage::Memory), series(3, Storage::Memory));
+        for (a, b) in three.iter().zip(series(3, Storage::Disk(folder.path().into()))) {
+            assert!(a.coded.bytes == b.coded.bytes, "scratch files change nothing");
+        }
+        let mean = |m: &Model, k: usize| {
+            let all = || m.layers.iter().flat_map(|l| &l.content).map(|b| &b.gaussians);
+            all().map(|g| (0..g.len()).map(|i| g.count[i] * g.mean[k][i]).sum::<f64>()).sum::<f64>() / 6000.0
+        };
+        for (number, (one, three)) in one.iter().zip(&three).enumerate() {
+            assert_eq!((one.coded.keyframe, three.coded.keyframe), (number == 0, number == 0));
+            for layer in &three.model.layers {
+                assert_eq!(layer.content.len(), 3);
+                let particles = if layer.name == "a" { 2000 } else { 4000 };
+                assert_eq!(layer.content.iter().map(|b| b.count).sum::<u64>(), particles);
+            }
+            // They drift by 0.1 a frame.
+            let particles = frame(number);
+            let truth = |k: usize| (0..6000).map(|i| particles.position(i)[k]).sum::<f64>() / 6000.0;
+            let off = [0, 1, 2].map(|k| [mean(&one.model, k) - truth(k), mean(&three.model, k) - truth(k)]);
+            assert!(off.as_flattened().iter().all(|d| d.abs() < 0.08), "frame {number}: {off:?}");
+        }
     }
 }

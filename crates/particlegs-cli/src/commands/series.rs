@@ -50,7 +50,7 @@ pub struct Arguments {
     align: Option<String>,
     /// Memory limit, such as 2GiB: particles are then read from scratch files beside the output.
     ///
-    /// Each frame is fitted as a whole; one that would need more is refused. The bytes are the same.
+    /// Frames that need more are fitted in blocks; others have the bytes that they have without a limit.
     #[arg(long, value_name = "SIZE", hide_short_help = true)]
     memory: Option<String>,
     #[command(flatten)]

@@ -30,12 +30,19 @@ impl TrackedModel {
         let at = |from: &TrackedBlock, to: &TrackedBlock| {
             BlockPair { from, to, frames: &frames, elapsed, fields: &fields }.at(share)
         };
-        let layers = self.layers.iter().map(|a| match next.layers.iter().find(|b| b.name == a.name) {
-            Some(b) => a.with(a.content.iter().zip(&b.content).map(|(from, to)| at(from, to)).collect()),
-            None => a.with(a.content.iter().map(|from| at(from, &without_gaussians(from))).collect()),
+        // Keyframes may have other numbers of blocks.
+        let pairs = |a: &[TrackedBlock], b: &[TrackedBlock]| -> Vec<Block> {
+            let both = a.iter().zip(b).map(|(from, to)| at(from, to));
+            let old = a.iter().skip(b.len()).map(|from| at(from, &without_gaussians(from)));
+            let new = b.iter().skip(a.len()).map(|to| at(&without_gaussians(to), to));
+            both.chain(old).chain(new).collect()
+        };
+        let layers = self.layers.iter().map(|a| {
+            let b = next.layers.iter().find(|b| b.name == a.name);
+            a.with(pairs(&a.content, b.map_or(&[], |b| &b.content)))
         });
         let new = next.layers.iter().filter(|b| self.layers.iter().all(|a| a.name != b.name));
-        let new = new.map(|b| b.with(b.content.iter().map(|to| at(&without_gaussians(to), to)).collect()));
+        let new = new.map(|b| b.with(pairs(&[], &b.content)));
         let layers: Vec<Layer<Vec<Block>>> = layers.chain(new).collect();
         let all = || layers.iter().flat_map(|l| &l.content);
         let metadata = Metadata {
@@ -221,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn layers_of_one_frame_alone_fade() {
+    fn layers_and_blocks_of_one_frame_alone_fade() {
         let mut first = tracked(TrackedBlock::new(block(0.0)), 0.0);
         let mut next = tracked(TrackedBlock::new(block(1.0)), 1.0);
         let named = |name: &str, model: &TrackedModel| Layer { name: name.into(), ..model.layers[0].clone() };
@@ -231,6 +238,11 @@ mod tests {
         let counts: Vec<(&str, u64)> = model.layers.iter().map(|l| (&l.name[..], l.content[0].count)).collect();
         assert_eq!(counts, [("gas", 5000), ("dust", 3750), ("stars", 1250)]);
         assert_eq!(model.metadata.count, 10_000);
+        next.layers[1].content.push(TrackedBlock::new(block(1.0)));
+        let counts = |model: Model| model.layers[0].content.iter().map(|b| b.count).collect::<Vec<_>>();
+        assert_eq!(counts(first.between(&next, 0.25)), [5000, 1250]);
+        next.layers.rotate_left(1);
+        assert_eq!(counts(next.between(&first, 0.25)), [5000, 3750]);
     }
 
     #[test]

@@ -49,7 +49,8 @@ impl PeriodicCell {
 
     /// Centres of the images of a sphere that reach into the cell, at most one cell away; first the sphere itself.
     pub fn images_of_sphere(&self, center: [f64; 3], radius: f64) -> Vec<[f64; 3]> {
-        let reach: [f64; 3] = each_axis(|a| radius * (0..3).map(|k| self.inverse[k][a].powi(2)).sum::<f64>().sqrt());
+        let reach: [f64; 3] =
+            each_axis(|a| radius * (0..3).map(|k| self.inverse[k][a] * self.inverse[k][a]).sum::<f64>().sqrt());
         let shifts = self.cell.shifts(self.cell.periodic.map(|p| [-i64::from(p), i64::from(p)]));
         let images = shifts.into_iter().filter(|s| *s != [0.0; 3]).map(|s| each_axis(|k| center[k] + s[k]));
         let reaches = |p: &[f64; 3]| {

@@ -1,45 +1,44 @@
 //! A snapshot in memory divided into its blocks.
 
-use super::KdTree;
 use crate::context::Context;
 use crate::model::Layer;
-use crate::particles::{ChunkBuffer, ColumnBuffer, Particles, RUN, Storage};
+use crate::particles::{Chunk, ChunkBuffer, ColumnBuffer, Particles, RUN, Storage};
 use crate::{Result, parallel};
 use std::ops::Range;
 
-/// The particles of each block, in their order, in columns of `storage`; layers stay layers. Blocks may
-/// lack a layer.
+/// The particles of each of `blocks` blocks, in their order, in columns of `storage`; layers stay layers. Blocks may
+/// lack a layer. `blocks_of` says which block each particle of a chunk belongs to.
 pub fn divide(
     particles: &Particles,
-    tree: &KdTree,
+    blocks: usize,
+    blocks_of: &(impl Fn(&Chunk<'_>) -> Vec<u32> + Sync),
     storage: &Storage,
     context: &Context<'_>,
 ) -> Result<Vec<Particles>> {
-    let blocks = tree.blocks();
     let layers = particles.layers();
     let runs: Vec<(usize, Range<usize>)> =
         layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.content)).collect();
     let buffers = parallel::Scratch::<ChunkBuffer>::default();
     let counts = parallel::try_map(&runs, |(_, run)| {
         context.check()?;
-        let mut counts = vec![0u32; blocks as usize];
+        let mut counts = vec![0u32; blocks];
         buffers.with(|buffer| {
             let chunk = particles.chunk(run.clone(), buffer);
-            tree.blocks_of(&chunk).for_each(|b| counts[b as usize] += 1);
+            blocks_of(&chunk).iter().for_each(|b| counts[*b as usize] += 1);
         });
         Ok(counts)
     })?;
     let of_block = |b: usize| counts.iter().map(|c| c[b] as usize).sum::<usize>();
     let width = if particles.weights().is_some() { 4 } else { 3 };
     let mut columns: Vec<Vec<ColumnBuffer>> =
-        (0..blocks as usize).map(|b| storage.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
+        (0..blocks).map(|b| storage.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
     let places = places(&mut columns, &counts);
     parallel::try_for_each(runs.iter().zip(places), |((_, run), mut place)| {
         context.check()?;
         buffers.with(|buffer| {
             let chunk = particles.chunk(run.clone(), buffer);
-            let mut at = vec![0usize; blocks as usize];
-            for (i, block) in tree.blocks_of(&chunk).enumerate() {
+            let mut at = vec![0usize; blocks];
+            for (i, block) in blocks_of(&chunk).into_iter().enumerate() {
                 let (to, at) = (&mut place[block as usize], &mut at[block as usize]);
                 (0..3).for_each(|k| to[k][*at] = chunk.position[k][i]);
                 chunk.weight.iter().for_each(|w| to[3][*at] = w[i]);
@@ -95,7 +94,7 @@ pub(super) fn kinds(
 
 #[cfg(test)]
 mod tests {
-    use super::super::SnapshotScan;
+    use super::super::{KdTree, SnapshotScan};
     use super::*;
     use crate::context::Context;
     use crate::particles::LayeredParticles;
@@ -108,7 +107,8 @@ mod tests {
         for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
             let scan =
                 SnapshotScan::new(&LayeredParticles::from_particles(&p), "here", true, &Context::SILENT).unwrap();
-            let blocks = divide(&p, &KdTree::new(&scan.sample, 3).unwrap(), &storage, &Context::SILENT).unwrap();
+            let tree = KdTree::new(&scan.sample, 3).unwrap();
+            let blocks = divide(&p, 3, &|chunk| tree.blocks_of(chunk).collect(), &storage, &Context::SILENT).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();
             seen.sort_by(f32::total_cmp);

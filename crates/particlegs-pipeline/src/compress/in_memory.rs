@@ -6,7 +6,7 @@ use super::options::Options;
 use crate::Result;
 use crate::blocks::{KdTree, divide};
 use crate::context::Context;
-use crate::particles::Particles;
+use crate::particles::{Chunk, Particles};
 use crate::space::Bounds;
 
 /// The blocks of particles in this process.
@@ -28,10 +28,11 @@ impl InMemoryBlocks {
         let law = options.law();
         let blocks: Vec<BlockParticles> = match tree.blocks() {
             1 => vec![BlockParticles::with_bounds(particles, law, layer_bounds)],
-            _ => divide(particles, tree, &options.storage, context)?
-                .iter()
-                .map(|p| BlockParticles::new(p, law))
-                .collect(),
+            blocks => {
+                let blocks_of = |chunk: &Chunk<'_>| tree.blocks_of(chunk).collect();
+                let parts = divide(particles, blocks as usize, &blocks_of, &options.storage, context)?;
+                parts.iter().map(|p| BlockParticles::new(p, law)).collect()
+            }
         };
         let coded = blocks.iter().map(|_| None).collect();
         Ok(InMemoryBlocks { blocks, coded })

@@ -120,6 +120,12 @@ impl SoftAssignment {
         let kept: f64 = shares.iter().map(|s| s.1).sum();
         shares.iter_mut().for_each(|s| s.1 /= kept);
     }
+
+    /// The Gaussian that a particle is likeliest to have; 0 where there is none.
+    pub(crate) fn likeliest(&self, x: [f64; 3], shares: &mut Vec<(u32, f64)>) -> u32 {
+        self.shares(x, shares);
+        shares.iter().fold((0, 0.0), |best, s| if s.1 > best.1 { *s } else { best }).0
+    }
 }
 
 struct CutTree<'a> {

@@ -44,4 +44,4 @@ use partition::{Partition, PartitionOptions};
 use refine::{RefineOptions, refine};
 pub(crate) use simplify::{SimplifyOptions, simplify};
 pub(crate) use store::ParticleStore;
-pub(crate) use tracking::{TrackingEffort, track_gaussians};
+pub(crate) use tracking::{MixtureAssignment, TrackingEffort, track_gaussians};

@@ -6,8 +6,9 @@ use super::refine::{TrackedGaussians, track};
 use super::{FitOptions, Moments, ParticleStore, Partition, RefineOptions};
 use crate::context::Context;
 use crate::model::Mixture;
-use crate::particles::Particles;
+use crate::particles::{Chunk, Particles};
 use crate::{Result, parallel};
+use particlegs_core::math::each_axis;
 
 /// Particles of one parallel step.
 const STEP: usize = 1 << 14;
@@ -43,9 +44,7 @@ pub(crate) fn track_gaussians(
     let mut owner = vec![0u32; store.len()];
     parallel::for_each_chunk_with(&mut owner, STEP, Vec::new, |shares, c, owner| {
         for (i, owner) in owner.iter_mut().enumerate() {
-            assignment.shares(store.to_world(store.xyz[c * STEP + i].map(f64::from)), shares);
-            let likeliest = shares.iter().fold((0, 0.0), |best, s| if s.1 > best.1 { *s } else { best });
-            *owner = likeliest.0;
+            *owner = assignment.likeliest(store.to_world(store.xyz[c * STEP + i].map(f64::from)), shares);
         }
     });
     drop(assignment);
@@ -57,6 +56,36 @@ pub(crate) fn track_gaussians(
     let how =
         RefineOptions { thin, first_iterations, rounds, iterations, settling: iterations, ratio, most_moved, ..how };
     track(&partition, start, options.radius, &how, context)
+}
+
+/// To which of several mixtures particles belong: that of the Gaussian that each is likeliest to have.
+pub(crate) struct MixtureAssignment {
+    assignment: SoftAssignment,
+    /// The number behind the last Gaussian of each mixture, among all.
+    ends: Vec<u32>,
+}
+
+impl MixtureAssignment {
+    pub(crate) fn new(mixtures: &[Mixture]) -> Self {
+        let mut all = Mixture::new(false);
+        let ends = mixtures.iter().map(|m| {
+            (0..m.len()).for_each(|i| all.push(m.mean_of(i), m.cov_of(i), m.count[i], m.count[i]));
+            all.len() as u32
+        });
+        let ends = ends.collect();
+        MixtureAssignment { assignment: SoftAssignment::new(&all), ends }
+    }
+
+    /// The mixture of each particle of a chunk whose coordinates begin at `origin`.
+    pub(crate) fn mixtures_of(&self, chunk: &Chunk<'_>, origin: [f64; 3]) -> Vec<u32> {
+        let mut shares = Vec::new();
+        let of = |i: usize| {
+            let x = each_axis(|k| origin[k] + f64::from(chunk.position[k][i]));
+            let gaussian = self.assignment.likeliest(x, &mut shares);
+            self.ends.partition_point(|end| *end <= gaussian) as u32
+        };
+        (0..chunk.len()).map(of).collect()
+    }
 }
 
 /// Particles in the order of their Gaussians.
