@@ -37,7 +37,10 @@ for frame in range(3):
     place = centres[member] + 0.1 * frame * drift[member] + noise
     write(folder / f"weights-{frame}", place[:3000], {})
     (1 + member[:3000] % 3 + 0.1 * frame).astype("<f4").tofile(folder / f"weights-{frame}" / "ww.f32")
-    for name, values in (("temperature", np.exp(place[:3000, 0] / 4)), ("metals", member[:3000] / 40 + place[:3000, 1])):
+    own = {"temperature": np.exp(place[:3000, 0] / 4), "metals": member[:3000] / 40 + place[:3000, 1]}
+    own |= {"state": (member[:3000] + frame) // 4 % 3, "still": np.full(3000, 2.5)}
+    own |= {f"v{axis}": 100 * drift[member[:3000], k] + 20 * noise[:3000, k - 1] for k, axis in enumerate("xyz")}
+    for name, values in own.items():
         values.astype("<f4").tofile(folder / f"weights-{frame}" / f"{name}.f32")
 
 # A triclinic cell that grows and leans.

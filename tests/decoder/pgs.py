@@ -198,11 +198,15 @@ def changed(model, key, data, elapsed):
     for name, blocks in model["layers"]:
         new["layers"].append((name, [Change(block, moves.pop(0)[4:], cells, elapsed) for block in blocks]))
     check(not moves, "blocks of a change")
-    all_blocks = [block for _, own in new["layers"] for block in own]
-    for wanted, read_one in ((b"fiEL", read_field), (b"fiCO", read_correlation)):
-        for tag, content, _ in found:
-            if tag == wanted:
-                read_one(all_blocks[struct.unpack_from("<I", content)[0]], content[4:], new["meta"]["fields"])
+    of = lambda layers: [block for _, own in layers for block in own]
+    all_blocks, before, known = of(new["layers"]), of(model["layers"]), new["meta"]["fields"]
+    for tag, content, _ in found:
+        if tag in (b"fiEL", b"fiMO"):
+            number = struct.unpack_from("<I", content)[0]
+            read_field(all_blocks[number], content[4:], known, before[number] if tag == b"fiMO" else None)
+    for tag, content, _ in found:
+        if tag == b"fiCO":
+            read_correlation(all_blocks[struct.unpack_from("<I", content)[0]], content[4:], known)
     check_sums(new, False)
     new["masses"] = masses_of(new)
     return new
@@ -320,10 +324,7 @@ class Change:
             l = lower(cov, trace)
             by = l(q)
             unit = exponential(five)
-            columns = [l([unit[a], unit[b], unit[c]]) for a, b, c in ((0, 1, 2), (1, 3, 4), (2, 4, 5))]
-            rows = [l([columns[k][j] for k in range(3)]) for j in range(3)]
-            grown = exp(2.0 * size)
-            cov = [rows[a][b] * grown for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+            cov = congruent(l, unit, exp(2.0 * size))
             check(all(map(math.isfinite, (*cov, *by))) and min(cov[0], cov[3], cov[5]) >= 0, "a Gaussian of a change")
             gain = gains[v is not None]
             self.velocities.append([g + gain * b / elapsed for g, b in zip(guess, by)])
@@ -344,6 +345,13 @@ class Change:
         for _, j in near:
             total = [t + v for t, v in zip(total, self.velocities[j])]
         return [t / max(len(near), 1) for t in total]
+
+
+def congruent(l, unit, grown):
+    """A lower triangle times a symmetric matrix times its transpose, times a number."""
+    columns = [l([unit[a], unit[b], unit[c]]) for a, b, c in ((0, 1, 2), (1, 3, 4), (2, 4, 5))]
+    rows = [l([columns[k][j] for k in range(3)]) for j in range(3)]
+    return [rows[a][b] * grown for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
 
 
 def lower(cov, trace):
@@ -1309,7 +1317,7 @@ def read_correlation(block, content, known):
         block.correlations[pair] = [(t - 1.0) / (t + 1.0) for t in (exp(2.0 * z) for z in numbers)]
 
 
-def read_field(block, content, known):
+def read_field(block, content, known, before=None):
     check(len(content) >= 42 and content[0] < len(known), "number of a field")
     name, components, traits, shares = known[content[0]]
     by_mass, logarithmic = traits & 1, traits & 2
@@ -1332,14 +1340,22 @@ def read_field(block, content, known):
     spreads = [[0.0] * (1 if components == 1 else 6) for _ in range(total)]
     places = places_of(block)
     order, logs, sizes, excesses = [], {}, {}, [0.0] * total
+    check(before is None or name in before.fields, "a field of the frame before")
+    moved = FieldMove(before, block, name, (components, shares), (*steps, excess_step)) if before else None
     for i, n in enumerate(map(float, block.counts)):
         if n < 1:
+            continue
+        if moved and moved.knows(i):
+            means[i], slopes[i], spreads[i], excesses[i], sizes[i] = moved.read(stream, i, n)
+            order.append(i)
             continue
         guess = guesses(places, order, i)
         if not shares:
             twice = 2.0 * components
             error = 1.0 / math.sqrt(twice * n)
-            g = guess(floats[9], lambda j: 1.0 / (twice * float(block.counts[j])), b, logs.get)
+            g = floats[9], 1.0
+            if before is None:
+                g = guess(floats[9], lambda j: 1.0 / (twice * float(block.counts[j])), b, logs.get)
             logs[i] = min(max(log_spread.read(stream, *g, error), -300.0), 300.0)
             sizes[i] = exp(logs[i])
         for k in range(components):
@@ -1391,6 +1407,76 @@ def read_field(block, content, known):
     rows = [*means, *slopes, *spreads, *excesses]
     check(all(math.isfinite(v) for row in rows for v in row), "numbers of a field")
     block.fields[name] = [[*m, *sl, *sp, *c] for m, sl, sp, c in zip(means, slopes, spreads, excesses)]
+
+
+class FieldMove:
+    """A field of Gaussians that stayed, from what they had in the frame before."""
+
+    def __init__(self, before, block, name, kind, steps):
+        self.before, self.block, (self.components, self.shares), self.steps = before, block, kind, steps
+        self.had = before.fields[name]
+        spreads = [0.25 * 2 ** (n // 2) * (1.5 if n % 2 else 1.0) for n in range(12)]
+        self.models = [[Residuals(bell(16, s), 0) for s in spreads] for _ in range(5)]
+
+    def spread(self, j):
+        own = self.had[j][4 * self.components :][: 1 if self.components == 1 else 6]
+        return own, own[0] if self.components == 1 else (own[0] + own[3]) + own[5]
+
+    def knows(self, i):
+        if i >= len(self.block.stayed):
+            return False
+        j = self.block.stayed[i]
+        return self.before.counts[j] >= 1 and (self.shares or self.spread(j)[1] > 1e-200)
+
+    def read(self, stream, i, n):
+        c, j, total = self.components, self.block.stayed[i], 0
+        means, slopes, (spread, trace) = self.had[j][:c], self.had[j][c : 4 * c], self.spread(j)
+        mean_step, log_step, shape_step, slope_step, excess_step = self.steps
+
+        def number(kind, step, most=math.inf):
+            nonlocal total
+            k = self.models[kind][sum(self.block.unrests[i] + 2 * total >= edge for edge in EDGES)].read(stream)
+            check(abs(k) <= 1 << 20 and abs(step * float(k)) <= most, "a change of a field")
+            total += abs(k)
+            return step * float(k)
+
+        error, size, s = 1.0 / math.sqrt(n), 0.0, 0.0
+        if not self.shares:
+            size = number(0, log_step * (1.0 / math.sqrt(2.0 * c * n)), 16.0)
+            s = math.sqrt(trace / c) * exp(size)
+        mean = []
+        for guess in means:
+            s = share_deviation(guess, n) if self.shares else s
+            mean.append(guess + number(1, mean_step * (s / math.sqrt(n))))
+        if c == 3:
+            unit = exponential([number(2, shape_step * error, 16.0) for _ in range(5)])
+            spread = congruent(lower(spread, trace), unit, exp(2.0 * size))
+        elif self.shares:
+            s = share_deviation(mean[0], n)
+            spread = [s * s]
+        else:
+            spread = [spread[0] * exp(2.0 * size)]
+        xx, xy, xz, yy, yz, zz = self.block.columns["cov"][i]
+        root = lambda v: math.sqrt(max(v, ((xx + yy) + zz) * 2.0**-40 + 1e-300))
+        width_x = root(xx)
+        a, b = xy / width_x, xz / width_x
+        width_y = root(yy - a * a)
+        lean = (yz - b * a) / width_y
+        width_z = root((zz - b * b) - lean * lean)
+        slope = []
+        for k in range(c):
+            x, y, z = slopes[3 * k : 3 * k + 3]
+            over = (x * width_x + y * a) + z * b, y * width_y + z * lean, z * width_z
+            g = [((v / s if s > 0 else 0.0) + number(3, slope_step * error)) * s for v in over]
+            z = g[2] / width_z
+            y = (g[1] - lean * z) / width_y
+            slope += [((g[0] - a * y) - b * z) / width_x, y, z]
+        excess = 0.0
+        if len(self.had[j]) > 4 * c + len(spread):
+            square = s * s
+            step = math.sqrt((min(square * square * square / 6.0 * exp(square / 3.0), 0.25) + 1e-6) / n)
+            excess = min(max(self.had[j][-1] + number(4, excess_step * step), -100.0), 100.0)
+        return mean, slope, spread, excess, s
 
 
 def share_deviation(share, n):

@@ -8,7 +8,7 @@ use crate::codec::{ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesC
 use crate::compress::{Compression, FieldSelection, MemoryLoad, Options, SharingPolicy, certify};
 use crate::context::Context;
 use crate::fit::{FitOptions, MixtureAssignment, TrackingEffort, track_gaussians};
-use crate::model::{Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Mixture, Model};
+use crate::model::{Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Mixture, Model, Quantity};
 use crate::particles::{Chunk, Particles};
 use crate::{Error, Result};
 
@@ -211,7 +211,8 @@ impl SeriesBuilder {
         let mut next = before.next(&bytes, time, &particles.meta.name)?;
         let size = bytes.len() as u64;
         if let Some(fields) = fields {
-            let coded = fields.sections(&next.clone().into_model(), context)?;
+            let had = |at, quantity: &Quantity| before.field_before(&next, at, quantity);
+            let coded = fields.sections(&next.clone().into_model(), &had, context)?;
             blocks.iter_mut().zip(coded).for_each(|(block, sections)| block.1 = sections);
             let Some(whole) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
             next = before.next(&whole, time, &particles.meta.name)?;

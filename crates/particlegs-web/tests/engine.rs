@@ -260,7 +260,7 @@ fn with_velocity() -> (Model, Vec<u8>) {
         }
         let sum = |k: usize| (0..m.len()).map(|i| m.count[i] * field.mean[k][i]).sum::<f64>();
         let sums = [sum(0), sum(1), sum(2)];
-        let bytes = codec::encode_field((0, &fields[0]), &field, m, &sums, &FieldPrecision::default());
+        let bytes = codec::encode_field((0, &fields[0]), &field, m, &sums, &FieldPrecision::default(), None);
         stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
     }
     let file = codec::assemble(&Metadata { fields, ..decoded.metadata }, None, layers).unwrap();

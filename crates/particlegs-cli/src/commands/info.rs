@@ -42,7 +42,14 @@ pub fn run(a: Arguments) -> Result<()> {
             print(&context, one, &inputs::model_or_series(one, &context)?)
         }
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
-            PathContent::Model(bytes) => info_model::print(&context, one, &bytes),
+            PathContent::Model(bytes) => {
+                if inputs::is_series(one) {
+                    context.message(
+                        "note: sizes are those of the frame as a model file of its own, as `extract` writes it",
+                    );
+                }
+                info_model::print(&context, one, &bytes)
+            }
             PathContent::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
         },
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),

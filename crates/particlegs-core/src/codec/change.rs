@@ -2,6 +2,7 @@
 
 use super::decoder;
 use super::exact::{exp, exp_twice, to_five};
+use super::field::FieldBefore;
 use super::rans::{Coder, RansReader, RansWriter};
 use super::sums::{rescale, whole_counts};
 use super::symbols::{Residual, SymbolModel};
@@ -15,7 +16,7 @@ use crate::{Error, Result};
 
 /// Numbers in steps, and logarithms, at most.
 const MOST_STEPS: i32 = 1 << 20;
-const LARGEST_LOG: f64 = 16.0;
+pub(super) const LARGEST_LOG: f64 = 16.0;
 /// Gaussians coded last among which the nearest are looked for, and how many of these guess a motion.
 const WINDOW: usize = 256;
 const NEIGHBOURS: usize = 4;
@@ -49,7 +50,7 @@ pub struct TrackedBlock {
     /// How far it moves in a unit of the series' clock; NaN where that is not known yet.
     velocity: [Vec<f64>; 3],
     /// Steps that it took in the frame before.
-    unrest: Vec<u32>,
+    pub(super) unrest: Vec<u32>,
 }
 
 /// How finely a change is coded.
@@ -212,8 +213,8 @@ impl CholeskyFactor {
     }
 }
 
-/// Models of all numbers, by kind and class.
-struct ChangeModels {
+/// Models of numbers, by kind and class.
+pub(super) struct ChangeModels {
     stays: SymbolModel<2>,
     numbers: Vec<Residual<16>>,
     /// Steps of the Gaussian coded before.
@@ -221,7 +222,7 @@ struct ChangeModels {
 }
 
 impl ChangeModels {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let spread = |class: usize| 0.25 * f64::from(1u32 << (class / 2)) * if class % 2 == 1 { 1.5 } else { 1.0 };
         let classes = CLASS_EDGES.len() + 1;
         let numbers = (0..KINDS * classes).map(|i| Residual::bell(spread(i % classes))).collect();
@@ -229,7 +230,13 @@ impl ChangeModels {
     }
 
     /// A number in steps; `unrest` is what the class follows from.
-    fn code(&mut self, c: &mut impl Coder, kind: usize, unrest: u32, steps: i32) -> std::result::Result<i32, String> {
+    pub(super) fn code(
+        &mut self,
+        c: &mut impl Coder,
+        kind: usize,
+        unrest: u32,
+        steps: i32,
+    ) -> std::result::Result<i32, String> {
         let class = CLASS_EDGES.iter().filter(|edge| unrest >= **edge).count();
         let steps = self.numbers[kind * (CLASS_EDGES.len() + 1) + class].code(c, 0, steps);
         if steps.abs() > MOST_STEPS { Err("a number of a change is out of range".into()) } else { Ok(steps) }
@@ -238,7 +245,7 @@ impl ChangeModels {
 
 /// What is left of a value, in steps that lead no further than `most`: values next to none are none, as they cost more than
 /// they gain.
-fn in_steps(value: f64, step: f64, most: f64) -> i32 {
+pub(super) fn in_steps(value: f64, step: f64, most: f64) -> i32 {
     const DEAD: f64 = 0.2;
     let v = value / step;
     let k = (v.abs() + 0.5 - DEAD).floor().min((most / step).floor()).min(f64::from(MOST_STEPS));
@@ -257,6 +264,17 @@ impl TrackedBlock {
     pub fn velocity(&self, i: usize) -> Option<[f64; 3]> {
         let v = each_axis(|k| self.velocity[k][i]);
         (!v[0].is_nan()).then_some(v)
+    }
+
+    /// What the Gaussians of the next frame had of a field, by their `origin` in this one and their `unrest` since.
+    pub(super) fn field<'a>(
+        &'a self,
+        name: &str,
+        origin: &'a [Option<u32>],
+        unrest: &'a [u32],
+    ) -> Option<FieldBefore<'a>> {
+        let moments = self.block.gaussians.fields.get(name)?;
+        Some(FieldBefore { moments, counts: &self.block.gaussians.count, origin, unrest })
     }
 
     /// Where Gaussians are expected in the next frame.

@@ -43,6 +43,8 @@ pub(crate) const BLOCK: Tag = *b"BLOK";
 pub(crate) const STAGE: Tag = *b"FiNE";
 /// The moments of a field of a block.
 pub const FIELD: [u8; 4] = *b"fiEL";
+/// What changes of a field of a block from the frame before.
+pub const FIELD_CHANGE: [u8; 4] = *b"fiMO";
 /// The shares of a species in a block's Gaussians.
 pub const SHARE: [u8; 4] = *b"shAR";
 /// Correlations between two scalar fields of a block.

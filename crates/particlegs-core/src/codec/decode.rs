@@ -1,8 +1,8 @@
 //! Model files to models, whole or piece by piece.
 
-use super::container::{CORRELATION, FIELD, SHARE};
+use super::container::{CORRELATION, FIELD, FIELD_CHANGE, SHARE};
 use super::decoder::{self, BlockDecoder};
-use super::field::decode_field;
+use super::field::{FieldBefore, decode_field};
 use super::field_correlation::decode_correlation;
 use super::file::{BlockPart, FileParts, StoredSection, parts};
 use super::info::FileInfo;
@@ -167,7 +167,8 @@ impl<'a> Decoder<'a> {
                 columns.vizmapper = vizmapper.clone();
             }
             let shared = SharedSpecies::share_layer(&metadata.shared_species, &self.info.layers[b.layer].name);
-            fields_of(&mut block, &b.fields, metadata, shared).map_err(|what| corrupt(place, b.offset, what))?;
+            fields_of(&mut block, &b.fields, metadata, shared, &|_| None)
+                .map_err(|what| corrupt(place, b.offset, what))?;
             for section in &b.correlations {
                 correlation_of(&mut block, section, &metadata.fields).map_err(|what| corrupt(place, b.offset, what))?;
             }
@@ -195,20 +196,26 @@ impl PartialBlock {
     }
 }
 
-/// Adds the moments of sections to their block; `shared` = its Gaussians are shared by species.
-pub(super) fn fields_of(
+/// Adds the moments of sections to their block; `shared` = its Gaussians are shared by species; `before` gives what
+/// they had of a quantity in the frame before.
+pub(super) fn fields_of<'a>(
     block: &mut Block,
     sections: &[StoredSection],
     metadata: &Metadata,
     shared: bool,
+    before: &dyn Fn(&Quantity) -> Option<FieldBefore<'a>>,
 ) -> std::result::Result<(), String> {
     let species = if shared { &metadata.shared_species[..] } else { &[] };
     let shares: Vec<Quantity> = species.iter().map(SharedSpecies::quantity).collect();
     for section in sections {
-        let (list, what) = if section.tag == FIELD { (&metadata.fields, "field") } else { (&shares, "species") };
+        let (list, what) = if section.tag == SHARE { (&shares, "species") } else { (&metadata.fields, "field") };
         let wanted = section.bytes.first().and_then(|&n| list.get(usize::from(n)));
         let Some(quantity) = wanted else { return Err(format!("a section names a {what} that is not listed")) };
-        let moments = decode_field(&section.bytes, &block.gaussians, quantity)?;
+        let before = match section.tag {
+            FIELD_CHANGE => Some(before(quantity).ok_or(format!("the frame before has no field `{}`", quantity.name))?),
+            _ => None,
+        };
+        let moments = decode_field(&section.bytes, &block.gaussians, quantity, before.as_ref())?;
         let components = if quantity.kind == QuantityKind::Vector { 3 } else { 1 };
         if moments.components() != components || block.gaussians.fields.get(&quantity.name).is_some() {
             return Err(format!("field `{}` is there twice or has {} components", quantity.name, moments.components()));

@@ -1,6 +1,7 @@
 //! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
-//! already decoded, and coded in steps of each Gaussian's own standard error.
+//! already decoded, in a change from the frame before (section 16), and coded in steps of each Gaussian's own standard error.
 
+use super::change::{ChangeModels, CholeskyFactor, LARGEST_LOG as LARGEST_CHANGE, in_steps};
 use super::exact::{exp, exp_twice, to_five};
 use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
@@ -17,6 +18,8 @@ const LARGEST_EXCESS: f64 = 100.0;
 const LARGEST_SHIFT: f64 = 1e3;
 /// Times at most that shares are scaled until their sum is the particles'.
 const SHARE_ROUNDS: usize = 64;
+/// Smaller spreads are no guess for those of the next frame.
+const LEAST_SPREAD: f64 = 1e-200;
 
 /// How finely a field is coded, and what is known of all of a block's Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +46,35 @@ impl FieldPrecision {
             logarithmic: self.logarithmic.map(|s| s * q),
             shares: self.shares.map(|s| s * q),
         }
+    }
+}
+
+/// A field of a block in the frame before, and which Gaussians of the frame stayed.
+#[derive(Clone, Copy)]
+pub struct FieldBefore<'a> {
+    pub(super) moments: &'a FieldMoments,
+    /// Counts in the frame before.
+    pub(super) counts: &'a [f64],
+    /// For each Gaussian of the frame its number in the frame before; `None` of one that is new.
+    pub(super) origin: &'a [Option<u32>],
+    /// Steps that each took since.
+    pub(super) unrest: &'a [u32],
+}
+
+impl FieldBefore<'_> {
+    /// The number of Gaussian `i` in the frame before, where that says something of the next.
+    fn of(&self, i: usize, of_shares: bool) -> Option<usize> {
+        let j = self.origin.get(i).copied().flatten()? as usize;
+        let there = self.counts[j] >= 1.0 && (of_shares || trace(self.moments, j) > LEAST_SPREAD);
+        there.then_some(j)
+    }
+}
+
+/// The sum of the variances of a spread.
+fn trace(m: &FieldMoments, i: usize) -> f64 {
+    match &m.spread[..] {
+        [one] => one[i],
+        six => (six[0][i] + six[3][i]) + six[5][i],
     }
 }
 
@@ -122,13 +154,14 @@ impl FieldHeader {
 }
 
 /// Encodes the moments of field `quantity`, number `field`, of a block's decoded Gaussians; `sums` are the particles'
-/// weighted sums of each component.
+/// weighted sums of each component. With what they had in the frame `before`: as a [`super::FIELD_CHANGE`].
 pub fn encode_field(
     (field, quantity): (u8, &Quantity),
     moments: &FieldMoments,
     gaussians: &Mixture,
     sums: &[f64],
     precision: &FieldPrecision,
+    before: Option<&FieldBefore<'_>>,
 ) -> Vec<u8> {
     let of_shares = is_share(quantity);
     let shares = of_shares.then(|| shares_of(moments, gaussians));
@@ -149,7 +182,7 @@ pub fn encode_field(
         (header.steps, excess.step) = (steps, step);
     }
     let mut writer = RansWriter::default();
-    let mut walk = FieldWalk::new(&header, gaussians, of_shares);
+    let mut walk = FieldWalk::new(&header, gaussians, of_shares, before);
     // Every number is within the range that the walk accepts.
     let stream = walk.run(&mut writer, Some(moments)).map(|()| writer.finish()).unwrap_or_default();
     if header.excess.is_some() {
@@ -191,16 +224,24 @@ fn weight(g: &Mixture, i: usize, by_mass: bool) -> f64 {
     if by_mass { g.mass_of(i) } else { g.count[i] }
 }
 
-/// Decodes a section.
-pub(crate) fn decode_field(bytes: &[u8], gaussians: &Mixture, quantity: &Quantity) -> Result<FieldMoments, String> {
+/// Decodes a section; with what Gaussians had in the frame `before`, a [`super::FIELD_CHANGE`].
+pub(crate) fn decode_field(
+    bytes: &[u8],
+    gaussians: &Mixture,
+    quantity: &Quantity,
+    before: Option<&FieldBefore<'_>>,
+) -> Result<FieldMoments, String> {
     let mut r = WireReader::new(bytes);
     let header = FieldHeader::read(&mut r, quantity.logarithmic)?;
+    if before.is_some_and(|b| b.moments.components() != header.sums.len()) {
+        return Err("a field has other components in the frame before".into());
+    }
     if is_share(quantity) && (header.sums[0] < 0.0 || header.range != [[0.0, 1.0]]) {
         return Err("the shares of a class are out of range".into());
     }
     let stream = &bytes[r.position()..];
     let mut reader = RansReader::new(stream).ok_or("a field's stream has no start")?;
-    let mut walk = FieldWalk::new(&header, gaussians, is_share(quantity));
+    let mut walk = FieldWalk::new(&header, gaussians, is_share(quantity), before);
     walk.run(&mut reader, None)?;
     if !reader.finished() || !reader.rest().is_empty() {
         return Err("a field's stream does not end where it should".into());
@@ -215,16 +256,24 @@ struct FieldWalk<'a> {
     header: &'a FieldHeader,
     gaussians: &'a Mixture,
     of_shares: bool,
+    before: Option<&'a FieldBefore<'a>>,
     out: FieldMoments,
-    /// Logarithm of the spread, and shape numbers.
+    /// Logarithm of the spread, of Gaussians without a guess from the frame before.
     logs: Vec<f64>,
-    shapes: Vec<[f64; 5]>,
+    /// Deviations that stand for the spreads.
+    sizes: Vec<f64>,
     done: FieldPredictor<'a>,
     models: [FieldNumberCoder; 5],
+    changes: ChangeModels,
 }
 
 impl<'a> FieldWalk<'a> {
-    fn new(header: &'a FieldHeader, gaussians: &'a Mixture, of_shares: bool) -> Self {
+    fn new(
+        header: &'a FieldHeader,
+        gaussians: &'a Mixture,
+        of_shares: bool,
+        before: Option<&'a FieldBefore<'a>>,
+    ) -> Self {
         let (n, components) = (gaussians.len(), header.sums.len());
         let mut out = if header.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
         out.mean.iter_mut().chain(&mut out.spread).chain(&mut out.excess).for_each(|c| c.resize(n, 0.0));
@@ -233,11 +282,13 @@ impl<'a> FieldWalk<'a> {
             header,
             gaussians,
             of_shares,
+            before,
             out,
             logs: vec![0.0; n],
-            shapes: vec![[0.0; 5]; if components == 3 { n } else { 0 }],
+            sizes: vec![0.0; n],
             done: FieldPredictor::new(gaussians),
             models: std::array::from_fn(|_| FieldNumberCoder::default()),
+            changes: ChangeModels::new(),
         }
     }
 
@@ -255,6 +306,11 @@ impl<'a> FieldWalk<'a> {
             if c.exhausted() {
                 return Err("a field's stream ends too soon".into());
             }
+            if let Some(j) = self.before.and_then(|before| before.of(i, self.of_shares)) {
+                self.change(c, [i, j], wanted)?;
+                self.done.push(i);
+                continue;
+            }
             let near = self.done.near(i);
             let root = n.sqrt();
             let wanted_logs = wanted.map(|w| spread_logs(w, i));
@@ -262,7 +318,11 @@ impl<'a> FieldWalk<'a> {
             if !self.of_shares {
                 let error = 1.0 / (2.0 * components as f64 * n).sqrt();
                 let weights = self.done.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
-                let (guess, variance) = expected(&near, &weights, f64::from(self.header.start[1]), |j| self.logs[j]);
+                let start = f64::from(self.header.start[1]);
+                let (guess, variance) = match self.before {
+                    None => expected(&near, &weights, start, |j| self.logs[j]),
+                    Some(_) => (start, 1.0),
+                };
                 let step = log_steps * error;
                 // A mean lies within 2^18 steps of any guess.
                 let least = 0.5 * libm::log((width * width * n).max(1e-200)) - 20.0 * std::f64::consts::LN_2;
@@ -275,7 +335,7 @@ impl<'a> FieldWalk<'a> {
             let weights = self.done.weights(&near, mean_change, |j, count| {
                 let s = match self.of_shares {
                     true => share_deviation(self.out.mean[0][j], count),
-                    false => exp(self.logs[j]),
+                    false => self.sizes[j],
                 };
                 s * s / count
             });
@@ -293,14 +353,16 @@ impl<'a> FieldWalk<'a> {
             if self.of_shares {
                 spread = share_deviation(self.out.mean[0][i], n);
             }
+            self.sizes[i] = spread;
             // The spread's shape.
             let error = 1.0 / root;
+            let mut shape = [0.0; 5];
             if components == 3 {
                 let step = shape_steps * error;
                 for k in 0..5 {
                     let target = wanted_logs.map(|w| w.1[k]);
                     let value = self.models[2].code(c, [0.0, shape_square], [error, step], target)?;
-                    self.shapes[i][k] = value.clamp(-LARGEST_SHAPE, LARGEST_SHAPE);
+                    shape[k] = value.clamp(-LARGEST_SHAPE, LARGEST_SHAPE);
                 }
             }
             // Slopes, over the Gaussian's own widths and in units of the spread.
@@ -317,8 +379,7 @@ impl<'a> FieldWalk<'a> {
             }
             let size = spread * spread;
             if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
-                let error = ((size * size * size / 6.0 * exp(size / 3.0)).min(0.25) + 1e-6) / n;
-                let (error, square) = (error.sqrt(), f64::from(excess.square));
+                let (error, square) = (excess_error(size, n), f64::from(excess.square));
                 let step = f64::from(excess.step) * error;
                 let target = wanted.and_then(|w| Some(w.excess.as_ref()?[i]));
                 let value = self.models[4].code(c, [0.0, square], [error, step], target)?;
@@ -327,11 +388,85 @@ impl<'a> FieldWalk<'a> {
             match components {
                 1 => self.out.spread[0][i] = size,
                 _ => {
-                    let unit = exp_twice(self.shapes[i]);
+                    let unit = exp_twice(shape);
                     (0..6).for_each(|k| self.out.spread[k][i] = unit.0[k] * size);
                 }
             }
             self.done.push(i);
+        }
+        Ok(())
+    }
+
+    /// Gaussian `i` from what it had as number `j` of the frame before.
+    fn change(&mut self, c: &mut impl Coder, [i, j]: [usize; 2], wanted: Option<&FieldMoments>) -> Result<(), String> {
+        let Some(&FieldBefore { moments: was, unrest, .. }) = self.before else { return Ok(()) };
+        let components = self.out.components();
+        let [mean_steps, log_steps, shape_steps, slope_steps] = self.header.steps.map(f64::from);
+        let n = self.gaussians.count[i];
+        let root = n.sqrt();
+        let (changes, mut sum) = (&mut self.changes, 0u32);
+        let mut number = |kind: usize, target: Option<f64>, step: f64, most: f64| {
+            let k = changes.code(c, kind, unrest[i] + 2 * sum, target.map_or(0, |t| in_steps(t, step, most)))?;
+            sum += k.unsigned_abs();
+            let value = step * f64::from(k);
+            if value.abs() > most { Err(String::from("a change of a field is out of range")) } else { Ok(value) }
+        };
+        // The spread, in the frame of that before.
+        let six = |m: &FieldMoments, i: usize| Sym3(std::array::from_fn(|k| m.spread[k][i]));
+        let factor = (components == 3).then(|| CholeskyFactor::new(&six(was, j)));
+        let wanted_logs = wanted.map(|w| match &factor {
+            Some(factor) => factor.logarithm(&six(w, i)).unwrap_or_default(),
+            None => [0.5 * libm::log((w.spread[0][i] / was.spread[0][j]).max(1e-30)), 0.0, 0.0, 0.0, 0.0, 0.0],
+        });
+        let (mut size, mut spread) = (0.0, 0.0);
+        if !self.of_shares {
+            let error = 1.0 / (2.0 * components as f64 * n).sqrt();
+            size = number(0, wanted_logs.map(|w| w[0]), log_steps * error, LARGEST_CHANGE)?;
+            spread = (trace(was, j) / components as f64).sqrt() * exp(size);
+        }
+        for k in 0..components {
+            let guess = was.mean[k][j];
+            if self.of_shares {
+                spread = share_deviation(guess, n);
+            }
+            let step = mean_steps * (spread / root);
+            self.out.mean[k][i] = guess + number(1, wanted.map(|w| w.mean[k][i] - guess), step, f64::INFINITY)?;
+        }
+        let error = 1.0 / root;
+        match factor {
+            Some(factor) => {
+                let mut shape = [0.0; 5];
+                for (k, value) in shape.iter_mut().enumerate() {
+                    *value = number(2, wanted_logs.map(|w| w[1 + k]), shape_steps * error, LARGEST_CHANGE)?;
+                }
+                let cov = factor.congruent(&exp_twice(shape)).scale(exp(2.0 * size));
+                (0..6).for_each(|k| self.out.spread[k][i] = cov.0[k]);
+            }
+            None if self.of_shares => {
+                spread = share_deviation(self.out.mean[0][i], n);
+                self.out.spread[0][i] = spread * spread;
+            }
+            None => self.out.spread[0][i] = was.spread[0][j] * exp(2.0 * size),
+        }
+        self.sizes[i] = spread;
+        let factor = Factor::new(&self.gaussians.cov_of(i));
+        let slope_of = |m: &FieldMoments, k: usize, i: usize| factor.over(each_axis(|d| m.slope[k][d][i]));
+        for k in 0..components {
+            // Of a spread of 0 there are no slopes in its units.
+            let in_spreads = |over: [f64; 3]| over.map(|v| if spread > 0.0 { v / spread } else { 0.0 });
+            let (guess, target) = (in_spreads(slope_of(was, k, j)), wanted.map(|w| in_spreads(slope_of(w, k, i))));
+            let mut over = guess;
+            for d in 0..3 {
+                over[d] += number(3, target.map(|t| t[d] - guess[d]), slope_steps * error, f64::INFINITY)?;
+            }
+            let slope = factor.slope(over.map(|v| v * spread));
+            (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
+        }
+        if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
+            let step = f64::from(excess.step) * excess_error(spread * spread, n);
+            let guess = was.excess.as_ref().map_or(0.0, |e| e[j]);
+            let target = wanted.and_then(|w| Some(w.excess.as_ref()?[i] - guess));
+            column[i] = (guess + number(4, target, step, f64::INFINITY)?).clamp(-LARGEST_EXCESS, LARGEST_EXCESS);
         }
         Ok(())
     }
@@ -362,6 +497,11 @@ impl<'a> FieldWalk<'a> {
         self.out.range.clone_from(&self.header.range);
         self.out
     }
+}
+
+/// The standard error of the excess of `n` particles whose logarithms have the variance `square`.
+fn excess_error(square: f64, n: f64) -> f64 {
+    (((square * square * square / 6.0 * exp(square / 3.0)).min(0.25) + 1e-6) / n).sqrt()
 }
 
 /// Scales shares until they sum to `wanted`, each at most 1; `total` is the sum of all particles.
@@ -515,8 +655,8 @@ mod tests {
         for components in [1, 3] {
             let (m, f) = scene(500, components);
             let precision = FieldPrecision::default();
-            let bytes = encode_field((0, &quantity(false)), &f, &m, &sums(&m, &f), &precision);
-            let back = decode_field(&bytes, &m, &quantity(false)).unwrap();
+            let bytes = encode_field((0, &quantity(false)), &f, &m, &sums(&m, &f), &precision, None);
+            let back = decode_field(&bytes, &m, &quantity(false), None).unwrap();
             for (own, was) in sums(&m, &back).iter().zip(sums(&m, &f)) {
                 assert!((own - was).abs() < 1e-9 * was.abs().max(1.0), "{own} {was}");
             }
@@ -551,8 +691,8 @@ mod tests {
         let (m, f) = logarithms();
         let total =
             |f: &FieldMoments| -> f64 { (0..m.len()).map(|i| m.count[i] * f.overall_value(0, i, &m.cov_of(i))).sum() };
-        let bytes = encode_field((0, &quantity(true)), &f, &m, &[total(&f)], &FieldPrecision::default());
-        let back = decode_field(&bytes, &m, &quantity(true)).unwrap();
+        let bytes = encode_field((0, &quantity(true)), &f, &m, &[total(&f)], &FieldPrecision::default(), None);
+        let back = decode_field(&bytes, &m, &quantity(true), None).unwrap();
         assert!((total(&back) / total(&f) - 1.0).abs() < 1e-12);
         // All get one shift, which keeps the sum.
         let off = |i: usize| back.excess.as_ref().unwrap()[i] - f.excess.as_ref().unwrap()[i];
@@ -564,7 +704,7 @@ mod tests {
             let found = off(i) - off(i - 1);
             assert!(found.abs() < 4.1 * (error(i) + error(i - 1)) + 0.01, "{found} {} {}", error(i), error(i - 1));
         }
-        assert!(decode_field(&bytes, &m, &quantity(false)).is_err());
+        assert!(decode_field(&bytes, &m, &quantity(false), None).is_err());
     }
 
     /// Gaussians with the shares of a species.
@@ -584,9 +724,9 @@ mod tests {
         let (m, f) = shares();
         let class = Quantity::new("kind=a", QuantityKind::Category);
         let wanted = sums(&m, &f);
-        let bytes = encode_field((0, &class), &f, &m, &wanted, &FieldPrecision::default());
+        let bytes = encode_field((0, &class), &f, &m, &wanted, &FieldPrecision::default(), None);
         assert!(bytes.len() < 66 + 2 * m.len(), "{} bytes", bytes.len());
-        let back = decode_field(&bytes, &m, &class).unwrap();
+        let back = decode_field(&bytes, &m, &class, None).unwrap();
         assert!((sums(&m, &back)[0] - wanted[0]).abs() < 1e-9 * wanted[0]);
         for i in 0..m.len() {
             let (was, is) = (f.mean[0][i], back.mean[0][i]);
@@ -595,8 +735,77 @@ mod tests {
             assert!((was - is).abs() < 2.5 * error + 0.02, "{was} {is} of {}", m.count[i]);
         }
         let none = FieldMoments { mean: vec![vec![0.0; m.len()]], ..f.clone() };
-        let bytes = encode_field((0, &class), &none, &m, &[0.0], &FieldPrecision::default());
-        assert!(decode_field(&bytes, &m, &class).unwrap().mean[0].iter().all(|v| *v == 0.0));
+        let bytes = encode_field((0, &class), &none, &m, &[0.0], &FieldPrecision::default(), None);
+        assert!(decode_field(&bytes, &m, &class, None).unwrap().mean[0].iter().all(|v| *v == 0.0));
+    }
+
+    /// Sums of the values, also of logarithmic fields.
+    fn totals(m: &Mixture, f: &FieldMoments) -> Vec<f64> {
+        let value = |k: usize, i: usize| m.count[i] * f.overall_value(k, i, &m.cov_of(i));
+        (0..f.components()).map(|k| (0..m.len()).map(|i| value(k, i)).sum()).collect()
+    }
+
+    /// What Gaussians of [`scene`] had a frame ago: all but every tenth stayed.
+    fn scene_before(n: u64, components: usize, class: &Quantity) -> (FieldMoments, Vec<f64>, Vec<Option<u32>>) {
+        let (m, f) = match (&class.kind, class.logarithmic) {
+            (QuantityKind::Category, _) => shares(),
+            (_, true) => logarithms(),
+            _ => scene(n, components),
+        };
+        let total = totals(&m, &f);
+        let bytes = encode_field((0, class), &f, &m, &total, &FieldPrecision::default(), None);
+        let origin = (0..m.len() as u32).map(|i| (i % 10 != 3).then_some(i)).collect();
+        (decode_field(&bytes, &m, class, None).unwrap(), m.count, origin)
+    }
+
+    #[test]
+    fn changes_come_back_within_their_errors_and_take_fewer_bytes() {
+        let class = Quantity::new("kind=a", QuantityKind::Category);
+        for (quantity, components) in [(quantity(false), 1), (quantity(false), 3), (quantity(true), 1), (class, 1)] {
+            let (was, counts, origin) = scene_before(500, components, &quantity);
+            let (m, mut f) = match (&quantity.kind, quantity.logarithmic) {
+                (QuantityKind::Category, _) => shares(),
+                (_, true) => logarithms(),
+                _ => scene(500, components),
+            };
+            let unrest = vec![0; m.len()];
+            let before = FieldBefore { moments: &was, counts: &counts, origin: &origin, unrest: &unrest };
+            let moving = quantity.kind != QuantityKind::Category;
+            for i in (0..m.len()).filter(|_| moving) {
+                let error = (trace(&f, i) / components as f64 / m.count[i]).sqrt();
+                (0..components).for_each(|k| f.mean[k][i] += 0.5 * error);
+            }
+            let total = totals(&m, &f);
+            let precision = FieldPrecision::default();
+            let whole = encode_field((0, &quantity), &f, &m, &total, &precision, None);
+            let bytes = encode_field((0, &quantity), &f, &m, &total, &precision, Some(&before));
+            let most = if moving && !quantity.logarithmic { whole.len() / 2 } else { whole.len() } + 50;
+            assert!(bytes.len() < most, "{} of {}", bytes.len(), whole.len());
+            let back = decode_field(&bytes, &m, &quantity, Some(&before)).unwrap();
+            for i in 0..m.len() {
+                let deviation = match quantity.kind {
+                    QuantityKind::Category => share_deviation(f.mean[0][i], m.count[i]).max(0.2),
+                    _ => (trace(&f, i) / components as f64).sqrt(),
+                };
+                let error = deviation / m.count[i].sqrt();
+                for k in 0..components {
+                    let off = (f.mean[k][i] - back.mean[k][i]).abs();
+                    assert!(off < 5.5 * error + 0.05, "{off} of {error}, {i}");
+                }
+                let ratio = trace(&back, i) / trace(&f, i).max(1e-9);
+                assert!(
+                    quantity.kind == QuantityKind::Category || (ratio.ln() * m.count[i].sqrt()).abs() < 9.0,
+                    "{ratio}"
+                );
+            }
+            for at in (0..bytes.len()).step_by(11) {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= 0x14;
+                if let Ok(back) = decode_field(&damaged, &m, &quantity, Some(&before)) {
+                    assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
+                }
+            }
+        }
     }
 
     #[test]
@@ -604,14 +813,14 @@ mod tests {
         let class = Quantity::new("kind=a", QuantityKind::Category);
         let scenes = [(quantity(false), scene(60, 3)), (quantity(true), logarithms()), (class, shares())];
         for (quantity, (m, f)) in scenes {
-            let bytes = encode_field((0, &quantity), &f, &m, &sums(&m, &f), &FieldPrecision::default());
+            let bytes = encode_field((0, &quantity), &f, &m, &sums(&m, &f), &FieldPrecision::default(), None);
             for cut in 0..bytes.len() {
-                assert!(decode_field(&bytes[..cut], &m, &quantity).is_err(), "cut at {cut}");
+                assert!(decode_field(&bytes[..cut], &m, &quantity, None).is_err(), "cut at {cut}");
             }
             for at in 0..bytes.len() {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= 0x14;
-                if let Ok(back) = decode_field(&damaged, &m, &quantity) {
+                if let Ok(back) = decode_field(&damaged, &m, &quantity, None) {
                     assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
                 }
             }

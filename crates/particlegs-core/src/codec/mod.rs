@@ -49,10 +49,12 @@ mod vizmapper;
 mod wire;
 
 pub use change::{ChangePrecision, ChangeTarget, FrameStep, TrackedBlock};
-pub use container::{CORRELATION, FIELD, HEAD_BYTES, SHARE, is_model, is_series, other_length, promised_length};
+pub use container::{
+    CORRELATION, FIELD, FIELD_CHANGE, HEAD_BYTES, SHARE, is_model, is_series, other_length, promised_length,
+};
 pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
 pub use encoder::Encoder;
-pub use field::{FieldPrecision, encode_field};
+pub use field::{FieldBefore, FieldPrecision, encode_field};
 pub use field_correlation::encode_correlation;
 pub use file::MOST_LAYERS;
 pub use file::{

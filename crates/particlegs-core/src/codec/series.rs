@@ -3,11 +3,11 @@
 
 use super::change::{FrameStep, TrackedBlock};
 use super::container::{
-    self, BLOCK_CHANGE, CERTIFICATE, CHANGE, CORRELATION, FIELD, FRAME, FRAME_INDEX, HEAD_BYTES, META, SECTION_BYTES,
-    SERIES, SERIES_RECIPE, Section,
+    self, BLOCK_CHANGE, CERTIFICATE, CHANGE, CORRELATION, FIELD, FIELD_CHANGE, FRAME, FRAME_INDEX, HEAD_BYTES, META,
+    SECTION_BYTES, SERIES, SERIES_RECIPE, Section,
 };
 use super::decode::{Decoder, correlation_of, decode_block, fields_of};
-use super::field::{FieldPrecision, encode_field};
+use super::field::{FieldBefore, FieldPrecision, encode_field};
 use super::field_correlation::encode_correlation;
 use super::file::{self, CodedLayer, StoredBlock, StoredSection};
 use super::merge::blocks_hash;
@@ -413,7 +413,7 @@ fn field_sections(g: &Mixture, order: &[u32], decoded: &Mixture, fields: &[Quant
         let value = |c: usize, i: usize| weight(i) * field.overall_value(c, i, &g.cov_of(i));
         let sum = |c: usize| compensated(&(0..g.len()).map(|i| value(c, i)).collect::<Vec<_>>());
         let sums: Vec<f64> = (0..field.components()).map(sum).collect();
-        let bytes = encode_field((number as u8, quantity), &ordered, decoded, &sums, &precision);
+        let bytes = encode_field((number as u8, quantity), &ordered, decoded, &sums, &precision, None);
         moments.push(StoredSection { tag: FIELD, bytes });
         for (other, values) in ordered.correlations.iter() {
             let Some(with) = fields.iter().position(|q| q.name == *other) else { continue };
@@ -519,8 +519,13 @@ impl TrackedModel {
                 let change = change.ok_or_else(|| at("its changes are missing".into()))?;
                 let mut next = block.decode(change.bytes, &step).map_err(at)?;
                 let own = || sections.iter().filter(|s| s.block == Some(number));
-                let fields: Vec<StoredSection> = own().filter(|s| s.tag == FIELD).map(StoredSection::from).collect();
-                fields_of(&mut next.block, &fields, &metadata, false).map_err(at)?;
+                let fields = own().filter(|s| [FIELD, FIELD_CHANGE].contains(&s.tag));
+                let fields: Vec<StoredSection> = fields.map(StoredSection::from).collect();
+                let TrackedBlock { block: own_block, origin, unrest, .. } = &mut next;
+                let (origin, unrest) = (&origin[..], &unrest[..]);
+                let had =
+                    |q: &Quantity| self.metadata.fields.contains(q).then(|| block.field(&q.name, origin, unrest))?;
+                fields_of(own_block, &fields, &metadata, false, &had).map_err(at)?;
                 for section in own().filter(|s| s.tag == CORRELATION) {
                     correlation_of(&mut next.block, section.bytes, &metadata.fields).map_err(at)?;
                 }
@@ -539,6 +544,18 @@ impl TrackedModel {
             return Err(corrupt("the blocks and the metadata disagree about particles or mass".into()));
         }
         Ok(TrackedModel { time, metadata, certificate, layers, key: self.key.clone() })
+    }
+
+    /// What the Gaussians of a block of the `next` frame had of a quantity in this one; `None` where the block did not have
+    /// it.
+    pub fn field_before<'a>(
+        &'a self,
+        next: &'a TrackedModel,
+        [layer, block]: [usize; 2],
+        quantity: &Quantity,
+    ) -> Option<FieldBefore<'a>> {
+        let [own, next] = [self, next].map(|frame| frame.layers.get(layer)?.content.get(block));
+        self.metadata.fields.contains(quantity).then(|| own?.field(&quantity.name, &next?.origin, &next?.unrest))?
     }
 
     /// The frame as a model.

@@ -122,7 +122,7 @@ mod tests {
         let species = |name: &str, count: f64, mass| SharedSpecies { name: name.into(), count: count as u64, mass };
         let shared_species = vec![species("a", of_a, Some(2.0)), species("b", count as f64 - of_a, None)];
         let quantity = shared_species[0].quantity();
-        let bytes = encode_field((0, &quantity), &moments, g, &[of_a], &FieldPrecision::default());
+        let bytes = encode_field((0, &quantity), &moments, g, &[of_a], &FieldPrecision::default(), None);
         let stored = StoredBlock { bytes: coded, sections: vec![StoredSection { tag: SHARE, bytes }] };
         let layer = Layer { name: "a+b".into(), mass: Mass::Unknown, content: vec![stored] };
         let metadata = Metadata { shared_species, ..Metadata::new(LawKind::OpticalDepth, count, bounds) };

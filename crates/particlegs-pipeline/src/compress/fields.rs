@@ -2,7 +2,7 @@
 //! positions keep their bytes.
 
 use super::CompressedModel;
-use crate::codec::{self, FieldPrecision, StoredSection};
+use crate::codec::{self, FieldBefore, FieldPrecision, StoredSection};
 use crate::context::Context;
 use crate::fit::{FieldShape, correlations, gather};
 use crate::model::{Certificate, LawKind, Metadata, Model, Quantity, QuantityKind, SharedSpecies, Unit};
@@ -267,7 +267,7 @@ impl<'a> FieldSelection<'a> {
         let metadata = Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
         let blocks = coded.iter_mut().flat_map(|layer| &mut layer.content);
-        for (stored, sections) in blocks.zip(self.sections(model, context)?) {
+        for (stored, sections) in blocks.zip(self.sections(model, &|_, _| None, context)?) {
             stored.sections.extend(sections);
         }
         let measured =
@@ -276,8 +276,14 @@ impl<'a> FieldSelection<'a> {
         codec::assemble(&metadata, certificate.as_ref(), coded)
     }
 
-    /// The fields of a `model` that was made of the particles, coded for each of its blocks.
-    pub(crate) fn sections(&self, model: &Model, context: &Context<'_>) -> Result<Vec<Vec<StoredSection>>> {
+    /// The fields of a `model` that was made of the particles, coded for each of its blocks: as changes, where `before`
+    /// gives what the Gaussians of a layer's block had of a quantity in the frame before.
+    pub(crate) fn sections<'b>(
+        &self,
+        model: &Model,
+        before: &dyn Fn([usize; 2], &Quantity) -> Option<FieldBefore<'b>>,
+        context: &Context<'_>,
+    ) -> Result<Vec<Vec<StoredSection>>> {
         let precision = &FieldPrecision::default();
         let mut sections: Vec<Vec<Vec<StoredSection>>> =
             model.layers.iter().map(|l| vec![Vec::new(); l.content.len()]).collect();
@@ -290,21 +296,21 @@ impl<'a> FieldSelection<'a> {
             let gathered = gather(blocks, &self.particles.of_layer(layer), &shapes, &read, context)?;
             let particles = self.particles.of_layer(layer);
             let pairs = correlations(blocks, &particles, (&shapes, &gathered), &read, None, context)?;
-            for (((block, stored), fields), pairs) in blocks.iter().zip(&mut sections[at]).zip(gathered).zip(pairs) {
+            let each = blocks.iter().zip(&mut sections[at]).zip(gathered).zip(pairs).enumerate();
+            for (number, (((block, stored), fields), pairs)) in each {
                 for pair in pairs {
                     let numbers = pair.fields.map(|f| chosen[f] as u8);
                     let bytes = codec::encode_correlation(numbers, &pair.values, &block.gaussians);
                     stored.push(StoredSection { tag: codec::CORRELATION, bytes });
                 }
                 for (n, f) in chosen.iter().zip(fields) {
-                    let bytes = codec::encode_field(
-                        (*n as u8, &self.plan.quantities[*n]),
-                        &f.moments,
-                        &block.gaussians,
-                        &f.sums,
-                        precision,
-                    );
-                    stored.push(StoredSection { tag: codec::FIELD, bytes });
+                    let quantity = &self.plan.quantities[*n];
+                    let before = before([at, number], quantity);
+                    let of = (*n as u8, quantity);
+                    let bytes =
+                        codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, precision, before.as_ref());
+                    let tag = if before.is_some() { codec::FIELD_CHANGE } else { codec::FIELD };
+                    stored.push(StoredSection { tag, bytes });
                 }
             }
         }

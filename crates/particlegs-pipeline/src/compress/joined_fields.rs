@@ -71,7 +71,7 @@ pub(super) fn join_fields(
                 f.moments.range.clone_from(&field.range);
                 let precision = FieldPrecision::default();
                 let of = (*number as u8, *q);
-                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision);
+                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision, None);
                 stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
             }
         }

@@ -163,7 +163,7 @@ impl SharedLayer {
             let precision = FieldPrecision { shares: own.shares.map(|s| s * coarser), ..own };
             let section = |block: &Block, (k, f): (usize, &BlockField)| {
                 let of = (k as u8, &coded[k]);
-                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision);
+                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision, None);
                 StoredSection { tag: SHARE, bytes }
             };
             let of_block = |(block, fields): (&Block, &Vec<BlockField>)| {
