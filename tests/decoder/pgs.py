@@ -200,9 +200,11 @@ def changed(model, key, data, elapsed):
     check(not moves, "blocks of a change")
     of = lambda layers: [block for _, own in layers for block in own]
     all_blocks, before, known = of(new["layers"]), of(model["layers"]), new["meta"]["fields"]
+    alike = [k for k in known if k in model["meta"]["fields"]]
     for tag, content, _ in found:
         if tag in (b"fiEL", b"fiMO"):
             number = struct.unpack_from("<I", content)[0]
+            check(tag == b"fiEL" or known[content[4]] in alike, "a field of the frame before")
             read_field(all_blocks[number], content[4:], known, before[number] if tag == b"fiMO" else None)
     for tag, content, _ in found:
         if tag == b"fiCO":
@@ -1341,12 +1343,15 @@ def read_field(block, content, known, before=None):
     places = places_of(block)
     order, logs, sizes, excesses = [], {}, {}, [0.0] * total
     check(before is None or name in before.fields, "a field of the frame before")
-    moved = FieldMove(before, block, name, (components, shares), (*steps, excess_step)) if before else None
+    width = max(high - low for low, high in zip(reals[components::2], reals[components + 1 :: 2]))
+    moved = FieldMove(before, block, name, (components, shares, width), steps) if before else None
     for i, n in enumerate(map(float, block.counts)):
         if n < 1:
             continue
         if moved and moved.knows(i):
-            means[i], slopes[i], spreads[i], excesses[i], sizes[i] = moved.read(stream, i, n)
+            means[i], slopes[i], spreads[i], sizes[i] = moved.read(stream, i, n)
+            if logarithmic:
+                excesses[i] = read_excess(excess, stream, sizes[i], n, excess_square)
             order.append(i)
             continue
         guess = guesses(places, order, i)
@@ -1382,9 +1387,7 @@ def read_field(block, content, known, before=None):
             y = (g[1] - lean_c * z) / width_y
             slopes[i][3 * k : 3 * k + 3] = [((g[0] - lean_a * y) - lean_b * z) / width_x, y, z]
         if logarithmic:
-            square = s * s
-            error = math.sqrt((min(square * square * square / 6.0 * exp(square / 3.0), 0.25) + 1e-6) / n)
-            excesses[i] = min(max(excess.read(stream, 0.0, excess_square, error), -100.0), 100.0)
+            excesses[i] = read_excess(excess, stream, s, n, excess_square)
         spreads[i] = [s * s] if components == 1 else [v * (s * s) for v in exponential(five)]
         order.append(i)
     stream.finish()
@@ -1409,11 +1412,17 @@ def read_field(block, content, known, before=None):
     block.fields[name] = [[*m, *sl, *sp, *c] for m, sl, sp, c in zip(means, slopes, spreads, excesses)]
 
 
+def read_excess(excess, stream, s, n, mean_square):
+    square = s * s
+    error = math.sqrt((min(square * square * square / 6.0 * exp(square / 3.0), 0.25) + 1e-6) / n)
+    return min(max(excess.read(stream, 0.0, mean_square, error), -100.0), 100.0)
+
+
 class FieldMove:
     """A field of Gaussians that stayed, from what they had in the frame before."""
 
     def __init__(self, before, block, name, kind, steps):
-        self.before, self.block, (self.components, self.shares), self.steps = before, block, kind, steps
+        self.before, self.block, (self.components, self.shares, self.width), self.steps = before, block, kind, steps
         self.had = before.fields[name]
         spreads = [0.25 * 2 ** (n // 2) * (1.5 if n % 2 else 1.0) for n in range(12)]
         self.models = [[Residuals(bell(16, s), 0) for s in spreads] for _ in range(5)]
@@ -1425,13 +1434,14 @@ class FieldMove:
     def knows(self, i):
         if i >= len(self.block.stayed):
             return False
-        j = self.block.stayed[i]
-        return self.before.counts[j] >= 1 and (self.shares or self.spread(j)[1] > 1e-200)
+        j, n = self.block.stayed[i], float(self.block.counts[i])
+        least = max(self.width * self.width * n, 1e-200) * 2.0**-42
+        return self.before.counts[j] >= 1 and (self.shares or self.spread(j)[1] >= self.components * least)
 
     def read(self, stream, i, n):
         c, j, total = self.components, self.block.stayed[i], 0
         means, slopes, (spread, trace) = self.had[j][:c], self.had[j][c : 4 * c], self.spread(j)
-        mean_step, log_step, shape_step, slope_step, excess_step = self.steps
+        mean_step, log_step, shape_step, slope_step = self.steps
 
         def number(kind, step, most=math.inf):
             nonlocal total
@@ -1467,16 +1477,11 @@ class FieldMove:
         for k in range(c):
             x, y, z = slopes[3 * k : 3 * k + 3]
             over = (x * width_x + y * a) + z * b, y * width_y + z * lean, z * width_z
-            g = [((v / s if s > 0 else 0.0) + number(3, slope_step * error)) * s for v in over]
+            g = [(v / s + number(3, slope_step * error)) * s for v in over]
             z = g[2] / width_z
             y = (g[1] - lean * z) / width_y
             slope += [((g[0] - a * y) - b * z) / width_x, y, z]
-        excess = 0.0
-        if len(self.had[j]) > 4 * c + len(spread):
-            square = s * s
-            step = math.sqrt((min(square * square * square / 6.0 * exp(square / 3.0), 0.25) + 1e-6) / n)
-            excess = min(max(self.had[j][-1] + number(4, excess_step * step), -100.0), 100.0)
-        return mean, slope, spread, excess, s
+        return mean, slope, spread, s
 
 
 def share_deviation(share, n):

@@ -66,6 +66,8 @@ compress "$work/states.vtk" -o "$work/states.pgs" --gaussians 200 --fields state
 "$particlegs" series "$work"/moving-? -o "$work/series.pgs" --gaussians 150 --certificate none --quiet >/dev/null
 "$particlegs" series "$work"/weights-? -o "$work/series-weights.pgs" --gaussians 60 --certificate none \
     --fields all --quiet >/dev/null
+"$particlegs" series "$work"/weights-? -o "$work/series-blocks.pgs" --gaussians 100 --certificate none \
+    --fields all --blocks 2 --quiet >/dev/null
 "$particlegs" series "$work"/leaning.dump --frames 0:5 -o "$work/series-leaning.pgs" --gaussians 80 --certificate quick \
     --quiet >/dev/null
 # Open files that end early: stages, blocks and layers are missing.

@@ -8,8 +8,8 @@ use particlegs_pipeline::space::{Cell, PeriodicCell};
 use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
-/// Centres and radii of circles, in the units of a snapshot or model; one over a face of the periodic box is also at the
-/// other side.
+/// Centres and radii of circles, in the units of a snapshot or model; one whose inner half reaches over a face of the
+/// periodic box is also at the other side.
 pub fn circles(
     path: &Path,
     place: (UnitSystem<'_>, Option<Cell>),

@@ -20,6 +20,9 @@ pub const KEYFRAME_INTERVAL: usize = 16;
 const TRACKING: TrackingEffort = TrackingEffort { first_iterations: 1, rounds: 1, iterations: 2 };
 const TRACKING_FAST: TrackingEffort = TrackingEffort { first_iterations: 2, rounds: 0, iterations: 0 };
 
+/// Particles of a block over those that it would have if all were equal, at most, in quarters: its memory is reckoned so.
+const MOST_UNEQUAL: usize = 6;
+
 /// A series that is being made, frame by frame.
 pub struct SeriesBuilder {
     options: Options,
@@ -116,13 +119,16 @@ impl SeriesBuilder {
         let (keyframe, bytes, next) = match tracked {
             Some((bytes, next)) if bytes.len() < self.key_bytes => (false, bytes, next),
             larger => {
-                if let Some((bytes, _)) = larger {
-                    notes.push(format!(
-                        "frame {number} is a keyframe: its changes take {} bytes, and a keyframe {}",
-                        bytes.len(),
-                        self.key_bytes
-                    ));
-                }
+                let why = match larger {
+                    Some((bytes, _)) => {
+                        Some(format!("its changes take {} bytes, and a keyframe {}", bytes.len(), self.key_bytes))
+                    }
+                    None if self.before.is_some() && self.since < self.interval => Some(
+                        "it has other particle types or metadata than the frame before, or needs other blocks".into(),
+                    ),
+                    None => None,
+                };
+                notes.extend(why.map(|why| format!("frame {number} is a keyframe: {why}")));
                 let done = planned.run(&mut NoCheckpoints, context)?;
                 let bytes = match fields {
                     Some(fields) => fields.add_to_model(done, context)?.bytes,
@@ -182,7 +188,7 @@ impl SeriesBuilder {
             let starts: Vec<Mixture> = layer.content.iter().map(|b| b.expected(&step)).collect();
             let parts = self.divided(particles.of_layer(own), &starts, context)?;
             for ((block, start), particles) in layer.content.iter().zip(&starts).zip(&parts) {
-                if particles.is_empty() {
+                if particles.is_empty() || particles.len() * parts.len() > MOST_UNEQUAL * own.content.len() / 4 {
                     return Ok(None);
                 }
                 let options = FitOptions {

@@ -1,7 +1,7 @@
 //! `particlegs series SNAPSHOT... -o RUN.pgs`.
 
 use crate::common::{CommandContext, Common};
-use crate::fit_args::FitArgs;
+use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::info_series::mean_psnr;
 use crate::outputs::{self, ForceArgs};
 use crate::printable::one_line;
@@ -50,9 +50,12 @@ pub struct Arguments {
     align: Option<String>,
     /// Memory limit, such as 2GiB: particles are then read from scratch files beside the output.
     ///
-    /// Frames that need more are fitted in blocks; others have the bytes that they have without a limit.
+    /// Frames that need more are fitted in blocks.
     #[arg(long, value_name = "SIZE", hide_short_help = true)]
     memory: Option<String>,
+    /// Number of blocks of each frame [default: 1, or as many as --memory needs].
+    #[arg(long, value_name = "K", hide_short_help = true, value_parser = number_of_blocks)]
+    blocks: Option<u32>,
     #[command(flatten)]
     fit: FitArgs,
     #[command(flatten)]
@@ -127,6 +130,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let mut aligner = a.align.as_deref().map(|text| Aligner::new(text, &a)).transpose()?;
     options.read.extend(a.align.iter().map(|text| ("align".to_string(), text.clone())));
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
+    options.blocks = a.blocks;
     if options.memory.is_some() {
         options.storage = Storage::Disk(output::scratch_folder(&a.output));
     }
@@ -232,10 +236,13 @@ impl Arguments {
     /// What decides the bytes of a frame.
     fn recipe(&self, options: &Options) -> String {
         let certificate = options.certificate.name();
-        json!({
+        let mut recipe = json!({
             "model": options.recipe(1), "keyframe_interval": self.keyframe_interval, "certificate": certificate,
-        })
-        .to_string()
+        });
+        if options.memory.is_some() || options.blocks.is_some() {
+            recipe["blocks"] = json!({ "memory": options.memory, "number": options.blocks });
+        }
+        recipe.to_string()
     }
 
     /// The frames of the series that is there.

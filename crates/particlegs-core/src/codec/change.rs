@@ -2,7 +2,7 @@
 
 use super::decoder;
 use super::exact::{exp, exp_twice, to_five};
-use super::field::FieldBefore;
+use super::field::PreviousField;
 use super::rans::{Coder, RansReader, RansWriter};
 use super::sums::{rescale, whole_counts};
 use super::symbols::{Residual, SymbolModel};
@@ -272,9 +272,9 @@ impl TrackedBlock {
         name: &str,
         origin: &'a [Option<u32>],
         unrest: &'a [u32],
-    ) -> Option<FieldBefore<'a>> {
+    ) -> Option<PreviousField<'a>> {
         let moments = self.block.gaussians.fields.get(name)?;
-        Some(FieldBefore { moments, counts: &self.block.gaussians.count, origin, unrest })
+        Some(PreviousField { moments, counts: &self.block.gaussians.count, origin, unrest })
     }
 
     /// Where Gaussians are expected in the next frame.

@@ -2,7 +2,7 @@
 
 use super::container::{CORRELATION, FIELD, FIELD_CHANGE, SHARE};
 use super::decoder::{self, BlockDecoder};
-use super::field::{FieldBefore, decode_field};
+use super::field::{PreviousField, decode_field};
 use super::field_correlation::decode_correlation;
 use super::file::{BlockPart, FileParts, StoredSection, parts};
 use super::info::FileInfo;
@@ -203,7 +203,7 @@ pub(super) fn fields_of<'a>(
     sections: &[StoredSection],
     metadata: &Metadata,
     shared: bool,
-    before: &dyn Fn(&Quantity) -> Option<FieldBefore<'a>>,
+    before: &dyn Fn(&Quantity) -> Option<PreviousField<'a>>,
 ) -> std::result::Result<(), String> {
     let species = if shared { &metadata.shared_species[..] } else { &[] };
     let shares: Vec<Quantity> = species.iter().map(SharedSpecies::quantity).collect();

@@ -16,10 +16,10 @@ const LARGEST_LOG: f64 = 300.0;
 /// An excess at most, and the shift of all.
 const LARGEST_EXCESS: f64 = 100.0;
 const LARGEST_SHIFT: f64 = 1e3;
+/// The least variance that changes begin from, in the range of values, squared and times the count: 2^-42.
+const NARROWEST_BEFORE: f64 = 1.0 / (1u64 << 42) as f64;
 /// Times at most that shares are scaled until their sum is the particles'.
 const SHARE_ROUNDS: usize = 64;
-/// Smaller spreads are no guess for those of the next frame.
-const LEAST_SPREAD: f64 = 1e-200;
 
 /// How finely a field is coded, and what is known of all of a block's Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +51,7 @@ impl FieldPrecision {
 
 /// A field of a block in the frame before, and which Gaussians of the frame stayed.
 #[derive(Clone, Copy)]
-pub struct FieldBefore<'a> {
+pub struct PreviousField<'a> {
     pub(super) moments: &'a FieldMoments,
     /// Counts in the frame before.
     pub(super) counts: &'a [f64],
@@ -61,13 +61,20 @@ pub struct FieldBefore<'a> {
     pub(super) unrest: &'a [u32],
 }
 
-impl FieldBefore<'_> {
-    /// The number of Gaussian `i` in the frame before, where that says something of the next.
-    fn of(&self, i: usize, of_shares: bool) -> Option<usize> {
+impl PreviousField<'_> {
+    /// The number of Gaussian `i` in the frame before, if it had a particle and, but of shares, a variance of at least
+    /// `least` along an axis: of a smaller one changes do not lead far enough.
+    fn of(&self, i: usize, least: Option<f64>) -> Option<usize> {
         let j = self.origin.get(i).copied().flatten()? as usize;
-        let there = self.counts[j] >= 1.0 && (of_shares || trace(self.moments, j) > LEAST_SPREAD);
-        there.then_some(j)
+        let there = *self.counts.get(j)? >= 1.0;
+        let wide = |least: f64| trace(self.moments, j) >= self.moments.components() as f64 * least;
+        (there && least.is_none_or(wide)).then_some(j)
     }
+}
+
+/// The least logarithm of a spread that is coded, where the range of values, squared and times the count, is `square`.
+fn least_log(square: f64) -> f64 {
+    0.5 * libm::log(square) - 20.0 * std::f64::consts::LN_2
 }
 
 /// The sum of the variances of a spread.
@@ -161,7 +168,7 @@ pub fn encode_field(
     gaussians: &Mixture,
     sums: &[f64],
     precision: &FieldPrecision,
-    before: Option<&FieldBefore<'_>>,
+    before: Option<&PreviousField<'_>>,
 ) -> Vec<u8> {
     let of_shares = is_share(quantity);
     let shares = of_shares.then(|| shares_of(moments, gaussians));
@@ -229,7 +236,7 @@ pub(crate) fn decode_field(
     bytes: &[u8],
     gaussians: &Mixture,
     quantity: &Quantity,
-    before: Option<&FieldBefore<'_>>,
+    before: Option<&PreviousField<'_>>,
 ) -> Result<FieldMoments, String> {
     let mut r = WireReader::new(bytes);
     let header = FieldHeader::read(&mut r, quantity.logarithmic)?;
@@ -256,7 +263,7 @@ struct FieldWalk<'a> {
     header: &'a FieldHeader,
     gaussians: &'a Mixture,
     of_shares: bool,
-    before: Option<&'a FieldBefore<'a>>,
+    before: Option<&'a PreviousField<'a>>,
     out: FieldMoments,
     /// Logarithm of the spread, of Gaussians without a guess from the frame before.
     logs: Vec<f64>,
@@ -272,7 +279,7 @@ impl<'a> FieldWalk<'a> {
         header: &'a FieldHeader,
         gaussians: &'a Mixture,
         of_shares: bool,
-        before: Option<&'a FieldBefore<'a>>,
+        before: Option<&'a PreviousField<'a>>,
     ) -> Self {
         let (n, components) = (gaussians.len(), header.sums.len());
         let mut out = if header.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
@@ -306,8 +313,11 @@ impl<'a> FieldWalk<'a> {
             if c.exhausted() {
                 return Err("a field's stream ends too soon".into());
             }
-            if let Some(j) = self.before.and_then(|before| before.of(i, self.of_shares)) {
-                self.change(c, [i, j], wanted)?;
+            // A mean lies within 2^18 steps of any guess where the spread is no smaller.
+            let square = (width * width * n).max(1e-200);
+            let least = (!self.of_shares).then_some(square * NARROWEST_BEFORE);
+            if let Some((before, j)) = self.before.and_then(|before| Some((before, before.of(i, least)?))) {
+                self.change(c, before, [i, j], wanted.map(|w| (w, least_log(square))))?;
                 self.done.push(i);
                 continue;
             }
@@ -324,9 +334,7 @@ impl<'a> FieldWalk<'a> {
                     Some(_) => (start, 1.0),
                 };
                 let step = log_steps * error;
-                // A mean lies within 2^18 steps of any guess.
-                let least = 0.5 * libm::log((width * width * n).max(1e-200)) - 20.0 * std::f64::consts::LN_2;
-                let target = wanted_logs.map(|w| w.0.max(least));
+                let target = wanted_logs.map(|w| w.0.max(least_log(square)));
                 self.logs[i] =
                     self.models[0].code(c, [guess, variance], [error, step], target)?.clamp(-LARGEST_LOG, LARGEST_LOG);
             }
@@ -377,14 +385,8 @@ impl<'a> FieldWalk<'a> {
                 let slope = factor.slope(over.map(|v| v * spread));
                 (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
             }
+            self.excess(c, i, wanted)?;
             let size = spread * spread;
-            if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
-                let (error, square) = (excess_error(size, n), f64::from(excess.square));
-                let step = f64::from(excess.step) * error;
-                let target = wanted.and_then(|w| Some(w.excess.as_ref()?[i]));
-                let value = self.models[4].code(c, [0.0, square], [error, step], target)?;
-                column[i] = value.clamp(-LARGEST_EXCESS, LARGEST_EXCESS);
-            }
             match components {
                 1 => self.out.spread[0][i] = size,
                 _ => {
@@ -397,9 +399,16 @@ impl<'a> FieldWalk<'a> {
         Ok(())
     }
 
-    /// Gaussian `i` from what it had as number `j` of the frame before.
-    fn change(&mut self, c: &mut impl Coder, [i, j]: [usize; 2], wanted: Option<&FieldMoments>) -> Result<(), String> {
-        let Some(&FieldBefore { moments: was, unrest, .. }) = self.before else { return Ok(()) };
+    /// Gaussian `i` from what it had as number `j` of the frame before. `wanted` moments come with the least logarithm of
+    /// their spreads.
+    fn change(
+        &mut self,
+        c: &mut impl Coder,
+        before: &PreviousField<'_>,
+        [i, j]: [usize; 2],
+        wanted: Option<(&FieldMoments, f64)>,
+    ) -> Result<(), String> {
+        let PreviousField { moments: was, unrest, .. } = *before;
         let components = self.out.components();
         let [mean_steps, log_steps, shape_steps, slope_steps] = self.header.steps.map(f64::from);
         let n = self.gaussians.count[i];
@@ -412,12 +421,17 @@ impl<'a> FieldWalk<'a> {
             if value.abs() > most { Err(String::from("a change of a field is out of range")) } else { Ok(value) }
         };
         // The spread, in the frame of that before.
-        let six = |m: &FieldMoments, i: usize| Sym3(std::array::from_fn(|k| m.spread[k][i]));
-        let factor = (components == 3).then(|| CholeskyFactor::new(&six(was, j)));
-        let wanted_logs = wanted.map(|w| match &factor {
-            Some(factor) => factor.logarithm(&six(w, i)).unwrap_or_default(),
-            None => [0.5 * libm::log((w.spread[0][i] / was.spread[0][j]).max(1e-30)), 0.0, 0.0, 0.0, 0.0, 0.0],
+        let before_spread = |k: usize| was.spread[k][j];
+        let factor = (components == 3).then(|| CholeskyFactor::new(&Sym3(std::array::from_fn(before_spread))));
+        let wanted_logs = wanted.map(|(w, least)| {
+            let (log, shape) = spread_logs(w, i);
+            let square = libm::exp(2.0 * log.max(least));
+            match &factor {
+                Some(factor) => factor.logarithm(&exp_twice(shape).scale(square)).unwrap_or_default(),
+                None => [0.5 * libm::log(square / was.spread[0][j]), 0.0, 0.0, 0.0, 0.0, 0.0],
+            }
         });
+        let wanted = wanted.map(|w| w.0);
         let (mut size, mut spread) = (0.0, 0.0);
         if !self.of_shares {
             let error = 1.0 / (2.0 * components as f64 * n).sqrt();
@@ -452,8 +466,7 @@ impl<'a> FieldWalk<'a> {
         let factor = Factor::new(&self.gaussians.cov_of(i));
         let slope_of = |m: &FieldMoments, k: usize, i: usize| factor.over(each_axis(|d| m.slope[k][d][i]));
         for k in 0..components {
-            // Of a spread of 0 there are no slopes in its units.
-            let in_spreads = |over: [f64; 3]| over.map(|v| if spread > 0.0 { v / spread } else { 0.0 });
+            let in_spreads = |over: [f64; 3]| over.map(|v| v / spread);
             let (guess, target) = (in_spreads(slope_of(was, k, j)), wanted.map(|w| in_spreads(slope_of(w, k, i))));
             let mut over = guess;
             for d in 0..3 {
@@ -462,12 +475,19 @@ impl<'a> FieldWalk<'a> {
             let slope = factor.slope(over.map(|v| v * spread));
             (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
         }
-        if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
-            let step = f64::from(excess.step) * excess_error(spread * spread, n);
-            let guess = was.excess.as_ref().map_or(0.0, |e| e[j]);
-            let target = wanted.and_then(|w| Some(w.excess.as_ref()?[i] - guess));
-            column[i] = (guess + number(4, target, step, f64::INFINITY)?).clamp(-LARGEST_EXCESS, LARGEST_EXCESS);
-        }
+        self.excess(c, i, wanted)
+    }
+
+    /// The excess of Gaussian `i` of a logarithmic field.
+    fn excess(&mut self, c: &mut impl Coder, i: usize, wanted: Option<&FieldMoments>) -> Result<(), String> {
+        let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) else { return Ok(()) };
+        let size = self.sizes[i] * self.sizes[i];
+        let error = ((size * size * size / 6.0 * exp(size / 3.0)).min(0.25) + 1e-6) / self.gaussians.count[i];
+        let (error, square) = (error.sqrt(), f64::from(excess.square));
+        let step = f64::from(excess.step) * error;
+        let target = wanted.and_then(|w| Some(w.excess.as_ref()?[i]));
+        let value = self.models[4].code(c, [0.0, square], [error, step], target)?;
+        column[i] = value.clamp(-LARGEST_EXCESS, LARGEST_EXCESS);
         Ok(())
     }
 
@@ -497,11 +517,6 @@ impl<'a> FieldWalk<'a> {
         self.out.range.clone_from(&self.header.range);
         self.out
     }
-}
-
-/// The standard error of the excess of `n` particles whose logarithms have the variance `square`.
-fn excess_error(square: f64, n: f64) -> f64 {
-    (((square * square * square / 6.0 * exp(square / 3.0)).min(0.25) + 1e-6) / n).sqrt()
 }
 
 /// Scales shares until they sum to `wanted`, each at most 1; `total` is the sum of all particles.
@@ -769,7 +784,7 @@ mod tests {
                 _ => scene(500, components),
             };
             let unrest = vec![0; m.len()];
-            let before = FieldBefore { moments: &was, counts: &counts, origin: &origin, unrest: &unrest };
+            let before = PreviousField { moments: &was, counts: &counts, origin: &origin, unrest: &unrest };
             let moving = quantity.kind != QuantityKind::Category;
             for i in (0..m.len()).filter(|_| moving) {
                 let error = (trace(&f, i) / components as f64 / m.count[i]).sqrt();
@@ -779,8 +794,8 @@ mod tests {
             let precision = FieldPrecision::default();
             let whole = encode_field((0, &quantity), &f, &m, &total, &precision, None);
             let bytes = encode_field((0, &quantity), &f, &m, &total, &precision, Some(&before));
-            let most = if moving && !quantity.logarithmic { whole.len() / 2 } else { whole.len() } + 50;
-            assert!(bytes.len() < most, "{} of {}", bytes.len(), whole.len());
+            let most = if moving && !quantity.logarithmic { whole.len() / 2 + 50 } else { whole.len() };
+            assert!(bytes.len() <= most, "{} of {}", bytes.len(), whole.len());
             let back = decode_field(&bytes, &m, &quantity, Some(&before)).unwrap();
             for i in 0..m.len() {
                 let deviation = match quantity.kind {
@@ -805,6 +820,39 @@ mod tests {
                     assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn gaussians_whose_values_were_all_the_same_follow_when_they_differ() {
+        for components in [1, 3] {
+            let (m, f) = scene(500, components);
+            let is_still = |i: usize| i % 5 == 2 && m.count[i] >= 4.0;
+            let mut still = f.clone();
+            for i in (0..m.len()).filter(|i| is_still(*i)) {
+                still.mean.iter_mut().for_each(|c| c[i] = 7.0);
+                still.spread.iter_mut().for_each(|c| c[i] = 0.0);
+                still.slope.iter_mut().flatten().for_each(|c| c[i] = 0.0);
+            }
+            let origin: Vec<Option<u32>> = (0..m.len() as u32).map(Some).collect();
+            let (unrest, quantity, precision) = (vec![0; m.len()], quantity(false), FieldPrecision::default());
+            let code = |f: &FieldMoments, was: Option<&FieldMoments>| {
+                let previous =
+                    was.map(|moments| PreviousField { moments, counts: &m.count, origin: &origin, unrest: &unrest });
+                let bytes = encode_field((0, &quantity), f, &m, &sums(&m, f), &precision, previous.as_ref());
+                decode_field(&bytes, &m, &quantity, previous.as_ref()).unwrap()
+            };
+            let mut was = code(&still, None);
+            for _ in 0..3 {
+                was = code(&still, Some(&was));
+            }
+            let (changed, whole) = (code(&f, Some(&was)), code(&f, None));
+            let error = |back: &FieldMoments| {
+                let off = |i: usize, k: usize| (back.mean[k][i] - f.mean[k][i]) * (back.mean[k][i] - f.mean[k][i]);
+                let all: f64 = (0..m.len()).map(|i| (0..components).map(|k| off(i, k)).sum::<f64>()).sum();
+                (all / m.len() as f64).sqrt()
+            };
+            assert!(error(&changed) < 1.3 * error(&whole), "{} {}", error(&changed), error(&whole));
         }
     }
 

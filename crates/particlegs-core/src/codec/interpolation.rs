@@ -63,8 +63,9 @@ impl TrackedModel {
 
 /// A block of the same kind in a frame that does not have it.
 fn without_gaussians(TrackedBlock { block, .. }: &TrackedBlock) -> TrackedBlock {
-    let gaussians = Mixture::new(block.gaussians.masses().is_some());
-    TrackedBlock::new(Block { count: 0, mass: 0.0, gaussians, ..block.clone() })
+    let mut gaussians = Mixture::new(block.gaussians.masses().is_some());
+    block.gaussians.fields.iter().for_each(|(name, field)| gaussians.fields.set(name, field.emptied()));
+    TrackedBlock::new(Block { gaussians, bounds: block.bounds, count: 0, mass: 0.0 })
 }
 
 /// A block in two frames.
@@ -174,7 +175,7 @@ mod tests {
     use super::super::change::{ChangePrecision, ChangeTarget, FrameStep};
     use super::*;
     use crate::math::Random;
-    use crate::model::LawKind;
+    use crate::model::{FieldMoments, LawKind, QuantityKind};
 
     const CELL: Cell =
         Cell { origin: [0.0; 3], vectors: [[10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]], periodic: [true; 3] };
@@ -239,6 +240,21 @@ mod tests {
         assert_eq!(counts, [("gas", 5000), ("dust", 3750), ("stars", 1250)]);
         assert_eq!(model.metadata.count, 10_000);
         next.layers[1].content.push(TrackedBlock::new(block(1.0)));
+        let quantity = Quantity::new("heat", QuantityKind::Scalar);
+        for model in [&mut first, &mut next] {
+            model.metadata.fields = vec![quantity.clone()];
+            for tracked in model.layers.iter_mut().flat_map(|l| &mut l.content) {
+                let mut heat = FieldMoments::new(1);
+                heat.range = vec![[1.0, 1.0]];
+                let n = tracked.block.gaussians.len();
+                heat.mean[0] = vec![1.0; n];
+                heat.spread[0] = vec![0.5; n];
+                heat.slope[0].iter_mut().for_each(|c| *c = vec![0.0; n]);
+                tracked.block.gaussians.fields.set("heat", heat);
+            }
+        }
+        let heat = |b: &Block| b.gaussians.fields.get("heat").map(|f| f.mean[0].len()) == Some(b.gaussians.len());
+        assert!(first.between(&next, 0.25).layers.iter().flat_map(|l| &l.content).all(heat));
         let counts = |model: Model| model.layers[0].content.iter().map(|b| b.count).collect::<Vec<_>>();
         assert_eq!(counts(first.between(&next, 0.25)), [5000, 1250]);
         next.layers.rotate_left(1);

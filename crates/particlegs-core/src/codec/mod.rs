@@ -54,7 +54,7 @@ pub use container::{
 };
 pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
 pub use encoder::Encoder;
-pub use field::{FieldBefore, FieldPrecision, encode_field};
+pub use field::{FieldPrecision, PreviousField, encode_field};
 pub use field_correlation::encode_correlation;
 pub use file::MOST_LAYERS;
 pub use file::{

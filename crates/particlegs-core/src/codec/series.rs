@@ -7,7 +7,7 @@ use super::container::{
     SECTION_BYTES, SERIES, SERIES_RECIPE, Section,
 };
 use super::decode::{Decoder, correlation_of, decode_block, fields_of};
-use super::field::{FieldBefore, FieldPrecision, encode_field};
+use super::field::{FieldPrecision, PreviousField, encode_field};
 use super::field_correlation::encode_correlation;
 use super::file::{self, CodedLayer, StoredBlock, StoredSection};
 use super::merge::blocks_hash;
@@ -553,7 +553,7 @@ impl TrackedModel {
         next: &'a TrackedModel,
         [layer, block]: [usize; 2],
         quantity: &Quantity,
-    ) -> Option<FieldBefore<'a>> {
+    ) -> Option<PreviousField<'a>> {
         let [own, next] = [self, next].map(|frame| frame.layers.get(layer)?.content.get(block));
         self.metadata.fields.contains(quantity).then(|| own?.field(&quantity.name, &next?.origin, &next?.unrest))?
     }

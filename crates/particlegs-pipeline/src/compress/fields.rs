@@ -2,7 +2,7 @@
 //! positions keep their bytes.
 
 use super::CompressedModel;
-use crate::codec::{self, FieldBefore, FieldPrecision, StoredSection};
+use crate::codec::{self, FieldPrecision, PreviousField, StoredSection};
 use crate::context::Context;
 use crate::fit::{FieldShape, correlations, gather};
 use crate::model::{Certificate, LawKind, Metadata, Model, Quantity, QuantityKind, SharedSpecies, Unit};
@@ -281,7 +281,7 @@ impl<'a> FieldSelection<'a> {
     pub(crate) fn sections<'b>(
         &self,
         model: &Model,
-        before: &dyn Fn([usize; 2], &Quantity) -> Option<FieldBefore<'b>>,
+        before: &dyn Fn([usize; 2], &Quantity) -> Option<PreviousField<'b>>,
         context: &Context<'_>,
     ) -> Result<Vec<Vec<StoredSection>>> {
         let precision = &FieldPrecision::default();
