@@ -114,13 +114,14 @@ fn impossible_requests_are_refused_before_the_work() {
 #[test]
 fn a_page_holds_the_circles_of_a_list_and_bad_lists_are_refused() {
     let dir = folder(LawKind::OpticalDepth);
-    dir.write("list.csv", "x,y,z,radius\n1,2,3,0.5\n4,5,6,\n7,8,9,1.5\n");
+    dir.write("list.csv", "x,y,z,radius\n1,2,3,0.5\n4,5,6,\n0.5,8,9,1.5\n");
     dir.runs("export m.pgs -o page.html --overlay list.csv");
-    let circles = "\"opening\":{\"circles\":[[[1.0,2.0,3.0],0.5],[[7.0,8.0,9.0],1.5]]}";
+    // The last lies over a face of the periodic box, and is at both sides.
+    let circles = "\"opening\":{\"circles\":[[[1.0,2.0,3.0],0.5],[[0.5,8.0,9.0],1.5],[[25.5,8.0,9.0],1.5]]}";
     assert!(dir.text("page.html").contains(circles));
     dir.write("bad.csv", "mass,radius,n,m\n1,2,3,4\n");
     dir.write("points.csv", "x,y,z\n1,2,3\n");
-    dir.write("many.csv", format!("x,y,z,radius\n{}", "1,2,3,4\n".repeat(100_001)));
+    dir.write("many.csv", format!("x,y,z,radius\n{}", "1,2,3,1\n".repeat(100_001)));
     for (list, text) in [
         ("bad.csv", "no columns are named x, y and z"),
         ("points.csv", "no centre has a radius"),
