@@ -8,10 +8,10 @@ use super::properties::SphereProperties;
 use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
 use super::table::HaloCatalogue;
 use crate::context::Context;
-use crate::model::{Cosmology, Dimension, Epoch, Mass, Model, Unit, UnitSystem, Units};
+use crate::model::{Block, Cosmology, Dimension, Epoch, Layer, Mass, Model, Unit, UnitSystem, Units};
 use crate::particles::Particles;
 use crate::recover::Options as RecoverOptions;
-use crate::stats::{Domain, GaussianSpheres, ParticleFields, PointGrid, local_positions};
+use crate::stats::{Domain, GaussianSpheres, ParticleFields, PointGrid, local_positions, number_error};
 use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::borrow::Cow;
@@ -220,9 +220,13 @@ impl<'a> HaloSearch<'a> {
             return Err(Error::argument("a mass of the particles was given, but the file states masses"));
         }
         let masses = stated || o.particle_mass.is_some();
-        let each = o.particle_mass.or(particles.meta.particle_mass).unwrap_or(1.0);
-        let unit = each / o.sample_fraction;
-        let mass = unit * particles.total_mass() * (number as f64 / particles.len() as f64);
+        let (each, all) = match source {
+            HaloSource::Particles(p, _) => (p.meta.particle_mass, p.total_mass()),
+            // The masses of weight 1 are those of the layers.
+            HaloSource::Model(m) => (None, m.layers.iter().map(layer_mass).sum()),
+        };
+        let unit = o.particle_mass.or(each).unwrap_or(1.0) / o.sample_fraction;
+        let mass = unit * all;
         let mean = (domain.periodic == [true; 3]).then(|| mass / domain.volume());
         let setting = HaloSetting::new(&source, o);
         let HaloSetting { epoch, cosmology, units } = &setting;
@@ -232,7 +236,15 @@ impl<'a> HaloSearch<'a> {
     }
 
     fn mass_of(&self, i: u32) -> f64 {
-        self.unit * self.particles.weights().map_or(1.0, |w| f64::from(w[i as usize]))
+        let i = i as usize;
+        let own = match self.source {
+            HaloSource::Particles(..) => 1.0,
+            HaloSource::Model(_) => {
+                let layer = self.particles.layers().iter().find(|l| l.content.contains(&i));
+                layer.map_or(1.0, |l| l.mass.unit_or_one())
+            }
+        };
+        self.unit * own * self.particles.weights().map_or(1.0, |w| f64::from(w[i]))
     }
 
     fn catalogue(&self, model: Option<&GaussianSpheres>, context: &Context<'_>) -> Result<HaloCatalogue> {
@@ -303,6 +315,11 @@ impl<'a> HaloSearch<'a> {
     }
 }
 
+/// The mass of a layer of a model.
+fn layer_mass(layer: &Layer<Vec<Block>>) -> f64 {
+    layer.mass.unit_or_one() * layer.content.iter().map(|b| b.mass).sum::<f64>()
+}
+
 /// What is looked at about a centre.
 struct AboutCenter<'a> {
     search: &'a HaloSearch<'a>,
@@ -351,7 +368,11 @@ impl AboutCenter<'_> {
             std::array::from_fn(|i| search.densities.mass_per_cube(Overdensity::ALL[i]));
         let counted = per_cube.map(|per_cube| particles.sphere(per_cube?));
         // Fewer particles than a mass takes have no listed sphere, but one in which they are counted.
-        let mut spheres = counted.map(|found| Some(HaloSphere { sphere: found?, error: f64::NAN }));
+        let error = |s: &DensitySphere| match self.model {
+            Some(_) => s.mass * number_error(s.count.max(1) as f64),
+            None => f64::NAN,
+        };
+        let mut spheres = counted.map(|found| found.map(|s| HaloSphere { sphere: s, error: error(&s) }));
         if let Some(model) = self.model {
             // Gaussians have the source's masses.
             let scale = search.o.particle_mass.unwrap_or(1.0) / search.o.sample_fraction;
@@ -387,8 +408,8 @@ impl AboutCenter<'_> {
             let parts = std::array::from_fn::<_, JACKKNIFE, _>(part);
             SphereProperties::jackknife(&parts, (every as f64).sqrt().recip())
         });
-        let core = (inside.len() as f64).sqrt().round() as usize;
-        let center_error = inside[..core].last().map_or(f64::NAN, |p| CENTER_ERROR * p.square.sqrt());
+        let core = (inside.len().max(search.o.smallest) as f64).sqrt().round() as usize;
+        let center_error = particles.particles.get(core - 1).map_or(f64::NAN, |p| CENTER_ERROR * p.square.sqrt());
         Ok(HaloMeasures { spheres, count, center_error, properties: properties(&particles), errors, contamination })
     }
 
@@ -425,10 +446,10 @@ impl AboutCenter<'_> {
 mod tests {
     use super::*;
     use crate::math::Random;
-    use crate::model::Layer;
+    use crate::math::Sym3;
     use crate::particles::Column;
     use crate::space::Cell;
-    use crate::testing::from_points;
+    use crate::testing::{from_points, model_of};
 
     /// Clouds of particles, each a place, a width and a number, and `spread` particles anywhere, in a periodic box of 10.
     fn places(clouds: &[([f64; 3], f64, usize)], spread: usize, seed: u64) -> Vec<[f64; 3]> {
@@ -483,6 +504,27 @@ mod tests {
         assert!(haloes(&p, &all).column("num_attached").is_none());
         let tenth = HaloOptions { sample_fraction: 0.1, ..HaloOptions::default() };
         assert!(haloes(&p, &tenth).column("mfof").unwrap()[0] / of("mfof") > 9.9);
+    }
+
+    #[test]
+    fn particles_of_a_model_have_the_masses_of_their_layers() {
+        let cloud = |x: f64, width: f64, count| ([x, 5.0, 5.0], Sym3::scaled_identity(width * width), count);
+        let mut model = model_of(&[cloud(3.0, 0.05, 3000.0), cloud(5.0, 2.0, 5000.0)], [10.0; 3]);
+        let stated = particles(&[("dm", 1.0, vec![[1.0; 3]])]).meta;
+        (model.metadata.units, model.metadata.epoch) = (stated.units, stated.epoch);
+        model.metadata.cosmology = stated.cosmology;
+        let haloes = |mass: f64| {
+            let mut model = model.clone();
+            (model.layers[0].name, model.layers[0].mass) = ("PartType1".into(), Mass::new(false, Some(mass)));
+            find_haloes(HaloSource::Model(&model), &HaloOptions::default(), &Context::SILENT).unwrap()
+        };
+        for mass in [0.5, 8.0] {
+            let found = haloes(mass);
+            let of = |name: &str| found.column(name).unwrap()[0];
+            assert!((of("mfof") / of("num_p") / (1e10 * mass) - 1.0).abs() < 1e-9, "{}", of("mfof"));
+            assert!((of("m200m") / of("n200m") / (1e10 * mass) - 1.0).abs() < 1e-3 && of("m200m_err") > 0.0);
+            assert!((of("vmax") / haloes(1.0).column("vmax").unwrap()[0] / mass.sqrt() - 1.0).abs() < 0.05);
+        }
     }
 
     #[test]

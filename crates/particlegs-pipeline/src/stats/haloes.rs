@@ -251,6 +251,15 @@ pub(crate) struct EnclosedMass {
     pub number: f64,
 }
 
+/// The standard error of a number of particles of Gaussians in a sphere, over the number.
+pub(crate) fn number_error(number: f64) -> f64 {
+    (misfit(number) / number).sqrt()
+}
+
+fn misfit(number: f64) -> f64 {
+    1.0 + MISFIT[0] * libm::pow(number, MISFIT[1])
+}
+
 impl GaussianSpheres {
     /// To be asked about spheres of at most about `radius`.
     pub fn new(m: &Model, domain: &Domain, radius: f64) -> Result<Self> {
@@ -292,7 +301,7 @@ impl GaussianSpheres {
                 return;
             }
             let number = number.max(f64::MIN_POSITIVE);
-            let spread = one.mass / number * (1.0 + MISFIT[0] * libm::pow(number, MISFIT[1]));
+            let spread = one.mass / number * misfit(number);
             for (sum, mass) in inside.iter_mut().zip(&own) {
                 sum.mass += mass;
                 sum.variance += spread * mass * (1.0 - mass / one.mass).max(0.0);

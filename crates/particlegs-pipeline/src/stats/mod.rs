@@ -66,7 +66,7 @@ pub(crate) use gaussian::DepositScratch;
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
 pub use haloes::HaloProfiles;
-pub(crate) use haloes::{EnclosedMass, GaussianSpheres};
+pub(crate) use haloes::{EnclosedMass, GaussianSpheres, number_error};
 pub use joint::JointHistogram;
 pub(crate) use likelihood::likelihood;
 pub use likelihood::{Likelihood, MeanAndDispersion};
