@@ -1374,18 +1374,10 @@ def read_field(block, content, known, before=None):
         five = [0.0] * 5
         if components == 3:
             five = [min(max(shape.read(stream, 0.0, shape_square, error), -16.0), 16.0) for _ in range(5)]
-        xx, xy, xz, yy, yz, zz = block.columns["cov"][i]
-        root = lambda v: math.sqrt(max(v, ((xx + yy) + zz) * 2.0**-40 + 1e-300))
-        width_x = root(xx)
-        lean_a, lean_b = xy / width_x, xz / width_x
-        width_y = root(yy - lean_a * lean_a)
-        lean_c = (yz - lean_b * lean_a) / width_y
-        width_z = root((zz - lean_b * lean_b) - lean_c * lean_c)
+        widths = Widths(block.columns["cov"][i])
         for k in range(components):
             g = [slope.read(stream, 0.0, slope_square, error) * s for _ in range(3)]
-            z = g[2] / width_z
-            y = (g[1] - lean_c * z) / width_y
-            slopes[i][3 * k : 3 * k + 3] = [((g[0] - lean_a * y) - lean_b * z) / width_x, y, z]
+            slopes[i][3 * k : 3 * k + 3] = widths.slope(g)
         if logarithmic:
             excesses[i] = read_excess(excess, stream, s, n, excess_square)
         spreads[i] = [s * s] if components == 1 else [v * (s * s) for v in exponential(five)]
@@ -1416,6 +1408,28 @@ def read_excess(excess, stream, s, n, mean_square):
     square = s * s
     error = math.sqrt((min(square * square * square / 6.0 * exp(square / 3.0), 0.25) + 1e-6) / n)
     return min(max(excess.read(stream, 0.0, mean_square, error), -100.0), 100.0)
+
+
+class Widths:
+    """The lower triangle of a covariance, with its small numbers kept off 0."""
+
+    def __init__(self, cov):
+        xx, xy, xz, yy, yz, zz = cov
+        root = lambda v: math.sqrt(max(v, ((xx + yy) + zz) * 2.0**-40 + 1e-300))
+        self.x = root(xx)
+        self.a, self.b = xy / self.x, xz / self.x
+        self.y = root(yy - self.a * self.a)
+        self.c = (yz - self.b * self.a) / self.y
+        self.z = root((zz - self.b * self.b) - self.c * self.c)
+
+    def over(self, x, y, z):
+        """How a field changes over the widths, of its slope."""
+        return (x * self.x + y * self.a) + z * self.b, y * self.y + z * self.c, z * self.z
+
+    def slope(self, over):
+        z = over[2] / self.z
+        y = (over[1] - self.c * z) / self.y
+        return [((over[0] - self.a * y) - self.b * z) / self.x, y, z]
 
 
 class FieldMove:
@@ -1466,21 +1480,10 @@ class FieldMove:
             spread = [s * s]
         else:
             spread = [spread[0] * exp(2.0 * size)]
-        xx, xy, xz, yy, yz, zz = self.block.columns["cov"][i]
-        root = lambda v: math.sqrt(max(v, ((xx + yy) + zz) * 2.0**-40 + 1e-300))
-        width_x = root(xx)
-        a, b = xy / width_x, xz / width_x
-        width_y = root(yy - a * a)
-        lean = (yz - b * a) / width_y
-        width_z = root((zz - b * b) - lean * lean)
-        slope = []
+        widths, slope = Widths(self.block.columns["cov"][i]), []
         for k in range(c):
-            x, y, z = slopes[3 * k : 3 * k + 3]
-            over = (x * width_x + y * a) + z * b, y * width_y + z * lean, z * width_z
-            g = [(v / s + number(3, slope_step * error)) * s for v in over]
-            z = g[2] / width_z
-            y = (g[1] - lean * z) / width_y
-            slope += [((g[0] - a * y) - b * z) / width_x, y, z]
+            over = widths.over(*slopes[3 * k : 3 * k + 3])
+            slope += widths.slope([(v / s + number(3, slope_step * error)) * s for v in over])
         return mean, slope, spread, s
 
 
