@@ -323,7 +323,7 @@ class Change:
                 each = block.masses[i] / max(block.counts[i], 1.0)
                 self.each.append((each if each > 0 else block.mass / float(block.count)) * exp(mass))
             self.weights.append(n * exp(count))
-            l = lower(cov, trace)
+            l = Widths(cov)
             by = l(q)
             unit = exponential(five)
             cov = congruent(l, unit, exp(2.0 * size))
@@ -354,18 +354,6 @@ def congruent(l, unit, grown):
     columns = [l([unit[a], unit[b], unit[c]]) for a, b, c in ((0, 1, 2), (1, 3, 4), (2, 4, 5))]
     rows = [l([columns[k][j] for k in range(3)]) for j in range(3)]
     return [rows[a][b] * grown for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
-
-
-def lower(cov, trace):
-    """What the lower triangle of a covariance makes of a vector."""
-    xx, xy, xz, yy, yz, zz = cov
-    root = lambda v: math.sqrt(max(v, trace * 2.0**-40 + 1e-300))
-    x = root(xx)
-    a, b = xy / x, xz / x
-    y = root(yy - a * a)
-    c = (yz - b * a) / y
-    z = root((zz - b * b) - c * c)
-    return lambda q: [x * q[0], a * q[0] + y * q[1], (b * q[0] + c * q[1]) + z * q[2]]
 
 
 def check_sums(model, is_open):
@@ -1422,6 +1410,9 @@ class Widths:
         self.c = (yz - self.b * self.a) / self.y
         self.z = root((zz - self.b * self.b) - self.c * self.c)
 
+    def __call__(self, q):
+        return [self.x * q[0], self.a * q[0] + self.y * q[1], (self.b * q[0] + self.c * q[1]) + self.z * q[2]]
+
     def over(self, x, y, z):
         """How a field changes over the widths, of its slope."""
         return (x * self.x + y * self.a) + z * self.b, y * self.y + z * self.c, z * self.z
@@ -1474,7 +1465,7 @@ class FieldMove:
             mean.append(guess + number(1, mean_step * (s / math.sqrt(n))))
         if c == 3:
             unit = exponential([number(2, shape_step * error, 16.0) for _ in range(5)])
-            spread = congruent(lower(spread, trace), unit, exp(2.0 * size))
+            spread = congruent(Widths(spread), unit, exp(2.0 * size))
         elif self.shares:
             s = share_deviation(mean[0], n)
             spread = [s * s]

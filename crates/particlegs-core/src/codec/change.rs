@@ -1,7 +1,8 @@
 //! What becomes of a block's Gaussians from one frame of a series to the next (docs/format.md, section 16).
 
+use super::cholesky::CholeskyFactor;
 use super::decoder;
-use super::exact::{exp, exp_twice, to_five};
+use super::exact::{exp, exp_twice};
 use super::field::PreviousField;
 use super::rans::{Coder, RansReader, RansWriter};
 use super::sums::{rescale, whole_counts};
@@ -9,7 +10,7 @@ use super::symbols::{Residual, SymbolModel};
 use super::wire::WireReader;
 use super::{Encoder, Precision};
 use crate::context::Context;
-use crate::math::{Sym3, each_axis};
+use crate::math::each_axis;
 use crate::model::{Block, MASS, Mixture};
 use crate::space::{Bounds, Cell, PeriodicCell};
 use crate::{Error, Result};
@@ -33,10 +34,6 @@ const SIZE: usize = 2;
 const SHAPE: usize = 3;
 const COUNT: usize = 4;
 const WEIGHT: usize = 5;
-/// Variances are changed by ratios no smaller than this part of the largest.
-const FLATTEST: f64 = 1.0 / (1u64 << 20) as f64;
-/// Variance along an axis that is left at least, over the sum of all three: 2^-40.
-const NARROWEST: f64 = 1.0 / (1u64 << 40) as f64;
 /// The header's bytes.
 const HEADER_BYTES: usize = 6 * 8 + 8 + 8 + 4 + 5 * 4 + 8 + 2 * 4;
 
@@ -137,79 +134,6 @@ impl ChangeHeader {
             return Err("the header of a change is out of range".into());
         }
         Ok(ChangeHeader { bounds, count, mass, new, steps, scale, gains })
-    }
-}
-
-/// Widths of a Gaussian along the axes where the earlier ones are known, and the rest of its Cholesky factor.
-#[derive(Clone, Copy)]
-pub(super) struct CholeskyFactor {
-    width: [f64; 3],
-    /// (1, 0), (2, 0), (2, 1).
-    below: [f64; 3],
-}
-
-impl CholeskyFactor {
-    pub(super) fn new(cov: &Sym3) -> CholeskyFactor {
-        let [xx, xy, xz, yy, yz, zz] = cov.0;
-        let least = (xx + yy + zz) * NARROWEST + 1e-300;
-        let root = |v: f64| v.max(least).sqrt();
-        let x = root(xx);
-        let (a, b) = (xy / x, xz / x);
-        let y = root(yy - a * a);
-        let c = (yz - b * a) / y;
-        CholeskyFactor { width: [x, y, root((zz - b * b) - c * c)], below: [a, b, c] }
-    }
-
-    /// The factor times a vector.
-    fn apply(&self, q: [f64; 3]) -> [f64; 3] {
-        let ([x, y, z], [a, b, c]) = (self.width, self.below);
-        [x * q[0], a * q[0] + y * q[1], (b * q[0] + c * q[1]) + z * q[2]]
-    }
-
-    /// The vector that the factor makes `d` of, one axis after the other.
-    fn solve(&self, d: [f64; 3], axis: usize, known: [f64; 3]) -> f64 {
-        let [a, b, c] = self.below;
-        let left = match axis {
-            0 => d[0],
-            1 => d[1] - a * known[0],
-            _ => d[2] - (b * known[0] + c * known[1]),
-        };
-        left / self.width[axis]
-    }
-
-    /// The factor times a symmetric matrix times the factor's transpose.
-    pub(super) fn congruent(&self, m: &Sym3) -> Sym3 {
-        let [xx, xy, xz, yy, yz, zz] = m.0;
-        // Columns of the factor times the matrix.
-        let rows = [self.apply([xx, xy, xz]), self.apply([xy, yy, yz]), self.apply([xz, yz, zz])];
-        let row = |i: usize| self.apply(each_axis(|j| rows[j][i]));
-        let (x, y, z) = (row(0), row(1), row(2));
-        Sym3([x[0], x[1], x[2], y[1], y[2], z[2]])
-    }
-
-    /// Half the logarithm of a covariance in the frame of this factor: size and five shape numbers.
-    pub(super) fn logarithm(&self, cov: &Sym3) -> Option<[f64; 6]> {
-        let full = [[cov.0[0], cov.0[1], cov.0[2]], [cov.0[1], cov.0[3], cov.0[4]], [cov.0[2], cov.0[4], cov.0[5]]];
-        let whitened = |d: [f64; 3]| {
-            let mut q = [0.0; 3];
-            for k in 0..3 {
-                q[k] = self.solve(d, k, q);
-            }
-            q
-        };
-        let half = full.map(whitened);
-        let rows: [[f64; 3]; 3] = each_axis(|i| whitened(each_axis(|j| half[j][i])));
-        let mean = |i: usize, j: usize| 0.5 * (rows[i][j] + rows[j][i]);
-        let mut e = Sym3([rows[0][0], mean(0, 1), mean(0, 2), rows[1][1], mean(1, 2), rows[2][2]]).eigen();
-        if !e.values.iter().all(|v| v.is_finite()) {
-            return None;
-        }
-        let least = (FLATTEST * e.values[0]).max(1e-300);
-        e.values = e.values.map(|v| 0.5 * libm::log(v.max(least)));
-        let size = (e.values[0] + e.values[1] + e.values[2]) / 3.0;
-        e.values = e.values.map(|v| v - size);
-        let [a, b, c, d, f] = to_five(&Sym3::from_eigen(&e));
-        Some([size, a, b, c, d, f])
     }
 }
 
@@ -544,7 +468,7 @@ impl FrameMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Random;
+    use crate::math::{Random, Sym3};
 
     const STEP: FrameStep = FrameStep { cells: [None; 2], elapsed: 0.1 };
 

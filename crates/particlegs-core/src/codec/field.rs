@@ -1,7 +1,8 @@
 //! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
 //! already decoded, in a change from the frame before (section 16), and coded in steps of each Gaussian's own standard error.
 
-use super::change::{ChangeModels, CholeskyFactor, LARGEST_LOG as LARGEST_CHANGE, in_steps};
+use super::change::{ChangeModels, LARGEST_LOG as LARGEST_CHANGE, in_steps};
+use super::cholesky::CholeskyFactor;
 use super::exact::{exp, exp_twice, to_five};
 use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
@@ -374,7 +375,7 @@ impl<'a> FieldWalk<'a> {
                 }
             }
             // Slopes, over the Gaussian's own widths and in units of the spread.
-            let factor = Factor::new(&self.gaussians.cov_of(i));
+            let factor = CholeskyFactor::new(&self.gaussians.cov_of(i));
             let step = slope_steps * error;
             for k in 0..components {
                 let target = wanted.map(|w| factor.over(each_axis(|d| w.slope[k][d][i])).map(|v| v / spread));
@@ -463,7 +464,7 @@ impl<'a> FieldWalk<'a> {
             None => self.out.spread[0][i] = was.spread[0][j] * exp(2.0 * size),
         }
         self.sizes[i] = spread;
-        let factor = Factor::new(&self.gaussians.cov_of(i));
+        let factor = CholeskyFactor::new(&self.gaussians.cov_of(i));
         let slope_of = |m: &FieldMoments, k: usize, i: usize| factor.over(each_axis(|d| m.slope[k][d][i]));
         for k in 0..components {
             let in_spreads = |over: [f64; 3]| over.map(|v| v / spread);
@@ -546,39 +547,6 @@ fn spread_logs(m: &FieldMoments, i: usize) -> (f64, [f64; 5]) {
     (size, to_five(&Sym3::from_eigen(&eigen)).map(|v| v.clamp(-LARGEST_SHAPE, LARGEST_SHAPE)))
 }
 
-/// The Cholesky factor of a covariance: widths along the axes with the earlier ones known.
-struct Factor {
-    width: [f64; 3],
-    lean: [f64; 3],
-}
-
-impl Factor {
-    fn new(cov: &Sym3) -> Self {
-        let [xx, xy, xz, yy, yz, zz] = cov.0;
-        let least = (xx + yy + zz) * (1.0 / (1u64 << 40) as f64) + 1e-300;
-        let root = |v: f64| v.max(least).sqrt();
-        let x = root(xx);
-        let (a, b) = (xy / x, xz / x);
-        let y = root(yy - a * a);
-        let c = (yz - b * a) / y;
-        Factor { width: [x, y, root((zz - b * b) - c * c)], lean: [a, b, c] }
-    }
-
-    /// The change of a field over the Gaussian's widths, by its slope.
-    fn over(&self, slope: [f64; 3]) -> [f64; 3] {
-        let ([x, y, z], [a, b, c]) = (self.width, self.lean);
-        [slope[0] * x + slope[1] * a + slope[2] * b, slope[1] * y + slope[2] * c, slope[2] * z]
-    }
-
-    /// The slope by the change over the widths.
-    fn slope(&self, over: [f64; 3]) -> [f64; 3] {
-        let ([x, y, z], [a, b, c]) = (self.width, self.lean);
-        let along_z = over[2] / z;
-        let along_y = (over[1] - c * along_z) / y;
-        [((over[0] - a * along_y) - b * along_z) / x, along_y, along_z]
-    }
-}
-
 /// What a header says of a block's moments: how they change with distance, and their squares.
 fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
     let components = m.components();
@@ -603,7 +571,7 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
     let (mut shape, mut slope, mut excess, mut numbers) = (0.0, 0.0, 0.0, 0.0f64);
     for (&i, (log, five)) in there.iter().zip(&logs) {
         let spread = libm::exp(*log);
-        let factor = Factor::new(&g.cov_of(i));
+        let factor = CholeskyFactor::new(&g.cov_of(i));
         if g.count[i] >= 16.0 {
             shape += five.iter().map(|v| v * v).sum::<f64>() / 5.0;
             for k in 0..components {

@@ -1,6 +1,7 @@
 //! Models between two frames of a series.
 
-use super::change::{CholeskyFactor, FrameMap, TrackedBlock};
+use super::change::{FrameMap, TrackedBlock};
+use super::cholesky::CholeskyFactor;
 use super::exact::{exp, exp_twice};
 use super::series::TrackedModel;
 use super::sums::compensated;

@@ -10,6 +10,7 @@
 
 mod certificate;
 mod change;
+mod cholesky;
 mod container;
 mod decode;
 mod decoder;

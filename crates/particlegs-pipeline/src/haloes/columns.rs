@@ -177,7 +177,7 @@ impl HaloSearch<'_> {
         let assumed = if o.softening.is_none() { ", assumed: a 25th of the mean spacing" } else { "" };
         all.push(format!("softening length {softening:.6} {length}{assumed}; vmax and c200c begin at three of these"));
         if matches!(self.source, HaloSource::Model(_)) {
-            all.push(format!("of a model: centres, velocities, shapes and profiles of particles drawn from it (seed {}), masses integrated over its Gaussians; errors of masses are those of drawing particles, and of particles that are not spread like their Gaussian; those of centres are 0.55 of the radius that holds the root of n200m particles, those of linked numbers 0.45 n^0.7; the others are found by leaving out each eighth of the particles in turn", o.seed));
+            all.push(format!("of a model: centres, velocities, shapes and profiles of particles drawn from it (seed {}), masses integrated over its Gaussians; errors of masses are those of drawing particles, and of particles that are not spread like their Gaussian; those of centres are 0.55 of the radius that holds the root of n200m particles; those of a number n of linked particles are 0.45 n^0.7; the others are found by leaving out each eighth of the particles in turn", o.seed));
         }
         if o.sample_fraction != 1.0 {
             all.push(format!("masses are divided by {}, the share of the particles that were read", o.sample_fraction));

@@ -445,8 +445,7 @@ impl AboutCenter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Random;
-    use crate::math::Sym3;
+    use crate::math::{Random, Sym3};
     use crate::particles::Column;
     use crate::space::Cell;
     use crate::testing::{from_points, model_of};
