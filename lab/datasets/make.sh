@@ -45,5 +45,6 @@ make box-c-z1 make_box.py --seed 1003 --redshift 1
 make region make_regions.py
 make p3m make_p3m.py
 make water make_water.py
+make film make_film.py
 [ -z "${ABACUS:-}" ] || make abacus-mini make_abacus.py --from "$ABACUS"
 [ -z "${ADK:-}" ] || make adk make_adk.py --from "$ADK"

@@ -140,7 +140,8 @@ def read(data):
 
 # ---------------------------------------------------------------- 16. Series
 
-EDGES = (1, 2, 3, 5, 8, 12, 18, 27, 40, 70, 120)
+MOVE_KINDS = ("place", "first", "size", "shape", "count", "mass")
+EDGES = (2, 5, 10, 20, 40), (1, 2, 4), (0.7, 1.0, 1.5)
 
 
 def read_series(data):
@@ -169,7 +170,9 @@ def frames_of(data):
             model, key = read(content), sections(content)[0][0][1]
             check(model["meta"]["law"] == 1 and not model["meta"]["species"], "kind of a keyframe")
             for block in (b for _, own in model["layers"] for b in own):
-                block.velocities, block.unrests = [None] * len(block.counts), [0] * len(block.counts)
+                n = len(block.counts)
+                block.velocities, block.unrests, block.histories = [None] * n, [0] * n, [[0] * 11] * n
+                block.models = ChangeModels(MOVE_KINDS)
         else:
             model = changed(model, key, content, time - before)
         before = time
@@ -268,7 +271,7 @@ class Change:
         check(1 <= self.count <= 1 << 53 and 0 < self.mass < math.inf, "particles of a change")
         at = struct.calcsize("<6dQdI5fd2f")
         self.columns, self.fields, self.correlations = {"mean": [], "cov": []}, {}, {}
-        self.velocities, self.unrests, self.weights, self.each = [], [], [], []
+        self.velocities, self.unrests, self.histories, self.weights, self.each = [], [], [], [], []
         self.stayed = []  # numbers of the Gaussians in the frame before
         self.start(block, Stream(content[at + new :]), (steps, scale, gains), cells, elapsed)
         self.counts, self.masses = [], [] if block.weighted else None
@@ -284,6 +287,7 @@ class Change:
             self.counts += added.counts
             self.velocities += [None] * len(added.counts)
             self.unrests += [0] * len(added.counts)
+            self.histories += [[0] * 11] * len(added.counts)
             if block.weighted:
                 self.masses += added.masses
             for name in self.columns:
@@ -292,12 +296,10 @@ class Change:
 
     def start(self, block, stream, told, cells, elapsed):
         steps, scale, gains = told
-        stays = Adaptive([60, 1])
-        spreads = [0.25 * 2 ** (n // 2) * (1.5 if n % 2 else 1.0) for n in range(12)]
-        models = {kind: [Residuals(bell(16, s), 0) for s in spreads] for kind in "place first size shape count mass".split()}
+        self.models = block.models
         places, before = [], 0
         for i, (mean, cov) in enumerate(zip(block.columns["mean"], block.columns["cov"])):
-            if stays.read(stream):
+            if self.models.stays.read(stream):
                 continue
             self.stayed.append(i)
             n, v = max(block.counts[i], 0.5), block.velocities[i]
@@ -305,13 +307,14 @@ class Change:
             e = [c + g * elapsed for c, g in zip(carried(cells, mean), guess)]
             trace = (cov[0] + cov[3]) + cov[5]
             f = min(max(math.sqrt(math.sqrt(max(trace / 3.0, 0.0)) / n / scale), 0.125), 8.0)
-            unrest, total = 2 * block.unrests[i] + before, 0
+            unrest, total, history = 2 * block.unrests[i] + before, 0, []
 
             def number(kind, step):
                 nonlocal total
-                k = models[kind][sum(unrest + 2 * total >= edge for edge in EDGES)].read(stream)
-                check(abs(k) <= 1 << 20, "a number of a change")
+                h = block.histories[i][len(history)]
+                k = self.models.read(stream, kind, unrest + 2 * total, h, f)
                 total += abs(k)
+                history.append(2 * k + (h // 2 if h > 0 else -(-h // 2)))
                 return float(k) * step
 
             q = [number("place" if v is not None else "first", steps[0] * f) for _ in range(3)]
@@ -333,6 +336,7 @@ class Change:
             self.columns["mean"].append(image(cells[1], [x + b for x, b in zip(e, by)]))
             self.columns["cov"].append(cov)
             self.unrests.append(min(total, 255))
+            self.histories.append(history)
             places.append(mean)
             before = min(total, 255)
         stream.finish()
@@ -1423,14 +1427,27 @@ class Widths:
         return [((over[0] - self.a * y) - self.b * z) / self.x, y, z]
 
 
+class ChangeModels:
+    """Of numbers by kind and three classes, and of whether a Gaussian stays."""
+
+    def __init__(self, kinds):
+        self.stays = Adaptive([60, 1])
+        self.models = {kind: [Residuals(bell(16, 0.25 * 2 ** (n % 6)), 0) for n in range(96)] for kind in kinds}
+
+    def read(self, stream, kind, unrest, history=0, f=1.0):
+        a, b, c = (sum(v >= edge for edge in edges) for v, edges in zip((unrest, abs(history), f), EDGES))
+        k = self.models[kind][(4 * c + b) * 6 + a].read(stream)
+        check(abs(k) <= 1 << 20, "a number of a change")
+        return -k if history < 0 else k
+
+
 class FieldMove:
     """A field of Gaussians that stayed, from what they had in the frame before."""
 
     def __init__(self, before, block, name, kind, steps):
         self.before, self.block, (self.components, self.shares, self.width), self.steps = before, block, kind, steps
         self.had = before.fields[name]
-        spreads = [0.25 * 2 ** (n // 2) * (1.5 if n % 2 else 1.0) for n in range(12)]
-        self.models = [[Residuals(bell(16, s), 0) for s in spreads] for _ in range(5)]
+        self.models = ChangeModels(range(5))
 
     def spread(self, j):
         own = self.had[j][4 * self.components :][: 1 if self.components == 1 else 6]
@@ -1450,8 +1467,8 @@ class FieldMove:
 
         def number(kind, step, most=math.inf):
             nonlocal total
-            k = self.models[kind][sum(self.block.unrests[i] + 2 * total >= edge for edge in EDGES)].read(stream)
-            check(abs(k) <= 1 << 20 and abs(step * float(k)) <= most, "a change of a field")
+            k = self.models.read(stream, kind, self.block.unrests[i] + 2 * total)
+            check(abs(step * float(k)) <= most, "a change of a field")
             total += abs(k)
             return step * float(k)
 

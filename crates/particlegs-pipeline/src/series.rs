@@ -15,9 +15,8 @@ use crate::{Error, Result};
 /// Frames from one keyframe to the next where nothing is said.
 pub const KEYFRAME_INTERVAL: usize = 16;
 
-/// EM iterations and rounds of a tracked frame. On a particle-mesh box at ratio 300 (da = 0.015), 2 iterations without a round
-/// lose 0.03 dB a frame for a fifth of the bytes less; a round of all that gains, 0.02 dB for half as many more.
-const TRACKING: TrackingEffort = TrackingEffort { first_iterations: 1, rounds: 1, iterations: 2 };
+/// EM iterations at most, and rounds, of a tracked frame. What each gains and costs is in docs/results/series.md.
+const TRACKING: TrackingEffort = TrackingEffort { first_iterations: 16, rounds: 1, iterations: 2 };
 const TRACKING_FAST: TrackingEffort = TrackingEffort { first_iterations: 2, rounds: 0, iterations: 0 };
 
 /// Particles of a block over those that it would have if all were equal, at most, in quarters: its memory is reckoned so.
@@ -282,7 +281,7 @@ mod tests {
 
     fn series(blocks: u32, storage: Storage) -> Vec<AddedFrame> {
         let certificate = CertificateLevel::None;
-        let options = Options { blocks: Some(blocks), storage, certificate, ..Options::gaussians(300) };
+        let options = Options { blocks: Some(blocks), storage, certificate, ..Options::gaussians(450) };
         let mut builder = SeriesBuilder::new(options, 4).unwrap();
         (0..3).map(|i| builder.add(i, &frame(i), None, &Context::SILENT).unwrap()).collect()
     }

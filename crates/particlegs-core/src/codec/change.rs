@@ -15,7 +15,7 @@ use crate::model::{Block, MASS, Mixture};
 use crate::space::{Bounds, Cell, PeriodicCell};
 use crate::{Error, Result};
 
-/// Numbers in steps, and logarithms, at most.
+/// ChangeNumbers in steps, and logarithms, at most.
 const MOST_STEPS: i32 = 1 << 20;
 pub(super) const LARGEST_LOG: f64 = 16.0;
 /// Gaussians coded last among which the nearest are looked for, and how many of these guess a motion.
@@ -23,8 +23,14 @@ const WINDOW: usize = 256;
 const NEIGHBOURS: usize = 4;
 /// Steps of a Gaussian in the frame before that are remembered at most.
 const MOST_UNREST: u32 = 255;
-/// Edges of the classes of models: sums of steps.
-const CLASS_EDGES: [u32; 11] = [1, 2, 3, 5, 8, 12, 18, 27, 40, 70, 120];
+/// Edges of the classes of models: sums of steps, a number's own steps in earlier frames, width of a
+/// Gaussian's steps over the usual.
+const UNREST_EDGES: [u32; 5] = [2, 5, 10, 20, 40];
+const HISTORY_EDGES: [u32; 3] = [1, 2, 4];
+const COARSENESS_EDGES: [f64; 3] = [0.7, 1.0, 1.5];
+const CLASSES: usize = (UNREST_EDGES.len() + 1) * (HISTORY_EDGES.len() + 1) * (COARSENESS_EDGES.len() + 1);
+/// ChangeNumbers of a Gaussian: place, size and shape, count, mass.
+const NUMBERS: usize = 3 + 6 + 1 + 1;
 /// Kinds of numbers that have models of their own.
 const KINDS: usize = 6;
 /// A place whose guess is the Gaussian's own velocity, and one that only neighbours guess.
@@ -48,12 +54,16 @@ pub struct TrackedBlock {
     velocity: [Vec<f64>; 3],
     /// Steps that it took in the frame before.
     pub(super) unrest: Vec<u32>,
+    /// Steps of each of its numbers: twice the last ones, and half of what there was before.
+    history: Vec<[i32; NUMBERS]>,
+    /// Models of numbers, as the frame left them.
+    models: ChangeModels,
 }
 
 /// How finely a change is coded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChangePrecision {
-    /// Steps of place (in widths), size, shape, count and mass; those of place and shape before the importance of a Gaussian.
+    /// Steps of place (in widths), size, shape, count and mass; those of place and shape before the coarseness of a Gaussian.
     pub steps: [f32; 5],
     /// Share of what a place is off its guess by that a velocity takes, at first and later.
     pub gains: [f32; 2],
@@ -61,7 +71,7 @@ pub struct ChangePrecision {
 
 impl Default for ChangePrecision {
     fn default() -> Self {
-        ChangePrecision { steps: [0.32, 0.16, 0.32, 0.16, 0.16], gains: [0.7, 0.3] }
+        ChangePrecision { steps: [0.32, 0.16, 0.32, 0.256, 0.16], gains: [0.7, 0.3] }
     }
 }
 
@@ -138,32 +148,79 @@ impl ChangeHeader {
 }
 
 /// Models of numbers, by kind and class.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct ChangeModels {
     stays: SymbolModel<2>,
     numbers: Vec<Residual<16>>,
-    /// Steps of the Gaussian coded before.
-    before: u32,
+}
+
+/// What a number's model follows from.
+#[derive(Clone, Copy)]
+pub(super) struct NumberContext {
+    /// Steps of other numbers.
+    pub(super) unrest: u32,
+    /// Steps of the number in earlier frames.
+    pub(super) history: i32,
+    /// Width of the Gaussian's steps over the usual.
+    pub(super) coarseness: f64,
 }
 
 impl ChangeModels {
     pub(super) fn new() -> Self {
-        let spread = |class: usize| 0.25 * f64::from(1u32 << (class / 2)) * if class % 2 == 1 { 1.5 } else { 1.0 };
-        let classes = CLASS_EDGES.len() + 1;
-        let numbers = (0..KINDS * classes).map(|i| Residual::bell(spread(i % classes))).collect();
-        ChangeModels { stays: SymbolModel::from_weights([60, 1]), numbers, before: 0 }
+        let unrests = UNREST_EDGES.len() + 1;
+        let model = |i: usize| Residual::bell(0.25 * f64::from(1u32 << (i % unrests)));
+        ChangeModels { stays: SymbolModel::from_weights([60, 1]), numbers: (0..KINDS * CLASSES).map(model).collect() }
     }
 
-    /// A number in steps; `unrest` is what the class follows from.
+    /// A number in steps.
     pub(super) fn code(
         &mut self,
         c: &mut impl Coder,
         kind: usize,
-        unrest: u32,
+        context: &NumberContext,
         steps: i32,
     ) -> std::result::Result<i32, String> {
-        let class = CLASS_EDGES.iter().filter(|edge| unrest >= **edge).count();
-        let steps = self.numbers[kind * (CLASS_EDGES.len() + 1) + class].code(c, 0, steps);
+        let unrest = UNREST_EDGES.iter().filter(|edge| context.unrest >= **edge).count();
+        let history = HISTORY_EDGES.iter().filter(|edge| context.history.unsigned_abs() >= **edge).count();
+        let coarseness = COARSENESS_EDGES.iter().filter(|edge| context.coarseness >= **edge).count();
+        let class = (coarseness * (HISTORY_EDGES.len() + 1) + history) * (UNREST_EDGES.len() + 1) + unrest;
+        let model = &mut self.numbers[kind * CLASSES + class];
+        let sign = if context.history < 0 { -1 } else { 1 };
+        let steps = sign * model.code(c, 0, sign * steps);
         if steps.abs() > MOST_STEPS { Err("a number of a change is out of range".into()) } else { Ok(steps) }
+    }
+}
+
+/// The numbers of a Gaussian, one after the other.
+struct ChangeNumbers<'a> {
+    models: &'a mut ChangeModels,
+    /// Steps of the Gaussian in the frame before and of the one coded before.
+    unrest: u32,
+    coarseness: f64,
+    history: [i32; NUMBERS],
+    /// How many numbers there were, and the sum of their steps.
+    coded: usize,
+    sum: u32,
+}
+
+impl ChangeNumbers<'_> {
+    /// A number in whole steps, at most `most`; the encoder's is near what is `wanted`.
+    fn code(
+        &mut self,
+        c: &mut impl Coder,
+        kind: usize,
+        wanted: f64,
+        [step, most]: [f64; 2],
+    ) -> std::result::Result<f64, String> {
+        let history = &mut self.history[self.coded];
+        let unrest = self.unrest + 2 * self.sum;
+        let context = NumberContext { unrest, history: *history, coarseness: self.coarseness };
+        let k = self.models.code(c, kind, &context, in_steps(wanted, step, most))?;
+        *history = 2 * k + *history / 2;
+        self.coded += 1;
+        self.sum += k.unsigned_abs();
+        let value = f64::from(k) * step;
+        if value.abs() > most { Err("a number of a change is out of range".into()) } else { Ok(value) }
     }
 }
 
@@ -181,7 +238,9 @@ impl TrackedBlock {
     pub fn new(block: Block) -> TrackedBlock {
         let n = block.gaussians.len();
         let unknown = || vec![f64::NAN; n];
-        TrackedBlock { block, origin: vec![None; n], velocity: [unknown(), unknown(), unknown()], unrest: vec![0; n] }
+        let velocity = [unknown(), unknown(), unknown()];
+        let (unrest, history, models) = (vec![0; n], vec![[0; NUMBERS]; n], ChangeModels::new());
+        TrackedBlock { block, origin: vec![None; n], velocity, unrest, history, models }
     }
 
     /// How far Gaussian `i` moves in a unit of the clock, if that is known.
@@ -303,6 +362,7 @@ impl TrackedBlock {
         next.origin.extend(std::iter::repeat_n(None, n));
         next.velocity.iter_mut().for_each(|v| v.extend(std::iter::repeat_n(f64::NAN, n)));
         next.unrest.extend(std::iter::repeat_n(0, n));
+        next.history.extend(std::iter::repeat_n([0; NUMBERS], n));
         Ok(next)
     }
 
@@ -319,65 +379,63 @@ impl TrackedBlock {
         let weighted = own.masses().is_some();
         let [from, to] = step.cells;
         let frames = FrameMap::new(from, to);
-        let mut models = ChangeModels::new();
         let gaussians = Mixture::new(weighted);
         let block = Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians };
-        let mut next = TrackedBlock { block, origin: Vec::new(), velocity: Default::default(), unrest: Vec::new() };
+        let mut next = TrackedBlock {
+            block,
+            origin: Vec::new(),
+            velocity: Default::default(),
+            unrest: Vec::new(),
+            history: Vec::new(),
+            models: self.models.clone(),
+        };
         let [place_step, size_step, shape_step, count_step, mass_step] = header.steps.map(f64::from);
-        let mut moved_from: Vec<[f64; 3]> = Vec::new();
+        let (mut moved_from, mut before) = (Vec::new(), 0);
         for i in 0..own.len() {
             let goes = target.is_some_and(|(_, stays)| !stays(i));
-            if models.stays.code(c, usize::from(goes)) == 1 {
+            if next.models.stays.code(c, usize::from(goes)) == 1 {
                 continue;
             }
             let (mean, cov, count) = (own.mean_of(i), own.cov_of(i), own.count[i].max(0.5));
             let factor = CholeskyFactor::new(&cov);
-            let importance = (extent_over_count(own, i) / header.scale).sqrt().clamp(0.125, 8.0);
+            let coarseness = (extent_over_count(own, i) / header.scale).sqrt().clamp(0.125, 8.0);
             let known = self.velocity(i);
             let guess = known.unwrap_or_else(|| next.guess(&moved_from, mean));
             let carried = frames.carried(mean);
             let expected = each_axis(|k| carried[k] + guess[k] * step.elapsed);
             let off = target.map(|(t, _)| frames.nearest(each_axis(|k| t.mean[k][i] - expected[k])));
-            let unrest = 2 * self.unrest[i] + models.before;
-            let (mut sum, mut q) = (0u32, [0.0; 3]);
-            let (kind, size) = (if known.is_some() { PLACE } else { FIRST_PLACE }, place_step * importance);
+            let mut numbers = ChangeNumbers {
+                models: &mut next.models,
+                unrest: 2 * self.unrest[i] + before,
+                coarseness,
+                history: self.history[i],
+                coded: 0,
+                sum: 0,
+            };
+            let mut q = [0.0; 3];
+            let (kind, size) = (if known.is_some() { PLACE } else { FIRST_PLACE }, place_step * coarseness);
             for axis in 0..3 {
-                let wanted = off.map_or(0, |d| in_steps(factor.solve(d, axis, q), size, f64::INFINITY));
-                let k = models.code(c, kind, unrest + 2 * sum, wanted)?;
-                q[axis] = f64::from(k) * size;
-                sum += k.unsigned_abs();
+                let wanted = off.map_or(0.0, |d| factor.solve(d, axis, q));
+                q[axis] = numbers.code(c, kind, wanted, [size, f64::INFINITY])?;
             }
             let wanted = target.and_then(|(t, _)| factor.logarithm(&t.cov_of(i))).unwrap_or_default();
             let mut shape = [0.0; 6];
             for (j, value) in shape.iter_mut().enumerate() {
-                let (kind, step) = if j == 0 { (SIZE, size_step) } else { (SHAPE, shape_step * importance) };
-                let k = models.code(c, kind, unrest + 2 * sum, in_steps(wanted[j], step, LARGEST_LOG))?;
-                *value = f64::from(k) * step;
-                sum += k.unsigned_abs();
-                if value.abs() > LARGEST_LOG {
-                    return Err("a shape of a change is out of range".into());
-                }
+                let (kind, step) = if j == 0 { (SIZE, size_step) } else { (SHAPE, shape_step * coarseness) };
+                *value = numbers.code(c, kind, wanted[j], [step, LARGEST_LOG])?;
             }
-            let mut number = |kind: usize, wanted: f64, step: f64, sum: &mut u32| {
-                let k = models.code(c, kind, unrest + 2 * *sum, in_steps(wanted, step, LARGEST_LOG))?;
-                *sum += k.unsigned_abs();
-                let log = f64::from(k) * step;
-                if log.abs() > LARGEST_LOG {
-                    Err(String::from("a count of a change is out of range"))
-                } else {
-                    Ok(exp(log))
-                }
-            };
             let wanted = target.map_or(0.0, |(t, _)| libm::log(t.count[i].max(0.5) / count));
-            let count = count * number(COUNT, wanted, count_step, &mut sum)?;
+            let count = count * exp(numbers.code(c, COUNT, wanted, [count_step, LARGEST_LOG])?);
             let mut mass = 1.0;
             if weighted {
                 let each = own.mass_of(i) / own.count[i].max(1.0);
                 let each = if each > 0.0 { each } else { self.block.mass / self.block.count as f64 };
                 let wanted =
                     target.map_or(0.0, |(t, _)| libm::log((t.mass_of(i) / t.count[i].max(0.5) / each).max(1e-30)));
-                mass = each * number(WEIGHT, wanted.clamp(-8.0, 8.0), mass_step, &mut sum)?;
+                mass = each * exp(numbers.code(c, WEIGHT, wanted.clamp(-8.0, 8.0), [mass_step, LARGEST_LOG])?);
             }
+            let history = numbers.history;
+            before = numbers.sum.min(MOST_UNREST);
             let by = factor.apply(q);
             let at = each_axis(|k| expected[k] + by[k]);
             let unit = exp_twice([shape[1], shape[2], shape[3], shape[4], shape[5]]);
@@ -391,9 +449,9 @@ impl TrackedBlock {
             (0..3).for_each(|k| next.velocity[k].push(guess[k] + gain * by[k] / step.elapsed));
             next.block.gaussians.push(frames.image(at), cov, count, mass);
             next.origin.push(Some(i as u32));
-            next.unrest.push(sum.min(MOST_UNREST));
+            next.unrest.push(before);
+            next.history.push(history);
             moved_from.push(mean);
-            models.before = sum.min(MOST_UNREST);
         }
         Ok(next)
     }

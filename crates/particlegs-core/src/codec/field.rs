@@ -1,7 +1,7 @@
 //! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
 //! already decoded, in a change from the frame before (section 16), and coded in steps of each Gaussian's own standard error.
 
-use super::change::{ChangeModels, LARGEST_LOG as LARGEST_CHANGE, in_steps};
+use super::change::{ChangeModels, LARGEST_LOG as LARGEST_CHANGE, NumberContext, in_steps};
 use super::cholesky::CholeskyFactor;
 use super::exact::{exp, exp_twice, to_five};
 use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
@@ -416,7 +416,8 @@ impl<'a> FieldWalk<'a> {
         let root = n.sqrt();
         let (changes, mut sum) = (&mut self.changes, 0u32);
         let mut number = |kind: usize, target: Option<f64>, step: f64, most: f64| {
-            let k = changes.code(c, kind, unrest[i] + 2 * sum, target.map_or(0, |t| in_steps(t, step, most)))?;
+            let context = NumberContext { unrest: unrest[i] + 2 * sum, history: 0, coarseness: 1.0 };
+            let k = changes.code(c, kind, &context, target.map_or(0, |t| in_steps(t, step, most)))?;
             sum += k.unsigned_abs();
             let value = step * f64::from(k);
             if value.abs() > most { Err(String::from("a change of a field is out of range")) } else { Ok(value) }

@@ -12,7 +12,7 @@ const NARROWEST: f64 = 0.25;
 const SLOWER_AFTER: [u32; 5] = [12, 40, 120, 360, 1000];
 
 /// Probabilities of `N` symbols that follow what was coded.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SymbolModel<const N: usize> {
     /// `cumulative[s]`: below symbol `s`, out of 2^30. Neighbours differ by 2^15 at least.
     cumulative: [i32; N],
@@ -82,7 +82,7 @@ impl<const N: usize> SymbolModel<N> {
 }
 
 /// A model of residuals around 0: `N - 1` symbols for `-(N / 2 - 1) ..= N / 2 - 1`, and the escape.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Residual<const N: usize>(SymbolModel<N>);
 
 impl<const N: usize> Residual<N> {

@@ -209,7 +209,6 @@ pub(crate) struct Expectation {
     /// The likeliest Gaussian of each particle, where asked for.
     pub(crate) owner: Vec<u32>,
     /// Sum of natural log likelihoods (up to a constant), where asked for.
-    #[cfg_attr(not(test), expect(dead_code, reason = "tests watch it rise"))]
     pub(crate) likelihood: f64,
 }
 

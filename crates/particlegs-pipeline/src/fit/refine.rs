@@ -42,6 +42,8 @@ pub(crate) struct RefineOptions {
     pub settling: usize,
     /// EM iterations over all particles after that, where the rounds look at a sample.
     pub last_iterations: usize,
+    /// Iterations end before there are as many once one gains less than this many bits of log likelihood a particle.
+    pub settled: Option<f64>,
     /// Particles a Gaussian that the rounds look at.
     pub sample: f64,
     /// A pixel of the nearest pictures that the model is made for, world units (0: finer than a radius).
@@ -241,12 +243,19 @@ impl Refiner<'_> {
         expected: &[Sym3],
         iterations: usize,
     ) -> Result<Vec<u32>> {
-        let mut owner = Vec::new();
+        let (mut owner, mut before) = (Vec::new(), f64::NEG_INFINITY);
+        let settled = self.options.settled;
+        let enough = settled.map(|bits| bits * std::f64::consts::LN_2 * cloud.xyz.len() as f64);
         for i in 0..iterations {
-            let wanted = ExpectationOptions { owner: i + 1 == iterations, ..ExpectationOptions::default() };
+            let wanted =
+                ExpectationOptions { owner: settled.is_some() || i + 1 == iterations, likelihood: settled.is_some() };
             let e = expect(cloud, candidates, gaussians, self.shape(), wanted, self.context)?;
             maximise(&e, cloud.groups, candidates, gaussians, self.shape(), expected);
             owner = e.owner;
+            if enough.is_some_and(|enough| e.likelihood - before < enough) {
+                break;
+            }
+            before = e.likelihood;
         }
         Ok(owner)
     }

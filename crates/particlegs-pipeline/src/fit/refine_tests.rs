@@ -31,6 +31,7 @@ fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, con
         iterations: 2,
         settling: 2,
         last_iterations: 2,
+        settled: None,
         sample,
         pixel: 0.0,
         seed: 1,

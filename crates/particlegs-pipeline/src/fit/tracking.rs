@@ -18,10 +18,14 @@ const STEP: usize = 1 << 14;
 const SPLIT_RATIO: f64 = 3.0;
 const MOST_MOVED: f64 = 0.0075;
 
+/// EM iterations end once one gains less than this many bits a particle: where frames are close, after 3; where they are far
+/// from each other, after 6.
+const SETTLED: f64 = 0.02;
+
 /// EM iterations and rounds of split and merge that a tracked frame gets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TrackingEffort {
-    /// EM iterations before the rounds.
+    /// EM iterations before the rounds, at most.
     pub(crate) first_iterations: usize,
     /// Rounds of split and merge.
     pub(crate) rounds: usize,
@@ -51,10 +55,20 @@ pub(crate) fn track_gaussians(
     let partition = cells_of(store, &owner, start.len());
     let thin = particles.in_world(local).thin_axis();
     let TrackingEffort { first_iterations, rounds, iterations } = effort;
+    let settled = Some(SETTLED);
     let how = refinement(particles.len(), start.len(), options);
     let (ratio, most_moved) = (SPLIT_RATIO, MOST_MOVED);
-    let how =
-        RefineOptions { thin, first_iterations, rounds, iterations, settling: iterations, ratio, most_moved, ..how };
+    let how = RefineOptions {
+        thin,
+        first_iterations,
+        settled,
+        rounds,
+        iterations,
+        settling: iterations,
+        ratio,
+        most_moved,
+        ..how
+    };
     track(&partition, start, options.radius, &how, context)
 }
 
