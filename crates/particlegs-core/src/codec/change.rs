@@ -15,7 +15,7 @@ use crate::model::{Block, MASS, Mixture};
 use crate::space::{Bounds, Cell, PeriodicCell};
 use crate::{Error, Result};
 
-/// ChangeNumbers in steps, and logarithms, at most.
+/// Numbers in steps, and logarithms, at most.
 const MOST_STEPS: i32 = 1 << 20;
 pub(super) const LARGEST_LOG: f64 = 16.0;
 /// Gaussians coded last among which the nearest are looked for, and how many of these guess a motion.
@@ -29,7 +29,7 @@ const UNREST_EDGES: [u32; 5] = [2, 5, 10, 20, 40];
 const HISTORY_EDGES: [u32; 3] = [1, 2, 4];
 const COARSENESS_EDGES: [f64; 3] = [0.7, 1.0, 1.5];
 const CLASSES: usize = (UNREST_EDGES.len() + 1) * (HISTORY_EDGES.len() + 1) * (COARSENESS_EDGES.len() + 1);
-/// ChangeNumbers of a Gaussian: place, size and shape, count, mass.
+/// Numbers of a Gaussian: place, size and shape, count, mass.
 const NUMBERS: usize = 3 + 6 + 1 + 1;
 /// Kinds of numbers that have models of their own.
 const KINDS: usize = 6;
