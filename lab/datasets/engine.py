@@ -41,6 +41,11 @@ def write_dump(engine, path, columns, whole=None):
     engine.command(f"write_dump all custom/gz {path} {columns} modify sort id units yes {formats}")
 
 
+def flush():
+    """Write what LAMMPS leaves of a trajectory in a buffer."""
+    ctypes.CDLL(None).fflush(None)
+
+
 def thermo(engine, name):
     """The current value of one thermodynamic keyword, such as `temp`."""
     return float(engine.get_thermo(name))

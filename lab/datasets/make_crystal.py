@@ -57,16 +57,15 @@ def remove(positions, box, grains, rng):
 
 def relax(engine, positions, box, steps, seed):
     """Make the atoms, drop those closer than 0.5 a at the boundaries, minimise, and hold at 300 K, 0 bar."""
-    for line in f"""
+    engine.commands_string(f"""
         units metal
         atom_style atomic
         atom_modify map array
         region box block 0 {box[0]:.9f} 0 {box[1]:.9f} 0 {box[2]:.9f}
         create_box 1 box
-    """.strip().splitlines():
-        engine.command(line.strip())
+    """)
     engine.create_atoms(len(positions), None, [1] * len(positions), positions.ravel().tolist())
-    for line in f"""
+    engine.commands_string(f"""
         mass 1 63.55
         pair_style eam
         pair_coeff 1 1 {potential("Cu_u3.eam")}
@@ -80,8 +79,7 @@ def relax(engine, positions, box, steps, seed):
         thermo 100
         compute kind all cna/atom 3.09
         run {steps}
-    """.strip().splitlines():
-        engine.command(line.strip())
+    """)
 
 
 def main():

@@ -1,9 +1,7 @@
 """A crystal film that melts from its two surfaces, by LAMMPS: 100 frames of an XTC trajectory."""
 
-import ctypes
-
 from common import Whole, arguments, command, packages
-from engine import start, thermo
+from engine import flush, start, thermo
 
 SEED = 52361
 FRAMES, EVERY = 100, 50
@@ -12,7 +10,7 @@ FRAMES, EVERY = 100, 50
 def run(engine, folder, cells, settle, seed):
     """A film of `cells` face-centred cells with as much again of vacuum above it and below; heated from T* = 0.45 to 0.8."""
     x, y, z = cells
-    for line in f"""
+    engine.commands_string(f"""
         units lj
         atom_style atomic
         lattice fcc 0.95
@@ -35,8 +33,7 @@ def run(engine, folder, cells, settle, seed):
         dump frames all xtc {EVERY} {folder / "film.xtc"}
         dump_modify frames sort id
         run {(FRAMES - 1) * EVERY}
-    """.strip().splitlines():
-        engine.command(line.strip())
+    """)
 
 
 def main():
@@ -47,7 +44,7 @@ def main():
         run(engine, data.part, cells, settle, args.seed)
         low, high = engine.extract_box()[:2]
         temperature = thermo(engine, "temp")
-        ctypes.CDLL(None).fflush(None)  # LAMMPS leaves the trajectory's end in a buffer
+        flush()
         data.describe(
             description=f"Lennard-Jones film that melts from its surfaces, {FRAMES} frames",
             command=command(args.seed, quick=args.quick),

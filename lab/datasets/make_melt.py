@@ -8,7 +8,7 @@ SEED = 87287
 
 def run(engine, cells, steps, seed):
     """Melt a cube of `cells`^3 face-centred cells at T* = 3 initially, then hold it at T* = 1.5."""
-    for line in f"""
+    engine.commands_string(f"""
         units lj
         atom_style atomic
         lattice fcc 0.8442
@@ -25,8 +25,7 @@ def run(engine, cells, steps, seed):
         timestep 0.005
         thermo 100
         run {steps}
-    """.strip().splitlines():
-        engine.command(line.strip())
+    """)
 
 
 def main():

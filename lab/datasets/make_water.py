@@ -1,10 +1,8 @@
 """Water (SPC/E) at constant pressure by LAMMPS: 100 frames of an XTC trajectory, and the topology as a data file."""
 
-import ctypes
-
 import numpy as np
 from common import Whole, arguments, command, packages
-from engine import start, thermo
+from engine import flush, start, thermo
 
 SEED = 40417
 APART = 3.1  # Angstrom between the lattice's molecules: 1 g/cm3
@@ -44,7 +42,7 @@ def write_topology(path, molecules, edge):
 def run(engine, folder, side, settle, seed):
     """Settle the lattice at 300 K and 1 bar, then write the frames."""
     write_topology(folder / "water.data", lattice(side, seed), side * APART)
-    for line in f"""
+    engine.commands_string(f"""
         units real
         atom_style full
         pair_style lj/cut/coul/long 9.0
@@ -66,8 +64,7 @@ def run(engine, folder, side, settle, seed):
         dump frames all xtc {EVERY} {folder / "water.xtc"}
         dump_modify frames sort id
         run {(FRAMES - 1) * EVERY}
-    """.strip().splitlines():
-        engine.command(line.strip())
+    """)
 
 
 def main():
@@ -78,7 +75,7 @@ def main():
         run(engine, data.part, side, settle, args.seed)
         low, high = engine.extract_box()[:2]
         temperature, density = thermo(engine, "temp"), thermo(engine, "density")
-        ctypes.CDLL(None).fflush(None)  # LAMMPS leaves the trajectory's end in a buffer
+        flush()
         data.describe(
             description=f"water (SPC/E), {side**3} molecules at 300 K and 1 bar, {FRAMES} frames",
             command=command(args.seed, quick=args.quick),
