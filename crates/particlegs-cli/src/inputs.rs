@@ -1,5 +1,6 @@
 //! Reads inputs: a model, or either a model or a snapshot.
 
+use crate::drawing::series_film::stamp;
 use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
@@ -8,6 +9,7 @@ use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
 use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
+use particlegs_pipeline::model::{Model, hex};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
 use std::path::Path;
@@ -34,14 +36,48 @@ impl FrameArgs {
         self.frame.is_some() || self.time.is_some()
     }
 
-    /// The frame's number in a series.
-    fn number(&self, series: &SeriesFile<'_>, place: &str) -> Result<usize> {
+    /// Refuses a moment of a model that is no series.
+    fn of_model(&self, place: &str) -> Result<()> {
+        match self.time {
+            Some(_) => Err(Error::input(place, "it is one model, not a series: it has no other moments")),
+            None => Ok(()),
+        }
+    }
+
+    /// What the clock of a series shows at the frame or moment, and whether it lies between frames.
+    fn time(&self, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<(f64, bool)> {
+        let clock = series.clock.name();
+        if let Some(text) = &self.time {
+            let time = series.moment(text)?;
+            let between = series.frame_at(time).is_none();
+            if between {
+                context.message(&format!("note: {place}: {clock} {time} is interpolated between two frames"));
+            }
+            return Ok((time, between));
+        }
         let (number, count) = (self.frame.unwrap_or(-1), series.frames.len());
         let from_start = if number < 0 { number + count as i64 } else { number };
-        usize::try_from(from_start).ok().filter(|&n| n < count).ok_or_else(|| {
+        let number = usize::try_from(from_start).ok().filter(|&n| n < count).ok_or_else(|| {
             Error::input(place, format!("there is no frame {number}; the series has {count} frames, from 0"))
-        })
+        })?;
+        series.frame_bytes(number)?;
+        let time = series.frames[number].time;
+        if self.frame.is_none() {
+            context.message(&format!("note: {place}: frame {number} is read, {clock} {time}"));
+        }
+        Ok((time, false))
     }
+}
+
+/// A decoded model, of a series that of a frame or a moment.
+pub struct DecodedModel {
+    pub model: Model,
+    /// BLAKE3 of the file.
+    pub blake3: String,
+    /// What the clock of a series shows, as text.
+    pub moment: Option<String>,
+    /// Between two frames?
+    pub interpolated: bool,
 }
 
 pub enum PathContent {
@@ -59,6 +95,22 @@ pub fn model(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
 /// The same with a frame of a series.
 pub fn model_of(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> Result<Vec<u8>> {
     frame_of(model_or_series(path, context)?, frame, &name_of(path), context)
+}
+
+/// A model to be drawn. That of a series is not coded anew, as [`model_of`] does.
+pub fn decoded_model(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> Result<DecodedModel> {
+    let (bytes, place) = (model_or_series(path, context)?, name_of(path));
+    let blake3 = hex(blake3::hash(&bytes).as_bytes());
+    if !codec::is_series(&bytes) {
+        frame.of_model(&place)?;
+        let model = codec::decode_with(&bytes, &place, context)?;
+        return Ok(DecodedModel { model, blake3, moment: None, interpolated: false });
+    }
+    let series = SeriesFile::read(&bytes, &place)?;
+    let (time, interpolated) = frame.time(&series, &place, context)?;
+    let model = SeriesDecoder::new(&series).model_at(time, context)?;
+    let moment = Some(stamp(&series, time, &model.metadata.units));
+    Ok(DecodedModel { model, blake3, moment, interpolated })
 }
 
 /// A model's bytes; of a series those of the frame that `opening` names, which then names the snapshot's frame that it
@@ -101,25 +153,11 @@ pub fn is_series(path: &Path) -> bool {
 /// A frame of a series as a model file; a model file as it is.
 fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_>) -> Result<Vec<u8>> {
     if !codec::is_series(&bytes) {
-        return match frame.time {
-            Some(_) => Err(Error::input(place, "it is one model, not a series: it has no other moments")),
-            None => Ok(bytes),
-        };
+        return frame.of_model(place).map(|()| bytes);
     }
     let series = SeriesFile::read(&bytes, place)?;
-    let clock = series.clock.name();
-    if let Some(text) = &frame.time {
-        let time = series.moment(text)?;
-        if series.frame_at(time).is_none() {
-            context.message(&format!("note: {place}: {clock} {time} is interpolated between two frames"));
-        }
-        return SeriesDecoder::new(&series).extract_at(time, context);
-    }
-    let number = frame.number(&series, place)?;
-    if frame.frame.is_none() {
-        context.message(&format!("note: {place}: frame {number} is read, {clock} {}", series.frames[number].time));
-    }
-    SeriesDecoder::new(&series).extract(number, context)
+    let (time, _) = frame.time(&series, place, context)?;
+    SeriesDecoder::new(&series).extract_at(time, context)
 }
 
 fn no_model(path: &Path) -> Error {

@@ -41,7 +41,7 @@ const RULES: &[OptionRule] = rules! {
     "render reference": "colormap range raw", |g| !g.density() => DENSITY[0], DENSITY[1];
     "reference": "smooth", |g| !g.density() => DENSITY[0], DENSITY[1];
     "render reference": "no_annotations", |g| !g.has_letters() =>
-        "--style density, --frames, PDF, SVG and --scale-bar: other pictures have no annotations";
+        "--style density, --frames, --time, PDF, SVG and --scale-bar: other pictures have no annotations";
     "render reference": "colorbar", |g| !g.has_bars() =>
         "--style density, PDF, SVG and --scale-bar: other pictures have no bars";
     "render reference": "radius opacity", |g| g.is("style", "density") || g.has("field") =>
@@ -188,7 +188,7 @@ impl CommandMatches<'_> {
 
     /// Does the picture have annotations?
     fn has_letters(&self) -> bool {
-        self.has_bars() || ["axes", "title", "frames"].iter().any(|id| self.has(id))
+        self.has_bars() || ["axes", "title", "frames", "time"].iter().any(|id| self.has(id))
     }
 
     /// Is the output a PDF or SVG page?

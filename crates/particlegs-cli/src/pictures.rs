@@ -56,7 +56,7 @@ fn finish<'a>(
     let style = if subject.density { "density" } else { "paraview" };
     let about = PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
-        of: vec![SourceFile { name: m.source.clone(), blake3: hex(&m.source_hash) }],
+        of: vec![SourceFile { name: m.source.clone(), blake3: hex(&m.source_hash), moment: None }],
         style: style.into(),
         colormap: subject.density.then(|| Colormap::default().name().into()),
         unit: subject.density.then(|| quantities.unit()),

@@ -184,7 +184,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let name = a.input.first().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
     let about = PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
-        of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
+        of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()), moment: None }],
         style: style_name.clone(),
         colormap: density.then(|| colormap.name().into()),
         unit: density.then(|| quantities.unit()),

@@ -14,7 +14,7 @@ use crate::drawing::{ViewContent, ViewRenderer, layers};
 use crate::field_args::{FieldArgs, FieldChoice};
 use crate::figure::FileKind;
 use crate::figure::args::{Background, FigureArgs};
-use crate::inputs::{self, FrameArgs};
+use crate::inputs::{self, DecodedModel, FrameArgs};
 use crate::picture_out::PictureOut;
 use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
@@ -28,7 +28,7 @@ use particlegs_pipeline::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
 use particlegs_pipeline::render::{Renderer, Scene, Scratch, draw_into, field_map, surface_density};
 use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::train::Accelerator;
-use particlegs_pipeline::{Error, Result, codec, parallel};
+use particlegs_pipeline::{Error, Result, parallel};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -161,6 +161,8 @@ struct SourceModel {
     source: SourceFile,
     /// The centre of mass that --center asks for.
     center: Option<[f64; 3]>,
+    /// What is written into its picture, if that is of no frame.
+    stamp: Option<String>,
 }
 
 impl SourceModel {
@@ -318,7 +320,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let like = asked.like.as_ref().map(|(set, _)| set.clone());
     let set = run::views(like, &a.view, (&a.sequence, film.as_ref()), &subject, &context)?;
     let panels = a.panels.then(|| Panels {
-        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p)).collect(),
+        painters: read.iter().zip(&painters).map(|(r, p)| (caption(r), p)).collect(),
         captions: a.captions.clone(),
         columns: a.columns,
     });
@@ -340,7 +342,12 @@ pub fn run(a: &Arguments) -> Result<()> {
         subject: &whole,
         legend: legend(&asked, model),
         circles: asked.figure.circles((m.unit_system(), m.cell), &context)?,
-        stamps: film.as_ref().map_or(&[], |film| &film.stamps),
+        stamps: match (&film, panels.is_none()) {
+            (Some(film), _) => &film.stamps,
+            (None, true) => read[0].stamp.as_slice(),
+            // Panels have captions.
+            (None, false) => &[],
+        },
         about: match &field {
             Some(field) => asked.field.stored(field, about(&asked, &read, &quantities)),
             None => about(&asked, &read, &quantities),
@@ -410,18 +417,19 @@ fn read(
     (asked, center): (&RenderOptions, Option<&PictureCenter>),
     context: &CommandContext,
 ) -> Result<SourceModel> {
-    let bytes = inputs::model_of(path, frame, context)?;
     let name = name_of(path);
-    let model = codec::decode_with(&bytes, &name, context)?;
+    let DecodedModel { model, blake3, moment, interpolated } = inputs::decoded_model(path, frame, context)?;
+    let stamp = moment.clone().filter(|_| interpolated);
     let center = center.map(|center| center.of_model(&model, &name, context)).transpose()?;
     let model = asked.chosen(model)?;
     let file = path.file_name().map_or(name, |n| n.to_string_lossy().into_owned());
-    let hash = particlegs_pipeline::model::hex(blake3::hash(&bytes).as_bytes());
-    Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash }, center })
+    Ok(SourceModel { model, source: SourceFile { name: file, blake3, moment }, center, stamp })
 }
 
-fn stem(name: &str) -> String {
-    Path::new(name).file_stem().map_or(name.to_string(), |s| s.to_string_lossy().into_owned())
+/// The name of a model in figures.
+fn caption(of: &SourceModel) -> String {
+    let name = Path::new(&of.source.name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    name.into_iter().chain(of.stamp.clone()).collect::<Vec<_>>().join(", ")
 }
 
 fn legend(asked: &RenderOptions, model: &Model) -> Vec<(String, [u8; 3])> {

@@ -37,7 +37,7 @@ pub struct Finisher<'a> {
     pub legend: Vec<(String, [u8; 3])>,
     /// Centres and radii of circles on the picture, world units.
     pub circles: Vec<([f64; 3], f64)>,
-    /// What is written into each picture of a film.
+    /// What is written into each picture of a film, or one text for all pictures.
     pub stamps: &'a [String],
     /// Provenance stored in files, without each picture's view and range.
     pub about: PictureProvenance,
@@ -150,7 +150,10 @@ impl Finisher<'_> {
             }
             Some(Axes::None) | None => {}
         }
-        let stamp = frame_number(&view.name).and_then(|frame| self.stamps.get(frame));
+        let stamp = match self.stamps {
+            [one] => Some(one),
+            all => frame_number(&view.name).and_then(|frame| all.get(frame)),
+        };
         panel.names.extend(stamp.filter(|_| !self.args.no_annotations).map(|text| ([0.0, 0.0], text.clone())));
         // Circles go where the content goes.
         let about = self.subject.cell.filter(|_| self.subject.center.is_some());

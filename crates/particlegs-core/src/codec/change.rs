@@ -204,18 +204,18 @@ struct ChangeNumbers<'a> {
 }
 
 impl ChangeNumbers<'_> {
-    /// A number in whole steps, at most `most`; the encoder's is near what is `wanted`.
+    /// A number in whole steps, at most `most`; the encoder's is near its `target`.
     fn code(
         &mut self,
         c: &mut impl Coder,
         kind: usize,
-        wanted: f64,
+        target: Option<f64>,
         [step, most]: [f64; 2],
     ) -> std::result::Result<f64, String> {
         let history = &mut self.history[self.coded];
         let unrest = self.unrest + 2 * self.sum;
         let context = NumberContext { unrest, history: *history, coarseness: self.coarseness };
-        let k = self.models.code(c, kind, &context, in_steps(wanted, step, most))?;
+        let k = self.models.code(c, kind, &context, target.map_or(0, |t| in_steps(t, step, most)))?;
         *history = 2 * k + *history / 2;
         self.coded += 1;
         self.sum += k.unsigned_abs();
@@ -379,19 +379,21 @@ impl TrackedBlock {
         let weighted = own.masses().is_some();
         let [from, to] = step.cells;
         let frames = FrameMap::new(from, to);
-        let gaussians = Mixture::new(weighted);
+        let n = own.len();
+        let mut gaussians = Mixture::new(weighted);
+        gaussians.reserve(n);
         let block = Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians };
         let mut next = TrackedBlock {
             block,
-            origin: Vec::new(),
-            velocity: Default::default(),
-            unrest: Vec::new(),
-            history: Vec::new(),
+            origin: Vec::with_capacity(n),
+            velocity: [(); 3].map(|()| Vec::with_capacity(n)),
+            unrest: Vec::with_capacity(n),
+            history: Vec::with_capacity(n),
             models: self.models.clone(),
         };
         let [place_step, size_step, shape_step, count_step, mass_step] = header.steps.map(f64::from);
-        let (mut moved_from, mut before) = (Vec::new(), 0);
-        for i in 0..own.len() {
+        let (mut moved_from, mut before) = ([(); 3].map(|()| Vec::with_capacity(n)), 0);
+        for i in 0..n {
             let goes = target.is_some_and(|(_, stays)| !stays(i));
             if next.models.stays.code(c, usize::from(goes)) == 1 {
                 continue;
@@ -415,24 +417,24 @@ impl TrackedBlock {
             let mut q = [0.0; 3];
             let (kind, size) = (if known.is_some() { PLACE } else { FIRST_PLACE }, place_step * coarseness);
             for axis in 0..3 {
-                let wanted = off.map_or(0.0, |d| factor.solve(d, axis, q));
+                let wanted = off.map(|d| factor.solve(d, axis, q));
                 q[axis] = numbers.code(c, kind, wanted, [size, f64::INFINITY])?;
             }
-            let wanted = target.and_then(|(t, _)| factor.logarithm(&t.cov_of(i))).unwrap_or_default();
+            let wanted = target.map(|(t, _)| factor.logarithm(&t.cov_of(i)).unwrap_or_default());
             let mut shape = [0.0; 6];
             for (j, value) in shape.iter_mut().enumerate() {
                 let (kind, step) = if j == 0 { (SIZE, size_step) } else { (SHAPE, shape_step * coarseness) };
-                *value = numbers.code(c, kind, wanted[j], [step, LARGEST_LOG])?;
+                *value = numbers.code(c, kind, wanted.map(|w| w[j]), [step, LARGEST_LOG])?;
             }
-            let wanted = target.map_or(0.0, |(t, _)| libm::log(t.count[i].max(0.5) / count));
+            let wanted = target.map(|(t, _)| libm::log(t.count[i].max(0.5) / count));
             let count = count * exp(numbers.code(c, COUNT, wanted, [count_step, LARGEST_LOG])?);
             let mut mass = 1.0;
             if weighted {
                 let each = own.mass_of(i) / own.count[i].max(1.0);
                 let each = if each > 0.0 { each } else { self.block.mass / self.block.count as f64 };
-                let wanted =
-                    target.map_or(0.0, |(t, _)| libm::log((t.mass_of(i) / t.count[i].max(0.5) / each).max(1e-30)));
-                mass = each * exp(numbers.code(c, WEIGHT, wanted.clamp(-8.0, 8.0), [mass_step, LARGEST_LOG])?);
+                let wanted = target.map(|(t, _)| libm::log((t.mass_of(i) / t.count[i].max(0.5) / each).max(1e-30)));
+                let wanted = wanted.map(|w| w.clamp(-8.0, 8.0));
+                mass = each * exp(numbers.code(c, WEIGHT, wanted, [mass_step, LARGEST_LOG])?);
             }
             let history = numbers.history;
             before = numbers.sum.min(MOST_UNREST);
@@ -451,25 +453,32 @@ impl TrackedBlock {
             next.origin.push(Some(i as u32));
             next.unrest.push(before);
             next.history.push(history);
-            moved_from.push(mean);
+            (0..3).for_each(|k| moved_from[k].push(mean[k]));
         }
         Ok(next)
     }
 
     /// The mean velocity of the nearest of the Gaussians coded last, whose places were `from`.
-    fn guess(&self, from: &[[f64; 3]], at: [f64; 3]) -> [f64; 3] {
-        let mut near: Vec<(f64, usize)> = Vec::with_capacity(NEIGHBOURS + 1);
-        for j in (from.len().saturating_sub(WINDOW)..from.len()).rev() {
-            let [x, y, z] = each_axis(|k| from[j][k] - at[k]);
-            let d2 = x * x + y * y + z * z;
-            if near.len() < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
-                let place = near.partition_point(|n| n.0 <= d2);
-                near.insert(place, (d2, j));
-                near.truncate(NEIGHBOURS);
+    fn guess(&self, from: &[Vec<f64>; 3], at: [f64; 3]) -> [f64; 3] {
+        let start = from[0].len().saturating_sub(WINDOW);
+        let [x, y, z] = [0, 1, 2].map(|k| from[k][start..].iter().map(move |v| v - at[k]));
+        let mut distances = [0.0; WINDOW];
+        let places = x.zip(y).zip(z);
+        distances.iter_mut().zip(places).for_each(|(d2, ((x, y), z))| *d2 = x * x + y * y + z * z);
+        // The nearest first; of two as near, the one coded last.
+        let mut near = [(f64::INFINITY, 0); NEIGHBOURS];
+        let mut found = 0;
+        for j in (start..from[0].len()).rev() {
+            let d2 = distances[j - start];
+            if found < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
+                found = (found + 1).min(NEIGHBOURS);
+                let place = near[..found - 1].partition_point(|n| n.0 <= d2);
+                near[place..found].rotate_right(1);
+                near[place] = (d2, j);
             }
         }
-        let n = near.len().max(1) as f64;
-        each_axis(|k| near.iter().fold(0.0, |sum, &(_, j)| sum + self.velocity[k][j]) / n)
+        let n = found.max(1) as f64;
+        each_axis(|k| near[..found].iter().fold(0.0, |sum, &(_, j)| sum + self.velocity[k][j]) / n)
     }
 }
 

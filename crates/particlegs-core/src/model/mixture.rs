@@ -88,6 +88,12 @@ impl Mixture {
         }
     }
 
+    /// Takes memory for so many Gaussians more, without their fields.
+    pub fn reserve(&mut self, gaussians: usize) {
+        let own = self.mean.iter_mut().chain(&mut self.cov).chain([&mut self.count]);
+        own.chain(self.columns.get_mut(MASS)).for_each(|column| column.reserve(gaussians));
+    }
+
     /// The correlations between what is left of two scalar fields, if they are known.
     pub fn correlation(&self, a: &str, b: &str) -> Option<&Vec<f64>> {
         let of = |a: &str, b: &str| self.fields.get(a)?.correlations.get(b);
