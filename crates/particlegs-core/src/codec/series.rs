@@ -390,8 +390,13 @@ fn coded_finely(layers: Vec<Layer<Vec<Block>>>, fields: &[Quantity]) -> Result<V
     let coded = |b: &Block| {
         let encoder = Encoder::new(b)?;
         let bytes = encoder.encode(&precision);
-        let decoded = decode_block(&bytes, "the frame")?.gaussians;
-        let sections = field_sections(&b.gaussians, encoder.order(), &decoded, fields);
+        let sections = match fields {
+            [] => Vec::new(),
+            _ => {
+                let decoded = decode_block(&bytes, "the frame")?.gaussians;
+                field_sections(&b.gaussians, encoder.order(), &decoded, fields)
+            }
+        };
         Ok(StoredBlock { sections, ..bytes.into() })
     };
     let layer = |layer: Layer<Vec<Block>>| {
