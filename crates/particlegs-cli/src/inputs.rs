@@ -37,7 +37,7 @@ impl FrameArgs {
     }
 
     /// Refuses a moment of a model that is no series.
-    fn of_model(&self, place: &str) -> Result<()> {
+    fn check_model(&self, place: &str) -> Result<()> {
         match self.time {
             Some(_) => Err(Error::input(place, "it is one model, not a series: it has no other moments")),
             None => Ok(()),
@@ -102,7 +102,7 @@ pub fn decoded_model(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> R
     let (bytes, place) = (model_or_series(path, context)?, name_of(path));
     let blake3 = hex(blake3::hash(&bytes).as_bytes());
     if !codec::is_series(&bytes) {
-        frame.of_model(&place)?;
+        frame.check_model(&place)?;
         let model = codec::decode_with(&bytes, &place, context)?;
         return Ok(DecodedModel { model, blake3, moment: None, interpolated: false });
     }
@@ -153,7 +153,7 @@ pub fn is_series(path: &Path) -> bool {
 /// A frame of a series as a model file; a model file as it is.
 fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_>) -> Result<Vec<u8>> {
     if !codec::is_series(&bytes) {
-        return frame.of_model(place).map(|()| bytes);
+        return frame.check_model(place).map(|()| bytes);
     }
     let series = SeriesFile::read(&bytes, place)?;
     let (time, _) = frame.time(&series, place, context)?;

@@ -392,7 +392,7 @@ impl TrackedBlock {
             models: self.models.clone(),
         };
         let [place_step, size_step, shape_step, count_step, mass_step] = header.steps.map(f64::from);
-        let (mut moved_from, mut before) = ([(); 3].map(|()| Vec::with_capacity(n)), 0);
+        let (mut moved_from, mut before) = (Vec::with_capacity(n), 0);
         for i in 0..n {
             let goes = target.is_some_and(|(_, stays)| !stays(i));
             if next.models.stays.code(c, usize::from(goes)) == 1 {
@@ -453,32 +453,25 @@ impl TrackedBlock {
             next.origin.push(Some(i as u32));
             next.unrest.push(before);
             next.history.push(history);
-            (0..3).for_each(|k| moved_from[k].push(mean[k]));
+            moved_from.push(mean);
         }
         Ok(next)
     }
 
     /// The mean velocity of the nearest of the Gaussians coded last, whose places were `from`.
-    fn guess(&self, from: &[Vec<f64>; 3], at: [f64; 3]) -> [f64; 3] {
-        let start = from[0].len().saturating_sub(WINDOW);
-        let [x, y, z] = [0, 1, 2].map(|k| from[k][start..].iter().map(move |v| v - at[k]));
-        let mut distances = [0.0; WINDOW];
-        let places = x.zip(y).zip(z);
-        distances.iter_mut().zip(places).for_each(|(d2, ((x, y), z))| *d2 = x * x + y * y + z * z);
-        // The nearest first; of two as near, the one coded last.
-        let mut near = [(f64::INFINITY, 0); NEIGHBOURS];
-        let mut found = 0;
-        for j in (start..from[0].len()).rev() {
-            let d2 = distances[j - start];
-            if found < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
-                found = (found + 1).min(NEIGHBOURS);
-                let place = near[..found - 1].partition_point(|n| n.0 <= d2);
-                near[place..found].rotate_right(1);
-                near[place] = (d2, j);
+    fn guess(&self, from: &[[f64; 3]], at: [f64; 3]) -> [f64; 3] {
+        let mut near: Vec<(f64, usize)> = Vec::with_capacity(NEIGHBOURS + 1);
+        for j in (from.len().saturating_sub(WINDOW)..from.len()).rev() {
+            let [x, y, z] = each_axis(|k| from[j][k] - at[k]);
+            let d2 = x * x + y * y + z * z;
+            if near.len() < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
+                let place = near.partition_point(|n| n.0 <= d2);
+                near.insert(place, (d2, j));
+                near.truncate(NEIGHBOURS);
             }
         }
-        let n = found.max(1) as f64;
-        each_axis(|k| near[..found].iter().fold(0.0, |sum, &(_, j)| sum + self.velocity[k][j]) / n)
+        let n = near.len().max(1) as f64;
+        each_axis(|k| near.iter().fold(0.0, |sum, &(_, j)| sum + self.velocity[k][j]) / n)
     }
 }
 
