@@ -17,7 +17,7 @@ use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, assemble, certificate, metadata};
 use crate::context::Context;
 use crate::model::{Block, Certificate, Layer, Mass, Metadata, Mixture, Model, Quantity, Units};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -513,35 +513,38 @@ impl TrackedModel {
         let masses = metadata::of_layers(&masses, self.layers.len(), false)
             .ok_or_else(|| corrupt("the number of masses differs from the number of layers".into()))?;
         let step = FrameStep { cells: [self.metadata.cell, metadata.cell], elapsed: time - self.time };
+        let at = |number: u32, what: String| corrupt(format!("block {number}: {what}"));
         let mut changes = sections.iter().filter(|s| s.tag == BLOCK_CHANGE);
-        let mut number = 0u32;
-        let mut layers = Vec::with_capacity(self.layers.len());
-        for (layer, mass) in self.layers.iter().zip(masses) {
-            let mut blocks = Vec::with_capacity(layer.content.len());
-            for block in &layer.content {
-                let at = |what: String| corrupt(format!("block {number}: {what}"));
-                let change = changes.next().filter(|s| s.block == Some(number));
-                let change = change.ok_or_else(|| at("its changes are missing".into()))?;
-                let mut next = block.decode(change.bytes, &step).map_err(at)?;
-                let own = || sections.iter().filter(|s| s.block == Some(number));
-                let fields = own().filter(|s| [FIELD, FIELD_CHANGE].contains(&s.tag));
-                let fields: Vec<StoredSection> = fields.map(StoredSection::from).collect();
-                let TrackedBlock { block: own_block, origin, unrest, .. } = &mut next;
-                let (origin, unrest) = (&origin[..], &unrest[..]);
-                let had =
-                    |q: &Quantity| self.metadata.fields.contains(q).then(|| block.field(&q.name, origin, unrest))?;
-                fields_of(own_block, &fields, &metadata, false, &had).map_err(at)?;
-                for section in own().filter(|s| s.tag == CORRELATION) {
-                    correlation_of(&mut next.block, section.bytes, &metadata.fields).map_err(at)?;
-                }
-                blocks.push(next);
-                number += 1;
-            }
-            layers.push(Layer { name: layer.name.clone(), mass, content: blocks });
-        }
+        let blocks = self.layers.iter().flat_map(|l| &l.content).zip(0u32..).map(|(block, number)| {
+            let change = changes.next().filter(|s| s.block == Some(number));
+            let change = change.ok_or_else(|| at(number, "its changes are missing".into()))?;
+            Ok((block, number, change.bytes))
+        });
+        let blocks = blocks.collect::<Result<Vec<_>>>()?;
         if changes.next().is_some() {
             return Err(corrupt("a frame has changes of a block that does not exist".into()));
         }
+        let decoded = parallel::try_map(blocks, |(block, number, change)| {
+            let at = |what: String| at(number, what);
+            let mut next = block.decode(change, &step).map_err(at)?;
+            let own = || sections.iter().filter(|s| s.block == Some(number));
+            let fields = own().filter(|s| [FIELD, FIELD_CHANGE].contains(&s.tag));
+            let fields: Vec<StoredSection> = fields.map(StoredSection::from).collect();
+            let TrackedBlock { block: own_block, origin, unrest, .. } = &mut next;
+            let (origin, unrest) = (&origin[..], &unrest[..]);
+            let had = |q: &Quantity| self.metadata.fields.contains(q).then(|| block.field(&q.name, origin, unrest))?;
+            fields_of(own_block, &fields, &metadata, false, &had).map_err(at)?;
+            for section in own().filter(|s| s.tag == CORRELATION) {
+                correlation_of(&mut next.block, section.bytes, &metadata.fields).map_err(at)?;
+            }
+            Ok::<_, Error>(next)
+        })?;
+        let mut decoded = decoded.into_iter();
+        let layers = self.layers.iter().zip(masses).map(|(l, mass)| {
+            let content: Vec<_> = decoded.by_ref().take(l.content.len()).collect();
+            Layer { name: l.name.clone(), mass, content }
+        });
+        let layers: Vec<_> = layers.collect();
         let all = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.block));
         let count = all().fold(0u64, |sum, b| sum.saturating_add(b.count));
         let mass = compensated(&all().map(|b| b.mass).collect::<Vec<_>>());
