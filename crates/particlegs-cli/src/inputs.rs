@@ -1,6 +1,5 @@
 //! Reads inputs: a model, or either a model or a snapshot.
 
-use crate::drawing::series_film::stamp;
 use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
@@ -69,7 +68,7 @@ impl FrameArgs {
     }
 }
 
-/// A decoded model, of a series that of a frame or a moment.
+/// A decoded model: that of a file, or of a frame or moment of a series.
 pub struct DecodedModel {
     pub model: Model,
     /// BLAKE3 of the file.
@@ -97,7 +96,7 @@ pub fn model_of(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> Result
     frame_of(model_or_series(path, context)?, frame, &name_of(path), context)
 }
 
-/// A model to be drawn. That of a series is not coded anew, as [`model_of`] does.
+/// A model to be drawn; unlike [`model_of`], this does not code a frame of a series anew.
 pub fn decoded_model(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> Result<DecodedModel> {
     let (bytes, place) = (model_or_series(path, context)?, name_of(path));
     let blake3 = hex(blake3::hash(&bytes).as_bytes());
@@ -109,7 +108,7 @@ pub fn decoded_model(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> R
     let series = SeriesFile::read(&bytes, &place)?;
     let (time, interpolated) = frame.time(&series, &place, context)?;
     let model = SeriesDecoder::new(&series).model_at(time, context)?;
-    let moment = Some(stamp(&series, time, &model.metadata.units));
+    let moment = Some(series.moment_text(time, &model.metadata.units));
     Ok(DecodedModel { model, blake3, moment, interpolated })
 }
 

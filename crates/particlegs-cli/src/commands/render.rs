@@ -161,14 +161,26 @@ struct SourceModel {
     source: SourceFile,
     /// The centre of mass that --center asks for.
     center: Option<[f64; 3]>,
-    /// What is written into its picture, if that is of no frame.
-    stamp: Option<String>,
+    /// Is it of a moment between two frames?
+    interpolated: bool,
 }
 
 impl SourceModel {
     fn convert(self, to: &Model, context: &CommandContext) -> Result<SourceModel> {
         let model = self.model.in_units(&to.metadata.unit_system(), &self.source.name, context)?;
         Ok(SourceModel { model, ..self })
+    }
+
+    /// What is written into its pictures: the moment, where it lies between two frames.
+    fn stamp(&self) -> &[String] {
+        if self.interpolated { self.source.moment.as_slice() } else { &[] }
+    }
+
+    /// Its name in figures.
+    fn caption(&self) -> String {
+        let name = &self.source.name;
+        let stem = Path::new(name).file_stem().map_or(name.into(), |stem| stem.to_string_lossy());
+        [&[stem.into_owned()], self.stamp()].concat().join(", ")
     }
 }
 
@@ -320,7 +332,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let like = asked.like.as_ref().map(|(set, _)| set.clone());
     let set = run::views(like, &a.view, (&a.sequence, film.as_ref()), &subject, &context)?;
     let panels = a.panels.then(|| Panels {
-        painters: read.iter().zip(&painters).map(|(r, p)| (caption(r), p)).collect(),
+        painters: read.iter().zip(&painters).map(|(r, p)| (r.caption(), p)).collect(),
         captions: a.captions.clone(),
         columns: a.columns,
     });
@@ -344,7 +356,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         circles: asked.figure.circles((m.unit_system(), m.cell), &context)?,
         stamps: match (&film, panels.is_none()) {
             (Some(film), _) => &film.stamps,
-            (None, true) => read[0].stamp.as_slice(),
+            (None, true) => read[0].stamp(),
             // Panels have captions.
             (None, false) => &[],
         },
@@ -419,17 +431,10 @@ fn read(
 ) -> Result<SourceModel> {
     let name = name_of(path);
     let DecodedModel { model, blake3, moment, interpolated } = inputs::decoded_model(path, frame, context)?;
-    let stamp = moment.clone().filter(|_| interpolated);
     let center = center.map(|center| center.of_model(&model, &name, context)).transpose()?;
     let model = asked.chosen(model)?;
     let file = path.file_name().map_or(name, |n| n.to_string_lossy().into_owned());
-    Ok(SourceModel { model, source: SourceFile { name: file, blake3, moment }, center, stamp })
-}
-
-/// The name of a model in figures.
-fn caption(of: &SourceModel) -> String {
-    let name = Path::new(&of.source.name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
-    name.into_iter().chain(of.stamp.clone()).collect::<Vec<_>>().join(", ")
+    Ok(SourceModel { model, source: SourceFile { name: file, blake3, moment }, center, interpolated })
 }
 
 fn legend(asked: &RenderOptions, model: &Model) -> Vec<(String, [u8; 3])> {

@@ -132,6 +132,14 @@ impl Finisher<'_> {
         self.args.is_figure(self.has_bars() || !self.stamps.is_empty(), kind)
     }
 
+    /// What is written into a picture.
+    fn stamp(&self, view: &View) -> Option<&String> {
+        match self.stamps {
+            [one] => Some(one),
+            all => frame_number(&view.name).and_then(|frame| all.get(frame)),
+        }
+    }
+
     /// A picture with its annotations.
     pub fn panel(&self, seen: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
         let mut panel = Panel::plain(self.image(seen, range));
@@ -150,11 +158,8 @@ impl Finisher<'_> {
             }
             Some(Axes::None) | None => {}
         }
-        let stamp = match self.stamps {
-            [one] => Some(one),
-            all => frame_number(&view.name).and_then(|frame| all.get(frame)),
-        };
-        panel.names.extend(stamp.filter(|_| !self.args.no_annotations).map(|text| ([0.0, 0.0], text.clone())));
+        let stamp = self.stamp(view).filter(|_| !self.args.no_annotations);
+        panel.names.extend(stamp.map(|text| ([0.0, 0.0], text.clone())));
         // Circles go where the content goes.
         let about = self.subject.cell.filter(|_| self.subject.center.is_some());
         let about = about.and_then(|cell| CenteredCell::new(view.camera.focal_point, cell.reduced()));
@@ -186,7 +191,11 @@ impl Finisher<'_> {
     pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<PngMetadata> {
         let range = self.shows_values().then_some(range);
         let views: Vec<View> = views.iter().map(|v| self.spelled_out(v)).collect();
-        let of = PictureProvenance { range, ..self.about.clone() };
+        let mut of = PictureProvenance { range, ..self.about.clone() };
+        // Each picture of a film has its own moment.
+        if let ([source], [view]) = (&mut of.of[..], &views[..]) {
+            source.moment = self.stamp(view).cloned().or_else(|| source.moment.take());
+        }
         Ok(PngMetadata {
             title: self.args.title.clone(),
             software: format!("particlegs {}", of.particlegs),

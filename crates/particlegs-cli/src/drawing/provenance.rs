@@ -80,9 +80,9 @@ impl PictureUnits {
 pub struct SourceFile {
     /// Its name without its folder.
     pub name: String,
-    /// BLAKE3 of a file of models, or the hash of a snapshot's particles that models name.
+    /// BLAKE3 of a model or series file, or the hash of a snapshot's particles that models name.
     pub blake3: String,
-    /// The moment of a series.
+    /// What the clock of a series shows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment: Option<String>,
 }

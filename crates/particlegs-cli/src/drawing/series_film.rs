@@ -7,7 +7,7 @@ use particlegs_pipeline::camera::{View, ViewSet, frame_number};
 use particlegs_pipeline::codec::{FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::model::{Model, Units};
+use particlegs_pipeline::model::Model;
 use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 use std::sync::Mutex;
@@ -27,12 +27,6 @@ pub fn there<'a>(series: &'a SeriesFile<'_>) -> impl Iterator<Item = usize> + 'a
     (0..series.frames.len()).filter(|&i| series.frames[i].kind != FrameCoding::Missing)
 }
 
-/// What the clock of a series shows, as text.
-pub fn stamp(series: &SeriesFile<'_>, time: f64, units: &Units) -> String {
-    let between = if series.frame_at(time).is_some() { "" } else { " (interpolated)" };
-    series.clock.text(time, units) + between
-}
-
 impl<'a> SeriesFilm<'a> {
     /// Each frame once, or so many pictures, evenly from the first frame to the last.
     pub fn new(series: &'a SeriesFile<'a>, path: &Path, length: FilmLength) -> Result<Self> {
@@ -49,7 +43,7 @@ impl<'a> SeriesFilm<'a> {
             }
         };
         let units = series.units()?;
-        let stamps = moments.iter().map(|&time| stamp(series, time, &units)).collect();
+        let stamps = moments.iter().map(|&time| series.moment_text(time, &units)).collect();
         let decoder = Mutex::new(SeriesDecoder::new(series));
         Ok(SeriesFilm { stamps, times: moments, decoder, centers: None })
     }

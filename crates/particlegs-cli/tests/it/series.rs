@@ -82,8 +82,10 @@ fn a_film_shows_each_frame_or_even_moments_of_a_series() {
     let picture = |name: &str| particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap();
     assert!(picture("even/frame_0001.png") == picture("moment/frame_0001.png"));
     assert!(picture("stamped/frame_0001.png") != picture("moment/frame_0001.png"));
-    let png = dir.bytes("stamped/frame_0001.png");
-    assert!(String::from_utf8_lossy(&png).contains("z = 0.905 (interpolated)"));
+    let moment = |name: &str, text: &str| String::from_utf8_lossy(&dir.bytes(name)).contains(&format!("\"{text}\""));
+    assert!(moment("stamped/frame_0001.png", "z = 0.905 (interpolated)"));
+    assert!(moment("even/frame_0001.png", "z = 0.905 (interpolated)"));
+    assert!(moment("film/frame_0001.png", "z = 0.818") && !moment("film/frame_0001.png", "z = 0.667"));
     assert!(picture("film/frame_0001.png") != picture("plain/frame_0001.png"));
     assert!(picture("plain/frame_0001.png") != picture("plain/frame_0002.png"));
     dir.fails("render run.pgs --frames all --frame 1 -o no", 2, "omit --frame");

@@ -272,6 +272,12 @@ impl<'a> SeriesFile<'a> {
         self.clock.moment(text, &units, &cosmology)
     }
 
+    /// What the clock shows at a time, as text that says whether a model is interpolated there.
+    pub fn moment_text(&self, time: f64, units: &Units) -> String {
+        let between = if self.frame_at(time).is_some() { "" } else { " (interpolated)" };
+        self.clock.text(time, units) + between
+    }
+
     /// The frame of a time of the clock, which may differ by a millionth.
     pub fn frame_at(&self, time: f64) -> Option<usize> {
         let off = |i: &usize| (self.frames[*i].time - time).abs();
