@@ -2,7 +2,7 @@
 
 use crate::cpu_count;
 use crate::printable::one_line;
-use crate::progress::Meter;
+use crate::progress::{Meter, to_stderr};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use particlegs_files::memory;
@@ -180,6 +180,12 @@ impl CommandContext {
 
     pub fn notes(&self, notes: &[String]) {
         notes.iter().for_each(|note| self.message(&format!("note: {note}")));
+    }
+
+    /// Prints what a user must know even with --quiet.
+    pub fn warn(&self, text: &str) {
+        let text = format!("warning: {text}");
+        if self.common.quiet { to_stderr(&one_line(&text)) } else { self.message(&text) }
     }
 
     /// Prints the result: JSON if requested, and the text on stdout, or on stderr if stdout has an output; with --quiet

@@ -34,6 +34,9 @@ const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
 /// A model file: kept without --force.
 pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
+/// A series, which does not replace a single model.
+pub const SERIES: Kind = Kind { name: "a series of models", kept: true, is: |_, head| codec::is_series(head) };
+
 pub const PNG: Kind = replaced("a PNG", |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n"));
 pub const SVG: Kind =
     replaced("an SVG", |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"));

@@ -2,6 +2,7 @@
 
 use crate::format::{FileHead, Format};
 use crate::registry;
+use crate::snapshot_order::natural_key;
 use crate::vtk_xml::lists;
 use crate::{Choice, PathKind, csv, hdf5, raw};
 use particlegs_pipeline::{Error, Hint, Result};
@@ -55,7 +56,7 @@ pub fn folder_snapshots(folder: &Path, options: &Choice) -> Result<Vec<PathBuf>>
 fn entries(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
     let all = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let mut paths: Vec<PathBuf> = all.filter_map(|entry| Some(entry.ok()?.path()).filter(|p| wanted(p))).collect();
-    paths.sort_by_cached_key(|p| name_key(p));
+    paths.sort_by_cached_key(|p| (natural_key(p), p.clone()));
     Ok(paths)
 }
 
@@ -86,12 +87,6 @@ fn candidates(folder: &Path, options: &Choice) -> Result<Vec<(PathBuf, &'static 
         ([only], Some(name)) if found.is_empty() => Ok(vec![(only.clone(), registry::named(name)?)]),
         _ => Ok(found),
     }
-}
-
-/// Sorts `snap.2` before `snap.10`.
-fn name_key(path: &Path) -> (usize, std::ffi::OsString) {
-    let name = path.file_name().unwrap_or_default();
-    (name.len(), name.to_os_string())
 }
 
 struct SnapshotFileSet {
@@ -164,7 +159,7 @@ mod tests {
         refused("several snapshots: a.hdf5, b.hdf5");
         std::fs::remove_file(dir.path().join("a.hdf5")).unwrap();
         std::fs::write(dir.path().join("atoms.xyz"), "1\nfirst\nAr 0 0 0\n").unwrap();
-        refused("several snapshots: b.hdf5, atoms.xyz");
+        refused("several snapshots: atoms.xyz, b.hdf5");
         assert_eq!(names(dir.path(), Some("hdf5")).unwrap(), ["b.hdf5"]);
         assert_eq!(names(dir.path(), Some("xyz")).unwrap(), ["atoms.xyz"]);
         assert!(names(dir.path(), Some("npy")).is_err());

@@ -40,6 +40,7 @@ mod raw;
 mod read;
 mod registry;
 mod snapshot;
+mod snapshot_order;
 mod topology;
 mod writers;
 
@@ -75,6 +76,7 @@ pub use format::Format;
 pub use halo_file::{is_hdf5, write_haloes};
 pub use path_kind::PathKind;
 pub use snapshot::{Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
+pub use snapshot_order::run_snapshots;
 pub use splats::write_splats;
 pub use topology::selection::AtomSelection;
 pub use writers::Writer;

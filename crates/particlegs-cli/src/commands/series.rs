@@ -1,24 +1,24 @@
 //! `particlegs series SNAPSHOT... -o RUN.pgs`.
 
 use crate::common::{CommandContext, Common};
+use crate::error_text::option_error;
 use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::info_series::mean_psnr;
 use crate::outputs::{self, ForceArgs};
-use crate::printable::one_line;
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
-use particlegs_formats::{AtomSelection, Choice, folder_snapshots};
+use particlegs_formats::{AtomSelection, Choice, run_snapshots};
 use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile};
 use particlegs_pipeline::compress::{FieldSelection, Options};
 use particlegs_pipeline::model::{Block, Layer, Model, QuantityKind};
 use particlegs_pipeline::particles::{AlignedFrame, Alignment, LayerFields, Particles, Storage};
-use particlegs_pipeline::series::{KEYFRAME_INTERVAL, SeriesBuilder};
+use particlegs_pipeline::series::{FrameStore, KEYFRAME_INTERVAL, SeriesBuilder};
 use particlegs_pipeline::{Error, Result};
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 #[derive(Args)]
@@ -120,11 +120,6 @@ fn ids(particles: &Particles, fields: &[LayerFields]) -> Result<Option<Vec<f64>>
     Ok(Some(all).filter(|ids| !ids.is_empty()))
 }
 
-/// Frames that are kept until the series is whole.
-struct WorkFolder {
-    path: PathBuf,
-}
-
 pub fn run(a: Arguments) -> Result<()> {
     let mut options = a.fit.options(&a.particles, a.common.seed)?;
     let mut aligner = a.align.as_deref().map(|text| Aligner::new(text, &a)).transpose()?;
@@ -138,16 +133,23 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
     context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
-    let there = context.writes(&a.output, &outputs::MODEL)?;
+    let goes_on = context.writes(&a.output, &outputs::SERIES)?;
     let recipe = a.recipe(&options);
-    let work = WorkFolder::open(&a.output, &recipe, a.force.force)?;
-    let done = if there { a.done(&recipe, &context)? } else { Vec::new() };
-    let sources = a.sources()?;
+    let mut work = FrameStore::open(&a.output, &recipe, a.force.force)?;
+    let done = if goes_on { a.done(&recipe, &context)? } else { Vec::new() };
+    let choice = a.particles.choice(a.common.seed)?;
+    let sources = a.sources(&choice, &context)?;
+    let is_missing = |(number, source): &(usize, &FrameSource)| {
+        !source.path.exists() && done.get(*number).is_none_or(Option::is_none) && work.frame(*number).is_none()
+    };
+    if let Some((_, source)) = sources.iter().enumerate().find(is_missing) {
+        let missing = std::io::Error::new(std::io::ErrorKind::NotFound, "there is no such file or folder");
+        return Err(Error::io(&source.path, missing));
+    }
     if done.len() > sources.len() {
         let what = format!("it has {} frames, more than the {} snapshots given", done.len(), sources.len());
         return Err(Error::input(name_of(&a.output), what));
     }
-    let choice = a.particles.choice(a.common.seed)?;
     let (mut frames, mut raw_bytes, mut listed) = (Vec::new(), 0u64, Vec::new());
     let (mut all_kept, mut unread) = (true, None);
     for (number, source) in sources.iter().enumerate() {
@@ -160,14 +162,16 @@ pub fn run(a: Arguments) -> Result<()> {
             Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
             Err(e) => {
                 let what = if kept.is_some() { "is kept as it was" } else { "is missing" };
-                context.message(&one_line(&format!("warning: frame {number} {what}: {e}")));
+                context.warn(&format!("frame {number} {what}: {e}"));
                 if kept.is_some() && aligner.as_ref().is_some_and(|a| a.first.is_none()) {
                     let what = format!("frame {number} cannot be read, and --align needs the first frame: {e}");
                     return Err(Error::argument_with(what, "bring its snapshot back"));
                 }
                 unread = Some(e);
                 if let Some(frame) = &kept {
-                    raw_bytes += raw_size(&builder.take(frame, &place, &context)?.clone().into_model());
+                    let tracked = builder.decode(frame, &place, &context)?;
+                    raw_bytes += raw_size(&tracked.clone().into_model());
+                    builder.resume(frame, tracked);
                 }
                 frames.push(kept);
                 continue;
@@ -180,25 +184,38 @@ pub fn run(a: Arguments) -> Result<()> {
             // What is left out was the user's choice.
             particles.meta.fields.clear();
         }
-        let kept = match kept {
-            Some(frame) => {
-                let model = builder.take(&frame, &place, &context)?.clone().into_model();
-                let differing = match &particles.differences_from(&model, false)[..] {
-                    [[what, stored, found], ..] => Some(format!("its {what} was {stored} and is {found} now")),
-                    [] if model.metadata.source_hash != particles.source_hash() => Some("its particles differ".into()),
-                    [] => None,
-                };
-                if let Some(differing) = differing {
+        let fields = a.fields(&particles, &fields, &options).map_err(|e| option_error(&source.name(), e))?;
+        let mut resumed = None;
+        if let Some(frame) = kept {
+            let tracked = builder.decode(&frame, &place, &context)?;
+            let model = tracked.clone().into_model();
+            let differing = match &particles.differences_from(&model, false)[..] {
+                [[what, stored, now], ..] => Some(format!("its {what} was {stored} and is {now} now")),
+                [] if model.metadata.source_hash != particles.source_hash() => Some("its particles differ".into()),
+                [] if model.metadata.fields_hash != fields.as_ref().and_then(FieldSelection::hash) => {
+                    Some("the values of its fields differ".into())
+                }
+                [] => None,
+            };
+            match differing {
+                None => {
+                    raw_bytes += raw_size(&model);
+                    builder.resume(&frame, tracked);
+                    resumed = Some(frame);
+                }
+                // It is made again, and so are those behind it.
+                Some(_) if a.force.force => {}
+                Some(differing) => {
                     let what = format!("{place} was made from another snapshot than {}: {differing}", source.name());
                     return Err(Error::argument_with(what, "replace the series with --force"));
                 }
-                raw_bytes += raw_size(&model);
-                frame
             }
+        }
+        let kept = match resumed {
+            Some(frame) => frame,
             None => {
                 all_kept = false;
                 let from = Instant::now();
-                let fields = a.fields(&particles, &fields, &options)?;
                 let added = builder.add(number, &particles, fields.as_ref(), &context)?;
                 context.notes(&added.notes);
                 work.keep(number, &added.coded)?;
@@ -212,21 +229,24 @@ pub fn run(a: Arguments) -> Result<()> {
         frames.push(Some(kept));
     }
     if let Some(error) = unread.filter(|_| frames.iter().all(Option::is_none)) {
-        work.remove();
         return Err(error);
     }
     let bytes = codec::assemble_series(builder.clock(), &recipe, &frames)?;
     output::write_bytes(&a.output, &bytes)?;
-    work.remove();
+    if let Err(error) = work.remove() {
+        context.warn(&format!("the folder of unfinished work stays: {error}"));
+    }
     let (count, keys) = (listed.len(), frames.iter().flatten().filter(|f| f.keyframe).count());
+    let missing: Vec<usize> = (0..frames.len()).filter(|&number| frames[number].is_none()).collect();
+    let gaps = if missing.is_empty() { String::new() } else { format!(", {} missing", missing.len()) };
     let (ratio, seconds) = (raw_bytes as f64 / bytes.len() as f64, start.elapsed().as_secs_f64());
     let text = format!(
-        "{}: {count} frames, {keys} of them keyframes, {} bytes, ratio {ratio:.1}, {seconds:.1} s",
+        "{}: {count} frames, {keys} of them keyframes{gaps}, {} bytes, ratio {ratio:.1}, {seconds:.1} s",
         a.output.display(),
         bytes.len()
     );
     let report = json!({
-        "output": a.output.to_string_lossy(), "frames": listed, "series_bytes": bytes.len(), "raw_bytes": raw_bytes,
+        "output": a.output.to_string_lossy(), "frames": listed, "missing": missing, "series_bytes": bytes.len(), "raw_bytes": raw_bytes,
         "compression_ratio": ratio, "seconds": seconds,
     });
     context.finish(&text, &report)
@@ -280,15 +300,12 @@ impl Arguments {
             let what = format!("--align turns positions, but not vectors such as the field `{}`", vector.name);
             return Err(Error::argument_with(what, "leave the field out, or --align"));
         }
-        Ok(Some(chosen))
+        chosen.hashed().map(Some)
     }
 
-    fn sources(&self) -> Result<Vec<FrameSource>> {
+    fn sources(&self, choice: &Choice, context: &CommandContext) -> Result<Vec<FrameSource>> {
         let Some(text) = &self.frames else {
-            let paths = match &self.input[..] {
-                [folder] if folder.is_dir() => folder_snapshots(folder, &self.particles.choice(self.common.seed)?)?,
-                paths => paths.iter().map(|p| matching(p)).collect::<Result<Vec<_>>>()?.concat(),
-            };
+            let paths = run_snapshots(&self.input, choice, context)?;
             let frame = self.particles.opening.frame;
             return Ok(paths.into_iter().map(|path| FrameSource { path, frame }).collect());
         };
@@ -310,17 +327,6 @@ impl Arguments {
         let frames = (first..end).step_by(step as usize);
         Ok(frames.map(|frame| FrameSource { path: path.clone(), frame: Some(frame) }).collect())
     }
-}
-
-/// Files that match a pattern which no shell has replaced, `snap_2` before `snap_10`.
-fn matching(path: &Path) -> Result<Vec<PathBuf>> {
-    let Some(pattern) = path.to_str().filter(|text| text.contains(['*', '?', '[']) && !path.exists()) else {
-        return Ok(vec![path.to_path_buf()]);
-    };
-    let found = glob::glob(pattern).map_err(|e| Error::argument(format!("{pattern}: {e}")))?;
-    let mut paths: Vec<PathBuf> = found.filter_map(|path| path.ok()).collect();
-    paths.sort_by_cached_key(|p| (p.as_os_str().len(), p.clone()));
-    if paths.is_empty() { Err(Error::argument(format!("no file matches {pattern}"))) } else { Ok(paths) }
 }
 
 /// Bytes of the columns that a frame was made from.
@@ -371,49 +377,4 @@ fn describe(number: usize, clock: &str, frame: &CodedFrame, model: &Model, from:
         frame.time,
         bytes as f64 / gaussians.max(1) as f64
     )
-}
-
-impl WorkFolder {
-    /// The folder beside the output; frames of other options are refused, or removed by force.
-    fn open(output: &Path, recipe: &str, force: bool) -> Result<WorkFolder> {
-        let mut name = output.as_os_str().to_owned();
-        name.push(".work");
-        let folder = WorkFolder { path: PathBuf::from(name) };
-        let options = folder.path.join("recipe.json");
-        match std::fs::read_to_string(&options) {
-            Ok(there) if there == recipe => return Ok(folder),
-            Ok(_) if !force => {
-                let what = format!("{} holds frames that were made with other options", folder.path.display());
-                return Err(Error::argument_with(what, "remove the folder, or use --force"));
-            }
-            Ok(_) => folder.remove(),
-            Err(_) => {}
-        }
-        std::fs::create_dir_all(&folder.path).map_err(|e| Error::input(&folder.path, e.to_string()))?;
-        output::write_bytes(&options, recipe.as_bytes())?;
-        Ok(folder)
-    }
-
-    fn place(&self, number: usize) -> PathBuf {
-        self.path.join(format!("frame-{number:06}"))
-    }
-
-    /// The time, whether it is a keyframe, and the frame.
-    fn keep(&self, number: usize, frame: &CodedFrame) -> Result<()> {
-        let mut bytes = frame.time.to_le_bytes().to_vec();
-        bytes.push(u8::from(frame.keyframe));
-        bytes.extend(&frame.bytes);
-        output::write_bytes(&self.place(number), &bytes)
-    }
-
-    fn frame(&self, number: usize) -> Option<CodedFrame> {
-        let bytes = std::fs::read(self.place(number)).ok()?;
-        let (time, rest) = bytes.split_first_chunk()?;
-        let (&keyframe, bytes) = rest.split_first()?;
-        Some(CodedFrame { time: f64::from_le_bytes(*time), keyframe: keyframe == 1, bytes: bytes.to_vec() })
-    }
-
-    fn remove(&self) {
-        let _ = std::fs::remove_dir_all(&self.path);
-    }
 }

@@ -112,12 +112,15 @@ fn a_gap_is_filled_with_the_bytes_of_the_whole_series() {
     snapshots(&dir.at(""), 5);
     let all = "snap-0 snap-1 snap-2 snap-3 snap-4";
     let whole = dir.makes(&format!("series {all} -o whole.pgs {OPTIONS}"));
-    std::fs::rename(dir.at("snap-2"), dir.at("away")).unwrap();
-    dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
+    let broken = "snap-2/yy.f32";
+    std::fs::rename(dir.at(broken), dir.at("away")).unwrap();
+    // Said with --quiet too.
+    let [_, warnings] = dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
+    assert!(warnings.contains("frame 2 is missing"), "{warnings}");
     assert!(dir.says("info gap.pgs")["frames"][2]["kind"] == "missing");
     dir.runs("render gap.pgs --frames all -o film --size 32x24 --quiet");
     assert_eq!(crate::common::files(&dir.at("film")).len(), 4);
-    std::fs::rename(dir.at("away"), dir.at("snap-2")).unwrap();
+    std::fs::rename(dir.at("away"), dir.at(broken)).unwrap();
     dir.runs(&format!("series {all} -o gap.pgs {OPTIONS}"));
     assert!(dir.bytes("gap.pgs") == whole);
     // A snapshot that is gone leaves its frame.
@@ -127,12 +130,13 @@ fn a_gap_is_filled_with_the_bytes_of_the_whole_series() {
 }
 
 #[test]
-fn frames_out_of_order_and_other_snapshots_are_refused() {
+fn frames_come_in_the_order_of_time_and_other_snapshots_are_refused() {
     let dir = TestFolder::new();
     snapshots(&dir.at(""), 3);
-    dir.fails(&format!("series snap-1 snap-0 -o turned.pgs {OPTIONS}"), 3, "not after");
-    assert!(!dir.at("turned.pgs").exists());
-    dir.runs(&format!("series snap-0 snap-1 -o run.pgs {OPTIONS}"));
+    let sorted = dir.makes(&format!("series snap-0 snap-1 -o run.pgs {OPTIONS}"));
+    assert!(dir.makes(&format!("series snap-1 snap-0 -o turned.pgs {OPTIONS}")) == sorted);
+    dir.fails(&format!("series snap-0 snap-0 -o twice.pgs {OPTIONS}"), 3, "not after");
+    assert!(!dir.at("twice.pgs").exists());
     dir.fails(&format!("series snap-0 snap-2 -o run.pgs {OPTIONS}"), 2, "another snapshot");
     // The same particles at another time.
     let about = dir.text("snap-1/meta.json");
@@ -144,8 +148,115 @@ fn frames_out_of_order_and_other_snapshots_are_refused() {
 #[test]
 fn a_series_without_any_readable_snapshot_is_not_made() {
     let dir = TestFolder::new();
-    dir.fails(&format!("series none-0 none-1 -o run.pgs {OPTIONS}"), 6, "none-1");
+    dir.fails(&format!("series none-0 none-1 -o run.pgs {OPTIONS}"), 6, "none-0: there is no such file");
+    snapshots(&dir.at(""), 1);
+    dir.fails(&format!("series snap-0 snp-1 -o run.pgs {OPTIONS}"), 6, "snp-1: there is no such file");
     assert!(!dir.at("run.pgs").exists() && !dir.at("run.pgs.work").exists());
+}
+
+/// Snapshots of text without times, each a little further along x.
+fn tables(dir: &TestFolder, names: &[&str]) {
+    for (number, name) in names.iter().enumerate() {
+        let atom = |i: usize| {
+            let places = [3, 5, 7].map(|step| ((i * step) % 41) as f64 / 41.0 * 8.0);
+            format!("A {} {} {}\n", places[0] + 0.1 * number as f64, places[1], places[2])
+        };
+        let atoms: String = (0..200).map(atom).collect();
+        std::fs::write(dir.at(name), format!("200\nnumber {number}\n{atoms}")).unwrap();
+    }
+}
+
+#[test]
+fn numbers_in_names_order_snapshots_without_times() {
+    let dir = TestFolder::new();
+    tables(&dir, &["s_1.xyz", "s_2.xyz", "s_10.xyz"]);
+    let sorted = dir.makes(&format!("series s_1.xyz s_2.xyz s_10.xyz -o sorted.pgs {OPTIONS}"));
+    assert!(dir.makes(&format!("series s_1.xyz s_10.xyz s_2.xyz -o shell.pgs {OPTIONS}")) == sorted);
+    assert!(dir.makes(&format!("series s_*.xyz -o pattern.pgs {OPTIONS}")) == sorted);
+    // An order that no shell makes was chosen.
+    assert!(dir.makes(&format!("series s_10.xyz s_2.xyz s_1.xyz -o back.pgs {OPTIONS}")) != sorted);
+}
+
+#[test]
+fn a_run_has_one_box_and_one_particle_mass() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 2);
+    let about = dir.text("snap-1/meta.json");
+    let with = |from: &str, to: &str| {
+        std::fs::write(dir.at("snap-1/meta.json"), about.replace(from, to)).unwrap();
+        assert!(dir.text("snap-1/meta.json") != about);
+    };
+    let series = format!("series snap-0 snap-1 -o run.pgs {OPTIONS} --force");
+    with("\"box\": 10", "\"box\": 12");
+    dir.fails(&series, 3, "its box is 12 x 12 x 12, periodic in xyz, that of the frame before 10 x 10 x 10");
+    with("}", ", \"particle_mass\": 2}");
+    dir.fails(&series, 3, "its particle mass of `particles` is 2, that of the frame before not stated");
+    // In a run without a scale factor the cell may change, as under constant pressure.
+    for number in 0..2 {
+        let about = format!(r#"{{"box": {}, "periodic": true, "time": {number}}}"#, 10 + number);
+        std::fs::write(dir.at(&format!("snap-{number}/meta.json")), about).unwrap();
+    }
+    dir.runs(&series);
+}
+
+#[test]
+fn a_field_that_is_written_anew_is_another_snapshot() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 3);
+    let write = |frame: usize, value: &dyn Fn(usize) -> f32| {
+        let bytes: Vec<u8> = (0..4000).flat_map(|i| value(i).to_le_bytes()).collect();
+        std::fs::write(dir.at(&format!("snap-{frame}/heat.f32")), bytes).unwrap();
+    };
+    (0..3).for_each(|frame| write(frame, &|i| 100.0 + (i % 7) as f32));
+    let series = |count| {
+        format!("series {} -o run.pgs --fields heat {OPTIONS}", ["snap-0 snap-1", "snap-0 snap-1 snap-2"][count])
+    };
+    dir.runs(&series(0));
+    dir.runs(&series(0));
+    // The same values at other particles: sums and extremes are as before.
+    write(1, &|i| 100.0 + ((i + 1) % 7) as f32);
+    dir.fails(&series(1), 2, "the values of its fields differ");
+    write(1, &|i| 100.0 + (i % 7) as f32);
+    dir.runs(&series(1));
+}
+
+#[test]
+fn the_work_folder_holds_the_frames_of_one_run_and_nothing_of_others() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 2);
+    let series = format!("series snap-0 snap-1 -o run.pgs {OPTIONS}");
+    let whole = dir.makes(&format!("series snap-0 snap-1 -o whole.pgs {OPTIONS}"));
+    std::fs::write(dir.at("run.pgs.work"), "a file").unwrap();
+    dir.fails(&series, 8, "run.pgs.work: is in the way");
+    std::fs::remove_file(dir.at("run.pgs.work")).unwrap();
+    std::fs::create_dir_all(dir.at("run.pgs.work/mine")).unwrap();
+    dir.fails(&series, 8, "run.pgs.work: contains `mine`, which this command does not write");
+    assert!(dir.at("run.pgs.work/mine").exists() && !dir.at("run.pgs").exists());
+    std::fs::remove_dir(dir.at("run.pgs.work/mine")).unwrap();
+    // Another run holds the lock.
+    let lock = std::fs::File::create(dir.at("run.pgs.work/lock")).unwrap();
+    lock.lock().unwrap();
+    dir.fails(&series, 8, "another run of this command is making the same output");
+    drop(lock);
+    // A frame that is damaged is made again.
+    std::fs::write(dir.at("run.pgs.work/frame-000000"), "damaged").unwrap();
+    dir.runs(&series);
+    assert!(dir.bytes("run.pgs") == whole && !dir.at("run.pgs.work/lock").exists());
+}
+
+#[test]
+fn a_series_takes_the_place_of_a_series_alone() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 2);
+    let model = dir.makes("compress snap-0 -o m.pgs --gaussians 40 --certificate none -q");
+    for force in ["", "--force"] {
+        dir.fails(&format!("series snap-0 -o m.pgs {OPTIONS} {force}"), 8, "m.pgs: exists and is not a series");
+    }
+    assert!(dir.bytes("m.pgs") == model);
+    std::fs::create_dir(dir.at("plots")).unwrap();
+    dir.fails(&format!("series snap-0 -o plots {OPTIONS}"), 8, "plots: is a folder");
+    dir.runs(&format!("series snap-0 snap-1 -o run.pgs {OPTIONS}"));
+    dir.fails("stats run.pgs -o run.pgs", 8, "run.pgs: is not a folder");
 }
 
 #[test]
@@ -202,7 +313,7 @@ fn value(row: &HashMap<String, String>, name: &str) -> f64 {
 fn a_table_has_a_row_for_each_frame_and_nothing_of_a_gap() {
     let dir = TestFolder::new();
     snapshots(&dir.at(""), 4);
-    std::fs::rename(dir.at("snap-2"), dir.at("away")).unwrap();
+    std::fs::rename(dir.at("snap-2/yy.f32"), dir.at("away")).unwrap();
     let options = OPTIONS.replace("--certificate none", "--certificate quick");
     dir.runs(&format!("series snap-0 snap-1 snap-2 snap-3 -o run.pgs {options}"));
     let [text, _] = dir.runs("info run.pgs --csv");
@@ -236,7 +347,7 @@ fn a_table_has_a_row_for_each_frame_and_nothing_of_a_gap() {
 fn statistics_over_time_are_those_of_each_frame() {
     let dir = TestFolder::new();
     snapshots(&dir.at(""), 4);
-    std::fs::rename(dir.at("snap-1"), dir.at("away")).unwrap();
+    std::fs::rename(dir.at("snap-1/yy.f32"), dir.at("away")).unwrap();
     dir.runs(&format!("series snap-0 snap-1 snap-2 snap-3 -o run.pgs {OPTIONS}"));
     let [said, _] = dir.runs("stats run.pgs -o s --spectrum-grid 32 --plots png,svg");
     assert!(said.contains("3 frames, z = 1.000 to z = 0.538"), "{said}");

@@ -254,6 +254,7 @@ fn combined(a: Metadata, b: &Metadata) -> Metadata {
             comoving: a.units.comoving,
         },
         source_hash: if a.source_hash == b.source_hash { a.source_hash } else { [0; 32] },
+        fields_hash: None,
         recipe: a.recipe.joined(&b.recipe),
         shared_species: summed(a.shared_species, &b.shared_species),
         ..a

@@ -26,6 +26,7 @@ const OPACITY: u8 = 8;
 const SOURCE: u8 = 9;
 const HASH: u8 = 10;
 const QUANTITIES: u8 = 11;
+const FIELDS_HASH: u8 = 12;
 const LENGTH_UNIT: u8 = 16;
 const MASS_UNIT: u8 = 17;
 const TIME_UNIT: u8 = 18;
@@ -82,6 +83,7 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     field(SOURCE, text(m.source.rsplit(['/', '\\']).next().unwrap_or_default(), TEXT));
     field(HASH, &m.source_hash);
     field(QUANTITIES, &quantities_bytes(m, layers));
+    m.fields_hash.iter().for_each(|hash| field(FIELDS_HASH, hash));
     let Units { length, mass, time, comoving } = &m.units;
     for (tag, unit) in [(LENGTH_UNIT, length), (MASS_UNIT, mass), (TIME_UNIT, time)] {
         unit.iter().for_each(|u| field(tag, &unit_bytes(u, TEXT)));
@@ -154,6 +156,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
             step: get(STEP).map(|v| exact(STEP, v).map(i64::from_le_bytes)).transpose()?,
         },
         fields: Vec::new(),
+        fields_hash: get(FIELDS_HASH).map(|v| exact(FIELDS_HASH, v)).transpose()?,
         shared_species: get(SPECIES).map_or(Ok(Vec::new()), shared_species)?,
         // A newer program may use other words, which are unknown here.
         recipe: serde_json::from_slice(need(RECIPE)?).unwrap_or_else(|_| Recipe::unknown()),
@@ -513,7 +516,7 @@ mod tests {
 
     prop_compose! {
         fn metadata()(
-            (count, source, hash) in (1u64.., "[^/\\\\]{0,20}", any::<[u8; 32]>()),
+            (count, source, hash, fields_hash) in (1u64.., "[^/\\\\]{0,20}", any::<[u8; 32]>(), any::<Option<[u8; 16]>>()),
             (length, mass, time, comoving) in (unit(), unit(), unit(), any::<Option<bool>>()),
             numbers in proptest::array::uniform6(proptest::option::of(1e-6f64..1e6)),
             (frame, step) in any::<(Option<u64>, Option<i64>)>(),
@@ -532,6 +535,7 @@ mod tests {
                 cosmology: Cosmology { hubble, omega_matter, omega_lambda, omega_baryon },
                 epoch: Epoch { scale_factor, time: time_now, frame, step },
                 fields: with_classes(fields),
+                fields_hash,
                 shared_species: species_list(species),
                 ..Metadata::new(LawKind::OpticalDepth, count, bounds)
             }

@@ -39,6 +39,9 @@ pub struct Metadata {
     /// What was kept of the snapshot beside positions and masses; see [`Metadata::quantities`].
     #[serde(default)]
     pub fields: Vec<Quantity>,
+    /// Of a frame of a series: a hash of its fields' values, which tells whether a snapshot still has them (docs/format.md).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fields_hash: Option<[u8; 16]>,
     /// Species that share the Gaussians of one layer, in the file's order. A decoded model has a layer for each, and no list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shared_species: Vec<SharedSpecies>,
@@ -203,6 +206,7 @@ impl Metadata {
             cosmology: Cosmology::default(),
             epoch: Epoch::default(),
             fields: Vec::new(),
+            fields_hash: None,
             shared_species: Vec::new(),
             recipe: Recipe::default(),
             tool_version: env!("CARGO_PKG_VERSION").to_string(),

@@ -18,6 +18,7 @@ mod set;
 mod space;
 mod state;
 mod temporary;
+mod work;
 mod write;
 
 pub use folder::WholeFolder;
@@ -29,6 +30,7 @@ pub use plan::{Input, Outputs};
 pub use scratch::scratch_file;
 pub use set::FileSet;
 pub use space::{check_space, check_space_in};
+pub use work::WorkFolder;
 pub use write::{check_writable, is_stream, open_log, scratch_folder, write_atomic, write_bytes};
 
 #[cfg(test)]

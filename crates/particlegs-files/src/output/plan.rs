@@ -130,7 +130,8 @@ impl Outputs {
         let missing: Vec<PathBuf> = missing.map(Path::to_path_buf).collect();
         // The innermost first, as they are removed.
         self.made.splice(0..0, missing);
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
+        std::fs::create_dir_all(folder)
+            .map_err(|e| if folder.is_file() { is_no_folder(folder) } else { Error::io(folder, e) })
     }
 
     /// Refuses a place that is read, or taken by another output.

@@ -65,7 +65,7 @@ impl TemporaryFile {
     }
 
     /// Moves it to `target`, over what is there.
-    fn replace(mut self, target: &Path) -> std::io::Result<()> {
+    pub fn replace(mut self, target: &Path) -> std::io::Result<()> {
         if self.name.is_some() || !self.place_new(target)? {
             std::fs::rename(self.named_beside(target)?, target)?;
             self.name = None;

@@ -37,7 +37,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 pub fn check_writable(path: &Path) -> Result<()> {
     match OutputTarget::new(path)? {
         OutputTarget::File(target) if target.is_dir() => {
-            Err(Error::io(path, std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder")))
+            Err(Error::output(path, "is a folder, but a file must be written", "name a file"))
         }
         OutputTarget::File(target) => check_folder(folder_of(&target)).map_err(|e| Error::io(path, e)),
         _ => Ok(()),

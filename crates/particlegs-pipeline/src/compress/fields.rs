@@ -8,7 +8,7 @@ use crate::fit::{FieldShape, correlations, gather};
 use crate::model::{Certificate, LawKind, Metadata, Model, Quantity, QuantityKind, SharedSpecies, Unit};
 use crate::particles::{ChunkBuffer, FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use crate::reference::FieldValues;
-use crate::{Error, Hint, Result};
+use crate::{Error, Hint, Result, parallel};
 
 /// The name that stands for all fields of real numbers.
 const ALL: &str = "all";
@@ -22,6 +22,7 @@ pub struct FieldSelection<'a> {
     pub(super) particles: &'a Particles,
     sources: &'a [LayerFields],
     plan: FieldPlan,
+    hash: Option<[u8; 16]>,
 }
 
 /// Fields that a model gets, and where the layers have them.
@@ -172,12 +173,39 @@ impl<'a> FieldSelection<'a> {
         let by_mass = particles.weights().is_some();
         let counts: Vec<u64> = particles.layers().iter().map(|l| l.content.len() as u64).collect();
         let plan = FieldPlan::new((names, star_forming), (sources, &counts), &particles.meta.fields, by_mass, law)?;
-        Ok(FieldSelection { particles, sources, plan })
+        Ok(FieldSelection { particles, sources, plan, hash: None })
     }
 
     /// Of particles whose fields were planned.
     pub(crate) fn planned(plan: FieldPlan, particles: &'a Particles, sources: &'a [LayerFields]) -> Self {
-        FieldSelection { particles, sources, plan }
+        FieldSelection { particles, sources, plan, hash: None }
+    }
+
+    /// The same, with the hash of all values, which models then keep (docs/format.md, section 2).
+    pub fn hashed(mut self) -> Result<Self> {
+        let mut hasher = blake3::Hasher::new();
+        for (layer, (source, chosen)) in self.particles.layers().iter().zip(self.sources.iter().zip(&self.plan.layers))
+        {
+            let hash_of_run = |run: usize| {
+                let (mut columns, mut bytes) = (Vec::new(), Vec::new());
+                source.read_some(run as u64, |c| chosen.iter().any(|f| f.1.needs(c)), &mut columns)?;
+                for (_, field) in chosen {
+                    let components = 0..field.columns.len();
+                    components.for_each(|k| bytes.extend(field.values(&columns, k).flat_map(f64::to_le_bytes)));
+                }
+                Ok::<_, Error>(blake3::hash(&bytes))
+            };
+            for hash in parallel::try_map_range(layer.content.len().div_ceil(RUN), hash_of_run)? {
+                hasher.update(hash.as_bytes());
+            }
+        }
+        self.hash = hasher.finalize().as_bytes().first_chunk().copied();
+        Ok(self)
+    }
+
+    /// The hash of all values, where [`FieldSelection::hashed`] has computed it.
+    pub fn hash(&self) -> Option<[u8; 16]> {
+        self.hash
     }
 
     /// Names of the snapshot's fields that the model omits.
@@ -264,7 +292,8 @@ impl<'a> FieldSelection<'a> {
         if !shared.is_empty() {
             return Err(Error::argument("fields cannot be added where particle types share Gaussians"));
         }
-        let metadata = Metadata { fields: self.plan.quantities.clone(), ..model.metadata.clone() };
+        let (fields, fields_hash) = (self.plan.quantities.clone(), self.hash);
+        let metadata = Metadata { fields, fields_hash, ..model.metadata.clone() };
         let mut coded = codec::coded_layers(bytes, "the model")?;
         let blocks = coded.iter_mut().flat_map(|layer| &mut layer.content);
         for (stored, sections) in blocks.zip(self.sections(model, &|_, _| None, context)?) {

@@ -2,6 +2,10 @@
 //! the others are those of the frame before, moved to where they are expected and refined on the frame's particles. Where
 //! memory is bounded, a frame's blocks are sets of Gaussians with the particles that are likeliest theirs.
 
+mod frame_store;
+
+pub use frame_store::FrameStore;
+
 use crate::blocks::divide;
 use crate::checkpoint::NoCheckpoints;
 use crate::codec::{ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel};
@@ -58,16 +62,20 @@ impl SeriesBuilder {
         Ok(SeriesBuilder { options, interval, clock: None, before: None, since: 0, key_bytes: 0 })
     }
 
-    /// Goes on behind a frame that was made by the same options before; gives the frame.
-    pub fn take(&mut self, frame: &CodedFrame, place: &str, context: &Context<'_>) -> Result<&TrackedModel> {
+    /// Decodes a frame that was made by the same options before, as the next one.
+    pub fn decode(&self, frame: &CodedFrame, place: &str, context: &Context<'_>) -> Result<TrackedModel> {
         let CodedFrame { time, keyframe, bytes } = frame;
-        let next = match self.before.as_ref().filter(|_| !keyframe) {
-            Some(before) => before.next(bytes, *time, place)?,
-            None => TrackedModel::keyframe(bytes, *time, place, context)?,
-        };
-        self.count(*keyframe, bytes.len());
-        self.clock.get_or_insert_with(|| SeriesClock::of(&next.metadata));
-        Ok(self.before.insert(next))
+        match self.before.as_ref().filter(|_| !keyframe) {
+            Some(previous_frame) => previous_frame.next(bytes, *time, place),
+            None => TrackedModel::keyframe(bytes, *time, place, context),
+        }
+    }
+
+    /// Goes on behind such a frame, which decodes to `model`.
+    pub fn resume(&mut self, frame: &CodedFrame, model: TrackedModel) {
+        self.count(frame.keyframe, frame.bytes.len());
+        self.clock.get_or_insert_with(|| SeriesClock::of(&model.metadata));
+        self.before = Some(model);
     }
 
     fn count(&mut self, keyframe: bool, bytes: usize) {
@@ -107,8 +115,9 @@ impl SeriesBuilder {
         let Some(time) = clock.time(number, metadata).filter(|t| t.is_finite()) else {
             return Err(Error::input(name, format!("the snapshot does not state its {}", clock.name())));
         };
-        if let Some(before) = &self.before {
-            follows(before, metadata, time, clock, name)?;
+        if let Some(previous_frame) = &self.before {
+            let next = NextFrame { metadata, particles, fields: fields.map_or(&[], |f| f.quantities()), time };
+            next.follows(previous_frame, clock)?;
         }
         let mut notes = planned.notes().to_vec();
         let tracked = match before {
@@ -211,7 +220,8 @@ impl SeriesBuilder {
         }
         sums.sort_unstable_by(f64::total_cmp);
         let quantities = fields.map_or(Vec::new(), |f| f.quantities().to_vec());
-        let metadata = Metadata { mass: sums.iter().sum(), fields: quantities, ..metadata.clone() };
+        let fields_hash = fields.and_then(FieldSelection::hash);
+        let metadata = Metadata { mass: sums.iter().sum(), fields: quantities, fields_hash, ..metadata.clone() };
         let Some(mut bytes) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
         let mut next = before.next(&bytes, time, &particles.meta.name)?;
         let size = bytes.len() as u64;
@@ -241,22 +251,78 @@ impl SeriesBuilder {
     }
 }
 
-/// Refuses a frame that does not belong behind the one before.
-fn follows(before: &TrackedModel, next: &Metadata, time: f64, clock: SeriesClock, name: &str) -> Result<()> {
-    let m = &before.metadata;
-    if time <= before.time {
-        let what = format!("its {} is {time}, not after {} of the frame before", clock.name(), before.time);
-        return Err(Error::input(name, what));
+/// Lengths and masses of one run differ by less, relative to their size.
+const SAME: f64 = 1e-6;
+
+/// What a frame states that is to be added.
+struct NextFrame<'a> {
+    metadata: &'a Metadata,
+    particles: &'a Particles,
+    fields: &'a [Quantity],
+    time: f64,
+}
+
+impl NextFrame<'_> {
+    /// Refuses a frame that does not belong behind the previous one.
+    fn follows(&self, previous: &TrackedModel, clock: SeriesClock) -> Result<()> {
+        let (before, next) = (&previous.metadata, self.metadata);
+        let refused = |what: String| Err(Error::input(&self.particles.meta.name, what));
+        if self.time <= previous.time {
+            let (name, time) = (clock.name(), self.time);
+            return refused(format!("its {name} is {time}, not after {} of the frame before", previous.time));
+        }
+        let periodic_axes = |m: &Metadata| m.cell.map(|c| c.periodic);
+        let differing = [
+            ("units", before.units != next.units),
+            ("cosmology", before.cosmology != next.cosmology),
+            ("periodic axes", periodic_axes(before) != periodic_axes(next)),
+        ];
+        if let Some((what, _)) = differing.into_iter().find(|d| d.1) {
+            return refused(format!("its {what} are not those of the frame before"));
+        }
+        if clock == SeriesClock::ScaleFactor && !has_same_box(before, next) {
+            let shown = |m: &Metadata| m.cell.map_or("not stated".into(), |c| c.to_string());
+            return refused(format!("its box is {}, that of the frame before {}", shown(next), shown(before)));
+        }
+        for layer in self.particles.layers() {
+            let Some(same) = previous.layers.iter().find(|l| l.name == layer.name) else { continue };
+            let masses = [same.mass, layer.mass];
+            if let [Mass::Each(a), Mass::Each(b)] = masses
+                && (a - b).abs() <= SAME * a
+            {
+                continue;
+            }
+            if masses.iter().all(|m| !m.is_weighted()) && masses[0] != masses[1] {
+                let [a, b] = masses.map(|m| m.unit().map_or("not stated".into(), |mass| mass.to_string()));
+                let named = if layer.name.is_empty() { String::new() } else { format!(" of `{}`", layer.name) };
+                return refused(format!("its particle mass{named} is {b}, that of the frame before {a}"));
+            }
+        }
+        for field in self.fields {
+            let same = before.fields.iter().find(|f| f.name == field.name);
+            if let Some(same) = same.filter(|f| f.unit != field.unit || f.kind != field.kind) {
+                let unit = |q: &Quantity| q.unit.as_ref().map_or("not stated".into(), |u| u.text.clone());
+                let (a, b) = (unit(same), unit(field));
+                return refused(format!("the unit of its field `{}` is {b}, in the frame before {a}", field.name));
+            }
+        }
+        Ok(())
     }
-    let repeats = |m: &Metadata| m.cell.map(|c| c.periodic);
-    let differing = [
-        ("units", m.units != next.units),
-        ("cosmology", m.cosmology != next.cosmology),
-        ("periodic axes", repeats(m) != repeats(next)),
-    ];
-    match differing.into_iter().find(|d| d.1) {
-        Some((what, _)) => Err(Error::input(name, format!("its {what} are not those of the frame before"))),
-        None => Ok(()),
+}
+
+/// Whether two moments of a cosmological run have one box: the same in comoving lengths, or growing with the scale factor
+/// in physical ones.
+fn has_same_box(before: &Metadata, next: &Metadata) -> bool {
+    let (Some(a), Some(b)) = (before.cell, next.cell) else { return before.cell.is_none() == next.cell.is_none() };
+    let growth = match (before.epoch.scale_factor, next.epoch.scale_factor) {
+        (Some(a), Some(b)) => b / a,
+        _ => 1.0,
+    };
+    let grown_by = |factor: f64| a.scaled(factor) == b || a.scaled(factor).same_lattice(&b, SAME);
+    match next.units.comoving {
+        Some(true) => grown_by(1.0),
+        Some(false) => grown_by(growth),
+        None => grown_by(1.0) || grown_by(growth),
     }
 }
 
