@@ -412,6 +412,7 @@ def metadata(content):
     check(all(kind in (1, 3) or flags < 2 for (_, kind, _, _), flags in zip(own, traits)), "traits of a vector")
     listed = [(name, 3 if kind == 2 else 1, flag, kind == 4) for (name, kind, _, _), flag in zip(own, traits)]
     check(all(2 <= len(c) <= 16 for c in classes_of(listed)), "classes of a category")
+    check(len(fields.get(12, bytes(16))) == 16, "hash of the fields' values")
     return {
         "fields": listed,
         "species": species_of(fields[33]) if 33 in fields else [],
@@ -424,6 +425,7 @@ def metadata(content):
         "opacity": real(8),
         "source": fields[9].decode(),
         "hash": fields[10].hex(),
+        "fields_hash": fields[12].hex() if 12 in fields else "none",
         "kept": kept,
         "units": units,
         "comoving": one(fields, 19, "<B"),
@@ -1600,7 +1602,8 @@ def hexadecimal(values):
 def dump(model, out):
     """The lines that `cargo run -p particlegs-pipeline --example decoded_bits` prints."""
     meta = model["meta"]
-    print("law", meta["law"], "particles", meta["particles"], "hash", meta["hash"], file=out)
+    hashes = ("hash", meta["hash"], "fields", meta["fields_hash"])
+    print("law", meta["law"], "particles", meta["particles"], *hashes, file=out)
     print("reals", hexadecimal([meta["mass"], *meta["bounds"], meta["radius"], meta["opacity"]]), file=out)
     print("source", meta["source"], file=out)
     words = lambda numbers: " ".join("none" if v is None else hexadecimal([v]) for v in numbers)

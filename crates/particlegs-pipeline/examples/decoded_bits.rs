@@ -12,12 +12,13 @@ fn bits(values: impl IntoIterator<Item = f64>) -> String {
 
 fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let m = &model.metadata;
-    let hash: String = m.source_hash.iter().map(|b| format!("{b:02x}")).collect();
+    let digits = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
+    let (hash, fields_hash) = (digits(&m.source_hash), m.fields_hash.map_or("none".into(), |hash| digits(&hash)));
     let law = match m.law {
         LawKind::OpticalDepth => 1,
         LawKind::AlphaBlend => 2,
     };
-    writeln!(out, "law {law} particles {} hash {hash}", m.count)?;
+    writeln!(out, "law {law} particles {} hash {hash} fields {fields_hash}", m.count)?;
     let bounds = m.bounds.min.into_iter().chain(m.bounds.max);
     let reals = [m.mass].into_iter().chain(bounds).chain([m.default_radius, m.default_opacity]);
     writeln!(out, "reals {}", bits(reals))?;

@@ -192,10 +192,11 @@ pub fn run(a: Arguments) -> Result<()> {
             let differing = match &particles.differences_from(&model, false)[..] {
                 [[what, stored, now], ..] => Some(format!("its {what} was {stored} and is {now} now")),
                 [] if model.metadata.source_hash != particles.source_hash() => Some("its particles differ".into()),
-                [] if model.metadata.fields_hash != fields.as_ref().and_then(FieldSelection::hash) => {
-                    Some("the values of its fields differ".into())
-                }
-                [] => None,
+                [] => match (model.metadata.fields_hash, fields.as_ref().and_then(FieldSelection::hash)) {
+                    (stored, now) if stored == now => None,
+                    (None, _) => Some("an earlier version made it and kept no record of its fields".into()),
+                    _ => Some("the values of its fields differ".into()),
+                },
             };
             match differing {
                 None => {
