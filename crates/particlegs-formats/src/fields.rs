@@ -89,7 +89,8 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     let is_wide = |f: &&SpeciesField| own.contains(&&f.name[..]) && number_of(f).is_some_and(|n| n != Number::F32);
     let wide = species.fields.iter().any(|f| is_wide(&f));
     let positions = || snapshot.reader(index, &Choice { weights: Weights::None, ..choice.clone() });
-    LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))
+    let absent = snapshot.description().absent.iter().map(|f| (f.name.clone(), f.why.clone())).collect();
+    Ok(LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))?.with_absent(absent))
 }
 
 /// The factor that makes a field of velocities peculiar, in km/s, or specific energies physical, in (km/s)^2, and why it is

@@ -1,7 +1,7 @@
 //! Fields of a snapshot beside positions and weights: read where they lie when particles are written.
 
 use super::{RUN, SnapshotReader};
-use crate::{Error, Result};
+use crate::{Error, Hint, Result};
 use particlegs_files::memory::require;
 use std::fmt;
 use std::sync::Arc;
@@ -127,6 +127,8 @@ pub struct LayerFields {
     /// Three components each, in the order of the fields'.
     columns: Vec<Triple>,
     positions: Option<Triple>,
+    /// Fields that it lacks, and why.
+    absent: Vec<(String, String)>,
 }
 
 /// A field as a user names it.
@@ -273,7 +275,13 @@ impl LayerFields {
         positions: Option<Arc<dyn SnapshotReader>>,
     ) -> Result<Self> {
         let columns = readers.into_iter().map(Triple::from_reader).collect::<Result<_>>()?;
-        Ok(LayerFields { fields, columns, positions: positions.map(Triple::from_reader).transpose()? })
+        let positions = positions.map(Triple::from_reader).transpose()?;
+        Ok(LayerFields { fields, columns, positions, absent: Vec::new() })
+    }
+
+    /// The same, with names of fields that the layer lacks, and why.
+    pub fn with_absent(self, absent: Vec<(String, String)>) -> Self {
+        LayerFields { absent, ..self }
     }
 
     /// Fields of real numbers that are in memory, a column for each component; vectors first.
@@ -284,7 +292,7 @@ impl LayerFields {
         while let (Some(a), Some(b), Some(c)) = (columns.next(), columns.next(), columns.next()) {
             triples.push(Triple::Memory(Arc::new([a, b, c])));
         }
-        LayerFields { fields, columns: triples, positions: None }
+        LayerFields { fields, columns: triples, positions: None, absent: Vec::new() }
     }
 
     /// The values of field `number` of the layer's `count` particles, a column for each component.
@@ -352,6 +360,13 @@ impl LayerFields {
         let own = [name];
         let Some(found) = std::iter::once(&own[..]).chain(names.iter().copied()).find_map(|n| self.columns_of(n))
         else {
+            let is_it = |absent: &str| {
+                let called = |names: &[&str]| matches!(names, [one] if one.eq_ignore_ascii_case(absent));
+                absent.eq_ignore_ascii_case(name) || names.iter().any(|names| called(names))
+            };
+            if let Some((_, why)) = self.absent.iter().find(|(absent, _)| is_it(absent)) {
+                return Err(Error::argument_with(why, Hint::from("choose other frames, or omit the field")));
+            }
             let there = self.real_fields();
             let hint = match there.is_empty() {
                 true => "it has only positions and masses".to_string(),
