@@ -73,7 +73,7 @@ pub fn field_grid<'py>(
         Ok((grid, field_in_cells(model, field, &grid, progress)?))
     })?;
     let columns = if dispersion { found.dispersion } else { found.mean };
-    let values = (0..grid.len()).flat_map(|i| columns.iter().map(move |c| f64::from(c[i]))).collect();
+    let values = (0..grid.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
     let components = Some(columns.len()).filter(|n| *n > 1);
     let shape: Vec<usize> = grid.cells.into_iter().chain(components).collect();
     let array = ArrayD::from_shape_vec(IxDyn(&shape), values);

@@ -124,8 +124,8 @@ pub fn array<T: numpy::Element>(py: Python<'_>, size: Size, values: Vec<T>) -> P
 }
 
 /// float64 values of a plane, (height, width).
-pub fn plane<'py>(py: Python<'py>, plane: &Plane) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let values = plane.data.iter().map(|v| f64::from(*v)).collect();
+pub fn plane<'py, T: Copy + Into<f64>>(py: Python<'py>, plane: &Plane<T>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let values = plane.data.iter().map(|v| (*v).into()).collect();
     let array = Array2::from_shape_vec((plane.size.height, plane.size.width), values);
     Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.to_pyarray(py))
 }

@@ -9,7 +9,7 @@ use numpy::{IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn
 use particlegs_formats::Writer;
 use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs_pipeline::particles::{
-    LayerFields, LayeredParticles, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
+    LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
 };
 use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::reference::Reference;
@@ -283,22 +283,27 @@ impl Snapshot {
         })
     }
 
-    /// Fields that were drawn with the particles: name, unit, values of shape (n,) or (n, 3).
+    /// Fields that were drawn with the particles: name, unit, values of shape (n,) or (n, 3), float64 where float32 does
+    /// not hold them.
     #[getter]
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, Option<String>, Bound<'py, PyArrayDyn<f32>>)>> {
+    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, Option<String>, Bound<'py, PyAny>)>> {
         let Some(first) = self.fields.first() else { return Ok(Vec::new()) };
         let mut all = Vec::with_capacity(first.fields.len());
         for (number, field) in first.fields.iter().enumerate() {
             let components = field.components as usize;
-            let mut rows: Vec<f32> = Vec::with_capacity(components * self.particles.len());
+            let mut rows: Vec<f64> = Vec::with_capacity(components * self.particles.len());
             for (layer, own) in self.particles.layers().iter().zip(&self.fields) {
                 let columns = own.values(number, layer.content.len()).or_raise()?;
-                rows.extend((0..layer.content.len()).flat_map(|i| columns.iter().map(move |c| c[i] as f32)));
+                rows.extend((0..layer.content.len()).flat_map(|i| columns.iter().map(move |c| c[i])));
             }
             let mut shape = vec![self.particles.len()];
             shape.extend((components > 1).then_some(components));
             let array = ArrayD::from_shape_vec(IxDyn(&shape), rows);
-            let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
+            let array = array.map_err(|e| InputError::new_err(e.to_string()))?;
+            let array = match field.number {
+                Number::F32 => array.mapv(|v| v as f32).into_pyarray(py).into_any(),
+                _ => array.into_pyarray(py).into_any(),
+            };
             all.push((field.name.clone(), field.unit.clone(), array));
         }
         Ok(all)

@@ -1321,7 +1321,7 @@ def read_field(block, content, known, before=None):
     check(content[1] == components and name not in block.fields, "components of a field")
     floats = struct.unpack_from("<10f", content, 2)
     steps, (a, b, shape_square, slope_square) = floats[:4], floats[4:8]
-    check(all(0 < v < 1e30 for v in floats[:8]) and all(map(math.isfinite, floats)), "steps of a field")
+    check(all(0 < v < 1e30 for v in floats[:8]) and not math.isnan(floats[8]) and math.isfinite(floats[9]), "steps of a field")
     check(len(content) >= start, "sums of a field")
     reals = struct.unpack_from(f"<{3 * components}d", content, 42)
     check(all(map(math.isfinite, reals)), "sums of a field")
@@ -1358,7 +1358,8 @@ def read_field(block, content, known, before=None):
             logs[i] = min(max(log_spread.read(stream, *g, error), -300.0), 300.0)
             sizes[i] = exp(logs[i])
         for k in range(components):
-            g = guess(floats[8], lambda j: sizes[j] * sizes[j] / float(block.counts[j]), a, lambda j: means[j][k])
+            first = floats[8] if math.isfinite(floats[8]) else reals[components + 2 * k + (floats[8] > 0)]
+            g = guess(first, lambda j: sizes[j] * sizes[j] / float(block.counts[j]), a, lambda j: means[j][k])
             error = (share_deviation(g[0], n) if shares else sizes[i]) / math.sqrt(n)
             means[i][k] = mean.read(stream, *g, error)
         if shares:

@@ -2,12 +2,14 @@
 
 use crate::common::{CommandContext, named};
 use crate::density_file::{self, Means};
+use crate::drawing::ViewContent;
 use crate::drawing::field_colors::FieldLegend;
 use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
 use clap::Args;
 use clap::builder::TypedValueParser;
 use particlegs_pipeline::camera::{DensityView, Projection, View};
+use particlegs_pipeline::math::float32_holds;
 use particlegs_pipeline::model::{Model, Units};
 use particlegs_pipeline::particles::Particles;
 use particlegs_pipeline::picture::{Colormap, Plane};
@@ -30,7 +32,7 @@ pub struct DensityArgs {
         allow_hyphen_values = true
     )]
     pub range: Option<Vec<f64>>,
-    /// Write the values instead of a picture: NAME.f32 (rows from the top) and NAME.json.
+    /// Write the values instead of a picture: NAME.f32 (rows from the top; NAME.f64 where float32 does not hold a field) and NAME.json.
     #[arg(long, hide_short_help = true)]
     pub raw: bool,
 }
@@ -124,19 +126,31 @@ impl DensityArgs {
         let path = |view: &View, ending| out.folder().join(format!("{}.{ending}", view.name));
         views.iter().try_for_each(|view| {
             context.writes(&path(view, "f32"), &VALUES)?;
+            context.writes(&path(view, "f64"), &VALUES)?;
             context.writes(&path(view, "json"), &JSON).map(drop)
         })
     }
 
-    /// Writes the values of a density, or of a field that is shown instead.
+    /// Writes the values of a density, or of a field that is shown instead: as float64 where float32 does not hold them.
     pub fn write_raw(
         &self,
         out: &PictureOut,
         view: &DensityView,
-        plane: &Plane,
+        seen: &ViewContent,
         q: &Quantities,
         field: Option<&FieldLegend>,
     ) -> Result<PathBuf> {
+        let (plane, wide) = match seen {
+            ViewContent::Field(plane, _) => {
+                let there = || plane.data.iter().copied().filter(|v| v.is_finite());
+                let range = [there().fold(f64::INFINITY, f64::min), there().fold(f64::NEG_INFINITY, f64::max)];
+                (plane.clone(), range[0] <= range[1] && !float32_holds(range))
+            }
+            ViewContent::Density(plane) => {
+                (Plane { size: plane.size, data: plane.data.iter().map(|v| f64::from(*v)).collect() }, false)
+            }
+            _ => return Err(Error::argument("--raw writes values of densities and fields")),
+        };
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);
         let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
@@ -145,6 +159,7 @@ impl DensityArgs {
             Some(field) => (field.title.clone(), field.unit.clone()),
             None => (format!("surface density{}", q.of_what()), q.unit()),
         };
-        density_file::write(out.folder(), view, plane, Means { quantity, unit, comoving, smooth, world_per_pixel })
+        let means = Means { quantity, unit, comoving, smooth, world_per_pixel };
+        density_file::write(out.folder(), view, (&plane, wide), means)
     }
 }

@@ -46,17 +46,24 @@ pub struct Means {
     pub world_per_pixel: f64,
 }
 
-/// Writes the two files of a view into a folder; returns the path of the values.
-pub fn write(folder: &Path, view: &DensityView, plane: &Plane, means: Means) -> Result<PathBuf> {
+const FLOAT64: &str = "float64, little-endian, rows from the top";
+
+/// Writes the two files of a view into a folder, values as float32 or `wide`; returns the path of the values.
+pub fn write(folder: &Path, view: &DensityView, (plane, wide): (&Plane<f64>, bool), means: Means) -> Result<PathBuf> {
     let set = FileSet::in_folder(folder)?;
-    let name = format!("{}.f32", view.name);
-    write_atomic(&set.path().join(&name), |w| {
-        plane
-            .data
-            .chunks(1 << 14)
-            .try_for_each(|run| w.write_all(&run.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()))
-    })?;
-    let mut text = serde_json::to_vec_pretty(&described(view, plane.size, means)).expect("plain data");
+    let name = format!("{}.{}", view.name, if wide { "f64" } else { "f32" });
+    let bytes = |run: &[f64]| -> Vec<u8> {
+        match wide {
+            true => run.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            false => run.iter().flat_map(|v| (*v as f32).to_le_bytes()).collect(),
+        }
+    };
+    write_atomic(&set.path().join(&name), |w| plane.data.chunks(1 << 14).try_for_each(|run| w.write_all(&bytes(run))))?;
+    let mut described = described(view, plane.size, means);
+    if wide {
+        described.values = FLOAT64.into();
+    }
+    let mut text = serde_json::to_vec_pretty(&described).expect("plain data");
     text.push(b'\n');
     write_bytes(&set.path().join(format!("{}.json", view.name)), &text)?;
     set.finish()?;
@@ -86,6 +93,9 @@ pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, P
     let size = Size { width: described.width, height: described.height };
     if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
         return Err(Error::input(&path, format!("{}x{} pixels: out of range", size.width, size.height)));
+    }
+    if described.values == FLOAT64 {
+        return Err(Error::input(&path, "its values are float64, which are not compared"));
     }
     let path = file.with_extension("f32");
     let most = 4 * size.pixels() as u64;

@@ -53,7 +53,7 @@ pub struct FieldSource<'a> {
     /// The mean of the vector field of a name.
     pub mean: &'a dyn Fn(&str) -> [f64; 3],
     /// Values that a scale is chosen by, of the first component.
-    pub samples: &'a dyn Fn(&str) -> Vec<f32>,
+    pub samples: &'a dyn Fn(&str) -> Vec<f64>,
 }
 
 impl FieldArgs {

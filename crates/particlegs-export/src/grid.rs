@@ -2,6 +2,7 @@
 
 use super::Kind;
 use particlegs_pipeline::context::Context;
+use particlegs_pipeline::math::float32_holds;
 use particlegs_pipeline::model::{Metadata, Model, Quantity};
 use particlegs_pipeline::stats::{Assignment, Domain, Grid, MeanAndDispersion, Subject, deposit, field_in_cells};
 use particlegs_pipeline::{Error, Hint, Result};
@@ -122,6 +123,19 @@ pub fn fields_named(kind: Kind, model: &Model, names: &[String]) -> Result<Vec<Q
     Ok(found)
 }
 
+/// Values of a field as float32, where that holds them.
+fn narrow(values: &[f64], name: &str) -> Result<Vec<f32>> {
+    let there = || values.iter().copied().filter(|v| v.is_finite());
+    let [least, largest] = [there().fold(f64::INFINITY, f64::min), there().fold(f64::NEG_INFINITY, f64::max)];
+    match least > largest || float32_holds([least, largest]) {
+        true => Ok(values.iter().map(|v| *v as f32).collect()),
+        false => Err(Error::argument_with(
+            format!("float32 does not hold the values of `{name}`, {least} to {largest}, and a grid has no others"),
+            "export the Gaussians as .npz or .csv, whose numbers are float64",
+        )),
+    }
+}
+
 impl Density {
     /// Of all layers of a model.
     pub fn new(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
@@ -159,7 +173,9 @@ impl Density {
             let values = field_in_cells(model, &quantity.name, &self.grid, context)?;
             context.end();
             let unit = quantity.place_unit(model.metadata.units.length_text());
-            self.fields.push(FieldGrid { quantity, unit, values });
+            let mean = values.mean.iter().map(|c| narrow(c, &quantity.name)).collect::<Result<_>>()?;
+            let dispersion = values.dispersion.iter().map(|c| c.iter().map(|v| *v as f32).collect()).collect();
+            self.fields.push(FieldGrid { quantity, unit, values: MeanAndDispersion { mean, dispersion } });
         }
         Ok(())
     }

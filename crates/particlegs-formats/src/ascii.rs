@@ -82,10 +82,16 @@ impl Ascii {
     }
 }
 
+/// The bits of a whole number, of either sign.
+pub fn whole_bits(text: &str) -> Option<u64> {
+    text.parse().or_else(|_| text.parse::<i64>().map(|v| v as u64)).ok()
+}
+
 fn parse(text: &[u8], kind: NumberType) -> Option<f64> {
     let text = std::str::from_utf8(text.get(..MOST_DIGITS.min(text.len()))?).ok()?;
     match kind {
         NumberType::F32 => text.parse::<f32>().ok().map(f64::from),
+        NumberType::B64 => whole_bits(text).map(f64::from_bits),
         _ => text.parse().ok(),
     }
 }

@@ -33,7 +33,9 @@ pub(crate) fn number_of(field: &SpeciesField) -> Option<Number> {
         packed => match (packed.get(..1)?, packed.get(1..)?.parse().ok()?) {
             ("i", 1..=32) => Number::I32,
             ("u", 1..=32) => Number::U32,
-            ("i" | "u" | "f", 1..=64) => Number::F64,
+            ("i", 33..=64) => Number::I64,
+            ("u", 33..=64) => Number::U64,
+            ("f", 1..=64) => Number::F64,
             _ => return None,
         },
     })
@@ -87,7 +89,8 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     let is_wide = |f: &&SpeciesField| own.contains(&&f.name[..]) && number_of(f).is_some_and(|n| n != Number::F32);
     let wide = species.fields.iter().any(|f| is_wide(&f));
     let positions = || snapshot.reader(index, &Choice { weights: Weights::None, ..choice.clone() });
-    LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))
+    let absent = snapshot.description().absent.iter().map(|f| (f.name.clone(), f.why.clone())).collect();
+    Ok(LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))?.with_absent(absent))
 }
 
 /// The factor that makes a field of velocities peculiar, in km/s, or specific energies physical, in (km/s)^2, and why it is
@@ -184,8 +187,11 @@ impl OutField {
     pub fn append(&self, run: &Run, out: &mut Vec<u8>) {
         for i in 0..run.columns[0].len() {
             self.columns.iter().for_each(|&c| match self.factor {
-                1.0 => self.number.append(run.fields[c][i], out),
-                factor => self.number.append(factor * run.fields[c][i], out),
+                1.0 => self.number.append(run.field(c, i), out),
+                factor => {
+                    let value = factor * self.number.value(run.field(c, i));
+                    self.number.append(self.number.stored(value), out);
+                }
             });
         }
     }

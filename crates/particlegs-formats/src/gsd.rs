@@ -6,7 +6,7 @@ use crate::compression::refuse;
 use crate::frames::{self, ChosenFrame};
 use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
-use crate::{Choice, Description, Format, Snapshot, SpeciesMass, TextResult, TrajectoryFrames};
+use crate::{AbsentField, Choice, Description, Format, Snapshot, SpeciesMass, TextResult, TrajectoryFrames};
 use particlegs_files::memory;
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::Cell;
@@ -136,6 +136,21 @@ impl GsdFile {
         }
         found
     }
+
+    /// Fields of particles that other frames have, and frame `chosen`, which has `fields`, has not.
+    fn absent(&self, chosen: u64, fields: &[AtomField]) -> Vec<AbsentField> {
+        let absent = |(number, name): (usize, &String)| {
+            let name = name.strip_prefix("particles/").filter(|name| !["N", "types", "position"].contains(name))?;
+            if fields.iter().any(|f| f.0.name == name) {
+                return None;
+            }
+            let mut has = vec![false; self.frames as usize];
+            let own = (0..self.entries).map(|i| self.entry(i)).filter(|e| usize::from(e.name) == number);
+            own.for_each(|e| has[e.frame as usize] = true);
+            has.contains(&true).then(|| AbsentField::new(name, chosen, &has))
+        };
+        self.names.iter().enumerate().filter_map(absent).collect()
+    }
 }
 
 fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
@@ -175,6 +190,8 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     }
     let dimensions = first("configuration/dimensions")?.unwrap_or(3.0);
     let mut notes = vec!["the format states no units: the simulation's own are reduced".to_string()];
+    let absent = file.absent(chosen, &fields);
+    notes.extend(absent.iter().map(|field| field.why.clone()));
     if choice.frame.is_none() && file.frames > 1 {
         notes.push(ChosenFrame::<()>::note_of_the_last(file.frames));
     }
@@ -189,6 +206,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
             ..named(path)
         },
         frames: Some(frames),
+        absent,
         notes,
         ..Description::default()
     };

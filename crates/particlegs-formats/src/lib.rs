@@ -75,7 +75,7 @@ pub use folder::folder_snapshots;
 pub use format::Format;
 pub use halo_file::{is_hdf5, write_haloes};
 pub use path_kind::PathKind;
-pub use snapshot::{Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
+pub use snapshot::{AbsentField, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 pub use snapshot_order::run_snapshots;
 pub use splats::write_splats;
 pub use topology::selection::AtomSelection;

@@ -49,6 +49,11 @@ fn detect(head: &FileHead) -> bool {
 #[derive(Clone, Default)]
 struct PdbFrameHead {
     cell: Option<Cell>,
+    /// Does a cell stand before the atoms, of this model or one before?
+    is_stated: bool,
+    /// What stands behind the end of the model.
+    behind: Option<Option<Cell>>,
+    in_model: bool,
     moment: (Option<f64>, Option<i64>),
     has_elements: bool,
     /// Are all atoms one species?
@@ -82,12 +87,24 @@ fn scanned(content: &TextContent, choice: &Choice) -> Result<FrameScan<PdbFrameH
     // What stands before the first model holds for all.
     let mut head = PdbFrameHead { is_one: choice.by_atoms(), ..PdbFrameHead::default() };
     let before = head.clone();
-    scan(content, choice.frame, |lines, number, wanted| {
+    let (mut leads, mut follows, mut next) = (true, false, None);
+    let mut found = scan(content, choice.frame, |lines, number, wanted| {
         if number == 0 {
             head = before.clone();
         }
-        frame(content, lines, &mut head, number, wanted)
-    })
+        let found = frame(content, lines, &mut head, number, wanted)?;
+        if let Some(PdbFrameHead { is_stated, behind, .. }) = found.as_ref().map(|f| &f.head) {
+            leads = if number == 0 { *is_stated } else { leads };
+            next = if wanted { *behind } else { next.or(*behind) };
+            follows = behind.is_some();
+        }
+        Ok(found)
+    })?;
+    // Cells belong to the model behind them, but where the first model has none and one stands behind the last.
+    if !leads && follows {
+        found.head.cell = next.flatten();
+    }
+    Ok(found)
 }
 
 /// The atoms of a model.
@@ -149,6 +166,9 @@ fn frame<'c>(
             head.cell = cell.map_err(|what| {
                 Error::input(content.path(), format!("frame {number}, line {line_number}: CRYST1: {what}"))
             })?;
+            head.is_stated = true;
+        } else if line.starts_with(b"MODEL ") {
+            head.in_model = true;
         } else if line.starts_with(b"TITLE") {
             head.moment = moment(line);
         }
@@ -178,7 +198,29 @@ fn frame<'c>(
         }
     }
     let step = head.moment.1;
-    Ok(Some(TextFrame { head: head.clone(), rows: wanted.then(|| rows.until(end)), step }))
+    let own = PdbFrameHead { behind: None, ..head.clone() };
+    let own = cell_behind(lines, head, own)?;
+    Ok(Some(TextFrame { head: own, rows: wanted.then(|| rows.until(end)), step }))
+}
+
+/// Reads on from the atoms of a model to the title, the model or the atoms of the next; `own` with the cell that stands
+/// there. One within the model is its own, one behind it may be that of the next.
+fn cell_behind(lines: &mut LineReader<'_>, head: &mut PdbFrameHead, mut own: PdbFrameHead) -> Result<PdbFrameHead> {
+    let is_next = |line: &[u8]| is_atom(line) || line.starts_with(b"MODEL ") || line.starts_with(b"TITLE");
+    while let Some(line) = lines.peek()?.filter(|line| !is_next(line)) {
+        if line.starts_with(b"CRYST1") {
+            // What is wrong with it is said where the next model is read.
+            let Ok(cell) = crystal(line) else { break };
+            (head.cell, head.is_stated) = (cell, true);
+            match head.in_model {
+                true => (own.cell, own.is_stated) = (cell, true),
+                false => own.behind = own.behind.or(Some(cell)),
+            }
+        }
+        head.in_model &= !line.starts_with(b"END");
+        lines.line()?;
+    }
+    Ok(own)
 }
 
 /// Three lengths and angles; a cube of 1 stands for none.

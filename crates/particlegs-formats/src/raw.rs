@@ -1,5 +1,8 @@
-//! Raw float32 columns: a folder with xx.f32, yy.f32, zz.f32, or those files. Their layers are species.
+//! Raw float32 columns: a folder with xx.f32, yy.f32, zz.f32, or those files. Their layers are species. Fields may be
+//! float64.
 
+use crate::numbers::{Bytes, NumberType, StridedColumn};
+use crate::pieces::{ParticlePiece, PieceReader, RowBuffer};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights};
 use particlegs_pipeline::model::{self, Layer};
 use particlegs_pipeline::particles::{Particles, SnapshotMeta, SnapshotReader};
@@ -15,6 +18,8 @@ struct RawSnapshot {
     particles: Particles,
     /// The folder of the columns.
     folder: PathBuf,
+    /// Names of those that are float64.
+    double: Vec<String>,
 }
 
 /// Raw data have no head: a folder with columns, or columns that no format claims.
@@ -33,6 +38,8 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         files => files[0].parent().map_or_else(PathBuf::new, PathBuf::from),
     };
     let others = if paths.len() == 1 { other_columns(&folder, particles.len()) } else { Vec::new() };
+    let double = |(_, kind): &&(String, NumberType)| *kind == NumberType::F64;
+    let double = others.iter().filter(double).map(|(name, _)| name.clone()).collect();
     // Masses of layers weigh particles, too.
     let has_weights = paths.len() == 4 || folder.join("ww.f32").exists();
     let description = Description {
@@ -42,27 +49,40 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         species: particles.layers().iter().map(|l| species(l, has_weights, &others, &particles.meta)).collect(),
         ..Description::default()
     };
-    Ok(Box::new(RawSnapshot { description, particles, folder }))
+    Ok(Box::new(RawSnapshot { description, particles, folder, double }))
 }
 
-/// Names of the folder's other float32 columns with a value for each particle, sorted.
-fn other_columns(folder: &Path, count: usize) -> Vec<String> {
+/// Names and types of the folder's other columns, `.f32` and `.f64`, with a value for each particle, sorted.
+fn other_columns(folder: &Path, count: usize) -> Vec<(String, NumberType)> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let name = |entry: std::fs::DirEntry| {
         // A link has the length of its file.
         let length = std::fs::metadata(entry.path()).ok()?.len();
-        let name = entry.file_name().into_string().ok()?.strip_suffix(".f32")?.to_string();
+        let file = entry.file_name().into_string().ok()?;
+        let (name, kind) = match (file.strip_suffix(".f32"), file.strip_suffix(".f64")) {
+            (Some(name), _) => (name, NumberType::F32),
+            (_, name) => (name?, NumberType::F64),
+        };
         let other = !POSITIONS.split(',').chain([WEIGHTS]).any(|own| own == name);
-        (other && length == 4 * count as u64).then_some(name)
+        (other && length == kind.bytes() * count as u64).then(|| (name.to_string(), kind))
     };
-    let mut names: Vec<String> = entries.filter_map(|entry| name(entry.ok()?)).collect();
-    names.sort();
-    names
+    let mut columns: Vec<(String, NumberType)> = entries.filter_map(|entry| name(entry.ok()?)).collect();
+    columns.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.bytes().cmp(&a.1.bytes())));
+    columns.dedup_by(|b, a| a.0 == b.0);
+    columns
 }
 
-fn species(layer: &Layer<Range<usize>>, weights: bool, others: &[String], meta: &SnapshotMeta) -> Species {
-    let scalar =
-        |name: &str| SpeciesField { unit: meta.field_units.get(name).cloned(), ..SpeciesField::new(name, "f32", 1) };
+fn species(
+    layer: &Layer<Range<usize>>,
+    weights: bool,
+    others: &[(String, NumberType)],
+    meta: &SnapshotMeta,
+) -> Species {
+    let of_kind = |(name, kind): (&str, NumberType)| {
+        let unit = meta.field_units.get(name).cloned();
+        SpeciesField { unit, ..SpeciesField::new(name, kind.name(), 1) }
+    };
+    let own = POSITIONS.split(',').chain(weights.then_some(WEIGHTS)).map(|name| (name, NumberType::F32));
     Species {
         name: layer.name.clone(),
         aliases: Vec::new(),
@@ -73,12 +93,7 @@ fn species(layer: &Layer<Range<usize>>, weights: bool, others: &[String], meta: 
             model::Mass::Unknown => SpeciesMass::Unknown,
         },
         positions: POSITIONS.into(),
-        fields: POSITIONS
-            .split(',')
-            .chain(weights.then_some(WEIGHTS))
-            .chain(others.iter().map(String::as_str))
-            .map(scalar)
-            .collect(),
+        fields: own.chain(others.iter().map(|(name, kind)| (&name[..], *kind))).map(of_kind).collect(),
     }
 }
 
@@ -90,7 +105,54 @@ fn counted(particles: Particles) -> Particles {
     particles.without_weights().with_layers(if one_kind { Vec::new() } else { layers })
 }
 
+/// Columns of a folder's files.
+struct RawColumns {
+    rows: u64,
+    columns: [(Bytes, StridedColumn); 3],
+}
+
+impl ParticlePiece for RawColumns {
+    fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    fn is_wide(&self) -> bool {
+        true
+    }
+
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
+        for ((bytes, lane), column) in self.columns.iter().zip(&mut out.position) {
+            lane.append(bytes, rows.clone(), column);
+        }
+        Ok(())
+    }
+}
+
 impl RawSnapshot {
+    fn is_double(&self, name: &str) -> bool {
+        self.double.iter().any(|own| own == name)
+    }
+
+    /// A reader of three columns of a layer, of which some are float64; `None` of others.
+    fn double_columns(&self, species: usize, choice: &Choice) -> Result<Option<PieceReader>> {
+        let names: Vec<&str> = choice.positions.as_deref().unwrap_or(POSITIONS).split(',').map(str::trim).collect();
+        let ([x, y, z], true) = (&names[..], names.iter().any(|name| self.is_double(name))) else { return Ok(None) };
+        let layer = &self.particles.layers()[species].content;
+        let column = |name: &str| {
+            let kind = if self.is_double(name) { NumberType::F64 } else { NumberType::F32 };
+            let path = self.folder.join(format!("{name}.{}", kind.name()));
+            let (bytes, stride) = (Bytes::from_filled_file(&path)?, kind.bytes());
+            let lane = StridedColumn { offset: stride * layer.start as u64, stride, kind, big_endian: false };
+            match lane.fits(layer.len() as u64, bytes.len()) {
+                true => Ok((bytes, lane)),
+                false => Err(Error::input(&path, "it has fewer values than there are particles")),
+            }
+        };
+        let columns = [column(x)?, column(y)?, column(z)?];
+        let piece = RawColumns { rows: layer.len() as u64, columns };
+        PieceReader::new(self.description.meta.clone(), vec![Box::new(piece)], false).map(Some)
+    }
+
     /// The columns with the weights chosen, or none: there are no other fields to choose.
     fn with(&self, choice: &Choice) -> Result<Particles> {
         if let Some(names) = choice.positions.as_deref().filter(|names| *names != POSITIONS) {
@@ -128,12 +190,18 @@ impl Snapshot for RawSnapshot {
     }
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
+        if let Some(reader) = self.double_columns(species, choice)? {
+            return Ok(Box::new(reader));
+        }
         let particles = self.with(choice)?;
         Ok(Box::new(particles.of_layer(&particles.layers()[species])))
     }
 
     fn in_place(&self, species: &[usize], choice: &Choice) -> Result<Option<Particles>> {
         let all = &self.description.species;
+        if choice.positions.as_ref().is_some_and(|names| names.split(',').any(|name| self.is_double(name.trim()))) {
+            return Ok(None);
+        }
         let particles = self.with(choice)?;
         Ok(match species {
             _ if species.len() == all.len() => Some(particles),

@@ -41,6 +41,9 @@ pub struct Description {
     pub species: Vec<Species>,
     /// Frames, where the format can hold several.
     pub frames: Option<TrajectoryFrames>,
+    /// Fields that other frames have.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub absent: Vec<AbsentField>,
     /// What a user should know: features not read, values that contradict each other.
     pub notes: Vec<String>,
 }
@@ -80,6 +83,40 @@ pub(crate) fn only(paths: &[PathBuf]) -> Result<&PathBuf> {
 /// What is no UTF-8 in a path is replaced.
 fn paths_as_text<S: serde::Serializer>(paths: &[PathBuf], to: S) -> std::result::Result<S::Ok, S::Error> {
     to.collect_seq(paths.iter().map(|p| p.to_string_lossy()))
+}
+
+/// A field that the frame lacks and other frames have.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct AbsentField {
+    /// Name as the file has it.
+    pub name: String,
+    /// The frame, the field, and which frames have it: a sentence for people.
+    pub why: String,
+}
+
+impl AbsentField {
+    /// The field `name`, which frame `chosen` lacks; `has` tells of each frame whether it has it.
+    pub(crate) fn new(name: &str, chosen: u64, has: &[bool]) -> AbsentField {
+        let with: Vec<usize> = (0..has.len()).filter(|&i| has[i]).collect();
+        let even = with.windows(2).map(|w| w[1] - w[0]).reduce(|a, b| if a == b { a } else { 0 });
+        let stored = match (&with[..], even) {
+            ([], _) => "at other steps than positions".into(),
+            ([first, .., last], Some(step)) if step > 1 && *first < step && last + step >= has.len() => {
+                let ending = match (step % 100, step % 10) {
+                    (11..=13, _) => "th",
+                    (_, 1) => "st",
+                    (_, 2) => "nd",
+                    (_, 3) => "rd",
+                    _ => "th",
+                };
+                let from = if *first == 0 { String::new() } else { format!(", from frame {first} on") };
+                format!("for every {step}{ending} frame{from}")
+            }
+            ([only], _) => format!("for frame {only} alone"),
+            _ => format!("for {} of {} frames", with.len(), has.len()),
+        };
+        AbsentField { name: name.into(), why: format!("frame {chosen} has no {name}: the file stores it {stored}") }
+    }
 }
 
 /// Frames of a trajectory.

@@ -12,7 +12,7 @@ use particlegs_core::camera::base_distance;
 use particlegs_core::codec::{self, Decoder, FrameEntry, SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Model, hex};
-use particlegs_core::picture::{Colormap, DensityColors, Gray8, Size, ValueColors, ValueScale, masked_psnr};
+use particlegs_core::picture::{Colormap, DensityColors, Gray8, Plane, Size, ValueColors, ValueScale, masked_psnr};
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::splat::Response;
@@ -127,7 +127,8 @@ impl Engine {
             QueryKind::Values { scene, field: Some(field), .. } => {
                 check(scene.size)?;
                 let map = FieldPlane::new(opened, &scene, &field)?;
-                EngineResponse::with(&json!({ "range": map.range() }), bytes(&map.values))
+                let data = map.values.data.iter().map(|v| *v as f32).collect();
+                EngineResponse::with(&json!({ "range": map.range() }), bytes(&Plane { size: scene.size, data }))
             }
             QueryKind::Values { scene, style, field: None } => {
                 check(scene.size)?;

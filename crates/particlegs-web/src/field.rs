@@ -16,7 +16,7 @@ const MOST: usize = 250_000;
 /// A map of a field.
 pub(crate) struct FieldPlane {
     /// NaN where there is no mass.
-    pub values: Plane,
+    pub values: Plane<f64>,
     pub shade: Option<Plane>,
     pub scale: ValueScale,
     /// Titles of the drawn layers that have no values of the field.
@@ -48,7 +48,7 @@ impl FieldPlane {
         let model: &Model = opened.shown(of)?;
         let scene = of.scene(model, &|layer| of.shows(layer));
         if scene.parts().all(|m| m.fields.get(&query.name).is_none()) {
-            let values = Plane { size: of.size, data: vec![f32::NAN; of.size.pixels()] };
+            let values = Plane { size: of.size, data: vec![f64::NAN; of.size.pixels()] };
             return Ok(FieldPlane { values, shade: None, scale, without });
         }
         let map = field_map(&scene, &query, &of.density_view(scene.bounds())?, of.size, &Context::SILENT)?;

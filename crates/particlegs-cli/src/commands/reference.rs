@@ -248,8 +248,8 @@ fn particle_field(
     let number = selection.quantities().iter().position(|q| q.name.eq_ignore_ascii_case(&candidates[at]));
     let values = selection.values(number.unwrap_or(0))?;
     let mean = |_: &str| {
-        let of = |column: &Vec<f32>| {
-            let there: Vec<f64> = column.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect();
+        let of = |column: &Vec<f64>| {
+            let there: Vec<f64> = column.iter().copied().filter(|v| v.is_finite()).collect();
             there.iter().sum::<f64>() / there.len().max(1) as f64
         };
         [0, 1, 2].map(|k| values.columns.get(k).map_or(0.0, of))
@@ -267,7 +267,7 @@ fn particle_field(
     let mut weights = selection.values(number)?.columns.swap_remove(0);
     if let (true, Some(masses)) = (selection.quantities()[number].extensive, particles.weights()) {
         // A sum weighs by itself.
-        weights.iter_mut().zip(masses.iter()).for_each(|(v, mass)| *v /= mass);
+        weights.iter_mut().zip(masses.iter()).for_each(|(v, mass)| *v /= f64::from(*mass));
     }
     Ok((choice, FieldValues { by: Some(weights), ..values }))
 }

@@ -77,7 +77,7 @@ struct Aligner {
     /// The atoms that are put onto those of the first frame.
     chosen: Choice,
     /// These, and their ids, where the file has any.
-    first: Option<(Alignment, Option<Vec<f64>>)>,
+    first: Option<(Alignment, Option<Vec<u64>>)>,
 }
 
 impl Aligner {
@@ -109,13 +109,13 @@ impl Aligner {
 }
 
 /// The ids of atoms, where their file has a field of that name.
-fn ids(particles: &Particles, fields: &[LayerFields]) -> Result<Option<Vec<f64>>> {
+fn ids(particles: &Particles, fields: &[LayerFields]) -> Result<Option<Vec<u64>>> {
     let mut all = Vec::new();
     for (layer, fields) in particles.layers().iter().zip(fields) {
         let Some(number) = fields.fields.iter().position(|f| f.name.eq_ignore_ascii_case("id")) else {
             return Ok(None);
         };
-        all.extend(fields.values(number, layer.content.len())?.into_iter().flatten());
+        all.extend(fields.identities(number, layer.content.len())?);
     }
     Ok(Some(all).filter(|ids| !ids.is_empty()))
 }

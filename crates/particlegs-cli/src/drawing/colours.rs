@@ -3,7 +3,7 @@
 use super::ViewContent;
 use crate::figure::{FigureImage, PaperColour};
 use particlegs_pipeline::parallel;
-use particlegs_pipeline::picture::{Colormap, DensityColors, Rgb8};
+use particlegs_pipeline::picture::{Colormap, DensityColors, Plane, Rgb8};
 
 /// Most decades of a common range, as for a single picture ([`particlegs_pipeline::picture::Plane::log_range`]).
 const DECADES: f64 = 1e-4;
@@ -27,7 +27,11 @@ pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperCol
             PaperColour::Black => FigureImage::Gray(gray),
             PaperColour::White => FigureImage::Gray(gray).inverted(),
         },
-        ViewContent::Density(plane) | ViewContent::Field(plane, _) => {
+        ViewContent::Field(plane, _) => {
+            let data = plane.data.iter().map(|v| *v as f32).collect();
+            image(ViewContent::Density(Plane { size: plane.size, data }), map, range, ground)
+        }
+        ViewContent::Density(plane) => {
             let colors = densities(map, ground, range);
             let pixels = parallel::map_range(plane.data.len(), |i| colors.of(plane.data[i]));
             FigureImage::Color(Rgb8 { size: plane.size, data: pixels })
@@ -39,7 +43,7 @@ pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperCol
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::picture::{Gray8, Plane, Size};
+    use particlegs_pipeline::picture::{Gray8, Size};
 
     #[test]
     fn the_range_ignores_specks() {

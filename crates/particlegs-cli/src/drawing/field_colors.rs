@@ -20,7 +20,13 @@ pub struct FieldLegend {
 
 impl FieldLegend {
     /// The picture; pixels without a value have the background's colour, and those of little `shade` come near it.
-    pub fn image(&self, plane: &Plane, shade: Option<&Plane>, range: [f64; 2], background: PaperColour) -> FigureImage {
+    pub fn image(
+        &self,
+        plane: &Plane<f64>,
+        shade: Option<&Plane>,
+        range: [f64; 2],
+        background: PaperColour,
+    ) -> FigureImage {
         let colors = ValueColors { scale: self.scale, range, map: self.map };
         FigureImage::Color(colors.image(plane, shade, background == PaperColour::White))
     }

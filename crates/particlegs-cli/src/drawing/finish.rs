@@ -236,7 +236,8 @@ impl Finisher<'_> {
         let range = range.unwrap_or_else(|| self.common_range([self.range_of(&seen)]));
         let size = match &seen {
             ViewContent::Levels(g) | ViewContent::Layers(g, _) => g.size,
-            ViewContent::Density(p) | ViewContent::Field(p, _) => p.size,
+            ViewContent::Density(p) => p.size,
+            ViewContent::Field(p, _) => p.size,
         };
         let about = self.about(std::slice::from_ref(view), size, range)?;
         let bytes = match kind {

@@ -28,7 +28,7 @@ pub enum ViewContent {
     /// Surface density.
     Density(Plane),
     /// Values of a field, not numbers where there is no mass; and what shades them, if anything does.
-    Field(Plane, Option<Plane>),
+    Field(Plane<f64>, Option<Plane>),
 }
 
 /// A picture with a lower mean grey level is dark.

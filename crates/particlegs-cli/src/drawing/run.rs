@@ -101,9 +101,9 @@ impl DrawingJob<'_> {
                     context.message(&format!("note: the picture is dark, as ParaView's would be (mean grey {grey:.1} of 255): --style density shows more"));
                 }
                 match seen {
-                    ViewContent::Density(plane) | ViewContent::Field(plane, _) if density.raw => {
+                    ViewContent::Density(_) | ViewContent::Field(..) if density.raw => {
                         let view = finish.subject.density_view(view, set.size);
-                        density.write_raw(out, &view, &plane, finish.quantities, finish.field.as_ref())
+                        density.write_raw(out, &view, &seen, finish.quantities, finish.field.as_ref())
                     }
                     seen => {
                         let path = out.picture(&view.name);

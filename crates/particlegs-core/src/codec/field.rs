@@ -95,7 +95,7 @@ struct FieldHeader {
     change: [f32; 2],
     /// Mean squares of shape numbers, and of slopes over a Gaussian in units of its spread.
     square: [f32; 2],
-    /// Means and the logarithm of the spread where nothing is decoded yet.
+    /// Means and the logarithm of the spread where nothing is decoded yet. Infinite where means are beyond float32.
     start: [f32; 2],
     /// Exact sums of weight times value, one a component; least and largest value.
     sums: Vec<f64>,
@@ -113,6 +113,12 @@ struct ExcessHeader {
 }
 
 impl FieldHeader {
+    /// The mean of component `k` where nothing is decoded yet.
+    fn first_mean(&self, k: usize) -> f64 {
+        let start = f64::from(self.start[0]);
+        if start.is_finite() { start } else { start.clamp(self.range[k][0], self.range[k][1]) }
+    }
+
     fn write(&self) -> Vec<u8> {
         let mut out = vec![self.field, self.sums.len() as u8];
         let floats = self.steps.iter().chain(&self.change).chain(&self.square).chain(&self.start);
@@ -136,7 +142,7 @@ impl FieldHeader {
         }
         let [a, b, c, d, change @ .., e, f, g, h] = floats;
         let positive = |v: &f32| *v > 0.0 && *v < 1e30;
-        if !floats[..8].iter().all(positive) || ![g, h].iter().all(|v| v.is_finite()) {
+        if !floats[..8].iter().all(positive) || g.is_nan() || !h.is_finite() {
             return Err("the steps of a field are out of range".into());
         }
         let mut reals = (0..3 * components).map(|_| r.f64()).collect::<Result<Vec<f64>, String>>()?;
@@ -349,7 +355,7 @@ impl<'a> FieldWalk<'a> {
                 s * s / count
             });
             for k in 0..components {
-                let start = f64::from(self.header.start[0]);
+                let start = self.header.first_mean(k);
                 let (guess, variance) = expected(&near, &weights, start, |j| self.out.mean[k][j]);
                 if self.of_shares {
                     spread = share_deviation(guess, n);

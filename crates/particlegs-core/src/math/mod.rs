@@ -20,6 +20,22 @@ pub fn each_axis<T>(mut of: impl FnMut(usize) -> T) -> [T; 3] {
     [of(0), of(1), of(2)]
 }
 
+/// Does float32 hold numbers between two, each of which then is told from others that lie a thousandth of the range away?
+pub fn float32_holds([least, largest]: [f64; 2]) -> bool {
+    let size = least.abs().max(largest.abs());
+    let (range, step) = (largest - least, size * f64::from(f32::EPSILON));
+    (size == 0.0 || (1e-30..1e38).contains(&size)) && (range == 0.0 || step < 1e-3 * range)
+}
+
+/// The power of two by which numbers of at most this size become so small that float32 holds their squares; 1 where it
+/// holds them anyway.
+pub fn float32_scale(largest: f64) -> f64 {
+    match largest {
+        _ if !largest.is_finite() || largest == 0.0 || (1e-12..1e15).contains(&largest) => 1.0,
+        _ => libm::ldexp(1.0, -libm::frexp(largest).1),
+    }
+}
+
 /// The share of a Gaussian of deviation `s` below `x`, to 1e-7 (Abramowitz and Stegun 7.1.26):
 /// a grid's cell needs no more, and it is called a hundred times a Gaussian.
 pub fn normal_share(x: f64, s: f64) -> f64 {

@@ -20,13 +20,13 @@ impl Size {
     }
 }
 
-/// A plane of floats (optical depth, surface density), top row first.
+/// A plane of floats (optical depth, surface density; values of a field as f64), top row first.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plane {
+pub struct Plane<T = f32> {
     /// Size in pixels.
     pub size: Size,
     /// `size.pixels()` values.
-    pub data: Vec<f32>,
+    pub data: Vec<T>,
 }
 
 impl Plane {

@@ -23,7 +23,7 @@ const WIDE: f64 = 30.0;
 
 impl ValueScale {
     /// The scale that suits values whose sign matters or not.
-    pub fn suited(plane: &Plane, signed: bool) -> ValueScale {
+    pub fn suited(plane: &Plane<f64>, signed: bool) -> ValueScale {
         let there = || plane.data.iter().copied().filter(|v| v.is_finite());
         let [lo, hi] = [1.0, 99.0].map(|p| percentile(there(), p));
         match (signed, lo, hi) {
@@ -36,11 +36,11 @@ impl ValueScale {
     }
 
     /// From the 1st to the 99th percentile of the values, or as far as the 99th of their sizes on either side of zero.
-    pub fn range(self, plane: &Plane) -> Option<[f64; 2]> {
+    pub fn range(self, plane: &Plane<f64>) -> Option<[f64; 2]> {
         let there = || plane.data.iter().copied().filter(|v| v.is_finite());
         let [lo, hi] = match self {
             ValueScale::Signed => {
-                let far = percentile(there().map(f32::abs), 99.0)?;
+                let far = percentile(there().map(f64::abs), 99.0)?;
                 [-far, far]
             }
             ValueScale::Linear => [percentile(there(), 1.0)?, percentile(there(), 99.0)?],
@@ -68,10 +68,10 @@ impl ValueScale {
     }
 }
 
-fn percentile(values: impl Iterator<Item = f32>, percent: f64) -> Option<f64> {
-    let mut all: Vec<f32> = values.collect();
+fn percentile(values: impl Iterator<Item = f64>, percent: f64) -> Option<f64> {
+    let mut all: Vec<f64> = values.collect();
     let at = (all.len().checked_sub(1)? as f64 * percent / 100.0).round() as usize;
-    Some(f64::from(*all.select_nth_unstable_by(at, f32::total_cmp).1))
+    Some(*all.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
 /// Colours over a range of values.
@@ -107,11 +107,11 @@ impl ValueColors {
 
     /// A picture of values. Those that are not numbers have the background's colour, and colours come near it where there
     /// is little `shade`.
-    pub fn image(&self, values: &Plane, shade: Option<&Plane>, white: bool) -> Rgb8 {
+    pub fn image(&self, values: &Plane<f64>, shade: Option<&Plane>, white: bool) -> Rgb8 {
         let shades = shade.map(|s| (s, s.log_range().unwrap_or([1.0, 10.0])));
         let background = if white { [255; 3] } else { [0; 3] };
         let data = parallel::map_range(values.data.len(), |i| {
-            let value = f64::from(values.data[i]);
+            let value = values.data[i];
             if value.is_nan() {
                 return background;
             }
@@ -133,28 +133,28 @@ mod tests {
     use super::*;
     use crate::picture::Size;
 
-    fn plane(data: Vec<f32>) -> Plane {
+    fn plane<T>(data: Vec<T>) -> Plane<T> {
         Plane { size: Size { width: data.len(), height: 1 }, data }
     }
 
     #[test]
     fn scales_suit_the_values() {
-        let velocities = plane((0..1000).map(|i| i as f32 - 300.0).collect());
+        let velocities = plane((0..1000).map(|i| f64::from(i) - 300.0).collect());
         let [lo, hi] = ValueScale::suited(&velocities, true).range(&velocities).unwrap();
         assert!(lo == -hi && (680.0..700.0).contains(&hi), "{lo} {hi}");
-        let temperatures = plane((0..1000).map(|i| 10f32.powf(4.0 + i as f32 / 250.0)).chain([f32::NAN]).collect());
+        let temperatures = plane((0..1000).map(|i| 10f64.powf(4.0 + f64::from(i) / 250.0)).chain([f64::NAN]).collect());
         assert_eq!(ValueScale::suited(&temperatures, false), ValueScale::Logarithmic);
-        let even = plane((0..1000).map(|i| 100.0 + i as f32 / 10.0).collect());
+        let even = plane((0..1000).map(|i| 100.0 + f64::from(i) / 10.0).collect());
         assert_eq!(ValueScale::suited(&even, false), ValueScale::Linear);
         let one = plane(vec![5.0; 10]);
         assert!(ValueScale::Linear.range(&one).is_some_and(|[lo, hi]| lo < 5.0 && 5.0 < hi));
-        assert_eq!(ValueScale::Linear.range(&plane(vec![f32::NAN; 3])), None);
+        assert_eq!(ValueScale::Linear.range(&plane(vec![f64::NAN; 3])), None);
     }
 
     #[test]
     fn places_without_mass_have_the_colour_of_the_background() {
         let colors = ValueColors { scale: ValueScale::Signed, range: [-2.0, 2.0], map: None };
-        let of = |shade| colors.image(&plane(vec![f32::NAN, -2.0, 0.0, 2.0]), shade, true).data;
+        let of = |shade| colors.image(&plane(vec![f64::NAN, -2.0, 0.0, 2.0]), shade, true).data;
         let [empty, blue, middle, red] = of(None)[..] else { panic!("four pixels") };
         assert!(
             empty == [255; 3] && blue[2] > 180 && blue[0] < 80 && middle == [221; 3] && red[0] > 170 && red[2] < 50

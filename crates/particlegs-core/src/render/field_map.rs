@@ -9,7 +9,7 @@ use super::surface::{all_tails, moved, reach};
 use super::weight_footprint::{PixelValue, WeightFootprint};
 use crate::camera::DensityView;
 use crate::context::Context;
-use crate::math::{Sym3, dot, each_axis, norm};
+use crate::math::{Sym3, dot, each_axis, float32_scale, norm};
 use crate::model::{FieldMoments, Mixture};
 use crate::picture::{Plane, Size};
 use crate::splat::erf;
@@ -35,17 +35,17 @@ const BAND: usize = 16;
 #[derive(Clone, Debug)]
 pub struct FieldMap {
     /// Mean weighted by surface density, in the field's unit.
-    pub mean: Plane,
+    pub mean: Plane<f64>,
     /// Root mean square of what single particles differ from the mean; of a logarithmic field that of the decimal logarithm
     /// (dex).
-    pub dispersion: Plane,
+    pub dispersion: Plane<f64>,
     /// The surface density that weighs, of the parts that have the field.
     pub density: Plane,
 }
 
 impl FieldMap {
     /// What a query asks for: the dispersion or the mean.
-    pub fn wanted(&self, query: &FieldQuery) -> &Plane {
+    pub fn wanted(&self, query: &FieldQuery) -> &Plane<f64> {
         if query.dispersion { &self.dispersion } else { &self.mean }
     }
 }
@@ -66,6 +66,8 @@ pub fn field_map(
     let FieldRange { range, half_width } = FieldRange::new(&all, query)?;
     check_weighting(&all, query)?;
     let reference = overall_mean(&all, query);
+    let largest = range[0].abs().max(range[1].abs());
+    let [s, of_values] = [half_width, largest].map(float32_scale);
     let least = least_density(scene, &all, query, Lens::density(view, size, [0.0; 3])?.unit);
     let scene = Scene { parts: all, shifts: scene.shifts.clone(), ..*scene };
     let cell = view.centered_cell();
@@ -83,7 +85,14 @@ pub fn field_map(
         folded.push(view.wrapped(size, tails, |view, size| {
             let sums = match &mut sums {
                 Some(sums) => sums,
-                none => none.insert(drawn(&scene, query, reference, view, size, context)?),
+                none => none.insert(drawn(
+                    &scene,
+                    query,
+                    (reference, [1.0, s, s * s, of_values, 1.0]),
+                    view,
+                    size,
+                    context,
+                )?),
             };
             Ok(std::mem::replace(&mut sums[k], Plane::zeros(Size { width: 0, height: 0 })))
         })?);
@@ -91,21 +100,24 @@ pub fn field_map(
     let mut rest = folded.split_off(3);
     let masses = weighed.then(|| rest.pop()).flatten();
     let values = rest.pop();
-    let [density, mut mean, mut dispersion] = <[Plane; 3]>::try_from(folded).expect("three planes");
-    for (i, ((&w, m), d)) in density.data.iter().zip(&mut mean.data).zip(&mut dispersion.data).enumerate() {
-        let (w, own) = (f64::from(w), f64::from(*m) / f64::from(w));
-        let variance = (f64::from(*d) / w - own * own).max(0.0);
-        let (value, unit) = match &values {
-            Some(values) => (f64::from(values.data[i]) / w, LN_10),
-            None => (reference + own, 1.0),
-        };
-        *d = (variance.sqrt().min(half_width) / unit) as f32;
-        let value = value.clamp(range[0], range[1]);
-        *m = if query.per_area { w * value } else { value } as f32;
-        let there = masses.as_ref().map_or(w, |masses| f64::from(masses.data[i]));
+    let [density, first, second] = <[Plane; 3]>::try_from(folded).expect("three planes");
+    let empty = || Plane { size: density.size, data: vec![f64::NAN; density.data.len()] };
+    let (mut mean, mut dispersion) = (empty(), empty());
+    for (i, &w) in density.data.iter().enumerate() {
+        let there = f64::from(masses.as_ref().map_or(w, |masses| masses.data[i]));
         if there.is_nan() || there <= least || w <= 0.0 {
-            (*m, *d) = (f32::NAN, f32::NAN);
+            continue;
         }
+        let w = f64::from(w);
+        let own = f64::from(first.data[i]) / w;
+        let variance = (f64::from(second.data[i]) / w - own * own).max(0.0);
+        let (value, unit) = match &values {
+            Some(values) => (f64::from(values.data[i]) / w / of_values, LN_10),
+            None => (reference + own / s, 1.0),
+        };
+        dispersion.data[i] = (variance.sqrt() / s).min(half_width) / unit;
+        let value = value.clamp(range[0], range[1]);
+        mean.data[i] = if query.per_area { w * value } else { value };
     }
     Ok(FieldMap { mean, dispersion, density: masses.unwrap_or(density) })
 }
@@ -287,11 +299,11 @@ impl DepthCut {
 }
 
 /// Planes of weight, weight times value and weight times value squared; of a logarithmic field these are of logarithms, and
-/// the fourth is of weight times value.
+/// the fourth is of weight times value. Values are about `reference`, and planes times `scales`.
 fn drawn(
     scene: &Scene,
     query: &FieldQuery,
-    reference: f64,
+    (reference, scales): (f64, [f64; SUMS]),
     view: &DensityView,
     size: Size,
     context: &Context<'_>,
@@ -338,7 +350,8 @@ fn drawn(
         }
         Ok::<_, Error>(sums)
     })?;
-    Ok((0..SUMS).map(|k| Plane { size, data: rows.iter().flatten().map(|v| v[k] as f32).collect() }).collect())
+    let plane = |k: usize| Plane { size, data: rows.iter().flatten().map(|v| (v[k] * scales[k]) as f32).collect() };
+    Ok((0..SUMS).map(plane).collect())
 }
 
 fn touches(f: &Footprint, size: Size) -> bool {
@@ -742,7 +755,7 @@ mod tests {
         let mut seen = 0;
         for i in (0..SIZE.pixels()).step_by(61).filter(|&i| map.density.data[i] > 0.01 * peak) {
             let [_, mean, dispersion] = integrated(&m, q, v, [i % SIZE.width, i / SIZE.width]);
-            let off = [f64::from(map.mean.data[i]) - mean, f64::from(map.dispersion.data[i]) - dispersion];
+            let off = [map.mean.data[i] - mean, map.dispersion.data[i] - dispersion];
             worst = off.iter().fold(worst, |w, v| w.max(v.abs() / mean.hypot(dispersion)));
             seen += 1;
         }

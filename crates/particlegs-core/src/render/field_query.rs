@@ -183,7 +183,7 @@ impl FieldQuery {
     }
 
     /// The scale that suits the field, of some of its `values`.
-    pub fn scale(&self, values: impl FnOnce() -> Vec<f32>) -> ValueScale {
+    pub fn scale(&self, values: impl FnOnce() -> Vec<f64>) -> ValueScale {
         let data = if self.dispersion { Vec::new() } else { values() };
         let size = Size { width: data.len(), height: 1 };
         // Charges have both signs.
@@ -193,10 +193,10 @@ impl FieldQuery {
 }
 
 /// The mean values of a field's first component in all Gaussians of some layers: values to choose a scale by.
-pub fn first_means<'a>(layers: impl IntoIterator<Item = &'a Layer<Vec<Block>>>, name: &str) -> Vec<f32> {
+pub fn first_means<'a>(layers: impl IntoIterator<Item = &'a Layer<Vec<Block>>>, name: &str) -> Vec<f64> {
     let blocks = layers.into_iter().flat_map(|l| &l.content);
     let fields = blocks.filter_map(|b| b.gaussians.fields.get(name));
-    fields.flat_map(|f| (0..f.len()).map(|i| f.value_at(0, i, [0.0; 3]) as f32)).collect()
+    fields.flat_map(|f| (0..f.len()).map(|i| f.value_at(0, i, [0.0; 3]))).collect()
 }
 
 /// The mean of a vector field over all particles of some layers that have it, weighted as maps are; 0 without it.

@@ -292,7 +292,8 @@ impl AsdfSnapshot {
         let packed = parts[0].file.packed.map(|name| format!(", Abacus's {name}")).unwrap_or_default();
         let files = parts.iter().map(|p| p.file.path.clone()).collect();
         let format = format!("ASDF{packed}");
-        let description = Description { format, files, meta, species: vec![species], frames: None, notes };
+        let description =
+            Description { format, files, meta, species: vec![species], frames: None, absent: Vec::new(), notes };
         Ok(AsdfSnapshot { description, parts })
     }
 }

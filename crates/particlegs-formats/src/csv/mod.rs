@@ -68,7 +68,7 @@ fn columns(guess: &Guess, kinds: &[&'static str]) -> TableColumns {
     let field = |((text, name), kind): ((&String, &ColumnName), &&str)| SpeciesField {
         name: text.clone(),
         // What is whole in the first rows need not be in all, but for numbers that name things.
-        kind: if *kind == "i64" && !is_id(text) { "f64" } else { *kind }.into(),
+        kind: if matches!(*kind, "i64" | "u64") && !is_id(text) { "f64" } else { *kind }.into(),
         components: 1,
         unit: name.unit.clone(),
     };

@@ -71,7 +71,7 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
         notes.push(format!("skipped blocks of unknown layout: {}", first.unknown.join(", ")));
     }
     let files = parts.iter().map(|p| p.path.clone()).collect();
-    Description { format, files, meta: h.meta(named(&paths[0])), species, frames: None, notes }
+    Description { format, files, meta: h.meta(named(&paths[0])), species, frames: None, absent: Vec::new(), notes }
 }
 
 fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {

@@ -76,7 +76,15 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     let notes = std::iter::once(units.to_string()).chain(unread).collect();
     let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
-    Ok(Description { format, files, meta: meta(path, first), species: vec![species], frames: None, notes })
+    Ok(Description {
+        format,
+        files,
+        meta: meta(path, first),
+        species: vec![species],
+        frames: None,
+        absent: Vec::new(),
+        notes,
+    })
 }
 
 fn meta(path: &Path, file: &GenericIoFile) -> SnapshotMeta {

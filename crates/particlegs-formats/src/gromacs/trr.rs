@@ -7,7 +7,7 @@ use crate::frames::choose;
 use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::topology::snapshot::NO_NAMES;
-use crate::{Choice, Description, Format, Snapshot, TextResult};
+use crate::{AbsentField, Choice, Description, Format, Snapshot, TextResult};
 use particlegs_pipeline::model::Epoch;
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::Cell;
@@ -74,14 +74,18 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     refuse(path, FORMAT.title)?;
     let mut file = XdrFile::open(path)?;
     let (mut next, mut with_positions) = (0, None);
+    let mut has: [Vec<bool>; 2] = Default::default();
     let found = choose(path, choice.frame, |number, _| {
-        next = if number == 0 { 0 } else { next };
+        if number == 0 {
+            (next, has) = (0, Default::default());
+        }
         if next >= file.length {
             return Ok(None);
         }
         let at = next;
         let frame = TrrFrame::parse(file.head(at, MOST_BEFORE)?).map_err(|what| file.error(number, at, &what))?;
         next = file.end(number, at, frame.before + frame.arrays.iter().sum::<u64>())?;
+        (0..2).for_each(|k| has[k].push(frame.arrays[1 + k] > 0));
         with_positions = if frame.arrays[0] > 0 { Some(number) } else { with_positions };
         Ok(Some((frame, at)))
     })?;
@@ -92,8 +96,12 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         let last = with_positions.map(|n| Hint::default().option("frame", n).words(" reads one that has"));
         return Err(Error::input_with(path, what, last.unwrap_or_default()));
     }
+    let missing = |k: &usize| frame.arrays[1 + k] == 0 && has[*k].contains(&true);
+    let absent = (0..2).filter(missing).map(|k| AbsentField::new(ARRAYS[1 + k].0, found.number, &has[k]));
+    let absent: Vec<AbsentField> = absent.collect();
     let mut notes = found.notes;
     notes.push(NO_NAMES.into());
+    notes.extend(absent.iter().map(|field| field.why.clone()));
     let description = Description {
         format: format!("{}, f{}", FORMAT.title, 8 * frame.real),
         files: paths.to_vec(),
@@ -104,6 +112,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
             ..named(path)
         },
         frames: Some(frames),
+        absent,
         notes,
         ..Description::default()
     };

@@ -10,7 +10,10 @@ use crate::frames::{self, ChosenFrame};
 use crate::npy::layout::positions_named;
 use crate::pieces::{ParticlePiece, RowBuffer};
 use crate::snapshot::named;
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, wrapping};
+use crate::{
+    AbsentField, Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, wrapping,
+};
+use particlegs_files::memory;
 use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
 use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
 use particlegs_pipeline::space::Cell;
@@ -30,8 +33,10 @@ struct H5mdElement {
     /// Where its data set lies: its group and its name.
     place: [String; 2],
     set: DataSet,
-    /// Has it an array for each frame?
+    /// Has it arrays of frames?
     varies: bool,
+    /// Which of these is the chosen frame's.
+    row: u64,
 }
 
 impl H5mdElement {
@@ -67,10 +72,10 @@ impl H5mdGroup {
         let element = |name: String| {
             let group = format!("{path}/{name}");
             match container.data_set(&group, "value") {
-                Ok(set) => Some(H5mdElement { name, place: [group, "value".into()], set, varies: true }),
+                Ok(set) => Some(H5mdElement { name, place: [group, "value".into()], set, varies: true, row: 0 }),
                 Err(_) => {
                     let set = container.data_set(&path, &name).ok()?;
-                    Some(H5mdElement { place: [path.clone(), name.clone()], name, set, varies: false })
+                    Some(H5mdElement { place: [path.clone(), name.clone()], name, set, varies: false, row: 0 })
                 }
             }
         };
@@ -78,10 +83,7 @@ impl H5mdGroup {
         let position = elements.iter().find(|e| e.name == POSITION)?;
         let &[rows, 1..=3] = position.shape() else { return None };
         let frames = position.varies.then(|| position.set.shape[0]);
-        elements.retain(|e| {
-            let same = !e.varies || Some(e.set.shape[0]) == frames;
-            same && e.set.number.is_some() && matches!(e.shape(), [n] | [n, _] if *n == rows)
-        });
+        elements.retain(|e| e.set.number.is_some() && matches!(e.shape(), [n] | [n, _] if *n == rows));
         elements.sort_by_key(|e| e.name != POSITION);
         Some(H5mdGroup { name: name.into(), position: POSITION.into(), elements, frames, rows })
     }
@@ -100,11 +102,29 @@ impl H5mdGroup {
         let element = |set: DataSet| {
             let varies = matches!(set.shape[..], [f, n] | [f, n, _] if f == frames && n == rows);
             let fits = varies || matches!(set.shape[..], [n] if n == rows);
-            fits.then(|| H5mdElement { name: set.name.clone(), place: [TOP.into(), set.name.clone()], set, varies })
+            let place = [TOP.into(), set.name.clone()];
+            fits.then(|| H5mdElement { name: set.name.clone(), place, set, varies, row: 0 })
         };
         let mut elements: Vec<H5mdElement> = sets.into_iter().filter_map(element).collect();
         elements.sort_by_key(|e| e.name != position);
         Some(H5mdGroup { name: "atoms".into(), position, elements, frames: Some(frames), rows })
+    }
+
+    /// Finds each element's array of a frame, at the same step as the positions; those that have none are left out and
+    /// given back.
+    fn choose(&mut self, container: &Container, frame: u64) -> Result<Vec<AbsentField>> {
+        let mut absent = Vec::new();
+        let place = format!("{PARTICLES}/{}/{POSITION}", self.name);
+        let positions = (&place[..], self.frames.unwrap_or(1));
+        for element in self.elements.iter_mut().filter(|e| e.varies) {
+            let own = (&element.place[0][..], element.set.shape[0]);
+            match row_of(container, positions, own, frame)? {
+                Some(row) => element.row = row,
+                None => absent.push(AbsentField::new(&element.name, frame, &rows_of(container, positions, own)?)),
+            }
+        }
+        self.elements.retain(|e| absent.iter().all(|a| a.name != e.name));
+        Ok(absent)
     }
 
     fn element(&self, name: &str) -> Option<&H5mdElement> {
@@ -116,7 +136,6 @@ struct H5mdSnapshot {
     description: Description,
     container: Container,
     groups: Vec<H5mdGroup>,
-    frame: u64,
     /// Which group a species is of, and which of its rows are.
     species: Vec<(usize, Option<Arc<[u32]>>)>,
     wraps: bool,
@@ -158,8 +177,9 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
         notes: is_last.then(|| ChosenFrame::<()>::note_of_the_last(count)).into_iter().collect(),
         ..Description::default()
     };
-    let groups = vec![group];
-    let mut snapshot = H5mdSnapshot { description, container, groups, frame, species: Vec::new(), wraps: false };
+    let mut groups = vec![group];
+    groups[0].elements.iter_mut().for_each(|e| e.row = frame);
+    let mut snapshot = H5mdSnapshot { description, container, groups, species: Vec::new(), wraps: false };
     snapshot.find_species(choice.by_atoms())?;
     snapshot.settle(choice)?;
     Ok(Some(Box::new(snapshot)))
@@ -167,7 +187,7 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
 
 pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let names = container.names_in(PARTICLES);
-    let groups: Vec<H5mdGroup> = names.iter().filter_map(|name| H5mdGroup::read(&container, name)).collect();
+    let mut groups: Vec<H5mdGroup> = names.iter().filter_map(|name| H5mdGroup::read(&container, name)).collect();
     let Some(first) = groups.first() else {
         let what = format!("an H5MD file without positions in a group of `{PARTICLES}`");
         return Err(Error::input(path, what));
@@ -181,6 +201,12 @@ pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dy
     if choice.frame.is_none() && count > 1 {
         notes.push(ChosenFrame::<()>::note_of_the_last(count));
     }
+    let mut absent = Vec::new();
+    for group in &mut groups {
+        absent.extend(group.choose(&container, frame)?);
+    }
+    notes.extend(absent.iter().map(|field: &AbsentField| field.why.clone()));
+    let first = &groups[0];
     let group = format!("{PARTICLES}/{}", first.name);
     let place = format!("{group}/{POSITION}");
     let at = |name: &str| numbers(&container, &place, name, frame).ok().flatten();
@@ -199,16 +225,17 @@ pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dy
         format: "HDF5, H5MD trajectory".into(),
         files: vec![path.to_path_buf()],
         meta: SnapshotMeta {
-            cell: cell(&container, &format!("{group}/box"), frame, &mut notes)?,
+            cell: cell(&container, &format!("{group}/box"), (&place, count), frame, &mut notes)?,
             units,
             epoch: Epoch { time: at("time").filter(|t| t.is_finite()), ..frames.epoch() },
             ..named(path)
         },
         frames: Some(frames),
+        absent,
         notes,
         ..Description::default()
     };
-    let mut snapshot = H5mdSnapshot { description, container, groups, frame, species: Vec::new(), wraps: false };
+    let mut snapshot = H5mdSnapshot { description, container, groups, species: Vec::new(), wraps: false };
     snapshot.find_species(choice.by_atoms())?;
     snapshot.settle(choice)?;
     Ok(Box::new(snapshot))
@@ -224,14 +251,70 @@ fn numbers(container: &Container, group: &str, name: &str, frame: u64) -> Result
     Ok(values(container, [group, name], None)?.first().map(|step| offset + step * frame as f64))
 }
 
+/// What arrays of frames are told by, the surest first.
+const MOMENTS: [&str; 2] = ["step", "time"];
+
+/// Which array of an element is of the step, or else of the time, that frame `frame` of the positions has. Elements are
+/// groups and their numbers of arrays; of one without steps and times the frame's own.
+fn row_of(
+    container: &Container,
+    (positions, frames): (&str, u64),
+    (own, arrays): (&str, u64),
+    frame: u64,
+) -> Result<Option<u64>> {
+    let number = |group: &str| MOMENTS.map(|name| numbers(container, group, name, frame).ok().flatten());
+    let (wanted, at_same_place) = (number(positions), number(own));
+    for (k, name) in MOMENTS.into_iter().enumerate() {
+        if container.data_set(own, name).is_err() {
+            continue;
+        }
+        let Some(moment) = wanted[k] else { continue };
+        if frame < arrays && at_same_place[k] == Some(moment) {
+            return Ok(Some(frame));
+        }
+        return Ok(moments(container, own, name, arrays)?.iter().position(|m| *m == moment).map(|row| row as u64));
+    }
+    Ok((arrays == frames).then_some(frame))
+}
+
+/// Has an element an array for each frame of the positions?
+fn rows_of(container: &Container, positions: (&str, u64), own: (&str, u64)) -> Result<Vec<bool>> {
+    for name in MOMENTS {
+        let has = |group: &str| container.data_set(group, name).is_ok();
+        if has(positions.0) && has(own.0) {
+            let of = |(group, count): (&str, u64)| moments(container, group, name, count);
+            let there: BTreeSet<u64> = of(own)?.into_iter().map(f64::to_bits).collect();
+            return Ok(of(positions)?.iter().map(|m| there.contains(&m.to_bits())).collect());
+        }
+    }
+    Ok(Vec::new())
+}
+
+/// The steps or times of all arrays of an element.
+fn moments(container: &Container, group: &str, name: &str, count: u64) -> Result<Vec<f64>> {
+    memory::require("the steps of a trajectory", 24 * count)?;
+    let set = container.data_set(group, name)?;
+    if !set.shape.is_empty() {
+        return rows(container, [group, name], None, count);
+    }
+    let offset = set.attributes.number(&["offset"]).unwrap_or(0.0);
+    let step = values(container, [group, name], None)?.first().copied().unwrap_or(0.0);
+    Ok((0..count).map(|i| offset + step * i as f64).collect())
+}
+
 /// Numbers of a small data set, or of its frame, row by row.
-fn values(container: &Container, [group, name]: [&str; 2], frame: Option<u64>) -> Result<Vec<f64>> {
+fn values(container: &Container, place: [&str; 2], frame: Option<u64>) -> Result<Vec<f64>> {
+    rows(container, place, frame, 3)
+}
+
+/// The same of at most `most` rows.
+fn rows(container: &Container, [group, name]: [&str; 2], frame: Option<u64>, most: u64) -> Result<Vec<f64>> {
     let choice = Choice::default();
     let shape = container.data_set(group, name)?.shape;
     let components = shape.get(1 + usize::from(frame.is_some())).copied().unwrap_or(1).min(3);
     let wants: Vec<ColumnTarget> = (0..components).map(|k| ColumnTarget { component: k, target: k as usize }).collect();
     let part = DataSetSequence { choice: &choice, count: 0 }.part(container, [group, name], frame, &wants)?;
-    let rows = part.count().min(3);
+    let rows = part.count().min(most);
     let mut out = RowBuffer::default();
     DataSetColumns::new(vec![part], Arc::new(ChunkCache::new(0)), false).read(0..rows, &mut out)?;
     Ok((0..rows as usize)
@@ -241,9 +324,23 @@ fn values(container: &Container, [group, name]: [&str; 2], frame: Option<u64>) -
 }
 
 /// The cell of a frame: three lengths, or three vectors.
-fn cell(container: &Container, group: &str, frame: u64, notes: &mut Vec<String>) -> Result<Option<Cell>> {
-    let edges = match container.data_set(&format!("{group}/edges"), "value") {
-        Ok(_) => values(container, [&format!("{group}/edges"), "value"], Some(frame))?,
+fn cell(
+    container: &Container,
+    group: &str,
+    positions: (&str, u64),
+    frame: u64,
+    notes: &mut Vec<String>,
+) -> Result<Option<Cell>> {
+    let varying = format!("{group}/edges");
+    let edges = match container.data_set(&varying, "value") {
+        Ok(set) => {
+            let own = (&varying[..], set.shape.first().copied().unwrap_or(0));
+            let Some(row) = row_of(container, positions, own, frame)? else {
+                notes.push(AbsentField::new("box", frame, &rows_of(container, positions, own)?).why);
+                return Ok(None);
+            };
+            values(container, [&varying, "value"], Some(row))?
+        }
         Err(_) if container.data_set(group, "edges").is_ok() => values(container, [group, "edges"], None)?,
         Err(_) => return Ok(None),
     };
@@ -341,7 +438,7 @@ impl Snapshot for H5mdSnapshot {
             let missing = || found.missing(&self.container.place, name, [].into_iter());
             let element = self.groups[*group].element(name).ok_or_else(missing)?;
             let [group, name] = &element.place;
-            let frame = element.varies.then_some(self.frame);
+            let frame = element.varies.then_some(element.row);
             columns.push(vec![sets.part(&self.container, [group, name], frame, wants)?]);
         }
         let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == found.positions);

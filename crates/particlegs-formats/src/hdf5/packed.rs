@@ -5,6 +5,8 @@
 pub struct PackedNumber {
     big_endian: bool,
     form: BitLayout,
+    /// Are whole numbers of more than 32 bits wanted as the bits of one of 64?
+    as_stored: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +47,7 @@ impl PackedNumber {
         if class == 0 {
             let whole = offset == 0 && bits == 8 * size;
             let form = BitLayout::Integer { offset, bits, signed: flags & 8 != 0 };
-            return Ok((!whole).then_some(PackedNumber { big_endian, form }));
+            return Ok((!whole).then_some(PackedNumber { big_endian, form, as_stored: false }));
         }
         let read = || Some([byte(12)?, byte(13)?, byte(14)?, byte(15)?, word(16)?, word(18)?]);
         let Some([at, exponent, start, mantissa, low, high]) = read() else { return Err("a damaged type".into()) };
@@ -63,7 +65,8 @@ impl PackedNumber {
         if class != 1 || !normal || !fits || low > 1023 {
             return Err(odd());
         }
-        Ok(Some(PackedNumber { big_endian, form: BitLayout::Float { sign, exponent, mantissa, bias: low as i32 } }))
+        let form = BitLayout::Float { sign, exponent, mantissa, bias: low as i32 };
+        Ok(Some(PackedNumber { big_endian, form, as_stored: false }))
     }
 
     pub fn name(&self) -> String {
@@ -71,6 +74,11 @@ impl PackedNumber {
             BitLayout::Integer { bits, signed, .. } => format!("{}{bits}", if signed { 'i' } else { 'u' }),
             BitLayout::Float { exponent, mantissa, .. } => format!("f{}", 1 + exponent.bits + mantissa.bits),
         }
+    }
+
+    /// As [`crate::numbers::NumberType::stored`].
+    pub fn stored(self, as_stored: bool) -> PackedNumber {
+        PackedNumber { as_stored, ..self }
     }
 
     /// The number in `bytes`, at most eight.
@@ -85,7 +93,12 @@ impl PackedNumber {
             BitLayout::Integer { offset, bits, signed } => {
                 // To the top, then down again, with copies of the sign where there is one.
                 let top = raw >> offset << (64 - bits);
-                if signed { (top as i64 >> (64 - bits)) as f64 } else { (top >> (64 - bits)) as f64 }
+                let whole = if signed { (top as i64 >> (64 - bits)) as u64 } else { top >> (64 - bits) };
+                match (self.as_stored && bits > 32, signed) {
+                    (true, _) => f64::from_bits(whole),
+                    (_, true) => whole as i64 as f64,
+                    _ => whole as f64,
+                }
             }
             BitLayout::Float { sign, exponent, mantissa, bias } => {
                 let (e, m) = (exponent.get(raw), mantissa.get(raw));

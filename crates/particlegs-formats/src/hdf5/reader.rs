@@ -121,8 +121,9 @@ impl DataSetSequence<'_> {
     ) -> Result<DataSetPart> {
         let place = format!("{}: {group}/{name}", container.place);
         let mut table = table(container, group, name, frame)?;
-        if table.packed.is_none() {
-            table.kind = table.kind.stored(self.choice.as_stored);
+        match &mut table.packed {
+            None => table.kind = table.kind.stored(self.choice.as_stored),
+            Some(packed) => *packed = packed.stored(self.choice.as_stored),
         }
         if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
             let what = format!("it has {} numbers per row, not {}", table.components, want.component + 1);

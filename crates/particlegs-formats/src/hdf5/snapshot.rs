@@ -319,7 +319,7 @@ impl SnapshotBuilder {
         let code = self.header.code().map(|c| format!(", {c}")).unwrap_or_default();
         let format = format!("HDF5 snapshot{code}");
         let files = paths.into_iter().chain(self.sources).collect();
-        let description = Description { format, files, meta, species, frames: None, notes };
+        let description = Description { format, files, meta, species, frames: None, absent: Vec::new(), notes };
         Ok(Box::new(Hdf5Snapshot { description, parts: self.parts, types }))
     }
 

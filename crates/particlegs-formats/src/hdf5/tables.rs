@@ -106,6 +106,7 @@ pub fn open(
         meta,
         species: tables.iter().map(|t| t.species.clone()).collect(),
         frames,
+        absent: Vec::new(),
         notes,
     };
     let groups = tables.into_iter().map(|t| t.group).collect();

@@ -166,7 +166,7 @@ const MOST_COLUMNS: usize = 1000;
 
 pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let mut all = crate::fields::common(kept, &STANDARD, &["x", "y", "z"]);
-    let is_whole = |f: &OutField| f.columns.len() == 1 && !matches!(f.number, Number::F32 | Number::F64);
+    let is_whole = |f: &OutField| f.columns.len() == 1 && f.number.is_whole();
     all.retain(|f| !OWN.contains(&&f[0].name[..]) || is_whole(&f[0]));
     let mut columns = 0;
     all.retain(|f| {
@@ -192,13 +192,13 @@ fn push_field(field: &OutField, run: &Run, i: usize, text: &mut Vec<u8>) {
         if k > 0 {
             text.push(b' ');
         }
-        let value = run.fields[column][i];
+        let stored = run.field(column, i);
+        let value = field.number.value(stored);
         match field.number {
             Number::F32 => text.extend_from_slice(zmij::Buffer::new().format(value as f32).as_bytes()),
             Number::F64 => text.extend_from_slice(zmij::Buffer::new().format(value).as_bytes()),
-            Number::U64 => push_whole(value.to_bits(), text),
-            // Whole numbers of 64 bits come as their bits.
-            Number::I64 => text.extend_from_slice((value.to_bits() as i64).to_string().as_bytes()),
+            Number::U64 => push_whole(stored.bits(), text),
+            Number::I64 => text.extend_from_slice((stored.bits() as i64).to_string().as_bytes()),
             _ => text.extend_from_slice((value as i64).to_string().as_bytes()),
         }
     }

@@ -3,6 +3,7 @@
 use super::lines::without_end;
 use super::number::number_at;
 use super::split::{FixedColumns, Separator, first_byte, is_blank, number, number_with, shown, tokens};
+use crate::ascii::whole_bits;
 use particlegs_pipeline::space::PeriodicCell;
 
 /// Which lines are rows.
@@ -166,9 +167,8 @@ impl RowPlan {
     }
 }
 
-fn whole(token: &[u8]) -> Option<i64> {
-    let text = std::str::from_utf8(token).ok()?;
-    text.parse().ok().or_else(|| text.parse().ok().map(|v: u64| v as i64))
+fn whole(token: &[u8]) -> Option<u64> {
+    whole_bits(std::str::from_utf8(token).ok()?)
 }
 
 /// Equal bytes? Keys are a byte or two: a call to compare them would cost more than they do.
@@ -352,7 +352,7 @@ impl RowParser<'_> {
         let all = tokens(first_line(text).0, self.layout.separator);
         for (value, want) in values.iter_mut().zip(&self.plan.wanted).filter(|(_, want)| self.plan.whole.contains(want))
         {
-            *value = f64::from_bits(whole(all.get(*want)?)? as u64);
+            *value = f64::from_bits(whole(all.get(*want)?)?);
         }
         Some(())
     }

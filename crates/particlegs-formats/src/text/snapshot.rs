@@ -32,7 +32,20 @@ pub struct TableColumns {
 impl TextSnapshot {
     /// `description` without its species, which come from the table: called `all` where there is one,
     /// else by `noun` and the value of the key column.
-    pub fn new(mut description: Description, table: TextTable, columns: TableColumns, all: &str, noun: &str) -> Self {
+    pub fn new(
+        mut description: Description,
+        table: TextTable,
+        mut columns: TableColumns,
+        all: &str,
+        noun: &str,
+    ) -> Self {
+        let mut kinds = kinds(&table).into_iter();
+        for field in &mut columns.fields {
+            let own = kinds.by_ref().take(field.components as usize);
+            if own.filter(|kind| *kind == "u64").count() > 0 && field.kind == "i64" {
+                field.kind = "u64".into();
+            }
+        }
         let mass = columns.mass.map_or(SpeciesMass::Unknown, SpeciesMass::Field);
         if table.keys.len() > MOST_SPECIES {
             description
@@ -103,7 +116,8 @@ impl TextSnapshot {
 
     fn whole(&self, species: &Species) -> Vec<usize> {
         let columns = species.fields.iter().flat_map(|f| std::iter::repeat_n(f, f.components as usize)).enumerate();
-        columns.filter(|(_, f)| number_of(f) == Some(Number::I64)).map(|(c, _)| c).collect()
+        let is_whole = |f: &SpeciesField| matches!(number_of(f), Some(Number::I64 | Number::U64));
+        columns.filter(|(_, f)| is_whole(f)).map(|(c, _)| c).collect()
     }
 
     fn place(&self) -> String {

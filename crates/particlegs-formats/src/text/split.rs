@@ -127,22 +127,27 @@ pub fn shown(token: &[u8]) -> String {
     }
 }
 
-/// What the values of a column are, as far as those seen tell: `i64`, `f64`, or `text` where most of
-/// them are no numbers. A broken row among good ones is the reader's to refuse.
+/// What the values of a column are, as far as those seen tell: `i64`, `u64` where one is too large for that, `f64`, or
+/// `text` where most of them are no numbers. A broken row among good ones is the reader's to refuse.
 /// `comma` as in [`number_with`].
 pub fn kind_of<'a>(values: impl Iterator<Item = &'a [u8]>, comma: bool) -> &'static str {
-    let (mut all, mut words, mut whole) = (0, 0, true);
+    let (mut all, mut words, mut signed, mut unsigned) = (0, 0, true, true);
     for value in values {
         all += 1;
         match number_with(value, comma) {
             None => words += 1,
-            Some(_) => whole &= std::str::from_utf8(value).is_ok_and(|v| v.parse::<i64>().is_ok()),
+            Some(_) => {
+                let text = std::str::from_utf8(value).unwrap_or("");
+                signed &= text.parse::<i64>().is_ok();
+                unsigned &= text.parse::<u64>().is_ok();
+            }
         }
     }
-    match (2 * words > all, whole && words < all) {
-        (true, _) => "text",
-        (false, true) => "i64",
-        (false, false) => "f64",
+    match words {
+        _ if 2 * words > all => "text",
+        _ if signed && words < all => "i64",
+        _ if unsigned && words < all => "u64",
+        _ => "f64",
     }
 }
 

@@ -53,6 +53,7 @@ impl LegacySnapshot {
             meta: SnapshotMeta { epoch: Epoch { time: scanned.time, ..Epoch::default() }, ..named(path) },
             species: vec![species],
             frames: None,
+            absent: Vec::new(),
             notes: scanned.note.iter().cloned().collect(),
         };
         Ok(LegacySnapshot { place: path.display().to_string(), bytes, scanned, description })

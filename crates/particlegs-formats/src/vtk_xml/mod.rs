@@ -104,7 +104,7 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
     let species = Species { name: "points".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
     let (frames, notes) = (parts.frames, parts.notes.clone());
-    Ok(Description { format, files, meta, species: vec![species], frames, notes })
+    Ok(Description { format, files, meta, species: vec![species], frames, absent: Vec::new(), notes })
 }
 
 pub(crate) fn mass_of(fields: &[SpeciesField]) -> SpeciesMass {

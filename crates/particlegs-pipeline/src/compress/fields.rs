@@ -221,7 +221,7 @@ impl<'a> FieldSelection<'a> {
     /// The values of field `number` of all particles.
     pub fn values(&self, number: usize) -> Result<FieldValues> {
         let components = self.plan.quantities[number].component_names().len();
-        let mut columns = vec![vec![f32::NAN; self.particles.len()]; components];
+        let mut columns = vec![vec![f64::NAN; self.particles.len()]; components];
         for ((layer, source), chosen) in self.particles.layers().iter().zip(self.sources).zip(&self.plan.layers) {
             let Some((_, from)) = chosen.iter().find(|(n, _)| *n == number) else { continue };
             let mut run = Vec::new();
@@ -229,7 +229,7 @@ impl<'a> FieldSelection<'a> {
                 source.read_some(id as u64, |c| from.needs(c), &mut run)?;
                 for (k, column) in columns.iter_mut().enumerate() {
                     let own = column[start..].iter_mut().zip(from.values(&run, k));
-                    own.for_each(|(to, v)| *to = v as f32);
+                    own.for_each(|(to, v)| *to = v);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Fields of a snapshot beside positions and weights: read where they lie when particles are written.
 
 use super::{RUN, SnapshotReader};
-use crate::{Error, Result};
+use crate::{Error, Hint, Result};
 use particlegs_files::memory::require;
 use std::fmt;
 use std::sync::Arc;
@@ -42,12 +42,35 @@ impl Number {
         }
     }
 
-    /// Appends a number of a [`super::Run`]'s fields, little-endian.
-    pub fn append(self, value: f64, out: &mut Vec<u8>) {
+    /// Whole numbers?
+    pub fn is_whole(self) -> bool {
+        !matches!(self, Number::F32 | Number::F64)
+    }
+
+    /// What a stored number is; one beyond 2^53 is rounded.
+    pub fn value(self, stored: StoredNumber) -> f64 {
+        match self {
+            Number::I64 => stored.bits() as i64 as f64,
+            Number::U64 => stored.bits() as f64,
+            _ => stored.0,
+        }
+    }
+
+    /// A number as this type has it; whole numbers lose a fraction.
+    pub fn stored(self, value: f64) -> StoredNumber {
+        match self {
+            Number::I64 => StoredNumber(f64::from_bits(value as i64 as u64)),
+            Number::U64 => StoredNumber(f64::from_bits(value as u64)),
+            _ => StoredNumber(value),
+        }
+    }
+
+    /// Appends a stored number, little-endian.
+    pub fn append(self, stored: StoredNumber, out: &mut Vec<u8>) {
+        let value = stored.0;
         match self {
             Number::F32 => out.extend((value as f32).to_le_bytes()),
-            // Whole numbers of 64 bits come as their bits.
-            Number::F64 | Number::I64 | Number::U64 => out.extend(value.to_bits().to_le_bytes()),
+            Number::F64 | Number::I64 | Number::U64 => out.extend(stored.bits().to_le_bytes()),
             Number::I8 => out.extend((value as i8).to_le_bytes()),
             Number::I16 => out.extend((value as i16).to_le_bytes()),
             Number::I32 => out.extend((value as i32).to_le_bytes()),
@@ -55,6 +78,18 @@ impl Number {
             Number::U16 => out.extend((value as u16).to_le_bytes()),
             Number::U32 => out.extend((value as u32).to_le_bytes()),
         }
+    }
+}
+
+/// A number on its way from file to file, which keeps all bits: whole ones of 64 bits are their bits, no float64.
+/// [`Number::value`] tells what it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StoredNumber(pub(super) f64);
+
+impl StoredNumber {
+    /// The bits of a number of 64 bits.
+    pub fn bits(self) -> u64 {
+        self.0.to_bits()
     }
 }
 
@@ -92,6 +127,8 @@ pub struct LayerFields {
     /// Three components each, in the order of the fields'.
     columns: Vec<Triple>,
     positions: Option<Triple>,
+    /// Fields that it lacks, and why.
+    absent: Vec<(String, String)>,
 }
 
 /// A field as a user names it.
@@ -238,10 +275,16 @@ impl LayerFields {
         positions: Option<Arc<dyn SnapshotReader>>,
     ) -> Result<Self> {
         let columns = readers.into_iter().map(Triple::from_reader).collect::<Result<_>>()?;
-        Ok(LayerFields { fields, columns, positions: positions.map(Triple::from_reader).transpose()? })
+        let positions = positions.map(Triple::from_reader).transpose()?;
+        Ok(LayerFields { fields, columns, positions, absent: Vec::new() })
     }
 
-    /// Fields whose values are in memory, a column for each component; vectors first.
+    /// The same, with names of fields that the layer lacks, and why.
+    pub fn with_absent(self, absent: Vec<(String, String)>) -> Self {
+        LayerFields { absent, ..self }
+    }
+
+    /// Fields of real numbers that are in memory, a column for each component; vectors first.
     pub fn from_columns(fields: Vec<SourceField>, mut columns: Vec<Vec<f64>>) -> LayerFields {
         columns.resize_with(columns.len().next_multiple_of(3), Vec::new);
         let mut columns = columns.into_iter();
@@ -249,7 +292,7 @@ impl LayerFields {
         while let (Some(a), Some(b), Some(c)) = (columns.next(), columns.next(), columns.next()) {
             triples.push(Triple::Memory(Arc::new([a, b, c])));
         }
-        LayerFields { fields, columns: triples, positions: None }
+        LayerFields { fields, columns: triples, positions: None, absent: Vec::new() }
     }
 
     /// The values of field `number` of the layer's `count` particles, a column for each component.
@@ -259,8 +302,19 @@ impl LayerFields {
         let mut all = vec![Vec::with_capacity(count); components];
         let mut run = Vec::new();
         for id in 0..count.div_ceil(RUN) {
-            self.read(id as u64, &mut run)?;
+            self.read_some(id as u64, |c| (first..first + components).contains(&c), &mut run)?;
             all.iter_mut().zip(&run[first..]).for_each(|(all, part)| all.extend_from_slice(part));
+        }
+        Ok(all)
+    }
+
+    /// The bits of a field of whole numbers, one per particle, of the layer's `count` particles: equal where these are.
+    pub fn identities(&self, number: usize, count: usize) -> Result<Vec<u64>> {
+        let column: usize = self.fields[..number].iter().map(|f| f.components as usize).sum();
+        let (mut all, mut run) = (Vec::with_capacity(count), Vec::new());
+        for id in 0..count.div_ceil(RUN) {
+            self.read_stored(id as u64, |c| c == column, &mut run)?;
+            all.extend(run[column].iter().map(|v| v.to_bits()));
         }
         Ok(all)
     }
@@ -269,13 +323,20 @@ impl LayerFields {
         self.positions.is_some()
     }
 
-    /// Every component of every field in run `run` of the layer.
-    pub(crate) fn read(&self, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
-        self.read_some(run, |_| true, out)
+    /// The numbers of the columns that are `wanted` in run `run` of the layer; the others are empty or not.
+    pub(crate) fn read_some(&self, run: u64, wanted: impl Fn(usize) -> bool, out: &mut Vec<Vec<f64>>) -> Result<()> {
+        self.read_stored(run, &wanted, out)?;
+        let numbers = self.fields.iter().flat_map(|f| std::iter::repeat_n(f.number, f.components as usize));
+        for (column, (number, values)) in numbers.zip(out).enumerate() {
+            if matches!(number, Number::I64 | Number::U64) && wanted(column) {
+                values.iter_mut().for_each(|v| *v = number.value(StoredNumber(*v)));
+            }
+        }
+        Ok(())
     }
 
-    /// The columns that are `wanted`, and some of the others, which are empty or not.
-    pub(crate) fn read_some(&self, run: u64, wanted: impl Fn(usize) -> bool, out: &mut Vec<Vec<f64>>) -> Result<()> {
+    /// The same, each as [`StoredNumber`] has it.
+    pub(super) fn read_stored(&self, run: u64, wanted: impl Fn(usize) -> bool, out: &mut Vec<Vec<f64>>) -> Result<()> {
         let count: u32 = self.fields.iter().map(|f| f.components).sum();
         out.resize_with(count as usize, Vec::new);
         let mut three = <[Vec<f64>; 3]>::default();
@@ -299,6 +360,13 @@ impl LayerFields {
         let own = [name];
         let Some(found) = std::iter::once(&own[..]).chain(names.iter().copied()).find_map(|n| self.columns_of(n))
         else {
+            let is_it = |absent: &str| {
+                let called = |names: &[&str]| matches!(names, [one] if one.eq_ignore_ascii_case(absent));
+                absent.eq_ignore_ascii_case(name) || names.iter().any(|names| called(names))
+            };
+            if let Some((_, why)) = self.absent.iter().find(|(absent, _)| is_it(absent)) {
+                return Err(Error::argument_with(why, Hint::from("choose other frames, or omit the field")));
+            }
             let there = self.real_fields();
             let hint = match there.is_empty() {
                 true => "it has only positions and masses".to_string(),
@@ -327,7 +395,7 @@ impl LayerFields {
             })?;
             found.sources.push(field.name.clone());
             found.wide |= field.number != Number::F32;
-            found.whole = !matches!(field.number, Number::F32 | Number::F64);
+            found.whole = field.number.is_whole();
             (found.unit, found.factor) = (field.unit.clone(), 1.0);
             if let Some(PhysicalUnit { factor, note }) = field.physical.clone().filter(|_| field.components == 3) {
                 (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(note));
@@ -384,9 +452,8 @@ impl LayerFields {
     pub(crate) fn real_fields(&self) -> Vec<String> {
         let velocity = VELOCITIES.iter().filter(|names| names.len() == 3).find_map(|names| self.columns_of(names));
         let joined = velocity.map_or(Vec::new(), |v| v.sources);
-        let is_real = |f: &&SourceField| {
-            matches!(f.number, Number::F32 | Number::F64) && matches!(f.components, 1 | 3) && !joined.contains(&f.name)
-        };
+        let is_real =
+            |f: &&SourceField| !f.number.is_whole() && matches!(f.components, 1 | 3) && !joined.contains(&f.name);
         let velocity = (!joined.is_empty()).then(|| VELOCITY.to_string());
         velocity.into_iter().chain(self.fields.iter().filter(is_real).map(|f| f.name.clone())).collect()
     }

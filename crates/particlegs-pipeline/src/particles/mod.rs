@@ -36,7 +36,7 @@ pub(crate) use chunk::ChunkBuffer;
 pub use chunk::{Chunk, RUN};
 pub(crate) use domain::Domain;
 pub(crate) use fields::{FieldColumns, KM_S};
-pub use fields::{LayerFields, Number, PhysicalUnit, SourceField, StarFormingGas};
+pub use fields::{LayerFields, Number, PhysicalUnit, SourceField, StarFormingGas, StoredNumber};
 pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;
 pub(crate) use hash::hash_run;

@@ -4,7 +4,7 @@
 //! run keeps depends on the run's number and on whole-number sums over the runs before it, never on
 //! threads.
 
-use super::fields::{LayerFields, SourceField};
+use super::fields::{LayerFields, SourceField, StoredNumber};
 use super::images::NearestImages;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
@@ -99,8 +99,9 @@ pub struct Run {
     pub columns: [Vec<f32>; 4],
     /// x, y, z about 0; empty where [`SelectedParticles::is_wide`] is not so.
     pub positions: [Vec<f64>; 3],
-    /// The numbers of the layer's fields ([`SelectedParticles::fields`]), component by component; whole ones of 64 bits as their bits.
-    pub fields: Vec<Vec<f64>>,
+    /// The numbers of the layer's fields ([`SelectedParticles::fields`]), component by component, each as [`StoredNumber`]
+    /// has it.
+    pub(crate) fields: Vec<Vec<f64>>,
     kept: Vec<u32>,
     buffer: ChunkBuffer,
 }
@@ -109,6 +110,11 @@ impl Run {
     /// Position of particle `i` about 0, where columns are about `origin`.
     pub fn wide(&self, origin: [f64; 3], i: usize) -> [f64; 3] {
         each_axis(|k| self.positions[k].get(i).copied().unwrap_or_else(|| origin[k] + f64::from(self.columns[k][i])))
+    }
+
+    /// Component `column` of the layer's fields for particle `i`.
+    pub fn field(&self, column: usize, i: usize) -> StoredNumber {
+        StoredNumber(self.fields[column][i])
     }
 }
 
@@ -354,7 +360,7 @@ impl<'a> SelectedParticles<'a> {
         let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
         let fields = self.fields.get(index);
         match fields {
-            Some(own) => own.read(chunk as u64, &mut run.fields)?,
+            Some(own) => own.read_stored(chunk as u64, |_| true, &mut run.fields)?,
             None => run.fields.clear(),
         }
         let Run { positions, columns, .. } = run;

@@ -1,7 +1,7 @@
 //! Snapshots out: raw float32 columns with meta.json, or one .npy; whole or not at all.
 
 use super::select::Run;
-use super::{Particles, SnapshotMeta};
+use super::{Number, Particles, SnapshotMeta};
 use crate::model::Layer;
 use crate::{Error, Result};
 use particlegs_files::output::{PlacedFile, WholeFolder, check_space, npy_header, write_at};
@@ -62,8 +62,8 @@ pub struct SnapshotLayout<'a> {
     pub origin: [f64; 3],
     /// Are triples float64?
     pub wide: bool,
-    /// File names for the columns of fields that runs have; in the form of columns alone.
-    pub fields: &'a [String],
+    /// File names for the columns of fields that runs have, and their numbers; in the form of columns alone.
+    pub fields: &'a [(String, Number)],
 }
 
 /// A snapshot being written: files of final length beside their place, which go away unless
@@ -79,7 +79,7 @@ pub struct SnapshotWriter {
     /// Are triples float64?
     wide: bool,
     /// Columns of fields after those of positions and weights.
-    field_columns: usize,
+    fields: Vec<Number>,
 }
 
 enum WriteTarget {
@@ -112,7 +112,8 @@ impl SnapshotWriter {
         } else {
             npy_header(if wide { "<f8" } else { "<f4" }, &[count, 3])
         };
-        let bytes = particle_bytes(wide, weighted) + 4 * fields.len() as u64;
+        let of_fields: u64 = fields.iter().map(|(_, number)| number.bytes()).sum();
+        let bytes = particle_bytes(wide, weighted) + of_fields;
         let bytes = count.saturating_mul(bytes).saturating_add(header.len() as u64);
         let target = match form {
             RawForm::Npy => {
@@ -122,7 +123,7 @@ impl SnapshotWriter {
             }
             RawForm::Columns => {
                 let names = COLUMNS[..if weighted { 4 } else { 3 }].iter().copied();
-                let names: Vec<&str> = names.chain(fields.iter().map(String::as_str)).collect();
+                let names: Vec<&str> = names.chain(fields.iter().map(|(name, _)| &name[..])).collect();
                 folder(out, &names, bytes, &header)?
             }
             RawForm::NpyFolder => folder(out, &[TRIPLES], bytes, &header)?,
@@ -134,13 +135,13 @@ impl SnapshotWriter {
             header: header.len() as u64,
             origin,
             wide,
-            field_columns: fields.len(),
+            fields: fields.iter().map(|(_, number)| *number).collect(),
         })
     }
 
     /// Bytes of a particle in the output.
     pub(crate) fn particle_bytes(&self, weighted: bool) -> u64 {
-        particle_bytes(self.wide, weighted) + 4 * self.field_columns as u64
+        particle_bytes(self.wide, weighted) + self.fields.iter().map(|number| number.bytes()).sum::<u64>()
     }
 
     /// Writes a run at particle `first`; runs may come in any order and from several threads.
@@ -157,14 +158,14 @@ impl SnapshotWriter {
         let done = match &self.target {
             WriteTarget::File(file) => return file.write_at(triples, place),
             WriteTarget::Folder(_, files) if self.form == RawForm::Columns => {
-                let (own, fields) = files.split_at(files.len() - self.field_columns);
+                let (own, fields) = files.split_at(files.len() - self.fields.len());
                 let mut columns = own.iter().zip(&run.columns);
                 columns.try_for_each(|(file, column)| write_at(file, bytemuck::cast_slice(column), 4 * first)).and_then(
                     |()| {
-                        fields.iter().zip(&run.fields).try_for_each(|(file, column)| {
+                        fields.iter().zip(&self.fields).zip(&run.fields).try_for_each(|((file, number), column)| {
                             triples.clear();
-                            triples.extend(column.iter().flat_map(|&v| (v as f32).to_le_bytes()));
-                            write_at(file, triples, 4 * first)
+                            column.iter().for_each(|&v| number.append(number.stored(v), triples));
+                            write_at(file, triples, number.bytes() * first)
                         })
                     },
                 )

@@ -1,7 +1,7 @@
 //! Particles drawn into memory, to be measured.
 
 use super::draw::{DrawRules, DrawScratch};
-use super::job::{common_fields, fields_of_layers};
+use super::job::{common_fields, fields_of_layers, number_of};
 use super::options::{Method, Options};
 use super::plan::{LayerPlan, RecoveryPlan, belongs, meta_of, moved, origin_of};
 use crate::context::Context;
@@ -44,6 +44,7 @@ impl Options {
         drawn.sort_by_key(|q| q.kind != QuantityKind::Vector);
         let names: Vec<String> = drawn.iter().map(|q| q.name.clone()).collect();
         let components: usize = drawn.iter().map(|q| q.component_names().len()).sum();
+        let numbers: Vec<Number> = drawn.iter().map(|q| number_of(&model, q)).collect();
         let metadata = model.metadata.clone();
         let origin = origin_of(&metadata);
         let model = moved(model, origin);
@@ -59,17 +60,18 @@ impl Options {
         let layers: Vec<_> = layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
         let of_layer = |(layer, own): (&LayerPlan, Vec<Vec<f64>>)| {
             let has = |q: &&Quantity| layer.layer.content.fields.iter().any(|(name, _)| belongs(name, &q.name));
-            LayerFields::from_columns(drawn.iter().filter(has).map(source_field).collect(), own)
+            let fields = drawn.iter().zip(&numbers).filter(|(q, _)| has(q)).map(|(q, n)| source_field(q, *n));
+            LayerFields::from_columns(fields.collect(), own)
         };
         let fields = plan.layers.iter().zip(values).map(of_layer).collect();
         Ok((Particles::from_column_list(columns, origin, meta, layers), fields))
     }
 }
 
-fn source_field(q: &Quantity) -> SourceField {
+fn source_field(q: &Quantity, number: Number) -> SourceField {
     let components = q.component_names().len() as u32;
     let unit = q.unit.as_ref().map(|u| u.text.clone());
-    SourceField { name: q.name.clone(), number: Number::F32, components, unit, attributes: Vec::new(), physical: None }
+    SourceField { name: q.name.clone(), number, components, unit, attributes: Vec::new(), physical: None }
 }
 
 /// As many particles as `model` stands for, by [`Method::Count`]: those that [`super::recover`]

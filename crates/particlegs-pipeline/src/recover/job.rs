@@ -5,8 +5,9 @@ use super::notes::notes;
 use super::options::Options;
 use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::context::Context;
-use crate::model::{Block, Layer, Model, Quantity, QuantityKind};
-use crate::particles::{RUN, RawForm, Run, SnapshotDescription, SnapshotLayout, SnapshotWriter};
+use crate::math::float32_holds;
+use crate::model::{Block, FieldMoments, Layer, Model, Quantity, QuantityKind};
+use crate::particles::{Number, RUN, RawForm, Run, SnapshotDescription, SnapshotLayout, SnapshotWriter};
 use crate::{Error, Result, parallel};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::memory::require;
@@ -28,8 +29,9 @@ impl Options {
         let fields = field_files(model);
         let whole = match self.form {
             RawForm::Columns => {
-                let names = ["xx.f32", "yy.f32", "zz.f32"].into_iter().chain(fields.iter().map(String::as_str));
-                names.into_iter().all(|name| length(name) == 4 * total)
+                let positions = ["xx.f32", "yy.f32", "zz.f32"].into_iter().map(|name| (name, 4));
+                let own = fields.iter().map(|(name, number)| (&name[..], number.bytes()));
+                positions.chain(own).all(|(name, bytes)| length(name) == bytes * total)
             }
             RawForm::NpyFolder if is_far => length("positions.npy") == 24 * total + NPY_HEADER,
             RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
@@ -49,10 +51,25 @@ impl Options {
     }
 }
 
-/// The files that the columns of a model's fields get in a folder: `velocity_x.f32`, `temperature.f32`. A field that a
-/// layer with particles lacks has none.
-fn field_files(model: &Model) -> Vec<String> {
-    common_fields(model).iter().flat_map(column_names).map(|name| format!("{name}.f32")).collect()
+/// The files that the columns of a model's fields get in a folder, `velocity_x.f32`, `luminosity.f64`, and the type of
+/// their numbers. A field that a layer with particles lacks has none.
+fn field_files(model: &Model) -> Vec<(String, Number)> {
+    let files = |q: &Quantity| {
+        let number = number_of(model, q);
+        let ending = if number == Number::F64 { "f64" } else { "f32" };
+        column_names(q).map(|name| (format!("{name}.{ending}"), number)).collect::<Vec<_>>()
+    };
+    common_fields(model).iter().flat_map(files).collect()
+}
+
+/// The type that holds a field's drawn values: float64 where float32 does not.
+pub(super) fn number_of(model: &Model, q: &Quantity) -> Number {
+    let of_blocks = |m: &FieldMoments| (0..m.components()).all(|k| float32_holds(m.value_range(k)));
+    let moments = model.blocks().filter_map(|b| b.gaussians.fields.get(&q.name));
+    let classes = model.metadata.fields.iter().filter_map(Quantity::class).filter(|(category, _)| *category == q.name);
+    let is_held = |class: &str| class.parse::<f64>().is_ok_and(|v| f64::from(v as f32) == v);
+    let held = moments.into_iter().all(of_blocks) && classes.into_iter().all(|(_, class)| is_held(class));
+    if held { Number::F32 } else { Number::F64 }
 }
 
 /// The names of a field's columns in a folder.
@@ -66,7 +83,7 @@ pub fn drawn_fields(folder: &Path) -> Vec<String> {
     let notes: serde_json::Value = notes.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
     let entries = std::fs::read_dir(folder).ok().filter(|_| notes.get("synthetic").is_some());
     let names = entries.into_iter().flatten().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    names.filter(|name| name.ends_with(".f32")).collect()
+    names.filter(|name| name.ends_with(".f32") || name.ends_with(".f64")).collect()
 }
 
 /// The fields that every layer has, with a scalar in the place of the classes of a category.

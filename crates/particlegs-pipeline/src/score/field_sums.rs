@@ -101,8 +101,11 @@ fn compared<'a>(sums: impl Iterator<Item = &'a FieldCellSums>) -> FieldAgreement
     if there.len() < LEAST_CELLS || signal.is_nan() || signal <= 0.0 {
         return FieldAgreement::default();
     }
-    // The file holds them as f32.
     let root = |v: f64| v.max(0.0).sqrt().min(f64::from(f32::MAX));
+    // The file holds them as f32.
+    if !(f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX)).contains(&signal.sqrt()) {
+        return FieldAgreement::default();
+    }
     FieldAgreement { edge: 0.0, cells: there.len() as u32, signal: root(signal), error: root(error) }
 }
 

@@ -382,7 +382,10 @@ fn groups(c: &Certificate, particles: u64) -> Finding {
 fn field(q: &Quantity, f: &FieldAgreement, unit: Option<&str>) -> Finding {
     let name = &q.name;
     let Some(explained) = f.explained() else {
-        return (Grade::NotMeasured, format!("{name}: means in cells do not stand out of the noise"));
+        return (
+            Grade::NotMeasured,
+            format!("{name}: means in cells do not stand out of the noise, or lie beyond float32"),
+        );
     };
     let of_field = q.unit.as_ref().map_or(String::new(), |u| format!(" {}", u.text));
     let explains = if explained > 0.0 { format!("{:.1} %", 100.0 * explained) } else { "none".into() };

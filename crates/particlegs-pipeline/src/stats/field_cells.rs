@@ -122,7 +122,7 @@ impl<const N: usize> CellQuantity for GaussianField<N> {
 /// Mean and dispersion of a field of a model in each cell of a grid, x slowest: means over the cell, weighted by density
 /// as [`super::deposit`] integrates it. Of a sum, such as a charge, how much there is in a unit of volume, without a
 /// dispersion; dispersions of a logarithmic field are in dex.
-pub fn field_in_cells(model: &Model, name: &str, grid: &Grid, context: &Context<'_>) -> Result<MeanAndDispersion<f32>> {
+pub fn field_in_cells(model: &Model, name: &str, grid: &Grid, context: &Context<'_>) -> Result<MeanAndDispersion> {
     let parts = field_parts(model, name)?;
     let volume = is_sum(model, name).then(|| grid.side.iter().product::<f64>());
     match parts[0].2.components() {
@@ -136,20 +136,20 @@ fn in_cells<const N: usize>(
     volume: Option<f64>,
     grid: &Grid,
     context: &Context<'_>,
-) -> Result<MeanAndDispersion<f32>> {
+) -> Result<MeanAndDispersion> {
     let (plane, depth) = (grid.cells[1] * grid.cells[2], model_planes(grid));
     let at_once = parallel::threads().min(grid.cells[0].div_ceil(depth)) * depth * plane;
-    let bytes = 8 * N as u64 * grid.len() as u64 + (size_of::<FieldSum<N>>() * at_once) as u64;
+    let bytes = 16 * N as u64 * grid.len() as u64 + (size_of::<FieldSum<N>>() * at_once) as u64;
     particlegs_files::memory::require("a field on a grid", bytes)?;
     let (reference, logarithmic) = (overall_mean(parts), parts[0].2.excess.is_some());
     let range: [[f64; 2]; N] = std::array::from_fn(|k| {
         let ends = parts.iter().map(|p| p.2.value_range(k));
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a), hi.max(b)])
     });
-    let empty = || vec![vec![f32::NAN; grid.len()]; N];
+    let empty = || vec![vec![f64::NAN; grid.len()]; N];
     let mut out = MeanAndDispersion { mean: empty(), dispersion: empty() };
     // Each task owns some planes of every column.
-    let mut slabs: Vec<Vec<&mut [f32]>> = Vec::new();
+    let mut slabs: Vec<Vec<&mut [f64]>> = Vec::new();
     slabs.resize_with(grid.cells[0].div_ceil(depth), Vec::new);
     for column in out.mean.iter_mut().chain(&mut out.dispersion) {
         slabs.iter_mut().zip(column.chunks_mut(depth * plane)).for_each(|(slab, run)| slab.push(run));
@@ -179,12 +179,12 @@ fn in_cells<const N: usize>(
                 let value = if logarithmic { sum.values / sum.mass } else { reference[k] + mean };
                 let value = value.clamp(range[k][0], range[k][1]);
                 if let Some(volume) = volume {
-                    columns[k][cell] = (value * sum.mass / volume) as f32;
+                    columns[k][cell] = value * sum.mass / volume;
                     continue;
                 }
                 let variance = (sum.second[k] / sum.mass - mean * mean).max(0.0);
-                columns[k][cell] = value as f32;
-                columns[N + k][cell] = (variance.sqrt() / if logarithmic { LN_10 } else { 1.0 }) as f32;
+                columns[k][cell] = value;
+                columns[N + k][cell] = variance.sqrt() / if logarithmic { LN_10 } else { 1.0 };
             }
         }
         Ok::<_, crate::Error>(())
@@ -308,7 +308,7 @@ mod tests {
         let (model, grid) = (scene(5, [0.05, 0.1]), grid(16));
         let run = |n| on_threads(n, || field_in_cells(&model, "velocity", &grid, &Context::SILENT).unwrap());
         let (one, two) = (run(1), run(2));
-        let bits = |f: &MeanAndDispersion<f32>| f.mean.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
+        let bits = |f: &MeanAndDispersion| f.mean.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&one), bits(&two));
         assert!(one.mean[0][0].is_nan() && one.mean[0].iter().any(|v| v.is_finite()));
         let error = field_in_cells(&model, "heat", &grid, &Context::SILENT).unwrap_err();
