@@ -1,10 +1,9 @@
 //! Fields that are carried from a snapshot to a file: how they are read, and what they are called there.
 
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, Weights};
+use crate::physical::physical;
+use crate::{Choice, Snapshot, Species, SpeciesField, Weights};
 use particlegs_pipeline::Result;
-use particlegs_pipeline::particles::{
-    LayerFields, Number, PhysicalUnit, Run, SelectedParticles, SnapshotReader, SourceField,
-};
+use particlegs_pipeline::particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
 use std::sync::Arc;
 
 /// Components that a field may have in a file that is written.
@@ -65,6 +64,7 @@ pub(crate) fn others(species: &Species, choice: &Choice) -> Vec<String> {
 pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) -> Result<LayerFields> {
     let species = &snapshot.description().species[index];
     let own = positions(species, choice);
+    let convention = snapshot.convention();
     let mut fields: Vec<SourceField> = Vec::new();
     for field in &species.fields {
         let Some(number) = number_of(field) else { continue };
@@ -73,8 +73,9 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
         if is_named && is_new && (1..=MOST_COMPONENTS).contains(&field.components) {
             let (name, components) = (field.name.clone(), field.components);
             let attributes = snapshot.attributes(index, &name);
-            let physical = physical(&name, &attributes, snapshot.description());
-            fields.push(SourceField { name, number, components, unit: field.unit.clone(), attributes, physical });
+            let (unit, meta) = (field.unit.clone(), &snapshot.description().meta);
+            let physical = physical((&name, components), unit.as_deref(), &attributes, &convention, meta);
+            fields.push(SourceField { name, number, components, unit, attributes, physical });
         }
     }
     // Vectors first: each is one read then.
@@ -92,53 +93,6 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     let absent = snapshot.description().absent.iter().map(|f| (f.name.clone(), f.why.clone())).collect();
     Ok(LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))?.with_absent(absent))
 }
-
-/// The factor that makes a field of velocities peculiar, in km/s, or specific energies physical, in (km/s)^2, and why it is
-/// that. Attributes tell (SWIFT, EAGLE, AREPO,
-/// Gadget-4); without them cosmological runs of Gadget's kind store peculiar velocities over sqrt(a), isolated ones as
-/// they are, and energies without a. `None` where nothing tells, where a is needed and not known, and for other fields.
-fn physical(name: &str, attributes: &[(String, f64)], description: &Description) -> Option<PhysicalUnit> {
-    let is_energy = match name.trim().to_ascii_lowercase().as_str() {
-        "velocities" | "velocity" | "vel" => false,
-        "internalenergy" | "internalenergies" => true,
-        _ => return None,
-    };
-    let (unit_in_cgs, unit_name) = if is_energy { (1e10, "(km/s)^2") } else { (1e5, "peculiar km/s") };
-    let number = |names: &[&str]| names.iter().find_map(|n| attributes.iter().find(|a| a.0 == *n).map(|a| a.1));
-    let meta = &description.meta;
-    let cgs = number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS, "UnitVelocity_in_cm_per_s"]).filter(|v| *v > 0.0);
-    let stated = number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"]);
-    let gadget =
-        description.format.starts_with("Gadget") || attributes.iter().any(|a| a.0 == "UnitVelocity_in_cm_per_s");
-    let power = match (meta.units.comoving, stated) {
-        (Some(false), _) => 0.0,
-        (_, Some(power)) => power,
-        (Some(true), None) if gadget => {
-            if is_energy {
-                0.0
-            } else {
-                0.5
-            }
-        }
-        _ if cgs.is_some() && meta.epoch.scale_factor == Some(1.0) => 0.0,
-        _ => return None,
-    };
-    let hubble = match number(&["h_scaling", "h-scale-exponent", "h-scale exponent"]).unwrap_or(0.0) {
-        0.0 => 1.0,
-        power => meta.cosmology.hubble?.powf(power),
-    };
-    let a = if power == 0.0 { 1.0 } else { meta.epoch.scale_factor? };
-    let unit = cgs.or(gadget.then_some(unit_in_cgs))? / unit_in_cgs;
-    let factor = a.powf(power) * hubble * unit;
-    let mut why = vec![format!("{unit_name}, the file's values times {factor:.6}")];
-    why.extend((power != 0.0).then(|| format!("a^{power} with a = {a}")));
-    why.extend(
-        cgs.is_none().then(|| format!("the file's unit is taken as {}", if is_energy { "(km/s)^2" } else { "km/s" })),
-    );
-    Some(PhysicalUnit { factor, note: why.join("; ") })
-}
-
-const SWIFT_CGS: &str = "Conversion factor to CGS (not including cosmological corrections)";
 
 fn readers(
     snapshot: &dyn Snapshot,
@@ -180,6 +134,8 @@ pub(crate) struct OutField {
     pub sources: Vec<String>,
     /// What real numbers are multiplied by.
     pub factor: f64,
+    /// What makes velocities peculiar, in km/s, and specific energies physical, in (km/s)^2, where the source tells.
+    pub physical: Option<f64>,
 }
 
 impl OutField {
@@ -210,8 +166,9 @@ pub(crate) fn outputs(fields: &[SourceField], standard: &[StandardField], reserv
         let count = field.components as usize;
         let columns: Vec<usize> = (first..first + count).collect();
         first += count;
-        let SourceField { name, number, unit, attributes, .. } = field.clone();
-        all.push(OutField { sources: vec![name.clone()], name, number, columns, unit, attributes, factor: 1.0 });
+        let SourceField { name, number, unit, attributes, physical, .. } = field.clone();
+        let (sources, physical) = (vec![name.clone()], physical.map(|p| p.factor));
+        all.push(OutField { sources, name, number, columns, unit, attributes, factor: 1.0, physical });
     }
     for &(name, count, names) in standard {
         if all.iter().any(|f| f.name == name) {

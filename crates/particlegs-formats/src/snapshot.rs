@@ -1,6 +1,7 @@
 //! A snapshot's files, opened: what they say before any particle is read.
 
 use crate::choice::{Choice, Weights};
+use crate::physical::VelocityConvention;
 use particlegs_pipeline::model::{Epoch, WeightKind};
 use particlegs_pipeline::particles::{Particles, SnapshotMeta, SnapshotReader};
 use particlegs_pipeline::{Error, Hint, Result};
@@ -18,6 +19,11 @@ pub trait Snapshot: Send + Sync {
     /// Numbers that the files say about a field, by name: powers of a and h, a factor to CGS.
     fn attributes(&self, _species: usize, _field: &str) -> Vec<(String, f64)> {
         Vec::new()
+    }
+
+    /// What holds for velocities and energies whose fields do not say more.
+    fn convention(&self) -> VelocityConvention {
+        VelocityConvention::default()
     }
 
     /// Some species, at least one, where they lie in the files as they would in memory, one after the

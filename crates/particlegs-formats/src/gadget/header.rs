@@ -1,6 +1,7 @@
 //! The 256 bytes that every Gadget file begins with.
 
 use crate::numbers::NumberType;
+use crate::physical::{SAME_MOMENT, VelocityConvention, is_isolated};
 use particlegs_pipeline::model::{Cosmology, Epoch, Units};
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::Cell;
@@ -82,10 +83,17 @@ impl GadgetHeader {
     /// but only then are Redshift and Time two names of one number.
     pub fn is_cosmological(&self) -> bool {
         let expected = 1.0 / self.time - 1.0;
-        self.time > 0.0
-            && self.hubble > 0.0
-            && self.omega0 > 0.0
-            && (self.redshift - expected).abs() <= 1e-5 * (1.0 + expected.abs())
+        self.time > 0.0 && self.omega0 > 0.0 && (self.redshift - expected).abs() <= SAME_MOMENT * (1.0 + expected.abs())
+    }
+
+    /// What holds for velocities and energies.
+    pub fn convention(&self) -> VelocityConvention {
+        let [time, redshift, matter, box_size] = [self.time, self.redshift, self.omega0, self.box_size].map(Some);
+        let isolated = is_isolated(time, redshift, matter, box_size).then_some(false);
+        let cosmological = self.is_cosmological().then_some(true);
+        let (powers, is_known) = (Some(VelocityConvention::GADGET), cosmological.is_some() || self.time == 1.0);
+        let scale_factor = is_known.then_some(self.time);
+        VelocityConvention { unit: None, powers, cosmological: cosmological.or(isolated), scale_factor }
     }
 
     pub fn meta(&self, named: SnapshotMeta) -> SnapshotMeta {

@@ -11,6 +11,7 @@ mod records;
 
 use crate::axes::{self, FieldComponent};
 use crate::numbers::{StridedColumn, StridedParticles};
+use crate::physical::{UNDECIDED, VelocityConvention};
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
@@ -61,6 +62,9 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
     let h = &first.header;
     if h.is_cosmological() {
         notes.push(format!("redshift {}, Omega0 {}, OmegaLambda {}", h.redshift, h.omega0, h.omega_lambda));
+    }
+    if h.convention().is_undecided() && first.block("VEL").is_some() {
+        notes.push(UNDECIDED.into());
     }
     let usual = ["POS", "VEL", "ID", "MASS", "U", "RHO", "NE", "NH", "HSML"];
     if first.order.iter().any(|name| !usual.contains(&&name[..])) {
@@ -122,6 +126,10 @@ impl Snapshot for Gadget {
             pieces.push(Box::new(StridedParticles::new(&place, part.bytes.clone(), rows, &lanes)?));
         }
         Ok(Box::new(PieceReader::new(self.description.meta_of(species), pieces, columns.len() > 3)?))
+    }
+
+    fn convention(&self) -> VelocityConvention {
+        self.parts[0].header.convention()
     }
 }
 

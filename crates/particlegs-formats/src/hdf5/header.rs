@@ -2,6 +2,8 @@
 
 use super::attributes::Attributes;
 use super::container::Container;
+use super::units;
+use crate::physical::{SAME_MOMENT, VelocityConvention, is_isolated};
 use particlegs_pipeline::model::Cosmology;
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Result};
@@ -140,14 +142,13 @@ impl Hdf5Header {
     /// Is it a cosmological run: do positions grow with the scale factor? `None` where nothing says.
     pub fn cosmological(&self, notes: &mut Vec<String>) -> Option<bool> {
         let g = &self.groups;
-        let said =
-            g.parameters.number(&["ComovingIntegrationOn"]).or_else(|| g.header.number(&["ComovingIntegrationOn"]));
+        let said = [&g.parameters, &g.header, &g.config].into_iter().find_map(|a| a.number(&["ComovingIntegrationOn"]));
         if let Some(on) = said.or_else(|| g.cosmology.number(&["Cosmological run"])) {
             return Some(on != 0.0);
         }
         let matter = g.header.number(&["Omega0", "Omega_Matter"]).filter(|&o| o > 0.0);
         let (time, redshift) = (self.time()?, g.header.number(&["Redshift"])?);
-        if matter.is_some() && redshift > -1.0 && (time * (1.0 + redshift) - 1.0).abs() < 1e-5 {
+        if matter.is_some() && redshift > -1.0 && (time * (1.0 + redshift) - 1.0).abs() < SAME_MOMENT {
             notes.push(
                 "assumed cosmological: Time is 1/(1 + Redshift) and Omega0 is given, but no parameter says so".into(),
             );
@@ -155,6 +156,22 @@ impl Hdf5Header {
         }
         notes.push("the file does not say whether lengths are comoving".into());
         None
+    }
+
+    /// What holds for velocities and energies without attributes: Gadget's rule, in all but SWIFT's files.
+    pub fn convention(&self, cosmological: Option<bool>) -> VelocityConvention {
+        let h = &self.groups.header;
+        let redshift = h.number(&["Redshift"]);
+        let matter = self.cosmology().omega_matter;
+        let is_isolated = || is_isolated(self.time(), redshift, matter, h.number(&["BoxSize"]));
+        let is_swift = self.groups.units.has("Unit length in cgs (U_L)") || self.code().is_some_and(|c| c == "SWIFT");
+        let known = redshift.is_some() || cosmological == Some(true);
+        VelocityConvention {
+            unit: units::velocity(&self.groups),
+            powers: Some(if is_swift { VelocityConvention::SWIFT } else { VelocityConvention::GADGET }),
+            cosmological: cosmological.or_else(|| is_isolated().then_some(false)),
+            scale_factor: self.scale_factor().filter(|_| known),
+        }
     }
 
     /// The time of a run that is cosmological or not. Gadget's is then the scale factor: not again a time.

@@ -8,10 +8,11 @@ use super::reader::{self, FilePart, GroupSource};
 use super::tables;
 use super::units::{self, Simulation};
 use super::virtual_sets;
+use crate::physical::{UNDECIDED, VelocityConvention};
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs_pipeline::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
-use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader, SourceField};
 use particlegs_pipeline::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -24,6 +25,7 @@ const MASSES: [&str; 5] = ["Masses", "Mass", "masses", "MASS", "mass"];
 
 struct Hdf5Snapshot {
     description: Description,
+    convention: VelocityConvention,
     parts: Vec<FilePart>,
     types: Vec<usize>,
 }
@@ -46,11 +48,11 @@ impl Snapshot for Hdf5Snapshot {
         let Some(&kind) = self.types.get(species) else { return Vec::new() };
         let Some(part) = self.parts.iter().find(|p| p.rows[kind] > 0) else { return Vec::new() };
         let Ok(container) = Container::from_map(&part.path, part.map.clone()) else { return Vec::new() };
-        let own = container.data_set(&group_name(kind), field).map(|s| s.attributes.single()).unwrap_or_default();
-        let velocity = ["UnitVelocity_in_cm_per_s", "UnitVelocity_In_CGS"];
-        let groups = ["Header", "Parameters"].into_iter().filter_map(|g| container.attributes(g).ok());
-        let unit = groups.filter_map(|a| a.number(&velocity)).next().filter(|_| field == "Velocities");
-        own.into_iter().chain(unit.map(|v| (velocity[0].to_string(), v))).collect()
+        container.data_set(&group_name(kind), field).map(|s| s.attributes.single()).unwrap_or_default()
+    }
+
+    fn convention(&self) -> VelocityConvention {
+        self.convention
     }
 }
 
@@ -104,6 +106,13 @@ struct TypeGroup {
 impl TypeGroup {
     fn masses(&self) -> Option<&'static str> {
         MASSES.into_iter().find(|n| self.sets.iter().any(|s| s.name == *n && s.components() == 1))
+    }
+
+    /// Has it velocities whose attributes do not say how they become peculiar?
+    fn has_plain_velocities(&self) -> bool {
+        let is_velocity =
+            |s: &&DataSet| s.name != self.positions && SourceField::is_velocity(&s.name, s.components() as u32);
+        self.sets.iter().filter(is_velocity).any(|s| units::a_power(&s.attributes).is_none())
     }
 
     /// Do the positions' own attributes say whether they are comoving?
@@ -285,8 +294,12 @@ impl SnapshotBuilder {
         let cell = self.header.cell(&mut notes)?;
         let mut doubts = Vec::new();
         let cosmological = self.header.cosmological(&mut doubts);
+        let convention = self.header.convention(cosmological);
         if !self.found.iter().flatten().any(TypeGroup::says_comoving) {
             notes.append(&mut doubts);
+        }
+        if convention.is_undecided() && self.found.iter().flatten().any(TypeGroup::has_plain_velocities) {
+            notes.push(UNDECIDED.into());
         }
         let hubble = self.header.hubble();
         let expands = cosmological == Some(true);
@@ -320,7 +333,7 @@ impl SnapshotBuilder {
         let format = format!("HDF5 snapshot{code}");
         let files = paths.into_iter().chain(self.sources).collect();
         let description = Description { format, files, meta, species, frames: None, absent: Vec::new(), notes };
-        Ok(Box::new(Hdf5Snapshot { description, parts: self.parts, types }))
+        Ok(Box::new(Hdf5Snapshot { description, convention, parts: self.parts, types }))
     }
 
     fn header_place(&self, paths: &[PathBuf]) -> String {

@@ -12,7 +12,7 @@ use crate::npy::layout::{mass_named, positions_named};
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 use particlegs_pipeline::model::{Cosmology, Dimension, Units};
-use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader, SourceField};
 use particlegs_pipeline::space::Cell;
 use particlegs_pipeline::{Error, Hint, Result};
 use std::collections::BTreeSet;
@@ -25,6 +25,8 @@ struct TableSnapshot {
     description: Description,
     parts: [FilePart; 1],
     groups: Vec<String>,
+    /// Power of a that makes its velocities peculiar, where it says.
+    velocity_power: Option<f64>,
 }
 
 impl Snapshot for TableSnapshot {
@@ -38,6 +40,12 @@ impl Snapshot for TableSnapshot {
         };
         let description = &self.description;
         reader::reader(&GroupSource { parts: &self.parts, kind: species, group, species: found, description }, choice)
+    }
+
+    /// Velocities of OpenCosmo are comoving or not as lengths are, whatever the text of their unit.
+    fn attributes(&self, _: usize, field: &str) -> Vec<(String, f64)> {
+        let power = self.velocity_power.filter(|_| [1, 3].iter().any(|n| SourceField::is_velocity(field, *n)));
+        power.map(|power| vec![("a_scaling".into(), power), ("to_cgs".into(), 1e5)]).unwrap_or_default()
     }
 }
 
@@ -98,6 +106,7 @@ pub fn open(
     if let Some(header) = &header {
         header.complete(&mut meta, &mut notes);
     }
+    let velocity_power = header.as_ref().map(|h| if h.convention == "physical" { 0.0 } else { 1.0 });
     let mut rows = [0; TYPES];
     rows.iter_mut().zip(&tables).for_each(|(rows, table)| *rows = table.species.count);
     let description = Description {
@@ -111,7 +120,7 @@ pub fn open(
     };
     let groups = tables.into_iter().map(|t| t.group).collect();
     let parts = [FilePart { path: PathBuf::from(path), map: container.map.clone(), rows }];
-    Ok(Some(Box::new(TableSnapshot { description, parts, groups })))
+    Ok(Some(Box::new(TableSnapshot { description, parts, groups, velocity_power })))
 }
 
 /// Groups that are looked into at most.

@@ -2,6 +2,7 @@
 
 use super::attributes::Attributes;
 use super::header::HeaderGroups;
+use crate::physical::SWIFT_CGS;
 use particlegs_pipeline::model::{Dimension, Si, Unit};
 
 /// Names that lengths get, the smallest first.
@@ -66,17 +67,27 @@ pub fn a_power(own: &Attributes) -> Option<f64> {
 
 /// A unit in metres or kilograms: files have it in centimetres or grams.
 fn in_si(own: &Attributes, groups: &HeaderGroups, dimension: Dimension) -> Option<f64> {
-    const SWIFT: &str = "Conversion factor to CGS (not including cosmological corrections)";
     let named: &[&str] = match dimension {
         Dimension::Length => &["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"],
         Dimension::Mass => &["UnitMass_in_g", "UnitMass_In_CGS", "Unit mass in cgs (U_M)"],
         Dimension::Time => &[],
     };
     let sound = |v: &f64| (1e-200..1e200).contains(v);
-    let own = own.number(&["to_cgs", "CGSConversionFactor", SWIFT]).filter(sound);
+    let own = own.number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS]).filter(sound);
     let elsewhere =
         [&groups.header, &groups.parameters, &groups.units].into_iter().find_map(|a| a.number(named).filter(sound));
     own.or(elsewhere).map(|cgs| cgs / per_si(dimension))
+}
+
+/// The unit of velocity in cm/s: stated, or that of length over that of time.
+pub fn velocity(groups: &HeaderGroups) -> Option<f64> {
+    let stated = |names: &[&str]| {
+        let all = [&groups.header, &groups.parameters, &groups.units].into_iter();
+        all.filter_map(|a| a.number(names)).find(|v| (1e-200..1e200).contains(v))
+    };
+    let time = || stated(&["Unit time in cgs (U_t)", "UnitTime_in_s", "UnitTime_In_CGS"]);
+    let length = || stated(&["Unit length in cgs (U_L)", "UnitLength_in_cm", "UnitLength_In_CGS"]);
+    stated(&["UnitVelocity_in_cm_per_s", "UnitVelocity_In_CGS"]).or_else(|| Some(length()? / time()?))
 }
 
 /// CGS units in the SI unit.

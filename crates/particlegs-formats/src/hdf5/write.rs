@@ -3,6 +3,7 @@
 use super::encode::{self, Attribute, OutDataSet, OutGroup, OutValue};
 use super::units;
 use crate::fields::{OutField, StandardField, outputs};
+use crate::physical::{VelocityConvention, physical};
 use particlegs_files::output::PlacedFile;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Dimension, Layer, Mass, Unit, species_aliases};
@@ -94,9 +95,9 @@ const IDS: &str = "ParticleIDs";
 /// What Gadget calls fields, and what others do.
 const STANDARD: [StandardField; 9] = [
     (IDS, 1, &["ID", "id", "ids", "ParticleID", "particle_id", "pid"]),
-    ("Velocities", 3, &["VEL", "Velocity", "velocities", "velocity", "velo", "vel", "v"]),
+    (VELOCITIES, 3, &["VEL", "Velocity", "velocities", "velocity", "velo", "vel", "v"]),
     (MASSES, 1, &["Mass", "MASS", "masses", "mass"]),
-    ("InternalEnergy", 1, &["U", "u"]),
+    (ENERGY, 1, &["InternalEnergies", "U", "u"]),
     ("Density", 1, &["RHO", "rho", "density"]),
     ("SmoothingLength", 1, &["HSML", "hsml"]),
     ("Potential", 1, &["POT", "potential"]),
@@ -112,18 +113,48 @@ pub fn fields(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let of = |fields: &&[SourceField]| {
         let mut all = outputs(fields, &STANDARD, &["Coordinates"]);
         all.retain(named);
-        // Peculiar velocities of a model: Gadget's files have them over sqrt(a) in cosmological runs.
-        let is_peculiar = |f: &&mut OutField| f.sources == ["velocity"] && f.unit.as_deref() == Some("km/s");
-        if let (Some(velocity), Some(true), Some(a)) =
-            (all.iter_mut().find(is_peculiar), meta.units.comoving, meta.epoch.scale_factor)
-        {
-            (velocity.factor, velocity.unit) = (1.0 / a.sqrt(), None);
-            let said = [("a_scaling", 0.5), ("h_scaling", 0.0), ("to_cgs", 1e5)];
-            velocity.attributes = said.map(|(name, v)| (name.to_string(), v)).into();
-        }
+        all.retain_mut(|field| match field.name == VELOCITIES || field.name == ENERGY {
+            true => make_gadgets(field, meta),
+            false => true,
+        });
         all
     };
     kept.fields().iter().map(of).collect()
+}
+
+const VELOCITIES: &str = "Velocities";
+const ENERGY: &str = "InternalEnergy";
+
+/// Is the file that of a cosmological run? What it holds may be physical: then a length's unit says so.
+fn is_cosmological(meta: &SnapshotMeta) -> bool {
+    meta.epoch.scale_factor.is_some() && (meta.units.comoving != Some(false) || meta.units.length.is_some())
+}
+
+/// Velocities and energies as Gadget has them: in km/s, over sqrt(a) in cosmological runs, and in (km/s)^2. False where
+/// they would be read as other ones: it is not known what they are, and a counts.
+fn make_gadgets(field: &mut OutField, meta: &SnapshotMeta) -> bool {
+    let is_velocity = field.name == VELOCITIES;
+    let a = meta.epoch.scale_factor.filter(|_| is_cosmological(meta)).unwrap_or(1.0);
+    let (source, dimension) = if is_velocity { ("velocity", 3) } else { (ENERGY, 1) };
+    let of_unit = || physical((source, dimension), field.unit.as_deref(), &[], &VelocityConvention::default(), meta);
+    let factor = field.physical.or_else(|| of_unit().map(|p| p.factor));
+    let Some(factor) = factor.filter(|_| !matches!(field.number, Number::I64 | Number::U64)) else {
+        return !is_velocity || a == 1.0;
+    };
+    let (power, cgs) = match (is_velocity, is_cosmological(meta)) {
+        (true, true) => (0.5, 1e5),
+        (true, false) => (0.0, 1e5),
+        (false, _) => (0.0, 1e10),
+    };
+    let factor = factor / a.powf(power);
+    // What is Gadget's already keeps its bits.
+    if (factor - 1.0).abs() > 1e-9 {
+        field.factor = factor;
+        field.number = if field.number == Number::F32 { Number::F32 } else { Number::F64 };
+    }
+    let said = [("a_scaling", power), ("h_scaling", 0.0), ("to_cgs", cgs)];
+    (field.unit, field.attributes) = (None, said.map(|(name, v)| (name.to_string(), v)).into());
+    true
 }
 
 /// The type of each layer: `PartTypeN` keeps its number, as do gas, dm and others of those names; the rest get free ones in
@@ -177,7 +208,7 @@ fn groups(
                 (Some(unit), _) => vec![("unit", OutValue::Text(unit.chars().take(200).collect()))],
                 (None, _) => Vec::new(),
             };
-            let is_new = |(name, _): &&(String, f64)| attributes.iter().all(|(n, _)| n != name) && name != VELOCITY;
+            let is_new = |(name, _): &&(String, f64)| attributes.iter().all(|(n, _)| n != name);
             let source = field.attributes.iter().filter(is_new).cloned().collect();
             let columns = field.columns.len() as u64;
             sets.push(OutDataSet { source, ..set(&field.name, field.number, columns, attributes) });
@@ -248,20 +279,23 @@ fn omegas(meta: &SnapshotMeta) -> impl Iterator<Item = Attribute> + use<> {
     all.into_iter().filter_map(|(name, value)| Some((name, OutValue::Number(value?))))
 }
 
-/// What a file says its velocities are in.
-const VELOCITY: &str = "UnitVelocity_in_cm_per_s";
-
 fn parameters(meta: &SnapshotMeta, fields: &[Vec<OutField>]) -> Vec<Attribute> {
     let (length, mass) = (cgs(&meta.units.length, Dimension::Length), cgs(&meta.units.mass, Dimension::Mass));
     let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", meta.cosmology.hubble)];
-    // Readers take a file's units only where there are three; km/s is Gadget's.
-    let said = fields.iter().flatten().flat_map(|f| &f.attributes).find(|(name, _)| name == VELOCITY);
-    let velocity = said.map(|(_, v)| *v).or(length.and(mass).map(|_| 1e5));
-    let named = named.into_iter().chain([(VELOCITY, velocity)]);
+    // Readers take a file's units only where there are three.
+    let velocities = || fields.iter().flatten().filter(|f| f.name == VELOCITIES);
+    let is_known = |f: &OutField| f.attributes.iter().any(|(name, _)| name == "to_cgs");
+    let velocity = length.and(mass).filter(|_| velocities().all(is_known)).map(|_| 1e5);
+    let named = named.into_iter().chain([("UnitVelocity_in_cm_per_s", velocity)]);
     let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, OutValue::Number(v?)))).collect();
     parameters.extend(omegas(meta));
     parameters.extend(meta.cell.and_then(|c| c.reduced().lengths()).map(box_size));
-    let comoving = meta.units.comoving.map(i32::from);
+    // A time that is no scale factor is told from one.
+    let is_still = meta.epoch.scale_factor.is_none() && velocities().any(is_known);
+    let comoving = match meta.units.comoving {
+        Some(comoving) => Some(i32::from(comoving || is_cosmological(meta))),
+        None => is_still.then_some(0),
+    };
     parameters.extend(comoving.map(|on| ("ComovingIntegrationOn", OutValue::Integer(on))));
     parameters
 }

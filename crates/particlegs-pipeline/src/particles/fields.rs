@@ -106,8 +106,16 @@ pub struct SourceField {
     pub unit: Option<String>,
     /// Numbers that the source says about it, by name: powers of a and h, a factor.
     pub attributes: Vec<(String, f64)>,
-    /// What velocities (peculiar) and specific energies are in km/s and (km/s)^2, where the source tells.
+    /// What makes velocities peculiar, in km/s, and specific energies physical, in (km/s)^2, where the source tells.
     pub physical: Option<PhysicalUnit>,
+}
+
+impl SourceField {
+    /// Does a field of this name, with so many numbers a particle, hold velocities, or one component of them?
+    pub fn is_velocity(name: &str, components: u32) -> bool {
+        let mut all = VELOCITIES.iter().filter(|names| names.len() * components as usize == 3);
+        all.any(|names| names.iter().any(|n| n.eq_ignore_ascii_case(name)))
+    }
 }
 
 /// How a field's values become physical.
@@ -251,6 +259,7 @@ const VELOCITY: &str = "velocity";
 pub(crate) const KM_S: &str = "km/s";
 /// What formats call velocities, as one field or three.
 const VELOCITIES: &[&[&str]] = &[
+    &[VELOCITY],
     &["velocities"],
     &["vel"],
     &["vx", "vy", "vz"],
@@ -397,7 +406,8 @@ impl LayerFields {
             found.wide |= field.number != Number::F32;
             found.whole = field.number.is_whole();
             (found.unit, found.factor) = (field.unit.clone(), 1.0);
-            if let Some(PhysicalUnit { factor, note }) = field.physical.clone().filter(|_| field.components == 3) {
+            let is_whole = names.len() * field.components as usize == 3;
+            if let Some(PhysicalUnit { factor, note }) = field.physical.clone().filter(|_| is_whole) {
                 (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(note));
             }
             found.columns.extend(columns);
