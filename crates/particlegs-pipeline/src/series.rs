@@ -243,19 +243,12 @@ impl SeriesBuilder {
 
 /// Refuses a frame that does not belong behind the one before.
 fn follows(before: &TrackedModel, next: &Metadata, time: f64, clock: SeriesClock, name: &str) -> Result<()> {
-    let m = &before.metadata;
     if time <= before.time {
         let what = format!("its {} is {time}, not after {} of the frame before", clock.name(), before.time);
         return Err(Error::input(name, what));
     }
-    let repeats = |m: &Metadata| m.cell.map(|c| c.periodic);
-    let differing = [
-        ("units", m.units != next.units),
-        ("cosmology", m.cosmology != next.cosmology),
-        ("periodic axes", repeats(m) != repeats(next)),
-    ];
-    match differing.into_iter().find(|d| d.1) {
-        Some((what, _)) => Err(Error::input(name, format!("its {what} are not those of the frame before"))),
+    match before.metadata.differs_from_next(next) {
+        Some(what) => Err(Error::input(name, format!("its {what} are not those of the frame before"))),
         None => Ok(()),
     }
 }

@@ -28,6 +28,8 @@ pub struct FileInfo {
     pub share_bytes: u64,
     /// What there is of each of the metadata's fields.
     pub fields: Vec<FieldInfo>,
+    /// What is lacking of these, a sentence each; nothing is said of a file that lacks more.
+    pub lacking_fields: Vec<String>,
     /// Bytes of correlations between fields.
     pub correlation_bytes: u64,
     /// Sections that this program does not know, by tag and bytes; first those of blocks.
@@ -178,8 +180,14 @@ impl FileInfo {
         let attached = attached().filter(|s| ![FIELD, SHARE, CORRELATION].contains(&s.tag));
         let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));
         let other_sections = other.collect();
+        let counts: Vec<usize> = parts.layers.iter().map(|l| l.content.len()).collect();
+        let has = |layer: usize, block: usize, _: &str, field: usize| {
+            let sections = &parts.layers[layer].content[block].sections;
+            sections.iter().any(|s| s.tag == FIELD && s.bytes.first().copied().map(usize::from) == Some(field))
+        };
+        let lacking_fields = parts.metadata.lacking_fields(&counts, &has);
         let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
-        FileInfo {
+        let info = FileInfo {
             version: [file[8], file[9]],
             layers: layers.collect(),
             metadata: parts.metadata,
@@ -189,8 +197,10 @@ impl FileInfo {
             missing_particles: parts.missing_particles,
             share_bytes,
             fields,
+            lacking_fields,
             correlation_bytes,
             other_sections,
-        }
+        };
+        if info.missing().is_none() { info } else { FileInfo { lacking_fields: Vec::new(), ..info } }
     }
 }

@@ -221,6 +221,35 @@ impl Metadata {
         category(number).is_none() || category(number) == category(number + 1)
     }
 
+    /// What is lacking of the listed fields, a sentence each: of layers of so many `blocks`, those of which `has` says by
+    /// layer, block and field whether they have it. A layer may lack a field, but not some of its blocks alone.
+    pub fn lacking_fields(&self, blocks: &[usize], has: &dyn Fn(usize, usize, &str, usize) -> bool) -> Vec<String> {
+        let mut lacking = Vec::new();
+        for (number, q) in self.fields.iter().enumerate().filter(|(n, _)| Self::is_stored(&self.fields, *n)) {
+            let there = |layer: usize| (0..blocks[layer]).filter(|&b| has(layer, b, &q.name, number)).count();
+            let of_layers: Vec<usize> = (0..blocks.len()).map(there).collect();
+            let all = of_layers.iter().sum::<usize>();
+            let some = of_layers.iter().zip(blocks).find(|(there, all)| **there > 0 && there < all);
+            lacking.extend(match some {
+                None if all == 0 => Some(format!("the field `{}` is listed, but no block has it", q.name)),
+                Some((there, all)) => Some(format!("the field `{}` is in {there} of {all} blocks of a layer", q.name)),
+                None => None,
+            });
+        }
+        lacking
+    }
+
+    /// What frames of one run have alike, and the `next` frame does not: its units, cosmology or periodic axes.
+    pub fn differs_from_next(&self, next: &Metadata) -> Option<&'static str> {
+        let repeats = |m: &Metadata| m.cell.map(|c| c.periodic);
+        let differing = [
+            ("units", self.units != next.units),
+            ("cosmology", self.cosmology != next.cosmology),
+            ("periodic axes", repeats(self) != repeats(next)),
+        ];
+        differing.into_iter().find(|d| d.1).map(|d| d.0)
+    }
+
     /// All that was kept of the snapshot: positions, masses where particles of any layer are `weighted`, and
     /// [`Metadata::fields`].
     pub fn quantities(&self, weighted: bool) -> Vec<Quantity> {
