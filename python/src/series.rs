@@ -28,16 +28,21 @@ impl ModelSeries {
         &self,
         py: Python<'_>,
         name: String,
+        frame: Option<usize>,
         threads: Option<usize>,
         file: impl FnOnce(&mut SeriesDecoder<'_>, &Context<'_>) -> Result<Vec<u8>> + Send,
     ) -> PyResult<Model> {
         let (bytes, model) = WorkOptions::quietly(threads).run(py, |context| {
             let mut decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
             let bytes = file(&mut decoder, context)?;
-            let model = codec::decode_with(&bytes, &self.place, context)?;
+            let mut model = codec::decode_with(&bytes, &self.place, context)?;
+            if let Some(frame) = frame {
+                model.certificate = decoder.series().certificate(frame)?;
+            }
             Ok((bytes, model))
         })?;
-        Ok(Model::new(bytes, model, name))
+        let frame = frame.map(|number| SeriesFrame { decoder: self.decoder.clone(), number });
+        Ok(Model::new(bytes, model, name).with_frame(frame))
     }
 }
 
@@ -95,8 +100,7 @@ impl ModelSeries {
     #[pyo3(signature = (frame, threads=None))]
     fn frame(&self, py: Python<'_>, frame: usize, threads: Option<usize>) -> PyResult<Model> {
         let name = format!("{}, frame {frame}", self.name);
-        let model = self.model(py, name, threads, move |decoder, context| decoder.extract(frame, context))?;
-        Ok(model.with_frame(Some(SeriesFrame { decoder: self.decoder.clone(), number: frame })))
+        self.model(py, name, Some(frame), threads, move |decoder, context| decoder.extract(frame, context))
     }
 
     /// Decodes every frame: JSON, and what is wrong where anything is.
@@ -125,6 +129,6 @@ impl ModelSeries {
     #[pyo3(signature = (time, threads=None))]
     fn at(&self, py: Python<'_>, time: f64, threads: Option<usize>) -> PyResult<Model> {
         let name = format!("{}, {} {time}", self.name, self.clock);
-        self.model(py, name, threads, move |decoder, context| decoder.extract_at(time, context))
+        self.model(py, name, None, threads, move |decoder, context| decoder.extract_at(time, context))
     }
 }

@@ -60,7 +60,8 @@ fn layer_report(layer: &Layer<Vec<BlockInfo>>, shared: &[SharedSpecies]) -> Valu
     report
 }
 
-fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
+/// The same of what was read.
+pub fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
     let gaussians = info.gaussians() as u64;
     let layer_bytes = |l: &Layer<Vec<BlockInfo>>| {
         let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));

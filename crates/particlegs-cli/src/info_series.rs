@@ -2,9 +2,11 @@
 
 use crate::common::CommandContext;
 use crate::frame_table::{FrameTable, kind_of};
+use crate::info_model;
+use crate::inputs::{self, FrameArgs};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
-use particlegs_pipeline::codec::{FrameCoding, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::codec::{self, FileInfo, FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::model::{Certificate, PictureScore};
 use serde::Serialize;
 use serde_json::Value;
@@ -41,6 +43,16 @@ pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> 
     }
     let recipe = serde_json::from_str(&series.recipe).unwrap_or(Value::Null);
     context.finish(&text, &SeriesReport { series_bytes: bytes.len(), clock, frames: rows, recipe })
+}
+
+/// A frame as a model, with its certificate in the series.
+pub fn print_frame(context: &CommandContext, path: &Path, frame: &FrameArgs) -> Result<()> {
+    let (bytes, place) = (inputs::model_or_series(path, context)?, name_of(path));
+    let series = SeriesFile::read(&bytes, &place)?;
+    let number = frame.number(&series, &place, context)?;
+    context.message("note: sizes are those of the frame as a model file of its own, as `extract` writes it");
+    let info = codec::read_info(&SeriesDecoder::new(&series).extract(number, context)?, &series.name(number))?;
+    info_model::print_info(context, &FileInfo { certificate: series.certificate(number)?, ..info })
 }
 
 #[derive(Serialize)]

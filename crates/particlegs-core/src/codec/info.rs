@@ -3,6 +3,7 @@
 use super::Precision;
 use super::container::{CORRELATION, FIELD, SHARE};
 use super::file::{BlockPart, FileParts, parts};
+use super::series::EXTRACTED;
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, SharedSpecies, VizMapper};
 
@@ -121,6 +122,16 @@ impl FileInfo {
     pub fn left_out(&self) -> Option<String> {
         let words: Vec<String> = self.other_sections.iter().map(|(tag, n)| format!("`{tag}` ({n} bytes)")).collect();
         (!words.is_empty()).then(|| format!("unknown sections are dropped: {}", words.join(", ")))
+    }
+
+    /// Are its blocks as fine as those of a frame of a series that was extracted?
+    pub fn is_extracted(&self) -> bool {
+        let Precision { position, size, shape, count, .. } = Precision::BALANCED.scaled(EXTRACTED);
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b;
+        let own = |p: &Precision| {
+            [(p.position, position), (p.size, size), (p.shape, shape), (p.count, count)].iter().all(|(a, b)| near(*a, *b))
+        };
+        self.layers.iter().flat_map(|l| &l.content).all(|b| own(&b.precision))
     }
 
     /// Number of Gaussians.

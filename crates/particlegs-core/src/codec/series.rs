@@ -34,7 +34,7 @@ pub const INDEX_FROM: usize = HEAD_BYTES + SECTION_BYTES;
 const RECIPE_TEXT: usize = 16_384;
 /// How finely a frame is coded as a model of its own ([`SeriesDecoder::extract`]): its steps add next to nothing to the errors
 /// of the series.
-const EXTRACTED: f64 = 0.25;
+pub(super) const EXTRACTED: f64 = 0.25;
 
 /// What there is of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,8 +101,15 @@ struct SeriesRecipe {
 impl SeriesRecipe {
     /// Is the frame made so, as number `group` from its keyframe on, which is the first?
     fn check(&self, frame: &TrackedModel, group: usize) -> std::result::Result<(), String> {
-        let made = Recipe { blocks: 1, ..frame.metadata.recipe.clone() };
-        if let Some(model) = self.model.as_ref().filter(|model| **model != made) {
+        // Blocks are as a frame needs them, and species of a series never share Gaussians.
+        let asked = |recipe: &Recipe| {
+            let mut asked = Recipe { blocks: 1, ..recipe.clone() };
+            asked.read.remove("share-gaussians");
+            asked
+        };
+        let made = asked(&frame.metadata.recipe);
+        let model = self.model.as_ref().map(asked).filter(|model| *model != made && made.differing.is_empty());
+        if let Some(model) = model {
             return Err(format!("it was made by `{made}`, but the series says `{model}`"));
         }
         if let Some(interval) = self.keyframe_interval.filter(|interval| group > *interval) {
@@ -478,14 +485,15 @@ impl<'a> SeriesDecoder<'a> {
         Ok(from.between(next, (time - from.time) / (next.time - from.time)))
     }
 
-    /// A frame as a model file: a keyframe's own bytes, and others coded anew.
+    /// A frame as a model file: a keyframe's own bytes, and others coded anew, without a certificate, which would not be of
+    /// the new bytes ([`SeriesFile::certificate`]).
     pub fn extract(&mut self, frame: usize, context: &Context<'_>) -> Result<Vec<u8>> {
         let bytes = self.series.frame_bytes(frame)?;
         if self.series.frames[frame].kind == FrameCoding::Keyframe {
             return Ok(bytes.to_vec());
         }
-        let Model { metadata, layers, certificate } = self.frame(frame, context)?.clone().into_model();
-        assemble(&metadata, certificate.as_ref(), coded_finely(layers, &metadata.fields)?)
+        let Model { metadata, layers, .. } = self.frame(frame, context)?.clone().into_model();
+        assemble(&metadata, None, coded_finely(layers, &metadata.fields)?)
     }
 
     /// The model at a time of the clock as a file: of a frame what [`SeriesDecoder::extract`] gives, between frames what

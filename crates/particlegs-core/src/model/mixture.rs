@@ -166,13 +166,6 @@ impl Model {
         }
     }
 
-    /// As [`Metadata::lacking_fields`].
-    pub fn lacking_fields(&self) -> Vec<String> {
-        let blocks: Vec<usize> = self.layers.iter().map(|l| l.content.len()).collect();
-        let has = |l: usize, b: usize, name: &str, _| self.layers[l].content[b].gaussians.fields.get(name).is_some();
-        self.metadata.lacking_fields(&blocks, &has)
-    }
-
     /// Mass of all particles in the unit of mass, where it is known.
     pub fn mass(&self) -> Option<f64> {
         let mass = |l: &Layer<Vec<Block>>| l.mass.unit_or_one() * l.content.iter().map(|b| b.mass).sum::<f64>();

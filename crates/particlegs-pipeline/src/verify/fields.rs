@@ -19,8 +19,9 @@ const BOUND: f64 = 1e-12;
 const STEPS: f64 = 1.0;
 /// How many times the spreads may be those coded anew where Gaussians were joined or blocks overlap.
 const SPREADS: f64 = 1.5;
-/// Steps of correlations, in standard errors.
+/// Steps of correlations in standard errors, and their area tangents at most.
 const CORRELATION_STEP: f64 = 4.0;
+const LARGEST_TANGENT: f64 = 4.0;
 /// How much less of the means' variance the model may explain than means that are gathered anew, where these explain
 /// the most of it.
 const EXPLAINED: f64 = 0.25;
@@ -49,7 +50,7 @@ impl Nearness {
         match stored.of_several {
             _ if joined => Nearness::Means,
             true if stored.model.layers.iter().any(overlap) => Nearness::Means,
-            false if m.tool_version == env!("CARGO_PKG_VERSION") => Nearness::Same,
+            false if m.tool_version == env!("CARGO_PKG_VERSION") && !stored.extracted => Nearness::Same,
             _ => Nearness::Steps,
         }
     }
@@ -86,6 +87,10 @@ impl FieldComparison {
             for (_, q) in listed.iter().enumerate().filter(|(n, _)| Metadata::is_stored(listed, *n)) {
                 figures.extend(of_field(q, &of, &layer.content, &anew.content, nearness));
             }
+            // A merge may have left out fields that others correlate with.
+            let merged = model.metadata.recipe.steps.contains(&RecipeStep::Merge);
+            let pairs = (0..listed.len()).flat_map(|b| (0..b).map(move |a| [&listed[a].name[..], &listed[b].name[..]]));
+            figures.extend(pairs.filter_map(|pair| of_correlation(pair, &of, &layer.content, &anew.content, (nearness, merged))));
         }
         let gathered = fields.agreement(model, seed, context)?;
         let own = fields.agreement_of_model(model, seed, context)?;
@@ -168,13 +173,48 @@ fn of_field(q: &Quantity, of: &str, stored: &[Block], anew: &[Block], nearness: 
         nearness => {
             let steps = differing_steps(&pairs);
             let same = nearness == Nearness::Same;
-            let differs = if same { pairs.iter().any(|[a, b]| a.moments != b.moments) } else { steps > STEPS };
+            let differs = if same { pairs.iter().any(|[a, b]| !a.has_moments_of(b)) } else { steps.is_nan() || steps > STEPS };
             let tolerance = if same { "same".into() } else { STEPS.to_string() };
-            let name = format!("{}{of}: moments, in steps from those coded anew", q.name);
+            let name = format!("{}{of}: moments, steps off", q.name);
             figure(name, format!("{steps:.3}"), "0".into(), tolerance, differs)
         }
     });
     figures
+}
+
+/// What the blocks of a layer say of how two fields correlate, beside what is coded anew.
+fn of_correlation(
+    [a, b]: [&str; 2],
+    of: &str,
+    stored: &[Block],
+    anew: &[Block],
+    (nearness, merged): (Nearness, bool),
+) -> Option<StatedFigure> {
+    let [own, anew] = [stored, anew].map(|blocks| {
+        let all = blocks.iter().map(|block| block.gaussians.correlation(a, b).cloned());
+        all.collect::<Vec<Option<Vec<f64>>>>()
+    });
+    let is_there = |all: &[Option<Vec<f64>>]| all.iter().any(Option::is_some);
+    if nearness == Nearness::Means || !is_there(&own) && (merged || !is_there(&anew)) {
+        return None;
+    }
+    let name = format!("{a} with {b}{of}: correlations");
+    if own.iter().zip(&anew).any(|(own, anew)| own.is_some() != anew.is_some()) {
+        let [own, anew] = [own, anew].map(|all| all.iter().flatten().count().to_string());
+        return Some(figure(format!("{name}, blocks that have them"), own, anew, "same".into(), true));
+    }
+    let number = |r: f64| r.atanh().clamp(-LARGEST_TANGENT, LARGEST_TANGENT);
+    let (mut square, mut n) = (0.0, 0.0f64);
+    for ((block, own), anew) in stored.iter().zip(&own).zip(&anew) {
+        for ((count, own), anew) in block.gaussians.count.iter().zip(own.iter().flatten()).zip(anew.iter().flatten()) {
+            square += count * ((number(*own) - number(*anew)) / CORRELATION_STEP).powi(2);
+            n += 1.0;
+        }
+    }
+    let (steps, same) = ((square / n.max(1.0)).sqrt(), nearness == Nearness::Same && !merged);
+    let differs = if same { own != anew } else { steps.is_nan() || steps > STEPS };
+    let tolerance = if same { "same".into() } else { STEPS.to_string() };
+    Some(figure(format!("{name}, steps off"), format!("{steps:.3}"), "0".into(), tolerance, differs))
 }
 
 /// A field of a block's Gaussians.
@@ -187,6 +227,11 @@ struct FieldOfBlock<'a> {
 impl<'a> FieldOfBlock<'a> {
     fn new(g: &'a Mixture, quantity: &'a Quantity) -> Option<Self> {
         Some(FieldOfBlock { g, moments: g.fields.get(&quantity.name)?, quantity })
+    }
+
+    /// Are they those of another, but for correlations?
+    fn has_moments_of(&self, other: &FieldOfBlock<'_>) -> bool {
+        self.moments.columns().eq(other.moments.columns()) && self.moments.range == other.moments.range
     }
 
     fn weight(&self, i: usize) -> f64 {
@@ -213,8 +258,8 @@ impl<'a> FieldOfBlock<'a> {
 /// the kind of number that is furthest.
 fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]]) -> f64 {
     let FieldPrecision { steps, logarithmic, shares } = FieldPrecision::default();
-    // Of means, logarithms of spreads, shapes, slopes, the excess, correlations.
-    let mut squares = [[0.0f64; 2]; 6];
+    // Of means, logarithms of spreads, shapes, slopes, the excess.
+    let mut squares = [[0.0f64; 2]; 5];
     for [own, anew] in pairs {
         let (components, n_of) = (own.moments.components(), &own.g.count);
         let is_share = own.quantity.kind == QuantityKind::Category;
@@ -250,13 +295,6 @@ fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]]) -> f64 {
             }
             if let (Some(own), Some(anew)) = (&a.excess, &b.excess) {
                 add(4, (own[i] - anew[i]) * n.sqrt() / f64::from(logarithmic[4]));
-            }
-            for (name, own) in a.correlations.iter() {
-                let other = b.correlations.get(name).map_or(f64::INFINITY, |r| r[i]);
-                add(5, (own[i] - other) * n.sqrt() / CORRELATION_STEP);
-            }
-            if b.correlations.iter().any(|(name, _)| a.correlations.get(name).is_none()) {
-                add(5, f64::INFINITY);
             }
         }
     }

@@ -30,6 +30,8 @@ pub struct StoredModel {
     measured_bytes: u64,
     /// Of a frame of changes: the frame before it, and itself.
     frames: Option<[TrackedModel; 2]>,
+    /// Was a frame of a series coded anew?
+    extracted: bool,
     /// What it lacks of the fields that it lists.
     lacking: Vec<String>,
 }
@@ -75,17 +77,18 @@ impl StoredModel {
     /// # Errors
     /// [`Error::Corrupt`]: its Gaussians do not stand for its particles and mass.
     pub fn new(model: Model, bytes: &[u8], place: &str) -> Result<StoredModel> {
-        let is_whole = codec::read_info(bytes, place)?.missing().is_none();
-        Ok(StoredModel {
+        let info = codec::read_info(bytes, place)?;
+        StoredModel {
             of_several: is_of_several(bytes, &model, place)?,
             measured_bytes: compress::measured_bytes(bytes, &model, place)?,
             bytes: bytes.len() as u64,
-            lacking: if is_whole { model.lacking_fields() } else { Vec::new() },
+            extracted: info.is_extracted(),
+            lacking: info.lacking_fields,
             frames: None,
             place: place.into(),
             model,
         }
-        .checked()?)
+        .checked()
     }
 
     /// A frame of a series, as it was decoded when its certificate was measured.
@@ -98,15 +101,15 @@ impl StoredModel {
         let earlier = decoder.series().frames[..frame].iter().rposition(|f| f.kind != FrameCoding::Missing);
         let earlier = decoder.frame(earlier.unwrap_or_default(), context)?.clone();
         let own = decoder.frame(frame, context)?.clone();
-        let model = own.clone().into_model();
         StoredModel {
+            model: own.clone().into_model(),
             of_several: false,
             measured_bytes,
             bytes: bytes.len() as u64,
-            lacking: model.lacking_fields(),
+            extracted: false,
+            lacking: own.lacking_fields(),
             frames: Some([earlier, own]),
             place,
-            model,
         }
         .checked()
     }
