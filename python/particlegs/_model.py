@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
@@ -610,34 +611,47 @@ class Model:
 
     def verify(
         self,
-        snapshot: Union[Snapshot, ArrayLike],
+        snapshot: Optional[Union[Snapshot, ArrayLike]] = None,
         *,
         full: bool = False,
+        fields: Optional[Mapping[str, Any]] = None,
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> dict[str, Any]:
-        """Measures the certificate again on the original particles, as the command's ``verify``, but for fields.
+        """Looks for contradictions, and measures again on the original particles what the file says, as the command's
+        ``verify``.
 
         Parameters
         ----------
-        snapshot : Snapshot or array_like, shape (n, 3)
+        snapshot : Snapshot or array_like, shape (n, 3), optional
             The particles.
         full : bool
             Measure a full certificate even if the file has a smaller one.
+        fields : dict of array_like, optional
+            The fields of the particles that the model has, as for `compress`. Without them fields are not compared.
 
         Returns
         -------
         dict
-            ``measured``, a certificate; ``differing``, a line for each number of the file that differs from it.
+            ``measured``, a certificate; ``differing``, a line for each number of the file that differs from the
+            measurement, for what is listed otherwise than the snapshot has it, and for each contradiction;
+            ``verdict``, a dict with ``use``, ``word`` and ``why`` for each use; ``wrong``, the command's error, or None;
+            and the rest of the command's JSON.
 
         Raises
         ------
         InputError
             If these are not the particles that the model was made from.
         """
-        native = as_snapshot(snapshot)._native
-        result = _particlegs.verify(self._native, native, full, threads, _coerce.progress(progress))
-        return {"measured": json.loads(result[0]), "differing": result[1]}
+        native = None if snapshot is None else as_snapshot(snapshot)._native
+        own = [(name, *_coerce.field(values, name)) for name, values in (fields or {}).items()]
+        result, wrong = _particlegs.verify(self._native, native, full, own, threads, _coerce.progress(progress))
+        found = json.loads(result)
+        off = [f for f in found["figures"] if f["differs"]]
+        differing = [f"{f['name']} is stored as {f['stored']}, measured {f['measured']}" for f in off]
+        listed = [f"{name} is {stored}, in the snapshot {own}" for name, stored, own in found["source_differences"]]
+        lines = differing + listed + found["contradictions"]
+        return {**found, "measured": found["measured_again"], "differing": lines, "wrong": wrong}
 
     def export(
         self,

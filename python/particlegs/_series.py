@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
-from typing import Optional, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 
-from . import _particlegs
+from . import _coerce, _particlegs
 from ._model import Model
-from ._types import Float64, Path
+from ._types import Float64, Path, Progress
 
 
 class Series:
@@ -93,6 +94,24 @@ class Series:
         """
         time = self._native.moment(when) if isinstance(when, str) else float(when)
         return Model._of(self._native.at(time, self._threads))
+
+    def verify(self, *, threads: Optional[int] = None, progress: Progress = None) -> dict[str, Any]:
+        """Decodes every frame, and compares the index and the recipe with the frames, as the command's ``verify``.
+
+        A frame is compared with its snapshot by ``run[12].verify(snapshot)``.
+
+        Returns
+        -------
+        dict
+            ``frames``, ``keyframes``; ``contradictions``, a line each; ``wrong``, what the command says of the first, or None.
+
+        Raises
+        ------
+        ModelError
+            If a frame cannot be decoded, or the index or the recipe contradicts it.
+        """
+        found, wrong = self._native.verify(threads, _coerce.progress(progress))
+        return {**json.loads(found), "wrong": wrong}
 
     def __repr__(self) -> str:
         there = self.times[np.isfinite(self.times)]

@@ -18,15 +18,18 @@ use particlegs_pipeline::render::{
     FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into,
     surface_density,
 };
+use particlegs_pipeline::codec::SeriesDecoder;
+use particlegs_pipeline::context::Context;
 use particlegs_pipeline::score::Assessment;
-use particlegs_pipeline::{codec, parallel};
+use particlegs_pipeline::verify::StoredModel;
+use particlegs_pipeline::{Result, codec, parallel};
 use particlegs_view::page::{ModelFile, PageOpening, offline};
 use particlegs_view::poster;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A model. Immutable.
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
@@ -36,6 +39,13 @@ pub struct Model {
     name: String,
     scratch: parallel::Scratch<Scratch>,
     gaussians: OnceLock<Py<Gaussians>>,
+    frame: Option<SeriesFrame>,
+}
+
+/// A frame of a series, and what decodes it.
+pub struct SeriesFrame {
+    pub decoder: Arc<Mutex<SeriesDecoder<'static>>>,
+    pub number: usize,
 }
 
 /// Refuses to write to an existing path.
@@ -49,7 +59,23 @@ pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
 
 impl Model {
     pub fn new(bytes: Vec<u8>, model: particlegs_pipeline::model::Model, name: String) -> Self {
-        Model { bytes, model, name, scratch: parallel::Scratch::default(), gaussians: OnceLock::new() }
+        Model { bytes, model, name, scratch: parallel::Scratch::default(), gaussians: OnceLock::new(), frame: None }
+    }
+
+    /// The model of a frame of a series, which was coded anew.
+    pub fn with_frame(self, frame: Option<SeriesFrame>) -> Self {
+        Model { frame, ..self }
+    }
+
+    /// The model as its file or its series has it.
+    pub fn stored(&self, context: &Context<'_>) -> Result<StoredModel> {
+        match &self.frame {
+            Some(SeriesFrame { decoder, number }) => {
+                let mut decoder = decoder.lock().unwrap_or_else(PoisonError::into_inner);
+                StoredModel::of_frame(&mut decoder, *number, context)
+            }
+            None => StoredModel::new(self.model.clone(), &self.bytes, &self.name),
+        }
     }
 
     /// The file's bytes.

@@ -1,15 +1,16 @@
 //! A series: its index, and its models by number and by moment.
 
 use crate::errors::IntoPyResult;
-use crate::model::Model;
+use crate::model::{Model, SeriesFrame};
 use crate::work::WorkOptions;
 use particlegs_files::input::Source;
 use particlegs_pipeline::Result;
 use particlegs_pipeline::codec::{self, FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::Context;
+use particlegs_pipeline::verify::SeriesVerification;
 use pyo3::prelude::*;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A series. Immutable; what was decoded lately is kept, so that frames in order cost one step each.
 #[pyclass(frozen, name = "Series", module = "particlegs._particlegs")]
@@ -19,7 +20,7 @@ pub struct ModelSeries {
     nbytes: usize,
     clock: &'static str,
     times: Vec<Option<f64>>,
-    decoder: Mutex<SeriesDecoder<'static>>,
+    decoder: Arc<Mutex<SeriesDecoder<'static>>>,
 }
 
 impl ModelSeries {
@@ -27,16 +28,21 @@ impl ModelSeries {
         &self,
         py: Python<'_>,
         name: String,
+        frame: Option<usize>,
         threads: Option<usize>,
         file: impl FnOnce(&mut SeriesDecoder<'_>, &Context<'_>) -> Result<Vec<u8>> + Send,
     ) -> PyResult<Model> {
         let (bytes, model) = WorkOptions::quietly(threads).run(py, |context| {
             let mut decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
             let bytes = file(&mut decoder, context)?;
-            let model = codec::decode_with(&bytes, &self.place, context)?;
+            let mut model = codec::decode_with(&bytes, &self.place, context)?;
+            if let Some(frame) = frame {
+                model.certificate = decoder.series().certificate(frame)?;
+            }
             Ok((bytes, model))
         })?;
-        Ok(Model::new(bytes, model, name))
+        let frame = frame.map(|number| SeriesFrame { decoder: self.decoder.clone(), number });
+        Ok(Model::new(bytes, model, name).with_frame(frame))
     }
 }
 
@@ -57,7 +63,7 @@ impl ModelSeries {
                 nbytes: bytes.len(),
                 clock: series.clock.name(),
                 times: series.frames.iter().map(there).collect(),
-                decoder: Mutex::new(SeriesDecoder::of(series)),
+                decoder: Arc::new(Mutex::new(SeriesDecoder::of(series))),
                 place,
             })
         })
@@ -94,7 +100,23 @@ impl ModelSeries {
     #[pyo3(signature = (frame, threads=None))]
     fn frame(&self, py: Python<'_>, frame: usize, threads: Option<usize>) -> PyResult<Model> {
         let name = format!("{}, frame {frame}", self.name);
-        self.model(py, name, threads, move |decoder, context| decoder.extract(frame, context))
+        self.model(py, name, Some(frame), threads, move |decoder, context| decoder.extract(frame, context))
+    }
+
+    /// Decodes every frame: JSON, and what is wrong where anything is.
+    #[pyo3(signature = (threads=None, progress=None))]
+    fn verify(
+        &self,
+        py: Python<'_>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(String, Option<String>)> {
+        let found = WorkOptions { threads, progress }.run(py, |context| {
+            let decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
+            SeriesVerification::new(decoder.series(), context)
+        })?;
+        let wrong = found.judge(&self.place).err().map(|e| e.to_string());
+        Ok((serde_json::to_string(&found).expect("plain data"), wrong))
     }
 
     /// The time of the clock at a moment such as `z=1`.
@@ -107,6 +129,6 @@ impl ModelSeries {
     #[pyo3(signature = (time, threads=None))]
     fn at(&self, py: Python<'_>, time: f64, threads: Option<usize>) -> PyResult<Model> {
         let name = format!("{}, {} {time}", self.name, self.clock);
-        self.model(py, name, threads, move |decoder, context| decoder.extract_at(time, context))
+        self.model(py, name, None, threads, move |decoder, context| decoder.extract_at(time, context))
     }
 }

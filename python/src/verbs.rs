@@ -1,5 +1,6 @@
 //! The subcommands for models: `simplify`, `merge`, `eval`, `verify`, `export`.
 
+use crate::compress::{FieldArray, layer_fields};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
@@ -9,7 +10,6 @@ use particlegs_export::{write_as_splats, write_density, write_gaussians};
 use particlegs_files::output::write_bytes;
 use particlegs_pipeline::codec::{self, Merge};
 use particlegs_pipeline::compress::{self, Target};
-use particlegs_pipeline::model::{Certificate, CertificateLevel, MetricValue};
 use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::score;
 use particlegs_view::page::{ModelFile, PageOpening, offline};
@@ -98,57 +98,30 @@ pub fn evaluate(
     Ok(serde_json::to_string(&scores).expect("plain data"))
 }
 
-/// Measures the certificate again: JSON, and the numbers of the file that differ from it.
+/// What the command's `verify` finds: JSON, and what is wrong where anything is.
 #[pyfunction]
-#[pyo3(signature = (model, snapshot, full, threads=None, progress=None))]
+#[pyo3(signature = (model, snapshot=None, full=false, fields=Vec::new(), threads=None, progress=None))]
 pub fn verify(
     py: Python<'_>,
     model: &Model,
-    snapshot: &Snapshot,
+    snapshot: Option<&Snapshot>,
     full: bool,
+    fields: Vec<FieldArray<'_>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, Vec<String>)> {
-    let (whole, particles) = (model.inner(), &*snapshot.particles);
-    let stored = whole.certificate;
-    let level = match &stored {
-        _ if full => CertificateLevel::Full,
-        Some(c) if c.pictures.is_some() => CertificateLevel::Full,
-        Some(c) if c.blocks.is_some() => CertificateLevel::Blocks,
-        _ => CertificateLevel::Quick,
+) -> PyResult<(String, Option<String>)> {
+    let sources = match snapshot {
+        Some(snapshot) if !fields.is_empty() => layer_fields(&snapshot.particles, &fields)?,
+        _ => Vec::new(),
     };
-    let bytes = compress::measured_bytes(model.bytes(), whole, model.called()).or_raise()?;
-    let seed = stored.map_or(42, |c| c.views.seed);
-    let measured = WorkOptions { threads, progress }.run(py, |progress| {
-        if particles.source_hash() != whole.metadata.source_hash {
-            let what = format!("this is not the snapshot that {} was made from", model.called());
-            return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
-        }
-        compress::certify(whole, bytes, particles, seed, level, progress)
+    let (found, sound) = WorkOptions { threads, progress }.run(py, |context| {
+        let stored = model.stored(context)?;
+        let snapshot = snapshot.map(|s| (&*s.particles, &sources[..]));
+        let found = stored.verify(snapshot, (full, 42), context)?;
+        let wrong = found.judge(&stored.place).err().map(|e| e.to_string());
+        Ok((found, wrong))
     })?;
-    // A snapshot from a file has no fields.
-    let stored = stored.map(|c| Certificate { fields: None, ..c });
-    let differing = stored.map_or_else(Vec::new, |stored| differing(&stored, &measured));
-    Ok((serde_json::to_string(&measured).expect("plain data"), differing))
-}
-
-/// A line for each number that differs too much.
-fn differing(stored: &Certificate, measured: &Certificate) -> Vec<String> {
-    let mut lines = Vec::new();
-    for ((group, stored), (_, measured)) in stored.groups().into_iter().zip(measured.groups()) {
-        let measured = measured.unwrap_or_default();
-        for (place, entry) in stored.into_iter().flatten().enumerate().filter(|e| e.1.value != MetricValue::None) {
-            let (metric, now) = (&entry.metric, measured.get(place).map_or(MetricValue::None, |e| e.value));
-            if metric.tolerance.is_passed(entry.value, now) {
-                let [stored, now] = [entry.value, now].map(|value| metric.describe(value, None));
-                lines.push(format!(
-                    "{} {}: {} is stored as {stored}, measured {now}",
-                    group.name, entry.row, metric.name
-                ));
-            }
-        }
-    }
-    lines
+    Ok((serde_json::to_string(&found).expect("plain data"), sound))
 }
 
 /// Options of an export.

@@ -5,10 +5,11 @@ use crate::figure::{self, FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use crate::frame_table::{FrameTable, number};
 use crate::stats_plots::AxisUnits;
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::codec::{FrameCoding, SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesDecoder, SeriesFile};
 use particlegs_pipeline::model::{Metadata, Model, Units, per_length};
 use particlegs_pipeline::stats::{Evolution, FieldMean, FrameStatistics, StatsOptions, WaveShell};
 use particlegs_pipeline::{Error, Result};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
@@ -18,11 +19,11 @@ const WAVES: usize = 5;
 /// Groups are counted from so many particles on.
 const SIZES: [u64; 3] = [20, 100, 1000];
 
-/// The statistics of each frame; `None` of a gap.
+/// The statistics of each frame that is there; `None` of one without the chosen layers.
 pub struct SeriesEvolution<'a> {
     series: &'a SeriesFile<'a>,
     units: Units,
-    frames: Vec<Option<Metadata>>,
+    frames: Vec<Metadata>,
     found: Vec<Option<FrameStatistics>>,
     linking_length: Option<String>,
     /// Wave numbers of the first frame's shells, at most [`WAVES`].
@@ -41,12 +42,7 @@ impl<'a> SeriesEvolution<'a> {
         let mut evolution = Evolution::new(options)?;
         let mut decoder = SeriesDecoder::new(series);
         let (mut frames, mut found, mut without) = (Vec::new(), Vec::new(), None);
-        for (number, frame) in series.frames.iter().enumerate() {
-            if frame.kind == FrameCoding::Missing {
-                frames.push(None);
-                found.push(None);
-                continue;
-            }
+        for number in series.there() {
             let model = decoder.frame(number, context)?.clone().into_model();
             let metadata = model.metadata.clone();
             // A species may appear later.
@@ -54,14 +50,14 @@ impl<'a> SeriesEvolution<'a> {
                 Ok(model) => model,
                 Err(error) => {
                     without.get_or_insert(error);
-                    frames.push(Some(Metadata { count: 0, ..metadata }));
+                    frames.push(Metadata { count: 0, ..metadata });
                     found.push(None);
                     continue;
                 }
             };
-            let own = evolution.measure(&model, &format!("{place}, frame {number}"), context)?;
+            let own = evolution.measure(&model, &series.name(number), context)?;
             context.notes(&own.notes);
-            frames.push(Some(model.metadata));
+            frames.push(model.metadata);
             found.push(Some(own));
         }
         if found.iter().all(Option::is_none) {
@@ -145,8 +141,8 @@ impl<'a> SeriesEvolution<'a> {
     /// All spectra as CSV: a row for each shell of each frame.
     fn spectra(&self) -> String {
         let mut csv = "frame,time,step,redshift,scale_factor,k_low,k_high,k,modes,power\n".to_string();
-        for (i, (found, metadata)) in self.found.iter().zip(&self.frames).enumerate() {
-            let (Some(found), Some(m)) = (found, metadata) else { continue };
+        for ((i, found), m) in self.series.there().zip(&self.found).zip(&self.frames) {
+            let Some(found) = found else { continue };
             let when = [m.epoch.time, m.epoch.step.map(|s| s as f64), m.epoch.redshift(), m.epoch.scale_factor];
             let when = when.map(number).join(",");
             for WaveShell { edges, k, modes, power } in &found.spectrum {
@@ -220,18 +216,19 @@ impl<'a> SeriesEvolution<'a> {
     }
 
     fn curve(&self, name: &str, style: usize, values: impl Iterator<Item = Option<f64>>) -> Series {
-        let at = |(value, frame): (Option<f64>, &particlegs_pipeline::codec::FrameEntry)| {
-            Some(Point::new(frame.time, value.filter(|v| v.is_finite())?))
+        let at = |(value, frame): (Option<f64>, usize)| {
+            Some(Point::new(self.series.frames[frame].time, value.filter(|v| v.is_finite())?))
         };
-        let points = values.zip(&self.series.frames).filter_map(at).collect();
+        let points = values.zip(self.series.there()).filter_map(at).collect();
         Series { name: name.into(), style, dashed: false, points }
     }
 
     /// What is printed: the first and the last value of each quantity.
     pub fn summary(&self) -> String {
+        let numbers: Vec<usize> = self.series.there().collect();
         let there: Vec<usize> = (0..self.found.len()).filter(|&i| self.found[i].is_some()).collect();
         let (Some(&first), Some(&last)) = (there.first(), there.last()) else { return String::new() };
-        let when = |i: usize| self.series.clock.text(self.series.frames[i].time, &self.units);
+        let when = |i: usize| self.series.clock.text(self.series.frames[numbers[i]].time, &self.units);
         let mut text = format!("{} frames, {} to {}", there.len(), when(first), when(last));
         let mut line = |name: String, values: Vec<Option<f64>>, unit: Option<String>| {
             let shown = |i: usize| values[i].map_or("-".into(), figure::number);
@@ -252,27 +249,51 @@ impl<'a> SeriesEvolution<'a> {
     }
 
     /// The result as JSON.
-    pub fn report(&self, path: &Path, options: Value) -> Value {
+    pub fn report(&self, path: &Path, options: Value) -> EvolutionReport {
         let nothing = FrameStatistics::default();
-        let frames = self.found.iter().zip(&self.frames).enumerate().map(|(i, (found, metadata))| {
-            let Some(m) = metadata else { return json!({ "frame": i, "kind": "missing" }) };
+        let mut there = self.found.iter().zip(&self.frames);
+        let frame = |(i, entry): (usize, &FrameEntry)| {
+            let own = if entry.kind == FrameCoding::Missing { None } else { there.next() };
+            let Some((found, m)) = own else { return FrameReport::Missing { frame: i, kind: "missing" } };
             let found = found.as_ref().unwrap_or(&nothing);
             let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
                 let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
                 SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()
             });
-            json!({
+            FrameReport::There(json!({
                 "frame": i, "time": m.epoch.time, "step": m.epoch.step, "redshift": m.epoch.redshift(),
                 "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": found.spectrum,
                 "groups": groups, "fields": found.fields,
-            })
-        });
-        json!({
-            "series": path.display().to_string(), "clock": self.series.clock.name(),
-            "length_unit": self.units.length_text(), "linking_length": self.linking_length,
-            "tool_version": env!("CARGO_PKG_VERSION"), "options": options, "frames": frames.collect::<Vec<_>>(),
-        })
+            }))
+        };
+        EvolutionReport {
+            series: path.display().to_string(),
+            clock: self.series.clock.name(),
+            length_unit: self.units.length_text().map(String::from),
+            linking_length: self.linking_length.clone(),
+            tool_version: env!("CARGO_PKG_VERSION"),
+            options,
+            frames: self.series.frames.iter().enumerate().map(frame).collect(),
+        }
     }
+}
+
+#[derive(Serialize)]
+pub struct EvolutionReport {
+    series: String,
+    clock: &'static str,
+    length_unit: Option<String>,
+    linking_length: Option<String>,
+    tool_version: &'static str,
+    options: Value,
+    frames: Vec<FrameReport>,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum FrameReport {
+    Missing { frame: usize, kind: &'static str },
+    There(Value),
 }
 
 /// Wave numbers of shells in about equal factors, from the first to the last.

@@ -2,47 +2,43 @@
 
 use particlegs_pipeline::codec::{FrameCoding, SeriesFile};
 use particlegs_pipeline::model::{Epoch, Metadata, Units};
+use std::fmt::Write;
 
 /// A column: its name, its unit, what it is, and what stands in it.
 struct FrameColumn {
     name: String,
     unit: Option<String>,
     about: String,
-    values: Vec<String>,
+    values: Vec<Option<f64>>,
 }
 
-/// A table whose first line names the columns. What they are, and their units, stand in lines behind `#`.
-pub struct FrameTable {
+/// A table whose first line names the columns. What they are, and their units, stand in lines behind `#`. Values are those
+/// of the frames that are there.
+pub struct FrameTable<'a> {
+    series: &'a SeriesFile<'a>,
     columns: Vec<FrameColumn>,
 }
 
-impl FrameTable {
-    /// The number of each frame of a series, what it is, and when. A gap has no metadata.
-    pub fn new(series: &SeriesFile<'_>, frames: &[Option<Metadata>], units: &Units) -> FrameTable {
-        let kind = |kind: FrameCoding| match kind {
-            FrameCoding::Missing => "missing",
-            FrameCoding::Keyframe => "keyframe",
-            FrameCoding::Change => "changes",
-        };
-        let column = |name: &str, about: &str, values: Vec<String>| FrameColumn {
-            name: name.into(),
-            unit: None,
-            about: about.into(),
-            values,
-        };
-        let numbers = (0..series.frames.len()).map(|i| i.to_string()).collect();
-        let kinds = series.frames.iter().map(|f| kind(f.kind).to_string()).collect();
-        let about = "a model of its own (keyframe), changes from the frame before, or missing";
-        let mut table =
-            FrameTable { columns: vec![column("frame", "its number, from 0", numbers), column("kind", about, kinds)] };
-        let epoch = |pick: fn(&Epoch) -> Option<f64>| frames.iter().map(move |m| pick(&m.as_ref()?.epoch));
+/// What a frame is.
+pub fn kind_of(kind: FrameCoding) -> &'static str {
+    match kind {
+        FrameCoding::Missing => "missing",
+        FrameCoding::Keyframe => "keyframe",
+        FrameCoding::Change => "changes",
+    }
+}
+
+impl<'a> FrameTable<'a> {
+    /// The number of each frame of a series, what it is, and when. `frames` are those that are there.
+    pub fn new(series: &'a SeriesFile<'_>, frames: &[Metadata], units: &Units) -> FrameTable<'a> {
+        let mut table = FrameTable { series, columns: Vec::new() };
+        let epoch = |pick: fn(&Epoch) -> Option<f64>| frames.iter().map(move |m| pick(&m.epoch));
         let time = units.time.as_ref().map(|u| u.text.clone());
         table.add(("time", time), "of the snapshot", epoch(|e| e.time));
         table.add(("step", None), "time step, as the source numbers it", epoch(|e| e.step.map(|s| s as f64)));
         table.add(("redshift", None), "1 / scale_factor - 1", epoch(Epoch::redshift));
         table.add(("scale_factor", None), "cosmological", epoch(|e| e.scale_factor));
-        let particles = frames.iter().map(|m| Some(m.as_ref()?.count as f64));
-        table.add(("particles", None), "of the snapshot", particles);
+        table.add(("particles", None), "of the snapshot", frames.iter().map(|m| Some(m.count as f64)));
         table
     }
 
@@ -53,22 +49,31 @@ impl FrameTable {
         about: &str,
         values: impl IntoIterator<Item = Option<f64>>,
     ) {
-        let values = values.into_iter().map(number).collect();
+        let values = values.into_iter().collect();
         self.columns.push(FrameColumn { name: name.into(), unit, about: about.into(), values });
     }
 
     /// The table as CSV, without an end of its last line.
     pub fn text(&self) -> String {
-        let row = |cell: &dyn Fn(&FrameColumn) -> String| self.columns.iter().map(cell).collect::<Vec<_>>().join(",");
-        let about = |c: &FrameColumn| {
+        let about_kind = "a model of its own (keyframe), changes from the frame before, or missing";
+        let mut text = "frame,kind".to_string();
+        self.columns.iter().for_each(|c| text.extend([",", &quoted(&c.name)]));
+        let _ = write!(text, "\n# frame: its number, from 0\n# kind: {about_kind}");
+        for c in &self.columns {
             let unit = c.unit.as_ref().map_or(String::new(), |u| format!(" [{u}]"));
-            format!("# {}{unit}: {}", c.name, c.about)
-        };
-        let rows = self.columns.first().map_or(0, |c| c.values.len());
-        let mut lines = vec![row(&|c| quoted(&c.name))];
-        lines.extend(self.columns.iter().map(about));
-        lines.extend((0..rows).map(|i| row(&|c| c.values[i].clone())));
-        lines.join("\n")
+            let _ = write!(text, "\n# {}{unit}: {}", c.name, c.about);
+        }
+        let mut there = 0;
+        for (number, frame) in self.series.frames.iter().enumerate() {
+            let _ = write!(text, "\n{number},{}", kind_of(frame.kind));
+            let missing = frame.kind == FrameCoding::Missing;
+            for c in &self.columns {
+                text.push(',');
+                text += &if missing { String::new() } else { self::number(c.values[there]) };
+            }
+            there += usize::from(!missing);
+        }
+        text
     }
 }
 

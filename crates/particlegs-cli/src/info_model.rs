@@ -27,6 +27,7 @@ struct ModelInfoReport<'a> {
     format_version: String,
     model_bytes: u64,
     missing: Option<String>,
+    lacking_fields: &'a [String],
     other_sections: &'a [(String, u64)],
     raw_bytes: u64,
     compression_ratio: f64,
@@ -59,7 +60,8 @@ fn layer_report(layer: &Layer<Vec<BlockInfo>>, shared: &[SharedSpecies]) -> Valu
     report
 }
 
-fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
+/// The same of what was read.
+pub fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
     let gaussians = info.gaussians() as u64;
     let layer_bytes = |l: &Layer<Vec<BlockInfo>>| {
         let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
@@ -71,6 +73,7 @@ fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
         model_bytes: info.bytes,
         missing: info.missing(),
+        lacking_fields: &info.lacking_fields,
         other_sections: &info.other_sections,
         raw_bytes,
         compression_ratio: raw_bytes as f64 / info.bytes as f64,
@@ -116,7 +119,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     };
     row("format", format!("{}, image law {}", r.format_version, m.law.name()));
     row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
-    r.missing.iter().for_each(|what| row("incomplete", what.clone()));
+    r.missing.iter().chain(r.lacking_fields).for_each(|what| row("incomplete", what.clone()));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
     let (bytes, each, ratio) =
         (r.published_bytes, AlphaBlend::PLY_BYTES, r.raw_bytes as f64 / r.published_bytes as f64);

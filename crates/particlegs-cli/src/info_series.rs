@@ -1,12 +1,15 @@
 //! Output of `info` for a series.
 
 use crate::common::CommandContext;
-use crate::frame_table::FrameTable;
+use crate::frame_table::{FrameTable, kind_of};
+use crate::info_model;
+use crate::inputs::{self, FrameArgs};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
-use particlegs_pipeline::codec::{FrameCoding, SeriesDecoder, SeriesFile};
-use particlegs_pipeline::model::{Certificate, Metadata, PictureScore};
-use serde_json::{Value, json};
+use particlegs_pipeline::codec::{self, FileInfo, FrameCoding, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::model::{Certificate, PictureScore};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -24,27 +27,47 @@ pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> 
     let mut text =
         format!("series of {} frames, {keyframes} of them keyframes, {} bytes", series.frames.len(), bytes.len());
     let _ = write!(text, "\n{:>6} {clock:>13} {:>9} {:>9} {:>9}", "frame", "kind", "bytes", "PSNR, dB");
-    let mut rows = Vec::new();
+    let mut rows = Vec::with_capacity(series.frames.len());
     for (number, frame) in series.frames.iter().enumerate() {
-        let kind = match frame.kind {
-            FrameCoding::Missing => {
-                let _ = write!(text, "\n{number:>6} {:>13} {:>9}", "", "missing");
-                rows.push(json!({ "frame": number, "kind": "missing" }));
-                continue;
-            }
-            FrameCoding::Keyframe => "keyframe",
-            FrameCoding::Change => "changes",
-        };
-        let score = series.certificate(number)?.as_ref().and_then(mean_psnr);
-        let shown = score.map_or(String::new(), |v| format!("{v:.2}"));
-        let _ = write!(text, "\n{number:>6} {:>13.6} {kind:>9} {:>9} {shown:>9}", frame.time, frame.place.len());
-        rows.push(json!({
-            "frame": number, "kind": kind, "time": frame.time, "bytes": frame.place.len(), "masked_psnr": score,
-        }));
+        let kind = kind_of(frame.kind);
+        if frame.kind == FrameCoding::Missing {
+            let _ = write!(text, "\n{number:>6} {:>13} {kind:>9}", "");
+            rows.push(FrameRow::Missing { frame: number, kind });
+            continue;
+        }
+        let masked_psnr = series.certificate(number)?.as_ref().and_then(mean_psnr);
+        let (time, bytes) = (frame.time, frame.place.len());
+        let shown = masked_psnr.map_or(String::new(), |v| format!("{v:.2}"));
+        let _ = write!(text, "\n{number:>6} {time:>13.6} {kind:>9} {bytes:>9} {shown:>9}");
+        rows.push(FrameRow::There { frame: number, kind, time, bytes, masked_psnr });
     }
-    let recipe: Value = serde_json::from_str(&series.recipe).unwrap_or(Value::Null);
-    let report = json!({ "series_bytes": bytes.len(), "clock": clock, "frames": rows, "recipe": recipe });
-    context.finish(&text, &report)
+    let recipe = serde_json::from_str(&series.recipe).unwrap_or(Value::Null);
+    context.finish(&text, &SeriesReport { series_bytes: bytes.len(), clock, frames: rows, recipe })
+}
+
+/// A frame as a model, with its certificate in the series.
+pub fn print_frame(context: &CommandContext, path: &Path, frame: &FrameArgs) -> Result<()> {
+    let (bytes, place) = (inputs::model_or_series(path, context)?, name_of(path));
+    let series = SeriesFile::read(&bytes, &place)?;
+    let number = frame.number(&series, &place, context)?;
+    context.message("note: sizes are those of the frame as a model file of its own, as `extract` writes it");
+    let info = codec::read_info(&SeriesDecoder::new(&series).extract(number, context)?, &series.name(number))?;
+    info_model::print_info(context, &FileInfo { certificate: series.certificate(number)?, ..info })
+}
+
+#[derive(Serialize)]
+struct SeriesReport {
+    series_bytes: usize,
+    clock: &'static str,
+    frames: Vec<FrameRow>,
+    recipe: Value,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum FrameRow {
+    Missing { frame: usize, kind: &'static str },
+    There { frame: usize, kind: &'static str, time: f64, bytes: usize, masked_psnr: Option<f64> },
 }
 
 /// What a score of pictures is: column, unit, meaning, and where it is found.
@@ -59,26 +82,20 @@ pub fn print_table(context: &CommandContext, path: &Path, bytes: &[u8]) -> Resul
     let series = SeriesFile::read(bytes, &name_of(path))?;
     let mut decoder = SeriesDecoder::new(&series);
     let (mut frames, mut gaussians, mut scores) = (Vec::new(), Vec::new(), Vec::new());
-    context.begin("reading frames", series.frames.len() as u64);
-    for (number, frame) in series.frames.iter().enumerate() {
+    context.begin("reading frames", series.there().count() as u64);
+    for number in series.there() {
         context.check()?;
         context.advance(1);
-        if frame.kind == FrameCoding::Missing {
-            frames.push(None::<Metadata>);
-            gaussians.push(None);
-            scores.push(None);
-            continue;
-        }
         let model = decoder.frame(number, context)?;
         let blocks = model.layers.iter().flat_map(|l| &l.content);
         gaussians.push(Some(blocks.map(|b| b.block.gaussians.len()).sum::<usize>() as f64));
-        frames.push(Some(model.metadata.clone()));
+        frames.push(model.metadata.clone());
         scores.push(model.certificate);
     }
     context.end();
     let mut table = FrameTable::new(&series, &frames, &series.units()?);
     table.add(("gaussians", None), "of the frame", gaussians);
-    let bytes = series.frames.iter().map(|f| (f.kind != FrameCoding::Missing).then_some(f.place.len() as f64));
+    let bytes = series.there().map(|i| Some(series.frames[i].place.len() as f64));
     table.add(("bytes", None), "that the frame takes in the file", bytes);
     for (name, unit, about, of) in SCORES {
         for (i, orbit) in ["far", "mid", "near"].into_iter().enumerate() {

@@ -8,7 +8,7 @@ use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
 use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
-use particlegs_pipeline::model::{Model, hex};
+use particlegs_pipeline::model::{Metadata, Model, hex};
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
 use std::path::Path;
@@ -54,17 +54,27 @@ impl FrameArgs {
             }
             return Ok((time, between));
         }
+        Ok((series.frames[self.number(series, place, context)?].time, false))
+    }
+
+    /// The number of the frame, by default of the last that is there.
+    pub fn number(&self, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<usize> {
         let (number, count) = (self.frame.unwrap_or(-1), series.frames.len());
-        let from_start = if number < 0 { number + count as i64 } else { number };
-        let number = usize::try_from(from_start).ok().filter(|&n| n < count).ok_or_else(|| {
-            Error::input(place, format!("there is no frame {number}; the series has {count} frames, from 0"))
-        })?;
-        series.frame_bytes(number)?;
-        let time = series.frames[number].time;
-        if self.frame.is_none() {
-            context.message(&format!("note: {place}: frame {number} is read, {clock} {time}"));
+        let chosen = if number == -1 {
+            series.last()?
+        } else {
+            let from_start = if number < 0 { number + count as i64 } else { number };
+            usize::try_from(from_start).ok().filter(|&n| n < count).ok_or_else(|| {
+                Error::input(place, format!("there is no frame {number}; the series has {count} frames, from 0"))
+            })?
+        };
+        series.frame_bytes(chosen)?;
+        let gap = if number == -1 && chosen + 1 < count { "; the frames behind it are missing" } else { "" };
+        if self.frame.is_none() || !gap.is_empty() {
+            let (clock, time) = (series.clock.name(), series.frames[chosen].time);
+            context.message(&format!("note: {place}: frame {chosen} of {count} is read, {clock} {time}{gap}"));
         }
-        Ok((time, false))
+        Ok(chosen)
     }
 }
 
@@ -120,14 +130,17 @@ pub fn model_with_snapshot(path: &Path, opening: &mut SnapshotArgs, context: &Co
         return Ok(bytes);
     }
     let bytes = frame_of(bytes, &FrameArgs::numbered(opening.frame), &name_of(path), context)?;
-    let metadata = codec::read_metadata(&bytes, &name_of(path))?;
-    if metadata.recipe.read.contains_key("align") {
-        let name = name_of(path);
-        context
-            .message(&format!("warning: the frames of {name} were aligned: their places are not those of snapshots"));
-    }
-    opening.frame = metadata.epoch.frame.and_then(|f| i64::try_from(f).ok());
+    opening.frame = frame_of_snapshot(&codec::read_metadata(&bytes, &name_of(path))?, &name_of(path), context);
     Ok(bytes)
+}
+
+/// The frame of the snapshot that a frame of a series was made from.
+pub fn frame_of_snapshot(metadata: &Metadata, series: &str, context: &Context<'_>) -> Option<i64> {
+    if metadata.recipe.read.contains_key("align") {
+        context
+            .message(&format!("warning: the frames of {series} were aligned: their places are not those of snapshots"));
+    }
+    metadata.epoch.frame.and_then(|f| i64::try_from(f).ok())
 }
 
 /// The bytes of a model file, or of a series.

@@ -3,7 +3,6 @@
 #[cfg(feature = "lab")]
 mod bench_files;
 mod centres;
-mod certificate_check;
 mod commands;
 mod common;
 mod comparison;
@@ -38,7 +37,6 @@ mod run_args;
 mod sequence_args;
 mod sigbus;
 mod snapshot_args;
-mod source_check;
 mod stats_plots;
 mod stats_tables;
 mod target_args;

@@ -30,6 +30,7 @@ pub mod compress;
 
 pub mod job;
 pub mod series;
+pub mod verify;
 
 #[cfg(test)]
 mod law_tests;

@@ -9,7 +9,6 @@ use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
-use crate::source_check;
 use crate::target_args::parse_bytes;
 use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
@@ -22,7 +21,7 @@ use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{CertificateLevel, LawKind};
 use particlegs_pipeline::particles::Storage;
 use particlegs_pipeline::train::Config;
-use particlegs_pipeline::{Error, Result, codec};
+use particlegs_pipeline::{Error, Result, codec, verify};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -105,8 +104,8 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
     let particles = a.particles.read(&a.snapshot, a.common.seed, &storage, &context)?;
-    let of_several = source_check::is_of_several(&bytes, &model, &place)?;
-    source_check::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
+    let of_several = verify::is_of_several(&bytes, &model, &place)?;
+    verify::check_source(&model, of_several, &particles, &particles.meta.name, &place)?;
     let checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
     let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {

@@ -1,7 +1,7 @@
 //! `particlegs info FILE`: a model file, or a snapshot in any format.
 
 use crate::common::Common;
-use crate::inputs::{self, PathContent};
+use crate::inputs::{self, FrameArgs, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_series, info_snapshot};
 use clap::Args;
@@ -41,15 +41,9 @@ pub fn run(a: Arguments) -> Result<()> {
             let print = if a.csv { info_series::print_table } else { info_series::print };
             print(&context, one, &inputs::model_or_series(one, &context)?)
         }
+        [one] if inputs::is_series(one) => info_series::print_frame(&context, one, &FrameArgs::numbered(a.snapshot.frame)),
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
-            PathContent::Model(bytes) => {
-                if inputs::is_series(one) {
-                    context.message(
-                        "note: sizes are those of the frame as a model file of its own, as `extract` writes it",
-                    );
-                }
-                info_model::print(&context, one, &bytes)
-            }
+            PathContent::Model(bytes) => info_model::print(&context, one, &bytes),
             PathContent::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
         },
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),

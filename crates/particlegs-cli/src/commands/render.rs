@@ -9,7 +9,7 @@ use crate::drawing::job::DrawingJob;
 use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, PictureTarget};
-use crate::drawing::series_film::{SeriesFilm, there};
+use crate::drawing::series_film::SeriesFilm;
 use crate::drawing::{ViewContent, ViewRenderer, layers};
 use crate::field_args::{FieldArgs, FieldChoice};
 use crate::figure::FileKind;
@@ -287,7 +287,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let focus = series.as_ref().map(|series| focus(a, series, &context)).transpose()?.flatten();
     let followed = film.as_mut().zip(focus).and_then(|(film, path)| film.follow(&path));
     // The last frame gives a film its bounds and units.
-    let last = series.as_ref().and_then(|series| there(series).last()).and_then(|frame| i64::try_from(frame).ok());
+    let last = series.as_ref().and_then(|series| series.there().last()).and_then(|frame| i64::try_from(frame).ok());
     let frame = if of_series { FrameArgs::numbered(last) } else { a.series.clone() };
     let center = a.view.center.as_ref().filter(|c| c.is_of_mass() && !of_series);
     let opened = |path: &PathBuf| read(path, &frame, (&asked, center), &context);

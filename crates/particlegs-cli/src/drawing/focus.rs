@@ -1,6 +1,5 @@
 //! What pictures are about: the middle of some mass, or a halo, through the frames of a series.
 
-use super::series_film::there;
 use crate::centres;
 use crate::common::CommandContext;
 use crate::view_args::PictureCenter;
@@ -45,8 +44,8 @@ impl FocusPath {
     ) -> Result<Self> {
         let mut decoder = SeriesDecoder::new(series);
         let (mut frames, mut without) = (Vec::new(), None);
-        context.begin("centres of mass", there(series).count() as u64);
-        for number in there(series) {
+        context.begin("centres of mass", series.there().count() as u64);
+        for number in series.there() {
             let model = decoder.frame(number, context)?.clone().into_model();
             match center.of_model(&model, &format!("{place}, frame {number}"), context) {
                 Ok(middle) => frames.push((series.frames[number].time, middle, Domain::from_model(&model))),
@@ -75,7 +74,7 @@ impl FocusPath {
         let list = Catalogue::read(file, context)?;
         let row = list.place_of(*number);
         let row = row.ok_or_else(|| Error::input(name_of(file), format!("it lists no halo {number}")))?;
-        let numbers: Vec<usize> = there(series).collect();
+        let numbers: Vec<usize> = series.there().collect();
         let start = start(series, &numbers, list.scale_factor(), file, context)?;
         let mut decoder = SeriesDecoder::new(series);
         let model = decoder.frame(numbers[start], context)?.clone().into_model();

@@ -4,7 +4,7 @@ use super::focus::FocusPath;
 use crate::sequence_args::FilmLength;
 use particlegs_files::input::name_of;
 use particlegs_pipeline::camera::{View, ViewSet, frame_number};
-use particlegs_pipeline::codec::{FrameCoding, SeriesDecoder, SeriesFile};
+use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::math::each_axis;
 use particlegs_pipeline::model::Model;
@@ -22,15 +22,10 @@ pub struct SeriesFilm<'a> {
     centers: Option<Vec<[f64; 3]>>,
 }
 
-/// The numbers of the frames that are no gaps.
-pub fn there<'a>(series: &'a SeriesFile<'_>) -> impl Iterator<Item = usize> + 'a {
-    (0..series.frames.len()).filter(|&i| series.frames[i].kind != FrameCoding::Missing)
-}
-
 impl<'a> SeriesFilm<'a> {
     /// Each frame once, or so many pictures, evenly from the first frame to the last.
     pub fn new(series: &'a SeriesFile<'a>, path: &Path, length: FilmLength) -> Result<Self> {
-        let times: Vec<f64> = there(series).map(|i| series.frames[i].time).collect();
+        let times: Vec<f64> = series.there().map(|i| series.frames[i].time).collect();
         let (Some(first), Some(last)) = (times.first(), times.last()) else {
             return Err(Error::input(name_of(path), "the series has no frames"));
         };

@@ -5,7 +5,7 @@ use particlegs_pipeline::codec;
 use particlegs_pipeline::model::Coding;
 
 /// Header of a model file, and tag and content of each section (docs/format.md, section 1).
-fn sections(file: &[u8]) -> Vec<([u8; 4], Vec<u8>)> {
+pub fn sections(file: &[u8]) -> Vec<([u8; 4], Vec<u8>)> {
     let (mut at, mut all) = (24, Vec::new());
     while at < file.len() {
         let length = u64::from_le_bytes(file[at + 4..at + 12].try_into().unwrap()) as usize;
@@ -22,7 +22,7 @@ fn checksum(bytes: &[u8]) -> u32 {
     })
 }
 
-fn file_of(head: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
+pub fn file_of(head: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
     let mut body = Vec::new();
     for (tag, content) in sections {
         let told = [&tag[..], &(content.len() as u64).to_le_bytes()].concat();

@@ -37,5 +37,6 @@ mod terminal;
 mod train;
 mod units;
 mod verdict;
+mod verify;
 mod view;
 mod views;

@@ -13,7 +13,7 @@ fn folder(n: usize) -> TestFolder {
 }
 
 /// Runs the command with limited address space.
-fn limited(dir: &TestFolder, mebibytes: u64, arguments: &str) -> Output {
+pub fn limited(dir: &TestFolder, mebibytes: u64, arguments: &str) -> Output {
     let binary = particlegs().get_program().to_owned();
     let script = format!("ulimit -v {}; exec \"$0\" {arguments} --threads 1 -q", mebibytes * 1024);
     Command::new("sh").current_dir(dir.path()).args(["-c", &script]).arg(binary).output().unwrap()

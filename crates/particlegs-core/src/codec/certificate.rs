@@ -19,6 +19,11 @@ pub(super) fn write(c: &Certificate) -> Vec<u8> {
     encoded(c, &|_, there| there)
 }
 
+/// A certificate as a file has it, in the digits that it keeps.
+pub fn rounded(c: &Certificate) -> Certificate {
+    read(&write(c)).unwrap_or(*c)
+}
+
 /// Bytes of the section at a level, with the groups that `like` has as well.
 pub(super) fn size(level: CertificateLevel, like: &Certificate) -> usize {
     encoded(like, &|group, there| there || group.levels.contains(&level)).len()

@@ -8,7 +8,7 @@ use super::file::{BlockPart, FileParts, StoredSection, parts};
 use super::info::FileInfo;
 use super::shared_species::separated;
 use crate::context::Context;
-use crate::model::{Block, FieldMoments, LawKind, Metadata, Mixture, Model, Quantity, QuantityKind, SharedSpecies};
+use crate::model::{Block, Columns, FieldMoments, LawKind, Metadata, Mixture, Model, Quantity, QuantityKind, SharedSpecies};
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -224,6 +224,29 @@ pub(super) fn fields_of<'a>(
     }
     let shares = Some(&shares[..]).filter(|s| !s.is_empty());
     Metadata::categories(&metadata.fields).chain(shares).try_for_each(|classes| complete(&mut block.gaussians, classes))
+}
+
+/// A model with the fields of these `sections` in place of its own: those of each block of all layers, in order. `before`
+/// gives what the Gaussians of a layer's block had of a quantity in the frame before.
+pub fn with_fields<'a>(
+    mut model: Model,
+    sections: &[Vec<StoredSection>],
+    before: &dyn Fn([usize; 2], &Quantity) -> Option<PreviousField<'a>>,
+) -> Result<Model> {
+    let metadata = &model.metadata;
+    let wrong = |what: String| Error::corrupt("the fields just coded", what);
+    let mut sections = sections.iter();
+    for (layer, blocks) in model.layers.iter_mut().map(|l| &mut l.content).enumerate() {
+        for ((number, block), sections) in blocks.iter_mut().enumerate().zip(&mut sections) {
+            block.gaussians.fields = Columns::default();
+            let (pairs, moments): (Vec<_>, Vec<_>) = sections.iter().cloned().partition(|s| s.tag == CORRELATION);
+            fields_of(block, &moments, metadata, false, &|q| before([layer, number], q)).map_err(wrong)?;
+            for pair in pairs {
+                correlation_of(block, &pair.bytes, &metadata.fields).map_err(wrong)?;
+            }
+        }
+    }
+    Ok(model)
 }
 
 /// Adds the shares of the last class, which follow from the others'.

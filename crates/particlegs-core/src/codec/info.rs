@@ -3,6 +3,7 @@
 use super::Precision;
 use super::container::{CORRELATION, FIELD, SHARE};
 use super::file::{BlockPart, FileParts, parts};
+use super::series::EXTRACTED;
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, SharedSpecies, VizMapper};
 
@@ -28,6 +29,8 @@ pub struct FileInfo {
     pub share_bytes: u64,
     /// What there is of each of the metadata's fields.
     pub fields: Vec<FieldInfo>,
+    /// What is lacking of these, a sentence each; nothing is said of a file that lacks more.
+    pub lacking_fields: Vec<String>,
     /// Bytes of correlations between fields.
     pub correlation_bytes: u64,
     /// Sections that this program does not know, by tag and bytes; first those of blocks.
@@ -121,6 +124,16 @@ impl FileInfo {
         (!words.is_empty()).then(|| format!("unknown sections are dropped: {}", words.join(", ")))
     }
 
+    /// Are its blocks as fine as those of a frame of a series that was extracted?
+    pub fn is_extracted(&self) -> bool {
+        let Precision { position, size, shape, count, .. } = Precision::BALANCED.scaled(EXTRACTED);
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b;
+        let own = |p: &Precision| {
+            [(p.position, position), (p.size, size), (p.shape, shape), (p.count, count)].iter().all(|(a, b)| near(*a, *b))
+        };
+        self.layers.iter().flat_map(|l| &l.content).all(|b| own(&b.precision))
+    }
+
     /// Number of Gaussians.
     pub fn gaussians(&self) -> usize {
         self.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum()
@@ -178,8 +191,14 @@ impl FileInfo {
         let attached = attached().filter(|s| ![FIELD, SHARE, CORRELATION].contains(&s.tag));
         let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));
         let other_sections = other.collect();
+        let counts: Vec<usize> = parts.layers.iter().map(|l| l.content.len()).collect();
+        let has = |layer: usize, block: usize, _: &str, field: usize| {
+            let sections = &parts.layers[layer].content[block].sections;
+            sections.iter().any(|s| s.tag == FIELD && s.bytes.first().copied().map(usize::from) == Some(field))
+        };
+        let lacking_fields = parts.metadata.lacking_fields(&counts, &has);
         let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
-        FileInfo {
+        let info = FileInfo {
             version: [file[8], file[9]],
             layers: layers.collect(),
             metadata: parts.metadata,
@@ -189,8 +208,10 @@ impl FileInfo {
             missing_particles: parts.missing_particles,
             share_bytes,
             fields,
+            lacking_fields,
             correlation_bytes,
             other_sections,
-        }
+        };
+        if info.missing().is_none() { info } else { FileInfo { lacking_fields: Vec::new(), ..info } }
     }
 }

@@ -49,11 +49,12 @@ mod trellis;
 mod vizmapper;
 mod wire;
 
+pub use certificate::rounded;
 pub use change::{ChangePrecision, ChangeTarget, FrameStep, TrackedBlock};
 pub use container::{
     CORRELATION, FIELD, FIELD_CHANGE, HEAD_BYTES, SHARE, is_model, is_series, other_length, promised_length,
 };
-pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
+pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with, with_fields};
 pub use encoder::Encoder;
 pub use field::{FieldPrecision, PreviousField, encode_field};
 pub use field_correlation::encode_correlation;

@@ -278,7 +278,7 @@ fn a_series_begins_with_its_index_and_takes_frames_as_they_come() {
     let mut decoder = SeriesDecoder::of(start);
     let first = decoder.model_at(1.0, &context).unwrap();
     let missing = decoder.model_at(1.5, &context).unwrap_err().to_string();
-    assert!(missing.contains("frame 2: its bytes are not loaded"), "{missing}");
+    assert!(missing.contains("frame 2 of 3: its bytes are not loaded"), "{missing}");
     assert!(decoder.add_frame(2, vec![0; 3]).is_err() && decoder.add_frame(1, Vec::new()).is_err());
     assert!(decoder.add_frame(3, keyframe.clone()).is_err());
     decoder.add_frame(2, file[whole.frames[2].place.clone()].to_vec()).unwrap();

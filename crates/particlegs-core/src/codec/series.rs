@@ -4,7 +4,7 @@
 use super::change::{FrameStep, TrackedBlock};
 use super::container::{
     self, BLOCK_CHANGE, CERTIFICATE, CHANGE, CORRELATION, FIELD, FIELD_CHANGE, FRAME, FRAME_INDEX, HEAD_BYTES, META,
-    SECTION_BYTES, SERIES, SERIES_RECIPE, Section,
+    SECTION_BYTES, SERIES, SERIES_RECIPE, STAGE_BYTES, Section,
 };
 use super::decode::{Decoder, correlation_of, decode_block, fields_of};
 use super::field::{FieldPrecision, PreviousField, encode_field};
@@ -16,7 +16,9 @@ use super::sums::compensated;
 use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, assemble, certificate, metadata};
 use crate::context::Context;
-use crate::model::{Block, Certificate, Layer, Mass, Metadata, Mixture, Model, Quantity, Units};
+use crate::model::{
+    Block, Certificate, CertificateLevel, Layer, Mass, Metadata, Mixture, Model, Quantity, Recipe, Units,
+};
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -32,7 +34,7 @@ pub const INDEX_FROM: usize = HEAD_BYTES + SECTION_BYTES;
 const RECIPE_TEXT: usize = 16_384;
 /// How finely a frame is coded as a model of its own ([`SeriesDecoder::extract`]): its steps add next to nothing to the errors
 /// of the series.
-const EXTRACTED: f64 = 0.25;
+pub(super) const EXTRACTED: f64 = 0.25;
 
 /// What there is of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +88,40 @@ pub struct SeriesFile<'a> {
     pub frames: Vec<FrameEntry>,
     /// How the series was made, as JSON; empty where that is not known.
     pub recipe: String,
+}
+
+/// What the recipe of a series says of its frames; other programs may say less.
+#[derive(serde::Deserialize)]
+struct SeriesRecipe {
+    model: Option<Recipe>,
+    keyframe_interval: Option<usize>,
+    certificate: Option<String>,
+}
+
+impl SeriesRecipe {
+    /// Is the frame made so, as number `group` from its keyframe on, which is the first?
+    fn check(&self, frame: &TrackedModel, group: usize) -> std::result::Result<(), String> {
+        // Blocks are as a frame needs them, and species of a series never share Gaussians.
+        let asked = |recipe: &Recipe| {
+            let mut asked = Recipe { blocks: 1, ..recipe.clone() };
+            asked.read.remove("share-gaussians");
+            asked
+        };
+        let made = asked(&frame.metadata.recipe);
+        let model = self.model.as_ref().map(asked).filter(|model| *model != made && made.differing.is_empty());
+        if let Some(model) = model {
+            return Err(format!("it was made by `{made}`, but the series says `{model}`"));
+        }
+        if let Some(interval) = self.keyframe_interval.filter(|interval| group > *interval) {
+            return Err(format!("it is frame {group} from its keyframe on, but the series has one every {interval}"));
+        }
+        let measured = self.certificate.as_ref().map(|level| level != CertificateLevel::None.name());
+        match measured.filter(|measured| *measured != frame.certificate.is_some()) {
+            Some(true) => Err("it has no certificate, but the series says that its frames have one".into()),
+            Some(false) => Err("it has a certificate, but the series says that its frames have none".into()),
+            None => Ok(()),
+        }
+    }
 }
 
 /// A decoded frame with what is known of its Gaussians' motion.
@@ -148,9 +184,10 @@ impl<'a> SeriesFile<'a> {
         let mut there = frames.iter().filter(|f| f.kind != FrameCoding::Missing);
         for section in sections {
             match section.tag {
-                SERIES_RECIPE if section.bytes.len() <= RECIPE_TEXT => {
-                    recipe = String::from_utf8_lossy(section.bytes).into_owned();
+                SERIES_RECIPE if section.bytes.len() > RECIPE_TEXT || !recipe.is_empty() => {
+                    return Err(corrupt("the recipe of the series is too long, or there twice".into()));
                 }
+                SERIES_RECIPE => recipe = String::from_utf8_lossy(section.bytes).into_owned(),
                 FRAME => {
                     let start = section.offset + SECTION_BYTES;
                     let own = start..start + section.bytes.len();
@@ -244,9 +281,90 @@ impl<'a> SeriesFile<'a> {
         key.ok_or_else(|| Error::corrupt(&self.place, "the first frame is no keyframe"))
     }
 
-    /// The name of a frame in errors.
-    fn name(&self, frame: usize) -> String {
-        format!("{}, frame {frame}", self.place)
+    /// The name of a frame in errors; frames are counted from 0.
+    pub fn name(&self, frame: usize) -> String {
+        format!("{}, frame {frame} of {}", self.place, self.frames.len())
+    }
+
+    /// The numbers of the frames that are there.
+    pub fn there(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.frames.len()).filter(|&i| self.frames[i].kind != FrameCoding::Missing)
+    }
+
+    /// The number of its last frame that is there.
+    pub fn last(&self) -> Result<usize> {
+        self.there().last().ok_or_else(|| Error::input(&self.place, "the series has no frames"))
+    }
+
+    /// Bytes of a change when its certificate was measured: without certificate and fields.
+    pub fn measured_bytes(&self, frame: usize) -> Result<u64> {
+        let bytes = self.frame_bytes(frame)?;
+        let sections = container::read(CHANGE, bytes, &self.name(frame))?.sections;
+        let added = |s: &Section<'_>| match s.tag {
+            CERTIFICATE => SECTION_BYTES + s.bytes.len(),
+            FIELD | FIELD_CHANGE | CORRELATION => STAGE_BYTES + s.bytes.len(),
+            _ => 0,
+        };
+        Ok((bytes.len() - sections.iter().map(added).sum::<usize>()) as u64)
+    }
+
+    /// Decodes every frame, in order, and gives each to `visit` with its number.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`]: a frame cannot be decoded; the index or the recipe contradicts it, or it is of another run than
+    /// the frame before.
+    pub fn check(
+        &self,
+        context: &Context<'_>,
+        mut visit: impl FnMut(usize, &TrackedModel) -> Result<()>,
+    ) -> Result<()> {
+        let recipe = self.series_recipe()?;
+        let mut decoder = SeriesDecoder::new(self);
+        let (mut before, mut group) = (None::<Metadata>, 0);
+        for number in self.there() {
+            context.check()?;
+            let entry = &self.frames[number];
+            let wrong = |what: String| Error::corrupt(self.name(number), what);
+            let frame = decoder.frame(number, context)?;
+            let metadata = &frame.metadata;
+            let stated = SeriesClock::of(metadata);
+            if before.is_none() && stated != self.clock {
+                let [index, stated] = [self.clock, stated].map(SeriesClock::name);
+                return Err(wrong(format!("the clock of the index is the {index}, but that of the frame is the {stated}")));
+            }
+            let time = self.clock.time(number, metadata);
+            if time != Some(entry.time) {
+                let stated = time.map_or("none".into(), |t| t.to_string());
+                let what = format!("its {} is {} in the index and {stated} in the frame", self.clock.name(), entry.time);
+                return Err(wrong(what));
+            }
+            if let Some(before) = &before {
+                if let Some(difference) = before.difference_to_next(metadata) {
+                    return Err(wrong(difference));
+                }
+                // Where nothing else tells the order.
+                let by_number = self.clock == SeriesClock::Frame && before.source == metadata.source;
+                let [then, now] = [before, metadata].map(|m| m.epoch.frame.filter(|_| by_number));
+                if let Some((then, now)) = then.zip(now).filter(|(then, now)| now < then) {
+                    let what = format!("it is frame {now} of {}, behind frame {then} of it", metadata.source);
+                    return Err(wrong(what));
+                }
+            }
+            group = if entry.kind == FrameCoding::Keyframe { 1 } else { group + 1 };
+            recipe.iter().try_for_each(|r| r.check(frame, group).map_err(wrong))?;
+            before = Some(metadata.clone());
+            visit(number, frame)?;
+        }
+        Ok(())
+    }
+
+    /// The recipe, where there is one.
+    fn series_recipe(&self) -> Result<Option<SeriesRecipe>> {
+        let read = |text: &str| {
+            let wrong = |e: serde_json::Error| Error::corrupt(&self.place, format!("the recipe of the series: {e}"));
+            serde_json::from_str(text).map_err(wrong)
+        };
+        Some(&self.recipe[..]).filter(|text| !text.is_empty()).map(read).transpose()
     }
 
     /// The number of its first frame, which is a keyframe.
@@ -281,8 +399,7 @@ impl<'a> SeriesFile<'a> {
     /// The frame of a time of the clock, which may differ by a millionth.
     pub fn frame_at(&self, time: f64) -> Option<usize> {
         let off = |i: &usize| (self.frames[*i].time - time).abs();
-        let there = (0..self.frames.len()).filter(|&i| self.frames[i].kind != FrameCoding::Missing);
-        there.min_by(|a, b| off(a).total_cmp(&off(b))).filter(|i| off(i) <= 1e-6 * time.abs())
+        self.there().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|i| off(i) <= 1e-6 * time.abs())
     }
 }
 
@@ -368,14 +485,15 @@ impl<'a> SeriesDecoder<'a> {
         Ok(from.between(next, (time - from.time) / (next.time - from.time)))
     }
 
-    /// A frame as a model file: a keyframe's own bytes, and others coded anew.
+    /// A frame as a model file: a keyframe's own bytes, and others coded anew, without a certificate, which would not be of
+    /// the new bytes ([`SeriesFile::certificate`]).
     pub fn extract(&mut self, frame: usize, context: &Context<'_>) -> Result<Vec<u8>> {
         let bytes = self.series.frame_bytes(frame)?;
         if self.series.frames[frame].kind == FrameCoding::Keyframe {
             return Ok(bytes.to_vec());
         }
-        let Model { metadata, layers, certificate } = self.frame(frame, context)?.clone().into_model();
-        assemble(&metadata, certificate.as_ref(), coded_finely(layers, &metadata.fields)?)
+        let Model { metadata, layers, .. } = self.frame(frame, context)?.clone().into_model();
+        assemble(&metadata, None, coded_finely(layers, &metadata.fields)?)
     }
 
     /// The model at a time of the clock as a file: of a frame what [`SeriesDecoder::extract`] gives, between frames what
@@ -570,6 +688,14 @@ impl TrackedModel {
     ) -> Option<PreviousField<'a>> {
         let [own, next] = [self, next].map(|frame| frame.layers.get(layer)?.content.get(block));
         self.metadata.fields.contains(quantity).then(|| own?.field(&quantity.name, &next?.origin, &next?.unrest))?
+    }
+
+    /// As [`Metadata::lacking_fields`].
+    pub fn lacking_fields(&self) -> Vec<String> {
+        let blocks: Vec<usize> = self.layers.iter().map(|l| l.content.len()).collect();
+        let has =
+            |l: usize, b: usize, name: &str, _| self.layers[l].content[b].block.gaussians.fields.get(name).is_some();
+        self.metadata.lacking_fields(&blocks, &has)
     }
 
     /// The frame as a model.

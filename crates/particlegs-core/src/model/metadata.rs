@@ -4,6 +4,9 @@ use super::{LawKind, Recipe, SharedSpecies, Unit, Units};
 use crate::space::{Bounds, Cell};
 use crate::splat::DEFAULT_OPACITY;
 
+/// Boxes of one run differ by less, over their size.
+const SAME_BOX: f64 = 1e-6;
+
 /// Everything a file carries beside its Gaussians. `None` = the source does not say.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Metadata {
@@ -223,6 +226,62 @@ impl Metadata {
     pub fn is_stored(fields: &[Quantity], number: usize) -> bool {
         let category = |n: usize| fields.get(n).and_then(Quantity::class).map(|(category, _)| category);
         category(number).is_none() || category(number) == category(number + 1)
+    }
+
+    /// What is lacking of the listed fields, a sentence each: of layers of so many `blocks`, those of which `has` says by
+    /// layer, block and field whether they have it. A layer may lack a field, but not some of its blocks alone.
+    pub fn lacking_fields(&self, blocks: &[usize], has: &dyn Fn(usize, usize, &str, usize) -> bool) -> Vec<String> {
+        let mut lacking = Vec::new();
+        for (number, q) in self.fields.iter().enumerate().filter(|(n, _)| Self::is_stored(&self.fields, *n)) {
+            let there = |layer: usize| (0..blocks[layer]).filter(|&b| has(layer, b, &q.name, number)).count();
+            let of_layers: Vec<usize> = (0..blocks.len()).map(there).collect();
+            let all = of_layers.iter().sum::<usize>();
+            let some = of_layers.iter().zip(blocks).find(|(there, all)| **there > 0 && there < all);
+            lacking.extend(match some {
+                None if all == 0 => Some(format!("the field `{}` is listed, but no block has it", q.name)),
+                Some((there, all)) => Some(format!("the field `{}` is in {there} of {all} blocks of a layer", q.name)),
+                None => None,
+            });
+        }
+        lacking
+    }
+
+    /// Where the `next` frame is not of the same run, as a sentence: it has other units, cosmology or periodic axes, in a
+    /// cosmological run another box, or other units of a field.
+    pub fn difference_to_next(&self, next: &Metadata) -> Option<String> {
+        let periodic_axes = |m: &Metadata| m.cell.map(|c| c.periodic);
+        let differing = [
+            ("units", self.units != next.units),
+            ("cosmology", self.cosmology != next.cosmology),
+            ("periodic axes", periodic_axes(self) != periodic_axes(next)),
+        ];
+        if let Some((what, _)) = differing.into_iter().find(|d| d.1) {
+            return Some(format!("its {what} are not those of the frame before"));
+        }
+        if !self.has_box_of(next) {
+            let shown = |m: &Metadata| m.cell.map_or("not stated".into(), |c| c.to_string());
+            return Some(format!("its box is {}, that of the frame before {}", shown(next), shown(self)));
+        }
+        let unit = |q: &Quantity| q.unit.as_ref().map_or("not stated".into(), |u| u.text.clone());
+        next.fields.iter().find_map(|field| {
+            let same = self.fields.iter().find(|f| f.name == field.name);
+            let same = same.filter(|f| f.unit != field.unit || f.kind != field.kind)?;
+            let (before, now) = (unit(same), unit(field));
+            Some(format!("the unit of its field `{}` is {now}, in the frame before {before}", field.name))
+        })
+    }
+
+    /// Whether two moments of a cosmological run have one box: the same in comoving lengths, growing with the scale factor
+    /// in physical ones. The cell of other runs may change.
+    fn has_box_of(&self, next: &Metadata) -> bool {
+        let (Some(before), Some(now)) = (self.epoch.scale_factor, next.epoch.scale_factor) else { return true };
+        let (Some(a), Some(b)) = (self.cell, next.cell) else { return self.cell.is_none() == next.cell.is_none() };
+        let grown_by = |factor: f64| a.scaled(factor) == b || a.scaled(factor).same_lattice(&b, SAME_BOX);
+        match next.units.comoving {
+            Some(true) => grown_by(1.0),
+            Some(false) => grown_by(now / before),
+            None => grown_by(1.0) || grown_by(now / before),
+        }
     }
 
     /// All that was kept of the snapshot: positions, masses where particles of any layer are `weighted`, and

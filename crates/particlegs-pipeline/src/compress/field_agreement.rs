@@ -2,8 +2,8 @@
 
 use super::FieldSelection;
 use crate::context::Context;
-use crate::fit::{FieldMeans, FieldShape, gather};
-use crate::model::{CERTIFIED_FIELDS, FieldAgreements, Model};
+use crate::fit::{BlockField, FieldMeans, FieldShape, gather};
+use crate::model::{Block, CERTIFIED_FIELDS, FieldAgreements, FieldMoments, Model};
 use crate::particles::{ChunkBuffer, RUN};
 use crate::score::{FieldCellSums, FieldCellTable, FieldCells, FieldPlace};
 use crate::{Result, parallel};
@@ -19,9 +19,29 @@ impl FieldSelection<'_> {
     /// Gaussians of a `model` that was made of all, and compares with the other half: means in cells, whose sampling noise
     /// is independent in the halves. Of many particles, those of some regions. `None` without fields.
     pub fn agreement(&self, model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<FieldAgreements>> {
+        self.agreement_by(model, seed, false, context)
+    }
+
+    /// The same of the fields that the `model` has; of a block without one its means are 0.
+    pub(crate) fn agreement_of_model(
+        &self,
+        model: &Model,
+        seed: u64,
+        context: &Context<'_>,
+    ) -> Result<Option<FieldAgreements>> {
+        self.agreement_by(model, seed, true, context)
+    }
+
+    fn agreement_by(
+        &self,
+        model: &Model,
+        seed: u64,
+        of_model: bool,
+        context: &Context<'_>,
+    ) -> Result<Option<FieldAgreements>> {
         let cells = FieldCells::new(&model.metadata, seed);
         let counts: Vec<u64> = self.particles.layers().iter().map(|l| l.content.len() as u64).collect();
-        let sums = self.sums(model, &cells, &counts, context)?;
+        let sums = self.sums_by(model, &cells, &counts, of_model, context)?;
         let mut agreements = FieldAgreements::default();
         let found = sums.iter().map(|sums| Some(cells.agreement(sums)));
         agreements.each.iter_mut().zip(found).for_each(|(to, found)| *to = found);
@@ -36,10 +56,21 @@ impl FieldSelection<'_> {
         counts: &[u64],
         context: &Context<'_>,
     ) -> Result<Vec<FieldCellTable>> {
+        self.sums_by(model, cells, counts, false, context)
+    }
+
+    fn sums_by(
+        &self,
+        model: &Model,
+        cells: &FieldCells,
+        counts: &[u64],
+        of_model: bool,
+        context: &Context<'_>,
+    ) -> Result<Vec<FieldCellTable>> {
         let mut sums = vec![FieldCellTable::new(); self.quantities().len().min(CERTIFIED_FIELDS)];
         for (index, (_, count)) in self.particles.layers().iter().zip(counts).enumerate() {
             if *count >= LEAST_PARTICLES && !sums.is_empty() {
-                self.add_layer(index, model, cells, &mut sums, context)?;
+                self.add_layer(index, (model, of_model), cells, &mut sums, context)?;
             }
         }
         Ok(sums)
@@ -48,7 +79,7 @@ impl FieldSelection<'_> {
     fn add_layer(
         &self,
         index: usize,
-        model: &Model,
+        (model, of_model): (&Model, bool),
         cells: &FieldCells,
         sums: &mut [FieldCellTable],
         context: &Context<'_>,
@@ -73,8 +104,11 @@ impl FieldSelection<'_> {
             }
             Ok(())
         };
-        let gathered = gather(blocks, &particles, &shapes, &read, context)?;
         let numbers = self.numbers(index);
+        let gathered = match of_model {
+            true => blocks.iter().map(|b| self.fields_of(b, &numbers, &shapes)).collect(),
+            false => gather(blocks, &particles, &shapes, &read, context)?,
+        };
         let means = FieldMeans::new(blocks);
         let runs = particles.len().div_ceil(RUN);
         for first in (0..runs).step_by(RUNS) {
@@ -115,5 +149,22 @@ impl FieldSelection<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The fields of a block's Gaussians by their numbers, in such shapes.
+    fn fields_of(&self, block: &Block, numbers: &[usize], shapes: &[FieldShape<'_>]) -> Vec<BlockField> {
+        let g = &block.gaussians;
+        let none = |components: usize| {
+            let mut none = FieldMoments { range: vec![[0.0; 2]; components], ..FieldMoments::new(components) };
+            none.mean.iter_mut().for_each(|column| column.resize(g.len(), 0.0));
+            none.slope.iter_mut().flatten().for_each(|column| column.resize(g.len(), 0.0));
+            none
+        };
+        let of = |(number, shape): (&usize, &FieldShape<'_>)| {
+            let own = g.fields.get(&self.quantities()[*number].name);
+            let own = own.filter(|f| f.components() == shape.components);
+            BlockField { moments: own.cloned().unwrap_or_else(|| none(shape.components)), sums: Vec::new() }
+        };
+        numbers.iter().zip(shapes).map(of).collect()
     }
 }

@@ -305,6 +305,27 @@ impl<'a> FieldSelection<'a> {
         codec::assemble(&metadata, certificate.as_ref(), coded)
     }
 
+    /// Whether scalars are described by their logarithms as `others` of their names and kinds are.
+    pub(crate) fn with_scales(mut self, others: &[Quantity]) -> Self {
+        for (own, other) in self.plan.quantities.iter_mut().zip(others) {
+            if own.name == other.name && own.kind == other.kind && own.extensive == other.extensive {
+                own.logarithmic = other.logarithmic;
+            }
+        }
+        self
+    }
+
+    /// A `model` that was made of the particles, with the fields as a file of it holds them. `before` is that of
+    /// [`FieldSelection::sections`].
+    pub(crate) fn coded_anew<'b>(
+        &self,
+        model: &Model,
+        before: &dyn Fn([usize; 2], &Quantity) -> Option<PreviousField<'b>>,
+        context: &Context<'_>,
+    ) -> Result<Model> {
+        codec::with_fields(model.clone(), &self.sections(model, before, context)?, before)
+    }
+
     /// The fields of a `model` that was made of the particles, coded for each of its blocks: as changes, where `before`
     /// gives what the Gaussians of a layer's block had of a quantity in the frame before.
     pub(crate) fn sections<'b>(

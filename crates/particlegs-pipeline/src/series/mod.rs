@@ -116,8 +116,8 @@ impl SeriesBuilder {
             return Err(Error::input(name, format!("the snapshot does not state its {}", clock.name())));
         };
         if let Some(previous_frame) = &self.before {
-            let next = NextFrame { metadata, particles, fields: fields.map_or(&[], |f| f.quantities()), time };
-            next.follows(previous_frame, clock)?;
+            let fields = fields.map_or(Vec::new(), |f| f.quantities().to_vec());
+            follows(previous_frame, &Metadata { fields, ..metadata.clone() }, (particles, time, clock))?;
         }
         let mut notes = planned.notes().to_vec();
         let tracked = match before {
@@ -251,79 +251,37 @@ impl SeriesBuilder {
     }
 }
 
-/// Lengths and masses of one run differ by less, relative to their size.
-const SAME: f64 = 1e-6;
+/// Particle masses of one run differ by less, relative to their size.
+const SAME_MASS: f64 = 1e-6;
 
-/// What a frame states that is to be added.
-struct NextFrame<'a> {
-    metadata: &'a Metadata,
-    particles: &'a Particles,
-    fields: &'a [Quantity],
-    time: f64,
-}
-
-impl NextFrame<'_> {
-    /// Refuses a frame that does not belong behind the previous one.
-    fn follows(&self, previous: &TrackedModel, clock: SeriesClock) -> Result<()> {
-        let (before, next) = (&previous.metadata, self.metadata);
-        let refused = |what: String| Err(Error::input(&self.particles.meta.name, what));
-        if self.time <= previous.time {
-            let (name, time) = (clock.name(), self.time);
-            return refused(format!("its {name} is {time}, not after {} of the frame before", previous.time));
-        }
-        let periodic_axes = |m: &Metadata| m.cell.map(|c| c.periodic);
-        let differing = [
-            ("units", before.units != next.units),
-            ("cosmology", before.cosmology != next.cosmology),
-            ("periodic axes", periodic_axes(before) != periodic_axes(next)),
-        ];
-        if let Some((what, _)) = differing.into_iter().find(|d| d.1) {
-            return refused(format!("its {what} are not those of the frame before"));
-        }
-        if clock == SeriesClock::ScaleFactor && !has_same_box(before, next) {
-            let shown = |m: &Metadata| m.cell.map_or("not stated".into(), |c| c.to_string());
-            return refused(format!("its box is {}, that of the frame before {}", shown(next), shown(before)));
-        }
-        for layer in self.particles.layers() {
-            let Some(same) = previous.layers.iter().find(|l| l.name == layer.name) else { continue };
-            let masses = [same.mass, layer.mass];
-            if let [Mass::Each(a), Mass::Each(b)] = masses
-                && (a - b).abs() <= SAME * a
-            {
-                continue;
-            }
-            if masses.iter().all(|m| !m.is_weighted()) && masses[0] != masses[1] {
-                let [a, b] = masses.map(|m| m.unit().map_or("not stated".into(), |mass| mass.to_string()));
-                let named = if layer.name.is_empty() { String::new() } else { format!(" of `{}`", layer.name) };
-                return refused(format!("its particle mass{named} is {b}, that of the frame before {a}"));
-            }
-        }
-        for field in self.fields {
-            let same = before.fields.iter().find(|f| f.name == field.name);
-            if let Some(same) = same.filter(|f| f.unit != field.unit || f.kind != field.kind) {
-                let unit = |q: &Quantity| q.unit.as_ref().map_or("not stated".into(), |u| u.text.clone());
-                let (a, b) = (unit(same), unit(field));
-                return refused(format!("the unit of its field `{}` is {b}, in the frame before {a}", field.name));
-            }
-        }
-        Ok(())
+/// Refuses particles of a frame of such metadata and time that do not belong behind the previous frame.
+fn follows(
+    previous: &TrackedModel,
+    next: &Metadata,
+    (particles, time, clock): (&Particles, f64, SeriesClock),
+) -> Result<()> {
+    let refused = |what: String| Err(Error::input(&particles.meta.name, what));
+    if time <= previous.time {
+        return refused(format!("its {} is {time}, not after {} of the frame before", clock.name(), previous.time));
     }
-}
-
-/// Whether two moments of a cosmological run have one box: the same in comoving lengths, or growing with the scale factor
-/// in physical ones.
-fn has_same_box(before: &Metadata, next: &Metadata) -> bool {
-    let (Some(a), Some(b)) = (before.cell, next.cell) else { return before.cell.is_none() == next.cell.is_none() };
-    let growth = match (before.epoch.scale_factor, next.epoch.scale_factor) {
-        (Some(a), Some(b)) => b / a,
-        _ => 1.0,
-    };
-    let grown_by = |factor: f64| a.scaled(factor) == b || a.scaled(factor).same_lattice(&b, SAME);
-    match next.units.comoving {
-        Some(true) => grown_by(1.0),
-        Some(false) => grown_by(growth),
-        None => grown_by(1.0) || grown_by(growth),
+    if let Some(difference) = previous.metadata.difference_to_next(next) {
+        return refused(difference);
     }
+    for layer in particles.layers() {
+        let Some(same) = previous.layers.iter().find(|l| l.name == layer.name) else { continue };
+        let masses = [same.mass, layer.mass];
+        let is_same = match masses {
+            [Mass::Each(before), Mass::Each(now)] => (before - now).abs() <= SAME_MASS * before,
+            [Mass::Weights(_), _] | [_, Mass::Weights(_)] => true,
+            [before, now] => before == now,
+        };
+        if !is_same {
+            let [before, now] = masses.map(|m| m.unit().map_or("not stated".into(), |mass| mass.to_string()));
+            let named = if layer.name.is_empty() { String::new() } else { format!(" of `{}`", layer.name) };
+            return refused(format!("its particle mass{named} is {now}, that of the frame before {before}"));
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

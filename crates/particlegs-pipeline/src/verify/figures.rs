@@ -1,20 +1,26 @@
 //! Compares two certificates of one model, and finds contradictions in one certificate.
 
-use particlegs_pipeline::model::{
+use crate::model::{
     Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance,
 };
 use serde::Serialize;
 
-#[derive(Serialize)]
-pub struct CertificateFigure {
+/// A number that a file states, and what was measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StatedFigure {
+    /// Which: `density: correlation`.
     pub name: String,
+    /// In the file.
     pub stored: String,
+    /// Now.
     pub measured: String,
+    /// By how much the two may differ.
     pub tolerance: String,
+    /// Do they differ by more?
     pub differs: bool,
 }
 
-pub fn level_of(c: &Certificate) -> CertificateLevel {
+pub(super) fn level_of(c: &Certificate) -> CertificateLevel {
     let full =
         |(group, entries): &(MetricGroup, Option<_>)| group.levels == [CertificateLevel::Full] && entries.is_some();
     match (c.groups().iter().any(full), c.blocks) {
@@ -26,12 +32,12 @@ pub fn level_of(c: &Certificate) -> CertificateLevel {
 
 /// Every number that is stored or measured, side by side. If the measurement `completes` the certificate with a higher
 /// level, missing stored numbers do not count as different. With `exact`, for the same program, every digit counts.
-pub fn side_by_side(
+pub(super) fn side_by_side(
     stored: &Certificate,
     measured: &Certificate,
     completes: bool,
     exact: bool,
-) -> Vec<CertificateFigure> {
+) -> Vec<StatedFigure> {
     let mut all = Vec::new();
     for ((group, stored), (_, measured)) in stored.groups().into_iter().zip(measured.groups()) {
         let there = [&stored, &measured].map(Option::is_some);
@@ -46,7 +52,7 @@ pub fn side_by_side(
             let row = if row.is_empty() { String::new() } else { format!(" {row}") };
             let tolerance =
                 if exact && metric.tolerance != Tolerance::Any { Tolerance::Same } else { metric.tolerance };
-            all.push(CertificateFigure {
+            all.push(StatedFigure {
                 name: format!("{}{row}: {}", group.name, metric.name),
                 stored: metric.describe(then, None),
                 measured: metric.describe(now, None),
@@ -60,23 +66,23 @@ pub fn side_by_side(
 
 /// Contradictions in a certificate, one line each: such a file was altered, or another program wrote it. Doubtful but
 /// possible values are in [`doubts`].
-pub fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
+pub(super) fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
     let mut found = Vec::new();
     let recipe = &m.recipe;
     if let (Some(reached), true) = (&c.goal, recipe.steps.is_empty() && recipe.differing.is_empty())
         && recipe.target.goal() != Some(reached.goal)
     {
-        found.push("its target is not the one in the recipe".into());
+        found.push("the target in its certificate is not the one in the recipe".into());
     }
     if let Some(blocks) = c.blocks.filter(|b| ![1, recipe.blocks].contains(b) && recipe.steps.is_empty()) {
-        found.push(format!("it is the sum of {blocks} blocks, but the recipe has {}", recipe.blocks));
+        found.push(format!("its certificate is the sum of {blocks} blocks, but the recipe has {}", recipe.blocks));
     }
     found
 }
 
 /// Doubtful values, one line each: scores clearly above those of the noise-free picture, which knows everything but the
 /// shot noise.
-pub fn doubts(c: &Certificate) -> Vec<String> {
+pub(super) fn doubts(c: &Certificate) -> Vec<String> {
     const ABOVE: f64 = 1.0;
     let mut found = Vec::new();
     for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.views.orbits) {
@@ -94,7 +100,7 @@ pub fn doubts(c: &Certificate) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::model::{
+    use crate::model::{
         DensityMetrics, Goal, GoalKind, GoalResult, Limit, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics,
         ViewMetrics,
     };
@@ -201,9 +207,9 @@ mod tests {
         let asked = Goal { kind: GoalKind::PowerSpectrum, asked: 0.01, at: 2.0 };
         let of =
             |goal, blocks| Certificate { goal: Some(GoalResult { goal, reached: 0.009 }), blocks, ..certificate() };
-        let bounds = particlegs_pipeline::space::Bounds { min: [0.0; 3], max: [1.0; 3] };
-        let mut m = Metadata::new(particlegs_pipeline::model::LawKind::OpticalDepth, 1000, bounds);
-        m.recipe.target = particlegs_pipeline::compress::Target::Goal(asked);
+        let bounds = crate::space::Bounds { min: [0.0; 3], max: [1.0; 3] };
+        let mut m = Metadata::new(crate::model::LawKind::OpticalDepth, 1000, bounds);
+        m.recipe.target = crate::compress::Target::Goal(asked);
         assert!(contradictions(&of(asked, None), &m).is_empty());
         assert_eq!(contradictions(&of(Goal { asked: 0.001, ..asked }, Some(7)), &m).len(), 2);
     }
