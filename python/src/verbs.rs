@@ -93,9 +93,14 @@ pub fn evaluate(
     }
     let (whole, size) = (model.inner(), Size { width: size.0, height: size.1 });
     let views = score::evaluation_views(&whole.metadata, size, seed, frames);
-    let scores = WorkOptions { threads, progress }
-        .run(py, |progress| score::evaluate(whole, &snapshot.particles, &views, size, None, progress))?;
-    Ok(serde_json::to_string(&scores).expect("plain data"))
+    let scores = WorkOptions { threads, progress }.run(py, |progress| {
+        let of_several = codec::is_of_several(model.bytes(), &whole.metadata, model.called())?;
+        let matches = snapshot.particles.source_difference(whole, of_several).is_none();
+        let mut scores = json!(score::evaluate(whole, &snapshot.particles, &views, size, None, progress)?);
+        scores["source_matches"] = matches.into();
+        Ok(scores)
+    })?;
+    Ok(scores.to_string())
 }
 
 /// Measures the certificate again: JSON, and the numbers of the file that differ from it.
@@ -180,10 +185,11 @@ pub fn export(
     let kind = Kind::for_output(&path, kind).or_raise()?;
     let color: ColorBy = named("color", &asked.color)?;
     refuse(&path, asked.overwrite)?;
-    let shown = match &asked.layers {
+    let mut shown = match &asked.layers {
         None => model.inner().clone(),
         Some(names) => model.inner().clone().only(names).or_raise()?,
     };
+    shown.drop_empty();
     let fields = fields_named(kind, &shown, &asked.fields).or_raise()?;
     let mut notes = Notes::new(kind, &shown, model.called(), &fields);
     WorkOptions { threads, progress }.run(py, |progress| match kind.group() {

@@ -61,19 +61,14 @@ fn layer_report(layer: &Layer<Vec<BlockInfo>>, shared: &[SharedSpecies]) -> Valu
 
 fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
     let gaussians = info.gaussians() as u64;
-    let layer_bytes = |l: &Layer<Vec<BlockInfo>>| {
-        let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
-        count.saturating_mul(l.mass.particle_bytes())
-    };
-    let raw_bytes = info.layers.iter().map(layer_bytes).fold(info.raw_field_bytes(), u64::saturating_add);
     let kept = info.metadata.quantities(info.layers.iter().any(|l| l.mass.is_weighted()));
     let report = ModelInfoReport {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
         model_bytes: info.bytes,
         missing: info.missing(),
         other_sections: &info.other_sections,
-        raw_bytes,
-        compression_ratio: raw_bytes as f64 / info.bytes as f64,
+        raw_bytes: info.raw_bytes(),
+        compression_ratio: info.compression_ratio(),
         gaussians,
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
         metadata: metadata(&info.metadata, &kept),
@@ -115,11 +110,12 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
         let _ = writeln!(out, "{}", wrapped(&format!("{name:<18} "), &one_line(&value), 19));
     };
     row("format", format!("{}, image law {}", r.format_version, m.law.name()));
-    row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
+    row("size", format!("{} bytes, {} to {} raw bytes", r.model_bytes, info.describe_ratio(), r.raw_bytes));
     r.missing.iter().for_each(|what| row("incomplete", what.clone()));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
-    let (bytes, each, ratio) =
-        (r.published_bytes, AlphaBlend::PLY_BYTES, r.raw_bytes as f64 / r.published_bytes as f64);
+    // Splats have no fields.
+    let raw_bytes = r.raw_bytes - info.raw_field_bytes();
+    let (bytes, each, ratio) = (r.published_bytes, AlphaBlend::PLY_BYTES, raw_bytes as f64 / r.published_bytes as f64);
     row("as published", format!("{bytes} bytes as PLY, {each} per Gaussian, ratio {ratio:.1}"));
     match &info.vizmapper {
         Some(VizMapper { parameters, ranges: VizRanges { scale, opacity, floor }, .. }) => {

@@ -32,7 +32,7 @@ const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
 }
 
 /// A model file: kept without --force.
-pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
+const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
 pub const PNG: Kind = replaced("a PNG", |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n"));
 pub const SVG: Kind =
@@ -163,6 +163,12 @@ impl CommandContext {
             }
         };
         folders.values().map(line).collect()
+    }
+
+    /// Declares a model file; returns whether it exists and is kept.
+    pub fn writes_model(&self, path: &Path) -> Result<bool> {
+        let kept = self.writes(path, &MODEL)?;
+        codec::check_name(path).map(|()| kept)
     }
 
     /// Declares an output; refuses an existing file that is kept.

@@ -185,7 +185,8 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     let t = &s.summary;
     if let Some(d) = &s.density {
         let [x, y, z] = d.cells;
-        line("density: grid", format!("{x}x{y}x{z}"));
+        let each = s.particles[0] as f64 / (x * y * z) as f64;
+        line("density: grid; particles per cell", format!("{x}x{y}x{z}; {}", decimals(each)));
         line("density: correlation; MAE of delta", {
             format!("{:.4}; {:.4}", d.agreement.correlation, d.agreement.mean_absolute_error)
         });

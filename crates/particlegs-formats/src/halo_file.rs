@@ -1,7 +1,7 @@
 //! Catalogues of haloes as files.
 
 use crate::hdf5::{OutDataSet, OutGroup, OutValue, plan};
-use particlegs_files::output::{PlacedFile, write_atomic};
+use particlegs_files::output::{PlacedFile, ending, write_atomic};
 use particlegs_pipeline::haloes::{HaloCatalogue, HaloColumn};
 use particlegs_pipeline::particles::Number;
 use particlegs_pipeline::{Error, Result};
@@ -15,20 +15,24 @@ const MOST_TEXT: usize = 2000;
 /// or not at all.
 ///
 /// # Errors
-/// A file that cannot be written; a catalogue without haloes.
+/// A file that cannot be written; a name that means another type of file; a catalogue without haloes.
 pub fn write_haloes(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
+    let is_hdf5 = is_hdf5(out)?;
     if catalogue.is_empty() {
         return Err(Error::argument("there are no haloes to write"));
     }
-    match is_hdf5(out) {
+    match is_hdf5 {
         true => write_hdf5(catalogue, out),
         false => write_csv(catalogue, out),
     }
 }
 
-/// Does a name mean HDF5?
-pub fn is_hdf5(out: &Path) -> bool {
-    out.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdf5") || e.eq_ignore_ascii_case("h5"))
+/// Does a catalogue's name mean HDF5, or else CSV?
+///
+/// # Errors
+/// A name that means another type of file.
+pub fn is_hdf5(out: &Path) -> Result<bool> {
+    Ok(ending(out, &["csv", "hdf5", "h5"])?.is_some_and(|e| e != "csv"))
 }
 
 fn write_csv(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
@@ -137,6 +141,8 @@ mod tests {
             assert!((0..3).all(|k| (found.0[k] - expected.0[k]).abs() < 1e-6) && found.1 == expected.1, "{found:?}");
         }
         assert!(write_haloes(&catalogue(), &out).is_err());
+        let text = write_haloes(&all, &dir.path().join("haloes.txt")).unwrap_err();
+        assert_eq!(text.hint().to_string(), "possible endings: .csv, .hdf5, .h5");
     }
 
     #[test]

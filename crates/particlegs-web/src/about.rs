@@ -179,7 +179,6 @@ impl<'a> MomentSummary<'a> {
 
 impl<'a> ModelSummary<'a> {
     pub(crate) fn new(info: &'a FileInfo, blake3: String) -> Self {
-        let raw_bytes = info.species_layers().iter().map(|l| l.content.particles * l.mass.particle_bytes()).sum();
         let layers = info.species_layers().into_iter().enumerate();
         let layers =
             layers.map(|(place, l)| LayerSummary::new(place, &l.name, l.content.particles, l.content.gaussians));
@@ -190,7 +189,7 @@ impl<'a> ModelSummary<'a> {
             gaussians: info.gaussians(),
             has_masses: info.mass().is_some(),
             mass: info.mass(),
-            raw_bytes,
+            raw_bytes: info.raw_bytes(),
             layers: layers.collect(),
             adds_up: info.metadata.law == LawKind::OpticalDepth,
             units: SummaryUnits::new(&info.metadata, info.mass().is_some()),

@@ -7,7 +7,7 @@ use crate::outputs::{CSV, ForceArgs, HDF5, PDF, PNG, SVG};
 use crate::snapshot_args::SnapshotArgs;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
-use particlegs_files::output::write_atomic;
+use particlegs_files::output::{self, write_atomic};
 use particlegs_formats::{is_hdf5, write_haloes};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::haloes::{
@@ -95,8 +95,9 @@ enum HaloInput {
 }
 
 impl HaloInput {
-    fn open(path: &Path, a: &Arguments, context: &Context<'_>) -> Result<HaloInput> {
-        Ok(match inputs::model_or_snapshot(path, &a.snapshot, context)? {
+    fn open(path: &Path, other: Option<&Path>, a: &Arguments, context: &Context<'_>) -> Result<HaloInput> {
+        let opening = inputs::opening_beside(path, other, &a.snapshot);
+        Ok(match inputs::model_or_snapshot(path, &opening, context)? {
             PathContent::Model(bytes) => {
                 let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
                 HaloInput::Model(model.into())
@@ -152,8 +153,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.truth, &a.snapshot.topology].into_iter().flatten().map(PathBuf::as_path);
     context.reads([a.input.as_path()].into_iter().chain(files), a.force.force)?;
-    context.writes(&a.output, if is_hdf5(&a.output) { &HDF5 } else { &CSV })?;
+    context.writes(&a.output, if is_hdf5(&a.output)? { &HDF5 } else { &CSV })?;
     for path in &a.mass_function {
+        output::ending(path, &["csv", "png", "svg", "pdf"])?;
         let kind = match FileKind::from_path(path) {
             Some(FileKind::Png) => &PNG,
             Some(FileKind::Svg) => &SVG,
@@ -174,14 +176,14 @@ pub fn run(a: Arguments) -> Result<()> {
         redshift: a.redshift,
         seed: a.common.seed,
     };
-    let input = HaloInput::open(&a.input, &a, &context)?;
+    let input = HaloInput::open(&a.input, a.truth.as_deref(), &a, &context)?;
     let found = find_haloes(input.source(), &options, &context)?;
     context.notes(&found.notes);
     if found.column("m200c").is_none() {
         context.message("note: state what the file does not: --particle-mass, --mass-unit, --cosmology, --redshift");
     }
     let truth = a.truth.as_ref().map(|path| {
-        let truth = HaloInput::open(path, &a, &context)?;
+        let truth = HaloInput::open(path, Some(&a.input), &a, &context)?;
         check_units(&input, &truth, path)?;
         find_haloes(truth.source(), &options, &context)
     });

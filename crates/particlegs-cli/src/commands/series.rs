@@ -3,7 +3,7 @@
 use crate::common::{CommandContext, Common};
 use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::info_series::mean_psnr;
-use crate::outputs::{self, ForceArgs};
+use crate::outputs::ForceArgs;
 use crate::printable::one_line;
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
@@ -13,7 +13,7 @@ use particlegs_files::output;
 use particlegs_formats::{AtomSelection, Choice, folder_snapshots};
 use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile};
 use particlegs_pipeline::compress::{FieldSelection, Options};
-use particlegs_pipeline::model::{Block, Layer, Model, QuantityKind};
+use particlegs_pipeline::model::{Model, QuantityKind};
 use particlegs_pipeline::particles::{AlignedFrame, Alignment, LayerFields, Particles, Storage};
 use particlegs_pipeline::series::{KEYFRAME_INTERVAL, SeriesBuilder};
 use particlegs_pipeline::{Error, Result};
@@ -138,7 +138,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
     context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
-    let there = context.writes(&a.output, &outputs::MODEL)?;
+    let there = context.writes_model(&a.output)?;
     let recipe = a.recipe(&options);
     let work = WorkFolder::open(&a.output, &recipe, a.force.force)?;
     let done = if there { a.done(&recipe, &context)? } else { Vec::new() };
@@ -167,7 +167,7 @@ pub fn run(a: Arguments) -> Result<()> {
                 }
                 unread = Some(e);
                 if let Some(frame) = &kept {
-                    raw_bytes += raw_size(&builder.take(frame, &place, &context)?.clone().into_model());
+                    raw_bytes += builder.take(frame, &place, &context)?.clone().into_model().raw_bytes();
                 }
                 frames.push(kept);
                 continue;
@@ -192,7 +192,7 @@ pub fn run(a: Arguments) -> Result<()> {
                     let what = format!("{place} was made from another snapshot than {}: {differing}", source.name());
                     return Err(Error::argument_with(what, "replace the series with --force"));
                 }
-                raw_bytes += raw_size(&model);
+                raw_bytes += model.raw_bytes();
                 frame
             }
             None => {
@@ -204,7 +204,7 @@ pub fn run(a: Arguments) -> Result<()> {
                 work.keep(number, &added.coded)?;
                 let text = describe(number, builder.clock().name(), &added.coded, &added.model, from);
                 context.message(&text);
-                raw_bytes += raw_size(&added.model);
+                raw_bytes += added.model.raw_bytes();
                 added.coded
             }
         };
@@ -321,18 +321,6 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>> {
     let mut paths: Vec<PathBuf> = found.filter_map(|path| path.ok()).collect();
     paths.sort_by_cached_key(|p| (p.as_os_str().len(), p.clone()));
     if paths.is_empty() { Err(Error::argument(format!("no file matches {pattern}"))) } else { Ok(paths) }
-}
-
-/// Bytes of the columns that a frame was made from.
-fn raw_size(frame: &Model) -> u64 {
-    let of_fields = |b: &Block| {
-        let there = frame.metadata.fields.iter().filter(|q| b.gaussians.fields.get(&q.name).is_some());
-        there.map(|q| u64::from(q.bytes)).sum::<u64>()
-    };
-    let layer = |l: &Layer<Vec<Block>>| {
-        l.content.iter().map(|b| b.count * (l.mass.particle_bytes() + of_fields(b))).sum::<u64>()
-    };
-    frame.layers.iter().map(layer).sum()
 }
 
 impl FrameSource {

@@ -91,7 +91,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
             ),
         ));
     }
-    let of_several = source_check::is_of_several(&bytes, &model, &place)?;
+    let of_several = codec::is_of_several(&bytes, &model.metadata, &place)?;
     let (measured_again, source_differences) = match a.snapshot.is_empty() {
         true => (None, Vec::new()),
         false => measure(&a, &model, &bytes, &context)?,
@@ -274,7 +274,7 @@ fn measure(
     bytes: &[u8],
     context: &CommandContext,
 ) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
-    let of_several = source_check::is_of_several(bytes, model, &name_of(&a.model))?;
+    let of_several = codec::is_of_several(bytes, &model.metadata, &name_of(&a.model))?;
     let without_certificate = compress::measured_bytes(bytes, model, &name_of(&a.model))?;
     let names: Vec<String> = model.metadata.fields.iter().map(|q| q.name.clone()).collect();
     let mut choice = a.particles.choice(a.common.seed)?;

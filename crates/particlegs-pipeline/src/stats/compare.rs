@@ -43,6 +43,9 @@ const MOST_HALOES: usize = 1000;
 const RDF_SPACINGS: f64 = 4.0;
 const HALO_SPACINGS: f64 = 2.0;
 
+/// Cells along each edge for densities of the published table.
+const PAPER_CELLS: usize = 256;
+
 /// Largest over smallest separation: float32 positions tell no more apart.
 const WIDEST_SEPARATIONS: f64 = 1e9;
 
@@ -159,7 +162,7 @@ pub(super) fn check(o: &StatsOptions) -> Result<()> {
             Err(Error::argument(format!("{name} must be {low} to {high}, not {value}")))
         }
     };
-    within("the number of cells of the density grid", o.cells as f64, 2.0, 8192.0)?;
+    within("the number of cells of the density grid", o.cells.unwrap_or(2) as f64, 2.0, 8192.0)?;
     within("the number of cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
     within("the number of bins per decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
     within("the linking length in mean spacings", o.linking, 1e-6, 2.0)?;
@@ -278,8 +281,11 @@ impl ComparisonJob<'_> {
     }
 
     fn density(&self) -> Result<DensityReport> {
-        let n = self.o.cells;
-        let grid = if self.paper() { Grid::stretched(&self.domain, [n; 3]) } else { Grid::new(&self.domain, n) };
+        let grid = match self.o.cells {
+            n if self.paper() => Grid::stretched(&self.domain, [n.unwrap_or(PAPER_CELLS); 3]),
+            Some(n) => Grid::new(&self.domain, n),
+            None => Grid::of_eight(&self.domain, self.pair[0].count() as usize),
+        };
         particlegs_files::memory::require(
             "two density grids",
             deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
