@@ -160,7 +160,8 @@ impl Arguments {
         let first = self.particles.first().map_or(Path::new(""), |p| p);
         let whole = std::path::absolute(first).unwrap_or_else(|_| first.to_path_buf());
         let name = whole.file_name().unwrap_or(first.as_os_str()).to_string_lossy().into_owned();
-        Snapshot { name, particles: reference.particles().len() as u64 }
+        let particles = reference.particles();
+        Snapshot { name, particles: particles.len() as u64, density_of: particles.density_of().into() }
     }
 }
 

@@ -27,7 +27,7 @@ use super::{
     deposit_bytes, deposit_steps, longest_link, size_histogram,
 };
 use crate::context::Context;
-use crate::model::LawKind;
+use crate::model::{LawKind, check_densities};
 use crate::particles::Particles;
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
@@ -74,11 +74,12 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
         Some(ConvertedSubject::Model(m)) => Subject::Model(m),
     };
     let of_boxes = check_boxes([truth, other])?;
+    let of_masses = check_masses([truth, other])?;
     o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
     let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, context };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
-    notes.extend(of_units.into_iter().chain(of_boxes));
+    notes.extend(of_units.into_iter().chain(of_boxes).chain(of_masses));
     let density = if wants(Measure::Density) { Some(job.density()?) } else { None };
     let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
     let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
@@ -152,6 +153,18 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
     };
     statistics.summary = Summary::new(&statistics);
     Ok(statistics)
+}
+
+/// Refuses sides whose densities sum different things. Where one states no masses and all of the other's are the same, the
+/// two are measured alike, which a reader of the results must know.
+fn check_masses(pair: [Subject<'_>; 2]) -> Result<Option<String>> {
+    let [truth, other] = pair.map(|s| s.density_of());
+    let side = match (truth.0, other.0) {
+        ("particles", "mass") if other.1.is_some() => "the truth",
+        ("mass", "particles") if truth.1.is_some() => "the other input",
+        (a, b) => return check_densities(("the truth", a), ("the other", b)).map(|()| None),
+    };
+    Ok(Some(format!("{side} states no masses: its particles are taken to have the same mass, as all others have")))
 }
 
 pub(super) fn check(o: &StatsOptions) -> Result<()> {
@@ -295,11 +308,14 @@ impl ComparisonJob<'_> {
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
         self.context.end();
         let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
+        let [(of_a, mass_a), (of_b, mass_b)] = self.pair.map(|s| s.density_of());
+        // Masses that one side does not state are those of the other.
+        let unit = if of_a == of_b { 1.0 } else { mass_b.unwrap_or(1.0) / mass_a.unwrap_or(1.0) };
         Ok(DensityReport {
             cells: grid.cells,
             side: grid.side,
             agreement: compare_density(&a, &b),
-            mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside),
+            mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside) / unit,
             outside: [&a, &b].map(|f| f.outside / (inside(f) + f.outside)),
             pdf: density_pdf(&a, &b),
             slices: [0, 1, 2].map(|axis| [central_slice(&a, axis), central_slice(&b, axis)]),
