@@ -2,6 +2,7 @@
 
 use particlegs_pipeline::codec::{FrameCoding, SeriesFile};
 use particlegs_pipeline::model::{Epoch, Metadata, Units};
+use particlegs_pipeline::text::{cell, one_line};
 
 /// A column: its name, its unit, what it is, and what stands in it.
 struct FrameColumn {
@@ -62,19 +63,14 @@ impl FrameTable {
         let row = |cell: &dyn Fn(&FrameColumn) -> String| self.columns.iter().map(cell).collect::<Vec<_>>().join(",");
         let about = |c: &FrameColumn| {
             let unit = c.unit.as_ref().map_or(String::new(), |u| format!(" [{u}]"));
-            format!("# {}{unit}: {}", c.name, c.about)
+            format!("# {}", one_line(&format!("{}{unit}: {}", c.name, c.about)))
         };
         let rows = self.columns.first().map_or(0, |c| c.values.len());
-        let mut lines = vec![row(&|c| quoted(&c.name))];
+        let mut lines = vec![row(&|c| cell(&c.name))];
         lines.extend(self.columns.iter().map(about));
         lines.extend((0..rows).map(|i| row(&|c| c.values[i].clone())));
         lines.join("\n")
     }
-}
-
-/// A name that may come from a file.
-fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.into() }
 }
 
 /// A number in as many digits as tell it from others; nothing where there is none.
@@ -96,6 +92,5 @@ mod tests {
         assert_eq!(all.map(|v| number(Some(v)).parse::<f64>()), all.map(Ok));
         assert_eq!([number(Some(4096.0)), number(Some(1e-7))], ["4096", "1e-7"]);
         assert_eq!([number(None), number(Some(f64::NAN))], ["", ""]);
-        assert_eq!([quoted("velocity_x"), quoted("a,\"b\"")], ["velocity_x", "\"a,\"\"b\"\"\""]);
     }
 }

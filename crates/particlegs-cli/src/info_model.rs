@@ -4,7 +4,6 @@ use crate::common::CommandContext;
 use crate::figure::number;
 use crate::info_snapshot::{self, point};
 use crate::inputs;
-use crate::printable::one_line;
 use crate::text_wrap::{counted, wrapped};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
@@ -16,6 +15,7 @@ use particlegs_pipeline::model::{
 };
 use particlegs_pipeline::score::{Assessment, Grade, UseCase};
 use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::text::one_line;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;

@@ -1,6 +1,5 @@
 //! Reads inputs: a model, or either a model or a snapshot.
 
-use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
@@ -9,6 +8,7 @@ use particlegs_formats::{Choice, PathKind};
 use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::model::{Model, hex};
+use particlegs_pipeline::text::one_line;
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
 use std::path::Path;

@@ -4,6 +4,7 @@ use particlegs_files::output::write_bytes;
 use particlegs_pipeline::Result;
 use particlegs_pipeline::model::{decimals, per_length};
 use particlegs_pipeline::stats::{PairCounts, SizeClass, Statistics};
+use particlegs_pipeline::text;
 use std::path::Path;
 
 struct Csv(String);
@@ -88,10 +89,10 @@ fn write_joint(folder: &Path, s: &Statistics) -> Result<()> {
     let Some(all) = &s.joint else { return Ok(()) };
     let mut csv = Csv::new("particle_type,x_low,x_high,y_low,y_high,truth,other");
     for j in all {
-        let ([x, y], [a, b]) = (&j.edges, &j.share);
+        let ([x, y], [a, b], name) = (&j.edges, &j.share, text::cell(&j.layer));
         for cell in 0..a.len() {
             let (i, k) = (cell / (y.len() - 1), cell % (y.len() - 1));
-            row!(csv: j.layer.replace([',', '"'], " "), x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]);
+            row!(csv: name, x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]);
         }
     }
     csv.write(folder, "joint.csv")

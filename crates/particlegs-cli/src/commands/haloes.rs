@@ -16,6 +16,7 @@ use particlegs_pipeline::haloes::{
 use particlegs_pipeline::model::{Cosmology, Model};
 use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::stats::{Domain, ParticleFields};
+use particlegs_pipeline::text::one_line;
 use particlegs_pipeline::{Error, Result, codec};
 use std::path::{Path, PathBuf};
 
@@ -256,11 +257,9 @@ fn write_mass_function(path: &Path, report: &HaloReport, length: Option<&str>) -
             let columns = "mass_low,mass_high,haloes,density,error";
             let of_truth = if truth(0).is_some() { ",haloes_truth,density_truth,error_truth" } else { "" };
             writeln!(to, "{columns}{of_truth}")?;
-            writeln!(
-                to,
-                "# masses in {mass}; haloes per volume ({}^3) and decade of mass",
-                length.unwrap_or("unit of length")
-            )?;
+            let length = length.unwrap_or("unit of length");
+            let words = format!("masses in {mass}; haloes per volume ({length}^3) and decade of mass");
+            writeln!(to, "# {}", one_line(&words))?;
             for (i, b) in report.mass_function.iter().enumerate() {
                 write!(to, "{:.6e},{:.6e},{},{:.6e},{:.6e}", b.masses[0], b.masses[1], b.haloes, b.density, b.error)?;
                 if let Some(b) = truth(i) {
