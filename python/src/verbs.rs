@@ -93,10 +93,11 @@ pub fn evaluate(
     }
     let (whole, size) = (model.inner(), Size { width: size.0, height: size.1 });
     let views = score::evaluation_views(&whole.metadata, size, seed, frames);
+    let particles = snapshot.checked()?;
     let scores = WorkOptions { threads, progress }.run(py, |progress| {
         let of_several = codec::is_of_several(model.bytes(), &whole.metadata, model.called())?;
-        let matches = snapshot.particles.source_difference(whole, of_several).is_none();
-        let mut scores = json!(score::evaluate(whole, &snapshot.particles, &views, size, None, progress)?);
+        let matches = particles.source_difference(whole, of_several).is_none();
+        let mut scores = json!(score::evaluate(whole, particles, &views, size, None, progress)?);
         scores["source_matches"] = matches.into();
         Ok(scores)
     })?;
@@ -114,7 +115,7 @@ pub fn verify(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Vec<String>)> {
-    let (whole, particles) = (model.inner(), &*snapshot.particles);
+    let (whole, particles) = (model.inner(), snapshot.checked()?);
     let stored = whole.certificate;
     let level = match &stored {
         _ if full => CertificateLevel::Full,

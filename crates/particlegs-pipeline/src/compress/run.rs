@@ -71,6 +71,7 @@ pub struct Compression<'a> {
 impl<'a> Compression<'a> {
     /// Reads the particles once: bounds, hash, and where they are to be cut.
     pub fn plan(particles: &'a Particles, options: &'a Options, context: &Context<'_>) -> Result<Self> {
+        particles.check_files()?;
         let blocks = options.blocks_of(particles)?;
         require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
         if let (Storage::Disk(folder), true) = (&options.storage, blocks > 1) {

@@ -62,6 +62,7 @@ pub fn compare<'a>(
 fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
     check(o)?;
     let [truth, other] = sides.map(|s| s.subject);
+    [truth, other].iter().filter_map(Subject::particles).try_for_each(Particles::check_files)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {
         if subject.count() == 0 {
             return Err(Error::input(name, "there are no particles to measure"));
