@@ -347,8 +347,8 @@ fn what_velocities_lack_is_said() {
 #[test]
 fn densities_are_compared_in_the_cells_of_the_certificate() {
     let dir = TestFolder::new();
-    dir.once("compress SAMPLE -o m.pgs --ratio 300 --effort fast --quiet");
-    let certificate = dir.says("info m.pgs")["certificate"]["cells"][0].clone();
+    dir.once("compress SAMPLE -o m.pgs --ratio 300 --effort fast --certificate full --quiet");
+    let certificate = dir.says("info m.pgs")["certificate"]["densities"][0].clone();
     let s = stats(&dir, "SAMPLE m.pgs", "s", "--only density --no-plots");
     assert_eq!(s["density"]["cells"], serde_json::json!([32, 32, 32]));
     let [a, b] = [&certificate["correlation"], &s["density"]["agreement"]["correlation"]].map(|v| v.as_f64().unwrap());
