@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Optional
 import numpy as np
 
 from . import handover
-from ._particlegs import density_range
+from ._particlegs import InputError, density_range
 from ._types import Extent, Three
 
 if TYPE_CHECKING:
@@ -17,6 +17,15 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 _Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+
+# Operations on two arrays that mean something in one unit alone.
+_IN_ONE_UNIT = {np.add, np.subtract, np.maximum, np.minimum, np.less, np.less_equal, np.greater, np.greater_equal}
+
+
+def _quantity(array: Any) -> str:
+    title, unit = getattr(array, "title", None), getattr(array, "unit", None)
+    return f"{title or 'density'} in {unit or 'no unit'}"
 
 
 class _Placed(_Floats):
@@ -42,6 +51,10 @@ class _Placed(_Floats):
         return part
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        if context is not None and context[0] in _IN_ONE_UNIT:
+            quantities = {_quantity(a) for a in context[1] if isinstance(a, _Placed)}
+            if len(quantities) > 1:
+                raise InputError(f"the arrays have {' and '.join(sorted(quantities))}: convert one of them first")
         if array.ndim == 0:
             return array[()]
         if array.shape != self.shape:

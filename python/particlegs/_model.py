@@ -35,6 +35,7 @@ from ._types import (
     Progress,
 )
 from ._view import View, opening_of, summary
+from ._warn import warn
 from ._window import Window
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Model:
 
     @property
     def ratio(self) -> float:
-        """Bytes of the particles as float32 / bytes of the file."""
+        """Bytes of what is stored, as the snapshot held it (positions as float32, masses, fields), / bytes of the file."""
         return float(self._description["raw_bytes"] / self.nbytes)
 
     @property
@@ -601,12 +602,15 @@ class Model:
         Returns
         -------
         dict
-            ``views``, ``by_orbit`` and ``mean``: PSNR, masked PSNR (dB) and SSIM, also those of trivial pictures.
+            ``views``, ``by_orbit`` and ``mean``: PSNR, masked PSNR (dB) and SSIM, also those of trivial pictures;
+            ``source_matches``: whether these are the particles that the model was made from (if not, it warns).
         """
         native = as_snapshot(snapshot)._native
         pixels = _coerce.size_of(size)
         result = _particlegs.evaluate(self._native, native, frames, pixels, seed, threads, _coerce.progress(progress))
         scores: dict[str, Any] = json.loads(result)
+        if not scores["source_matches"]:
+            warn(f"these are not the particles that {self.name} was made from")
         return scores
 
     def verify(

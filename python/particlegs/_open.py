@@ -41,6 +41,7 @@ def open(  # noqa: A001
     left_out: bool = False,
     seed: int = 42,
     scratch: Optional[Path] = None,
+    memory: bool = False,
     threads: Optional[int] = None,
     progress: Progress = None,
     weights: Optional[str] = "auto",
@@ -90,6 +91,11 @@ def open(  # noqa: A001
         Then keep this number of particles, chosen at random with `seed`; with `left_out`, keep the others.
     scratch : path, optional
         Folder for converted columns, which are otherwise kept in memory.
+    memory : bool
+        Copy the particles into memory. By default columns that lie in a file as they are used (raw float32, some HDF5)
+        are mapped, not copied: while the snapshot is in use, another program must not make such a file shorter. What
+        was cut is refused when the particles are next used, but reading an array such as `positions` of a file that
+        is cut at that moment ends the process.
     threads : int, optional
         Number of threads; all that the process may use by default. Results do not depend on it.
     progress : bool or callable, optional
@@ -139,7 +145,7 @@ def open(  # noqa: A001
         "seed": seed,
     }
     folder = None if scratch is None else os.fspath(scratch)
-    native = _particlegs.open(_coerce.paths(paths), asked, folder, threads, _coerce.progress(progress))
+    native = _particlegs.open(_coerce.paths(paths), asked, folder, memory, threads, _coerce.progress(progress))
     return Snapshot._of(native)
 
 

@@ -202,6 +202,7 @@ def open(
     paths: Sequence[str],
     asked: _Asked,
     scratch: Optional[_Path] = None,
+    memory: bool = False,
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> Snapshot: ...

@@ -246,7 +246,7 @@ def stats(
     *,
     only: Names = (),
     convention: Convention = "correct",
-    grid: int = 256,
+    grid: Optional[int] = None,
     assignment: Assignment = "ngp",
     spectrum_grid: int = 256,
     spectrum_assignment: Assignment = "tsc",
@@ -285,8 +285,10 @@ def stats(
         momentum, dispersion, joint; all by default.
     convention : {"correct", "paper"}
         Definitions of the measures.
-    grid, spectrum_grid : int
-        Cells along the longest edge, for the density and for P(k).
+    grid : int, optional
+        Cells of the density along the longest edge; cells of 8 particles by default, as in certificates.
+    spectrum_grid : int
+        Cells of P(k) along the longest edge.
     assignment, spectrum_assignment : {"ngp", "cic", "tsc"}
         Mass assignment.
     interlacing : bool

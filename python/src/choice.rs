@@ -78,18 +78,22 @@ impl ReadOptions {
 
 /// Opens a snapshot.
 #[pyfunction]
-#[pyo3(signature = (paths, asked, scratch=None, threads=None, progress=None))]
+#[pyo3(signature = (paths, asked, scratch=None, memory=false, threads=None, progress=None))]
 pub fn open(
     py: Python<'_>,
     paths: Vec<PathBuf>,
     asked: ReadOptions,
     scratch: Option<PathBuf>,
+    memory: bool,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Snapshot> {
     let choice = asked.choice().or_raise()?;
     let storage = scratch.map_or(Storage::Memory, Storage::Disk);
-    let particles = WorkOptions { threads, progress }.run(py, |progress| choice.read(&paths, &storage, progress))?;
+    let particles = WorkOptions { threads, progress }.run(py, |progress| {
+        let particles = choice.read(&paths, &storage, progress)?;
+        if memory { particles.in_memory() } else { Ok(particles) }
+    })?;
     Ok(Snapshot::of(particles, choice.options()))
 }
 

@@ -169,7 +169,7 @@ pub fn compress(
     if let (Some(folder), Some(_)) = (scratch, options.memory) {
         options.storage = Storage::Disk(folder);
     }
-    let particles = &*snapshot.particles;
+    let particles = snapshot.checked()?;
     let name = particles.meta.name.clone();
     let sources = layer_fields(particles, &fields)?;
     let made = WorkOptions { threads, progress }.run(py, |progress| {

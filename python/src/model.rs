@@ -166,6 +166,7 @@ impl Model {
     /// Writes the file, completely or not at all.
     #[pyo3(signature = (path, overwrite=false))]
     fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
+        codec::check_name(&path).or_raise()?;
         refuse(&path, overwrite)?;
         output::write_bytes(&path, &self.bytes).or_raise()
     }
@@ -181,7 +182,6 @@ impl Model {
                 "gaussians": l.content.iter().map(|b| b.gaussians.len()).sum::<usize>(),
             })
         };
-        let raw_bytes: u64 = m.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
         let mut metadata = serde_json::json!(m.metadata);
         metadata["redshift"] = m.metadata.epoch.redshift().into();
         metadata["weighting"] = Metadata::WEIGHTING.into();
@@ -190,7 +190,7 @@ impl Model {
             "metadata": metadata,
             "mass": m.mass(),
             "gaussians": m.gaussians(),
-            "raw_bytes": raw_bytes,
+            "raw_bytes": m.raw_bytes(),
             "layers": m.layers.iter().map(layer).collect::<Vec<_>>(),
             "certificate": m.certificate,
             "verdict": Assessment::verdict(m.certificate.as_ref(), &m.metadata),

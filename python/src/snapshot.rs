@@ -38,6 +38,12 @@ impl Snapshot {
     pub fn of(particles: Particles, read: BTreeMap<String, String>) -> Self {
         Snapshot { particles: Arc::new(particles), read, drawn: None, fields: Vec::new() }
     }
+
+    /// The particles, to be read: refused where their file has become shorter.
+    pub fn checked(&self) -> PyResult<&Particles> {
+        self.particles.check_files().or_raise()?;
+        Ok(&self.particles)
+    }
 }
 
 /// Metadata of particles.
@@ -174,7 +180,7 @@ impl Snapshot {
     #[getter]
     fn local_positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let (py, this) = (slf.py(), slf.get());
-        match &this.particles.positions {
+        match &this.checked()?.positions {
             Positions::Triples(t) => view(slf.as_any(), t, &[this.particles.len(), 3]),
             Positions::Columns(c) => {
                 let columns = c.each_ref().map(|c| &c[..]);
@@ -197,14 +203,15 @@ impl Snapshot {
     /// Weights, float32, (n,): a read-only view; `None` if all are equal.
     #[getter]
     fn weights<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
-        let weights = slf.get().particles.weights();
+        let weights = slf.get().checked()?.weights();
         weights.map(|w| view(slf.as_any(), w, &[w.len()])).transpose()
     }
 
     /// The lowest and the highest corner.
     #[pyo3(signature = (threads=None))]
     fn bounds(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<[[f64; 3]; 2]> {
-        let bounds = WorkOptions::quietly(threads).run(py, |_| Ok(self.particles.bounds()))?;
+        let particles = self.checked()?;
+        let bounds = WorkOptions::quietly(threads).run(py, |_| Ok(particles.bounds()))?;
         Ok([bounds.min, bounds.max])
     }
 
@@ -273,7 +280,7 @@ impl Snapshot {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<u64> {
         crate::model::refuse(&path, overwrite)?;
-        let particles = &self.particles;
+        let particles = self.checked()?;
         WorkOptions { threads, progress }.run(py, |progress| {
             let mut kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), progress)?;
             if !self.fields.is_empty() {
@@ -322,7 +329,7 @@ impl Snapshot {
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
-        let particles = &*self.particles;
+        let particles = self.checked()?;
         let reference = WorkOptions::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
         let bounds = *reference.bounds();
         let usual = [bounds.default_radius(particles.len() as u64), DEFAULT_OPACITY];

@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 pub struct MeasureOptions {
     only: Vec<String>,
     convention: String,
-    grid: usize,
+    grid: Option<usize>,
     assignment: String,
     spectrum_grid: usize,
     spectrum_assignment: String,

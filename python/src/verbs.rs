@@ -93,9 +93,15 @@ pub fn evaluate(
     }
     let (whole, size) = (model.inner(), Size { width: size.0, height: size.1 });
     let views = score::evaluation_views(&whole.metadata, size, seed, frames);
-    let scores = WorkOptions { threads, progress }
-        .run(py, |progress| score::evaluate(whole, &snapshot.particles, &views, size, None, progress))?;
-    Ok(serde_json::to_string(&scores).expect("plain data"))
+    let particles = snapshot.checked()?;
+    let scores = WorkOptions { threads, progress }.run(py, |progress| {
+        let of_several = codec::is_of_several(model.bytes(), &whole.metadata, model.called())?;
+        let matches = particles.source_difference(whole, of_several).is_none();
+        let mut scores = json!(score::evaluate(whole, particles, &views, size, None, progress)?);
+        scores["source_matches"] = matches.into();
+        Ok(scores)
+    })?;
+    Ok(scores.to_string())
 }
 
 /// What the command's `verify` finds: JSON, and what is wrong where anything is.
@@ -110,13 +116,14 @@ pub fn verify(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Option<String>)> {
-    let sources = match snapshot {
-        Some(snapshot) if !fields.is_empty() => layer_fields(&snapshot.particles, &fields)?,
+    let particles = snapshot.map(Snapshot::checked).transpose()?;
+    let sources = match particles {
+        Some(particles) if !fields.is_empty() => layer_fields(particles, &fields)?,
         _ => Vec::new(),
     };
     let (found, sound) = WorkOptions { threads, progress }.run(py, |context| {
         let stored = model.stored(context)?;
-        let snapshot = snapshot.map(|s| (&*s.particles, &sources[..]));
+        let snapshot = particles.map(|particles| (particles, &sources[..]));
         let found = stored.verify(snapshot, (full, 42), context)?;
         let wrong = found.judge(&stored.place).err().map(|e| e.to_string());
         Ok((found, wrong))
@@ -153,10 +160,11 @@ pub fn export(
     let kind = Kind::for_output(&path, kind).or_raise()?;
     let color: ColorBy = named("color", &asked.color)?;
     refuse(&path, asked.overwrite)?;
-    let shown = match &asked.layers {
+    let mut shown = match &asked.layers {
         None => model.inner().clone(),
         Some(names) => model.inner().clone().only(names).or_raise()?,
     };
+    shown.drop_empty();
     let fields = fields_named(kind, &shown, &asked.fields).or_raise()?;
     let mut notes = Notes::new(kind, &shown, model.called(), &fields);
     WorkOptions { threads, progress }.run(py, |progress| match kind.group() {

@@ -230,3 +230,37 @@ def test_snapshots(sample_path, tmp_path):
         with pytest.raises(ValueError) as raised:
             pg.open(sample_path, **asked)
         assert "--" not in str(raised.value), asked
+
+
+def test_names_of_other_types_are_refused(model, tmp_path):
+    for name in ["m.txt", "m.png"]:
+        with pytest.raises(pg.InputError, match="does not write"):
+            model.save(tmp_path / name)
+    with pytest.raises(pg.InputError, match="does not write"):
+        pg.Snapshot(GOOD).save(tmp_path / "p.vdb")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_was_cut_since_it_was_opened_is_refused(tmp_path):
+    for name, column in zip(["xx.f32", "yy.f32", "zz.f32"], GOOD.T):
+        (tmp_path / name).write_bytes(np.ascontiguousarray(column).tobytes())
+    mapped, copied = pg.open(tmp_path), pg.open(tmp_path, memory=True)
+    with open(tmp_path / "yy.f32", "r+b") as file:
+        file.truncate(100)
+    for use in [lambda s: pg.compress(s, gaussians=10), lambda s: s.positions, lambda s: s.bounds]:
+        with pytest.raises(pg.InputError, match="cut to 100 bytes"):
+            use(mapped)
+        use(copied)
+
+
+def test_scores_say_whether_the_particles_are_the_models_own(model):
+    with pytest.warns(UserWarning, match="not the particles"):
+        scores = model.eval(GOOD, frames=1, size=(64, 36))
+    assert scores["source_matches"] is False
+
+
+def test_maps_of_other_units_are_not_subtracted():
+    densities = [pg.compress(pg.Snapshot(GOOD, units=u), gaussians=10).density_map() for u in ("kpc", "Mpc")]
+    assert (densities[0] - densities[0]).unit == densities[0].unit
+    with pytest.raises(pg.InputError, match="Mpc"):
+        densities[0] - densities[1]

@@ -73,6 +73,11 @@ export class Comparison {
       this.score.textContent = "To compare, turn off the clip box, slabs along x, y or z and periodic images, and show all layers.";
       return;
     }
+    const differs = state.look === "density" && this.of.density_of !== pane.about.density_of;
+    if (differs) {
+      this.score.textContent = `To compare densities, both must be of the same: this model's is of ${pane.about.density_of}, the snapshot's of ${this.of.density_of}.`;
+      return;
+    }
     const smoothed = state.look === "density" && this.of.smoothed;
     this.score.textContent = smoothed ? `drawing all particles, each smoothed over ${smoothed} neighbours …` : "drawing all particles …";
     await this.truth.draw(scene, state, (picture, last) => {

@@ -13,7 +13,7 @@ import type { ProbeHit, Setup, Vec3 } from "./protocol";
 import { EngineClient } from "./engine";
 import { Comparison } from "./compare";
 import { SeriesFrames } from "./series";
-import { cameraFor, fromLink, hasColorBar, initialState, mapOf, withOpening, paintOf, sceneOf, toLink, withKnownField, type State } from "./state";
+import { cameraFor, densityDiffers, fromLink, hasColorBar, initialState, mapOf, withOpening, paintOf, sceneOf, toLink, withKnownField, type State } from "./state";
 import { copyCommand, copyLink, exportNpy, exportPng, exportTurn, exportViews, importViews } from "./export";
 import { Timeline } from "./timeline";
 import { lengthUnit, formatNumber, formatWhole } from "./units";
@@ -83,7 +83,7 @@ async function start(): Promise<void> {
   subtitle.textContent = panes.map((p, i) => summaryLine(p.about, setup.models[i].bytes, p.series)).join(" | ");
   const named = panes.flatMap((p) => p.about.layers).filter((l, i, all) => all.findIndex((o) => o.name === l.name) === i);
   const series = panes.map((p) => p.series).filter((s) => s !== null);
-  const first = (home: Orbit) => withOpening(setup.opening, initialState(about, home, series[0]?.frames[0].time ?? null), about);
+  const first = (home: Orbit) => withOpening(setup.opening, initialState(about, home, series[0]?.frames[0].time ?? null), about, named.map((l) => l.name));
   const home = await panes[0].home();
   const page: Page = { setup, remote, panes, layers: named.length, state: first(home), change, say };
   page.state = fromLink(location.hash.slice(1), page.state);
@@ -118,7 +118,9 @@ async function start(): Promise<void> {
     const own = mapOf(field?.name, about);
     for (const p of panes.slice(1)) {
       const map = mapOf(field?.name, p.about);
-      const lacks = !own || map?.unit === own.unit ? "" : map ? `${p.name} has the field in another unit` : `${p.name} has no ${own.title}`;
+      const density = field || page.state.look !== "density" ? "" : densityDiffers(p.about, about);
+      const lacks = density ? `${p.name}: ${density}` : !own || map?.unit === own.unit ? ""
+        : map ? `${p.name} has the field in another unit` : `${p.name} has no ${own.title}`;
       p.show({ ...page.state, field: field && { ...field, scale: first?.scale ?? field.scale }, range: rangeNow() }, lacks);
     }
   }

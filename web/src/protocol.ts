@@ -14,7 +14,7 @@ export interface Setup {
   engine: Source;
   models: (Source & { name: string; bytes: number; series: boolean; verdict?: Verdict[] })[];
   /** `smoothed`: number of neighbours that densities are smoothed over; `null` if there are too many particles. */
-  truth: { url: string; name: string; particles: number; smoothed: number | null } | null;
+  truth: { url: string; name: string; particles: number; density_of: string; smoothed: number | null } | null;
   opening: Opening;
 }
 
@@ -42,6 +42,8 @@ export interface ModelSummary {
   colormaps: string[];
   gaussians: number;
   has_masses: boolean;
+  /** What the density sums: mass, particles, or weights by their name. */
+  density_of: string;
   mass: number | null;
   raw_bytes: number;
   layers: { name: string; title: string; particles: number; gaussians: number; color: Vec3 }[];

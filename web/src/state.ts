@@ -63,8 +63,8 @@ export interface Opening {
   circles?: Circle[];
 }
 
-/** The default state with the settings of an opening. */
-export function withOpening(o: Opening, usual: State, about: ModelSummary): State {
+/** The default state with the settings of an opening; `layers` are those of all models. */
+export function withOpening(o: Opening, usual: State, about: ModelSummary, layers: string[]): State {
   const s = o.views === undefined ? usual : fromViewsFile(JSON.stringify(o.views), usual, about);
   const { orbit } = s;
   const field = mapOf(o.field, about) ? fieldColours(o.field!) : s.field;
@@ -79,7 +79,7 @@ export function withOpening(o: Opening, usual: State, about: ModelSummary): Stat
     // The range of a field that the model lacks says nothing of densities.
     range: o.field && !field ? s.range : o.range ?? s.range,
     byLayer: o.color_by_layer ?? s.byLayer, radius: o.radius ?? s.radius, opacity: o.opacity ?? s.opacity,
-    hidden: o.layers ? about.layers.map((l) => l.name).filter((n) => !o.layers!.includes(n)) : s.hidden,
+    hidden: o.layers ? layers.filter((n) => !o.layers!.includes(n)) : s.hidden,
   };
 }
 
@@ -115,6 +115,12 @@ export function withKnownField(s: State, about: ModelSummary): State {
 
 /** Whether colours show values: those of a field, or densities. */
 export const hasColorBar = (s: State): boolean => s.field !== null || s.look === "density";
+
+/** Why another model's density cannot share the colours of the first; empty if it can. */
+export function densityDiffers(other: ModelSummary, first: ModelSummary): string {
+  const [own, of] = [other, first].map((m) => `${m.density_of} in ${m.units.surface}`);
+  return own === of ? "" : `its density is of ${own}, that of the first model of ${of}: choose another style`;
+}
 
 /** Controls that have no effect in some states. */
 export type Control = "field" | "bulk" | "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
@@ -229,7 +235,7 @@ function parseNumbers(text: string | null, count: number): number[] | null {
   return text !== null && found.length === count && found.every(Number.isFinite) ? found : null;
 }
 
-/** Applies the valid settings of a link; the others stay as they are. */
+/** Applies the valid settings of a link; of one that is not whole the others stay as they are. */
 export function fromLink(text: string, s: State): State {
   const p = new URLSearchParams(text);
   const next: State = structuredClone(s);
@@ -267,10 +273,12 @@ export function fromLink(text: string, s: State): State {
     next.images = p.get("images") === "1";
     next.box = p.get("box") === "1";
     for (const name of INITIAL) next[name] = p.get(name) !== "0";
+    if (!p.has("exposure")) next.exposure = 0;
+    [next.hidden, next.slab, next.clip] = [[], null, null];
   }
+  if (p.has("hidden")) next.hidden = p.getAll("hidden");
   const range = parseNumbers(p.get("range"), 2);
   if (range && (next.field || range[0] > 0) && range[1] > range[0]) next.range = range as [number, number];
-  next.hidden = p.getAll("hidden");
   const [axis, ...slab] = (p.get("slab") ?? "").split(",");
   const of = parseNumbers(slab.join(","), 2);
   if (["x", "y", "z", "view"].includes(axis) && of && of[1] > 0) {

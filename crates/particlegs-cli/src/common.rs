@@ -1,7 +1,6 @@
 //! Options of every command, and the context that they set up.
 
 use crate::cpu_count;
-use crate::printable::one_line;
 use crate::progress::{Meter, to_stderr};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
@@ -9,6 +8,7 @@ use particlegs_files::memory;
 use particlegs_files::output::Outputs;
 use particlegs_pipeline::context::{Context, Level, ProgressEvent, ProgressSink};
 use particlegs_pipeline::parallel;
+use particlegs_pipeline::text::one_line;
 use particlegs_pipeline::{Error, NamedValue, Result};
 use std::collections::BTreeSet;
 use std::ops::Deref;

@@ -1,6 +1,7 @@
 //! Compares two PNGs or surface densities, or two folders of them with the same names.
 
 use crate::density_file;
+use crate::drawing::provenance::PictureProvenance;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::parallel;
 use particlegs_pipeline::picture::{DensityScores, Gray8, Scores, read_png};
@@ -75,7 +76,7 @@ pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCompar
     let (mut views, mut densities) = (Vec::new(), Vec::new());
     match (values(&a), values(&b)) {
         (true, true) => densities.push(compare_density(&name, &a, &b, context)),
-        (false, false) => views.push(compare_pictures(&name, &a, &b)),
+        (false, false) => views.push(compare_pictures(&name, &a, &b, context)),
         _ => return Err(Error::input(&a, format!("cannot compare a picture with --raw values ({})", b.display()))),
     }
     Ok(FolderComparison::new(views, densities))
@@ -94,7 +95,7 @@ fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCo
     let views = parallel::try_map(shared, |name| {
         context.check()?;
         let file = format!("{name}.png");
-        let compared = compare_pictures(name, &a.join(&file), &b.join(&file));
+        let compared = compare_pictures(name, &a.join(&file), &b.join(&file), context);
         context.advance(1);
         Ok::<_, Error>(compared)
     })?;
@@ -135,15 +136,19 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-fn compare_pictures(name: &str, a: &Path, b: &Path) -> PictureComparison {
+fn compare_pictures(name: &str, a: &Path, b: &Path, context: &Context<'_>) -> PictureComparison {
     let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
-    let (scores, largest_difference, error) = match pair {
-        Err(e) => (None, 0, Some(e.to_string())),
-        Ok((a, b)) if a.size != b.size => {
+    // Pictures of other programs do not say what they show.
+    let told = |path: &Path| PictureProvenance::read(path, context).ok().map(|told| told.0);
+    let differing = told(a).zip(told(b)).and_then(|(a, b)| a.differs(&b));
+    let (scores, largest_difference, error) = match (pair, differing) {
+        (Err(e), _) => (None, 0, Some(e.to_string())),
+        (Ok(_), Some(words)) => (None, 0, Some(format!("{name}: their colours differ: {words}"))),
+        (Ok((a, b)), _) if a.size != b.size => {
             let [a, b] = [a.size, b.size].map(|s| format!("{}x{}", s.width, s.height));
             (None, 0, Some(format!("{name}: sizes differ, {a} and {b} pixels")))
         }
-        Ok((a, b)) => (Some(Scores::new(&a, &b)), largest_difference(&a, &b), None),
+        (Ok((a, b)), _) => (Some(Scores::new(&a, &b)), largest_difference(&a, &b), None),
     };
     PictureComparison { name: name.into(), scores, largest_difference, error }
 }

@@ -3,6 +3,7 @@
 use particlegs_pipeline::codec::{FrameCoding, SeriesFile};
 use particlegs_pipeline::model::{Epoch, Metadata, Units};
 use std::fmt::Write;
+use particlegs_pipeline::text::{cell, one_line};
 
 /// A column: its name, its unit, what it is, and what stands in it.
 struct FrameColumn {
@@ -57,11 +58,11 @@ impl<'a> FrameTable<'a> {
     pub fn text(&self) -> String {
         let about_kind = "a model of its own (keyframe), changes from the frame before, or missing";
         let mut text = "frame,kind".to_string();
-        self.columns.iter().for_each(|c| text.extend([",", &quoted(&c.name)]));
+        self.columns.iter().for_each(|c| text.extend([",", &cell(&c.name)]));
         let _ = write!(text, "\n# frame: its number, from 0\n# kind: {about_kind}");
         for c in &self.columns {
             let unit = c.unit.as_ref().map_or(String::new(), |u| format!(" [{u}]"));
-            let _ = write!(text, "\n# {}{unit}: {}", c.name, c.about);
+            let _ = write!(text, "\n# {}", one_line(&format!("{}{unit}: {}", c.name, c.about)));
         }
         let mut there = 0;
         for (number, frame) in self.series.frames.iter().enumerate() {
@@ -75,11 +76,6 @@ impl<'a> FrameTable<'a> {
         }
         text
     }
-}
-
-/// A name that may come from a file.
-fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.into() }
 }
 
 /// A number in as many digits as tell it from others; nothing where there is none.
@@ -101,6 +97,5 @@ mod tests {
         assert_eq!(all.map(|v| number(Some(v)).parse::<f64>()), all.map(Ok));
         assert_eq!([number(Some(4096.0)), number(Some(1e-7))], ["4096", "1e-7"]);
         assert_eq!([number(None), number(Some(f64::NAN))], ["", ""]);
-        assert_eq!([quoted("velocity_x"), quoted("a,\"b\"")], ["velocity_x", "\"a,\"\"b\"\"\""]);
     }
 }

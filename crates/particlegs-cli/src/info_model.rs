@@ -4,7 +4,6 @@ use crate::common::CommandContext;
 use crate::figure::number;
 use crate::info_snapshot::{self, point};
 use crate::inputs;
-use crate::printable::one_line;
 use crate::text_wrap::{counted, wrapped};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::Result;
@@ -16,6 +15,7 @@ use particlegs_pipeline::model::{
 };
 use particlegs_pipeline::score::{Assessment, Grade, UseCase};
 use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::text::one_line;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -63,11 +63,6 @@ fn layer_report(layer: &Layer<Vec<BlockInfo>>, shared: &[SharedSpecies]) -> Valu
 /// The same of what was read.
 pub fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
     let gaussians = info.gaussians() as u64;
-    let layer_bytes = |l: &Layer<Vec<BlockInfo>>| {
-        let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
-        count.saturating_mul(l.mass.particle_bytes())
-    };
-    let raw_bytes = info.layers.iter().map(layer_bytes).fold(info.raw_field_bytes(), u64::saturating_add);
     let kept = info.metadata.quantities(info.layers.iter().any(|l| l.mass.is_weighted()));
     let report = ModelInfoReport {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
@@ -75,8 +70,8 @@ pub fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
         missing: info.missing(),
         lacking_fields: &info.lacking_fields,
         other_sections: &info.other_sections,
-        raw_bytes,
-        compression_ratio: raw_bytes as f64 / info.bytes as f64,
+        raw_bytes: info.raw_bytes(),
+        compression_ratio: info.compression_ratio(),
         gaussians,
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
         metadata: metadata(&info.metadata, &kept),
@@ -118,11 +113,12 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
         let _ = writeln!(out, "{}", wrapped(&format!("{name:<18} "), &one_line(&value), 19));
     };
     row("format", format!("{}, image law {}", r.format_version, m.law.name()));
-    row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
+    row("size", format!("{} bytes, {} to {} raw bytes", r.model_bytes, info.describe_ratio(), r.raw_bytes));
     r.missing.iter().chain(r.lacking_fields).for_each(|what| row("incomplete", what.clone()));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
-    let (bytes, each, ratio) =
-        (r.published_bytes, AlphaBlend::PLY_BYTES, r.raw_bytes as f64 / r.published_bytes as f64);
+    // Splats have no fields.
+    let raw_bytes = r.raw_bytes - info.raw_field_bytes();
+    let (bytes, each, ratio) = (r.published_bytes, AlphaBlend::PLY_BYTES, raw_bytes as f64 / r.published_bytes as f64);
     row("as published", format!("{bytes} bytes as PLY, {each} per Gaussian, ratio {ratio:.1}"));
     match &info.vizmapper {
         Some(VizMapper { parameters, ranges: VizRanges { scale, opacity, floor }, .. }) => {

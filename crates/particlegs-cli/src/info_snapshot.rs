@@ -1,13 +1,13 @@
 //! Output of `info` for a snapshot.
 
 use crate::common::CommandContext;
-use crate::printable::one_line;
 use crate::text_wrap::wrapped;
 use particlegs_formats::{Choice, Description, SpeciesField, SpeciesMass};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs_pipeline::particles::SnapshotMeta;
 use particlegs_pipeline::space::{Bounds, Cell};
+use particlegs_pipeline::text::one_line;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;

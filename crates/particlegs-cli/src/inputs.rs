@@ -1,6 +1,5 @@
 //! Reads inputs: a model, or either a model or a snapshot.
 
-use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
@@ -9,6 +8,7 @@ use particlegs_formats::{Choice, PathKind};
 use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
 use particlegs_pipeline::context::{Context, ProgressSink};
 use particlegs_pipeline::model::{Metadata, Model, hex};
+use particlegs_pipeline::text::one_line;
 use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
 use std::path::Path;
@@ -35,12 +35,15 @@ impl FrameArgs {
         self.frame.is_some() || self.time.is_some()
     }
 
-    /// Refuses a moment of a model that is no series.
+    /// Refuses a frame or moment of a model that is no series.
     fn check_model(&self, place: &str) -> Result<()> {
-        match self.time {
-            Some(_) => Err(Error::input(place, "it is one model, not a series: it has no other moments")),
-            None => Ok(()),
-        }
+        let option = match (self.frame, &self.time) {
+            (Some(_), _) => "--frame",
+            (None, Some(_)) => "--time",
+            (None, None) => return Ok(()),
+        };
+        let what = "it is one model, not a series: it has no other frames or moments";
+        Err(Error::input_with(place, what, format!("omit {option}")))
     }
 
     /// What the clock of a series shows at the frame or moment, and whether it lies between frames.
@@ -162,8 +165,19 @@ pub fn is_series(path: &Path) -> bool {
     path.is_file() && read().is_ok() && codec::is_series(&head)
 }
 
+/// Is a file, which is not a pipe, a model but no series?
+pub fn is_single(path: &Path) -> bool {
+    matches!(PathKind::from_path(path), PathKind::Model) && !is_series(path)
+}
+
+/// How `path` is opened when it is compared with `other`: a frame is one of `other` where this is a single model.
+pub fn opening_beside(path: &Path, other: Option<&Path>, opening: &SnapshotArgs) -> SnapshotArgs {
+    let is_of_other = is_single(path) && other.is_some_and(|o| !is_single(o));
+    SnapshotArgs { frame: opening.frame.filter(|_| !is_of_other), ..opening.clone() }
+}
+
 /// A frame of a series as a model file; a model file as it is.
-fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_>) -> Result<Vec<u8>> {
+pub fn frame_of(bytes: Vec<u8>, frame: &FrameArgs, place: &str, context: &Context<'_>) -> Result<Vec<u8>> {
     if !codec::is_series(&bytes) {
         return frame.check_model(place).map(|()| bytes);
     }

@@ -29,7 +29,6 @@ mod page_args;
 mod page_models;
 mod picture_out;
 mod pictures;
-mod printable;
 mod progress;
 mod rendered_view;
 mod report;

@@ -1,11 +1,10 @@
 //! Refuses options that have no effect, since ignoring them would mislead. One table holds the rules.
 
 use crate::figure::FileKind;
-use crate::inputs::is_series;
+use crate::inputs::{is_series, is_single};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
 use particlegs_export::{Group, Kind as Exported};
-use particlegs_formats::PathKind;
 use particlegs_pipeline::{Error, NamedValue, Result};
 use std::path::Path;
 
@@ -226,7 +225,7 @@ impl CommandMatches<'_> {
 
     /// Is the only positional argument a model? Unreadable files are reported later, and pipes are not touched.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if matches!(PathKind::from_path(one), PathKind::Model) && !is_series(one))
+        matches!(&self.paths(id)[..], [one] if is_single(one))
     }
 
     fn series(&self, id: &str) -> bool {

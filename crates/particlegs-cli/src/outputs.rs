@@ -32,7 +32,7 @@ const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
 }
 
 /// A model file: kept without --force.
-pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
+const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
 /// A series, which does not replace a single model.
 pub const SERIES: Kind = Kind { name: "a series of models", kept: true, is: |_, head| codec::is_series(head) };
@@ -166,6 +166,12 @@ impl CommandContext {
             }
         };
         folders.values().map(line).collect()
+    }
+
+    /// Declares a model file; returns whether it exists and is kept.
+    pub fn writes_model(&self, path: &Path) -> Result<bool> {
+        let kept = self.writes(path, &MODEL)?;
+        codec::check_name(path).map(|()| kept)
     }
 
     /// Declares an output; refuses an existing file that is kept.

@@ -181,7 +181,8 @@ impl PageArgs {
 
 /// The layers of all models with these names or species.
 fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
-    let there: Vec<&str> = models.iter().flat_map(|m| &m.layers).map(|l| &l.name[..]).collect();
+    let layers: Vec<_> = models.iter().flat_map(|m| m.species_layers()).collect();
+    let there: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
     let called =
         |layer: &str, asked: &str| if there.contains(&asked) { layer == asked } else { is_species(layer, asked) };
     if let Some(name) = names.iter().find(|n| !there.iter().any(|l| called(l, n))) {

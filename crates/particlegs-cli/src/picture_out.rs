@@ -7,6 +7,9 @@ use particlegs_files::output;
 use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 
+/// Of one picture's name.
+const ENDINGS: [&str; 3] = ["png", "pdf", "svg"];
+
 #[derive(Clone, Debug)]
 pub enum PictureOut {
     /// NAME.png of each view.
@@ -24,6 +27,7 @@ impl PictureOut {
             return Err(Error::argument_with(what, "name a folder, or a picture NAME.png"));
         }
         if !is_picture {
+            output::ending(out, &ENDINGS)?;
             context.makes_folder(out)?;
             return Ok(PictureOut::Folder(out.to_path_buf()));
         }

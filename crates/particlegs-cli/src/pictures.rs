@@ -60,7 +60,7 @@ fn finish<'a>(
         style: style.into(),
         colormap: subject.density.then(|| Colormap::default().name().into()),
         unit: subject.density.then(|| quantities.unit()),
-        units: Some(PictureUnits::new(m.unit_system())),
+        units: Some(PictureUnits::new(m.unit_system(), subject.density.then(|| model.density_of()))),
         ..PictureProvenance::default()
     };
     let (colormap, field, legend) = (Colormap::default(), None, Vec::new());

@@ -1,9 +1,9 @@
 //! Prints results on stdout and everything else on stderr.
 
 use crate::error_text;
-use crate::printable::{one_line, printable, printable_json};
 use crate::progress::to_stderr;
 use particlegs_pipeline::Error;
+use particlegs_pipeline::text::{one_line, printable, printable_json};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;

@@ -181,10 +181,10 @@ pub fn trained(done: &CompressedModel) -> String {
 }
 
 pub fn report(output: &Path, done: &CompressedModel, verdict: &[Assessment], seconds: f64) -> serde_json::Value {
-    let bytes = done.bytes.len();
+    let (bytes, raw_bytes) = (done.bytes.len(), done.model.raw_bytes());
     json!({
         "output": output.to_string_lossy(), "gaussians": done.model.gaussians(), "model_bytes": bytes,
-        "raw_bytes": done.raw_bytes, "compression_ratio": done.raw_bytes as f64 / bytes as f64,
+        "raw_bytes": raw_bytes, "compression_ratio": raw_bytes as f64 / bytes as f64,
         "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
         "seconds_by_phase": done.seconds.iter().copied().collect::<BTreeMap<_, _>>(),
         "certificate": done.model.certificate, "verdict": verdict,

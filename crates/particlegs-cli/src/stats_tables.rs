@@ -4,6 +4,7 @@ use particlegs_files::output::write_bytes;
 use particlegs_pipeline::Result;
 use particlegs_pipeline::model::{decimals, per_length};
 use particlegs_pipeline::stats::{PairCounts, SizeClass, Statistics};
+use particlegs_pipeline::text;
 use std::path::Path;
 
 struct Csv(String);
@@ -88,10 +89,10 @@ fn write_joint(folder: &Path, s: &Statistics) -> Result<()> {
     let Some(all) = &s.joint else { return Ok(()) };
     let mut csv = Csv::new("particle_type,x_low,x_high,y_low,y_high,truth,other");
     for j in all {
-        let ([x, y], [a, b]) = (&j.edges, &j.share);
+        let ([x, y], [a, b], name) = (&j.edges, &j.share, text::cell(&j.layer));
         for cell in 0..a.len() {
             let (i, k) = (cell / (y.len() - 1), cell % (y.len() - 1));
-            row!(csv: j.layer.replace([',', '"'], " "), x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]);
+            row!(csv: name, x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]);
         }
     }
     csv.write(folder, "joint.csv")
@@ -185,7 +186,8 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     let t = &s.summary;
     if let Some(d) = &s.density {
         let [x, y, z] = d.cells;
-        line("density: grid", format!("{x}x{y}x{z}"));
+        let each = s.particles[0] as f64 / (x * y * z) as f64;
+        line("density: grid; particles per cell", format!("{x}x{y}x{z}; {}", decimals(each)));
         line("density: correlation; MAE of delta", {
             format!("{:.4}; {:.4}", d.agreement.correlation, d.agreement.mean_absolute_error)
         });

@@ -18,6 +18,7 @@ pub mod memory;
 mod named;
 pub mod parallel;
 pub mod space;
+pub mod text;
 
 pub mod camera;
 pub mod picture;

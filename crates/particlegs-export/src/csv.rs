@@ -1,18 +1,18 @@
 //! The Gaussians as a table of text: a line each, units in the names of the columns.
 
 use super::gaussians::{LayerGaussian, all, has_opacities};
-use super::notes::one_line;
 use super::{Notes, RUN, written};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Model, Quantity};
+use particlegs_pipeline::text::{cell, one_line};
 use std::f64::consts::LN_10;
 use std::path::Path;
 
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
 
 pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
-    let names: Vec<String> = model.layers.iter().map(|l| quoted(&l.name)).collect();
+    let names: Vec<String> = model.layers.iter().map(|l| cell(&l.name)).collect();
     let [masses, opacities] = [model.has_masses(), has_opacities(model)];
     // A number takes about ten letters.
     let expected = 120 * model.gaussians() as u64;
@@ -62,7 +62,7 @@ fn head(model: &Model) -> String {
         }
     }
     names.push("layer".into());
-    let names: Vec<String> = names.iter().map(|n| quoted(n)).collect();
+    let names: Vec<String> = names.iter().map(|n| cell(n)).collect();
     names.join(",") + "\n"
 }
 
@@ -94,16 +94,5 @@ fn field(out: &mut String, one: &LayerGaussian<'_>, q: &Quantity) {
             }
             out.push(',');
         }
-    }
-}
-
-/// In quotes where a comma, a quote or a comment's sign would be taken for the table's own (RFC 4180).
-fn quoted(text: &str) -> String {
-    let text = one_line(text);
-    // A name that a spreadsheet would take for a formula is a text by an apostrophe.
-    let text = if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text };
-    match text.contains([',', '"', '#', ';', '\t']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text,
     }
 }

@@ -122,16 +122,7 @@ fn words(model: &Model, name: &str) -> Vec<String> {
 
 /// On one line, with an escape for what is not ASCII: many heads hold nothing else.
 pub fn ascii(text: &str) -> String {
-    escaped(text, |c| c == ' ' || c.is_ascii_graphic())
-}
-
-/// Other people's text on one line: letters and numbers of every script as they are, an escape for what could move
-/// a cursor or turn the direction of what follows.
-pub fn one_line(text: &str) -> String {
-    escaped(text, |c| c == ' ' || c.is_ascii_graphic() || c.is_alphanumeric() || "⁻¹²³·☉⊙°".contains(c))
-}
-
-fn escaped(text: &str, plain: impl Fn(char) -> bool) -> String {
+    let plain = |c: char| c == ' ' || c.is_ascii_graphic();
     text.chars().map(|c| if plain(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 

@@ -4,6 +4,7 @@ use super::notes::ascii;
 use super::{Density, Notes, written};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
+use particlegs_pipeline::text::xml;
 use std::fmt::Write;
 use std::path::Path;
 use std::slice::from_ref;
@@ -96,8 +97,7 @@ fn text(density: &Density, arrays: &[CellArray<'_>], notes: &Notes, xml: &mut St
 
 /// A name within quotes.
 fn attribute(name: &str) -> String {
-    let escaped = ascii(name).replace('&', "&amp;").replace('<', "&lt;");
-    escaped.replace('>', "&gt;").replace('"', "&quot;")
+    xml(&ascii(name)).into_owned()
 }
 
 /// A text as VTK has it: the codes of its letters, and a 0.

@@ -5,6 +5,7 @@ use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use particlegs_pipeline::Result;
+use particlegs_pipeline::text::xml;
 use std::fmt::Write;
 
 /// The font of the embedded widths first, then those that are everywhere.
@@ -18,11 +19,11 @@ pub fn svg(sheet: &Sheet, about: &PngMetadata) -> Result<String> {
          stroke-linejoin=\"round\">\n"
     );
     if let Some(title) = &about.title {
-        let _ = writeln!(out, "<title>{}</title>", escaped(title));
+        let _ = writeln!(out, "<title>{}</title>", xml(title));
     }
     if !about.software.is_empty() {
-        let _ = writeln!(out, "<desc>{}</desc>", escaped(&about.software));
-        let _ = writeln!(out, "<metadata>{}</metadata>", escaped(&about.provenance));
+        let _ = writeln!(out, "<desc>{}</desc>", xml(&about.software));
+        let _ = writeln!(out, "<metadata>{}</metadata>", xml(&about.provenance));
     }
     let _ = writeln!(out, "<rect width=\"{w}\" height=\"{h}\" fill=\"{}\"/>", colour(sheet.ground));
     for mark in &sheet.marks {
@@ -76,7 +77,7 @@ fn text(out: &mut String, w: &TextLine) -> std::fmt::Result {
         "<text x=\"{x}\" y=\"{y}\" font-size=\"{}\" text-anchor=\"{anchor}\" fill=\"{}\"{rim}{turn}>{}</text>",
         short(w.em),
         colour(w.ink),
-        escaped(&w.text)
+        xml(&w.text)
     )
 }
 
@@ -100,27 +101,6 @@ fn short(v: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// Can XML hold it?
-fn is_of_xml(c: char) -> bool {
-    !(c.is_control() && c != '\n' || matches!(c, '\u{fffe}' | '\u{ffff}'))
-}
-
-/// Text within XML; characters that it cannot hold are left out.
-fn escaped(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out += "&amp;",
-            '<' => out += "&lt;",
-            '>' => out += "&gt;",
-            '"' => out += "&quot;",
-            c if is_of_xml(c) => out.push(c),
-            _ => {}
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -138,7 +118,7 @@ mod tests {
         };
         let sheet = Sheet { width: 10.0, height: 20.0, ground: [255; 3], marks: vec![Mark::Words(words)] };
         let text = svg(&sheet, &PngMetadata::default()).unwrap();
-        assert!(text.contains(">a &lt; b &amp; &quot;c&quot;</text>"), "{text}");
+        assert!(text.contains(">a &lt; b &amp; &quot;c&quot;\\u{7}</text>"), "{text}");
         assert!(text.contains("rotate(-90 1 2.5)") && text.contains("text-anchor=\"end\""), "{text}");
     }
 

@@ -354,17 +354,71 @@ fn ready(_: &File) -> std::io::Result<bool> {
     Ok(true)
 }
 
+/// A mapped file, read only. Where another program makes it shorter, reading what is gone ends the process (SIGBUS):
+/// [`MappedFile::check`] says so before.
+#[derive(Debug)]
+pub struct MappedFile {
+    map: memmap2::Mmap,
+    /// Its name and what it was; none of a scratch file, which no other program has.
+    named: Option<(PathBuf, Metadata)>,
+}
+
+impl MappedFile {
+    /// A scratch file.
+    pub fn scratch(map: memmap2::Mmap) -> MappedFile {
+        MappedFile { map, named: None }
+    }
+
+    /// Refuses a file that has become shorter since it was mapped. One that was removed or replaced stays as it was.
+    pub fn check(&self) -> Result<()> {
+        let Some((path, before)) = &self.named else { return Ok(()) };
+        let Ok(now) = std::fs::metadata(path) else { return Ok(()) };
+        if now.len() >= self.map.len() as u64 || !is_same_file(&now, before) {
+            return Ok(());
+        }
+        let what = format!("it was cut to {} bytes; it had {} when it was opened", now.len(), self.map.len());
+        Err(Error::input_with(path, what, "open it again when it is whole"))
+    }
+}
+
+impl std::ops::Deref for MappedFile {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.map
+    }
+}
+
+impl AsRef<[u8]> for MappedFile {
+    fn as_ref(&self) -> &[u8] {
+        self
+    }
+}
+
+#[cfg(unix)]
+fn is_same_file(a: &Metadata, b: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// Mapped files cannot be made shorter on this system.
+#[cfg(not(unix))]
+fn is_same_file(_: &Metadata, _: &Metadata) -> bool {
+    false
+}
+
 /// Maps a file and tells its length; `None` for an empty one, which cannot be mapped.
-pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
+pub fn map_file(path: &Path) -> Result<(Option<Arc<MappedFile>>, usize)> {
     let (file, length) = open_file(path)?;
     if length == 0 {
         return Ok((None, 0));
     }
+    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
     // SAFETY: the mapping is read only; a file that another program truncates while we read it
     // raises SIGBUS, as with every mapped reader; nothing is written from it.
     let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|e| Error::io(path, e))?;
     let length = map.len();
-    Ok((Some(Arc::new(map)), length))
+    Ok((Some(Arc::new(MappedFile { map, named: Some((path.to_path_buf(), metadata)) })), length))
 }
 
 #[cfg(test)]

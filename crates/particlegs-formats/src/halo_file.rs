@@ -1,9 +1,10 @@
 //! Catalogues of haloes as files.
 
 use crate::hdf5::{OutDataSet, OutGroup, OutValue, plan};
-use particlegs_files::output::{PlacedFile, write_atomic};
+use particlegs_files::output::{PlacedFile, ending, write_atomic};
 use particlegs_pipeline::haloes::{HaloCatalogue, HaloColumn};
 use particlegs_pipeline::particles::Number;
+use particlegs_pipeline::text::{cell, one_line, printable};
 use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
@@ -15,34 +16,38 @@ const MOST_TEXT: usize = 2000;
 /// or not at all.
 ///
 /// # Errors
-/// A file that cannot be written; a catalogue without haloes.
+/// A file that cannot be written; a name that means another type of file; a catalogue without haloes.
 pub fn write_haloes(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
+    let is_hdf5 = is_hdf5(out)?;
     if catalogue.is_empty() {
         return Err(Error::argument("there are no haloes to write"));
     }
-    match is_hdf5(out) {
+    match is_hdf5 {
         true => write_hdf5(catalogue, out),
         false => write_csv(catalogue, out),
     }
 }
 
-/// Does a name mean HDF5?
-pub fn is_hdf5(out: &Path) -> bool {
-    out.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdf5") || e.eq_ignore_ascii_case("h5"))
+/// Does a catalogue's name mean HDF5, or else CSV?
+///
+/// # Errors
+/// A name that means another type of file.
+pub fn is_hdf5(out: &Path) -> Result<bool> {
+    Ok(ending(out, &["csv", "hdf5", "h5"])?.is_some_and(|e| e != "csv"))
 }
 
 fn write_csv(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
     write_atomic(out, |to| {
-        let names: Vec<&str> = catalogue.columns.iter().map(|c| &c.name[..]).collect();
+        let names: Vec<String> = catalogue.columns.iter().map(|c| cell(&c.name)).collect();
         writeln!(to, "{}", names.join(","))?;
         // For readers of centres, which take the unit of these from it.
         if let Some(x) = catalogue.columns.iter().find(|c| c.name == "x" && !c.unit.is_empty()) {
-            writeln!(to, "# positions and radii in {}", x.unit)?;
+            writeln!(to, "# positions and radii in {}", one_line(&x.unit))?;
         }
-        catalogue.remarks.iter().try_for_each(|line| writeln!(to, "# {line}"))?;
+        catalogue.remarks.iter().try_for_each(|line| writeln!(to, "# {}", one_line(line)))?;
         for c in &catalogue.columns {
             let unit = if c.unit.is_empty() { String::new() } else { format!(" [{}]", c.unit) };
-            writeln!(to, "# {}{unit}: {}", c.name, c.description)?;
+            writeln!(to, "# {}", one_line(&format!("{}{unit}: {}", c.name, c.description)))?;
         }
         for i in 0..catalogue.len() {
             let row: Vec<String> = catalogue.columns.iter().map(|c| text_of(c, i)).collect();
@@ -65,10 +70,10 @@ fn text_of(column: &HaloColumn, i: usize) -> String {
 }
 
 fn write_hdf5(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
-    let text = |text: &str| OutValue::Text(text.chars().take(MOST_TEXT).collect());
+    let text = |text: &str| OutValue::Text(printable(text).chars().take(MOST_TEXT).collect());
     let is_whole = |c: &HaloColumn| c.whole && c.values.iter().all(|v| v.is_finite());
     let set = |c: &HaloColumn| OutDataSet {
-        name: c.name.clone(),
+        name: one_line(&c.name).into_owned(),
         number: if is_whole(c) { Number::I64 } else { Number::F64 },
         rows: catalogue.len() as u64,
         columns: 1,
@@ -137,6 +142,8 @@ mod tests {
             assert!((0..3).all(|k| (found.0[k] - expected.0[k]).abs() < 1e-6) && found.1 == expected.1, "{found:?}");
         }
         assert!(write_haloes(&catalogue(), &out).is_err());
+        let text = write_haloes(&all, &dir.path().join("haloes.txt")).unwrap_err();
+        assert_eq!(text.hint().to_string(), "possible endings: .csv, .hdf5, .h5");
     }
 
     #[test]

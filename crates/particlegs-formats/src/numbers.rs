@@ -1,7 +1,7 @@
 //! Numbers in bytes: their types, and columns of them at equal distances, as most binary formats have them.
 
 use crate::pieces::{ParticlePiece, RowBuffer};
-use memmap2::Mmap;
+use particlegs_files::input::MappedFile;
 use particlegs_files::input::map_file;
 use particlegs_pipeline::particles::{Column, InPlace, Positions};
 use particlegs_pipeline::{Error, Result};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// A file's bytes, mapped, or decoded bytes in memory.
 #[derive(Clone)]
 pub enum Bytes {
-    Mapped(Arc<Mmap>),
+    Mapped(Arc<MappedFile>),
     Owned(Arc<Vec<u8>>),
     /// In memory, of another owner.
     Lent(Arc<dyn AsRef<[u8]> + Send + Sync>),

@@ -1,6 +1,7 @@
 //! The formats that snapshots are written in.
 
 use crate::fields::OutField;
+use particlegs_files::output;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::Cosmology;
 use particlegs_pipeline::particles::{RawForm, SelectedParticles};
@@ -82,14 +83,6 @@ static WRITERS: &[Writer] = &[
     },
 ];
 
-/// Endings of names that mean data or pictures of a kind that is not written here: a folder of raw
-/// columns is none of them.
-const OTHER_ENDINGS: [&str; 41] = [
-    "csv", "tsv", "txt", "dat", "asc", "xyz", "extxyz", "fits", "fit", "npz", "ply", "splat", "spz", "glb", "gltf",
-    "vtk", "vtu", "vti", "pvtp", "pvtu", "pvd", "gio", "gadget", "gdr", "bp", "nc", "f32", "bin", "parquet", "feather",
-    "mat", "gz", "bz2", "zst", "zip", "tar", "pgs", "json", "png", "svg", "toml",
-];
-
 impl Writer {
     /// All of them; the first is for names without a known ending.
     pub fn all() -> &'static [Writer] {
@@ -99,15 +92,16 @@ impl Writer {
     /// The writer of that name, or else the one that the output's ending means: a name without a known
     /// ending means raw columns.
     pub fn for_output(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
-        let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
         let refused = |what: String| {
             let writers: Vec<String> = WRITERS.iter().map(Writer::describe).collect();
             Err(Error::argument_with(what, format!("possible formats: {}", writers.join("; "))))
         };
-        if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
-            return refused(format!("{}: cannot write .{ending} files", out.display()));
-        }
+        let endings: Vec<&str> = WRITERS.iter().flat_map(|w| w.endings).copied().collect();
+        let meant = match output::ending(out, &endings) {
+            Ok(ending) => ending.and_then(|e| WRITERS.iter().find(|w| w.endings.contains(&e))),
+            Err(Error::Argument { what, .. }) => return refused(what),
+            Err(other) => return Err(other),
+        };
         let Some(name) = name else { return Ok(meant.unwrap_or(&WRITERS[0])) };
         let Some(writer) = WRITERS.iter().find(|w| w.name == name) else {
             return refused(format!("unknown output format `{name}`"));
@@ -166,6 +160,7 @@ mod tests {
             ("run.1", None, "raw"),
             ("snap_099.v2", None, "raw"),
             ("a.npy.raw", None, "raw"),
+            ("a.npy/", None, "raw"),
             ("x.npy", None, "npy"),
             ("x.NPY", Some("npy"), "npy"),
             ("x", Some("npy"), "npy"),
@@ -183,6 +178,7 @@ mod tests {
             ("x.xyz", None),
             ("x.npz", None),
             ("x.ply", None),
+            ("x.vdb", None),
             ("x.csv", Some("hdf5")),
             ("b.npy", Some("raw")),
             ("b.npy", Some("hdf5")),

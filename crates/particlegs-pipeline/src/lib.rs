@@ -8,7 +8,7 @@
 //! `tau` a plain sum, so a mixture of Gaussians that carry counts follows any view, particle
 //! radius and opacity in closed form.
 
-pub use particlegs_core::{checkpoint, context, error, math, model, parallel, render, space, splat};
+pub use particlegs_core::{checkpoint, context, error, math, model, parallel, render, space, splat, text};
 
 pub mod camera;
 pub mod particles;

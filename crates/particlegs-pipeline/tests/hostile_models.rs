@@ -155,7 +155,7 @@ fn drawn(model: &Model) {
 fn measured(model: &Model, good: &[u8]) {
     let good = codec::decode(good, "good").unwrap();
     let centers = Some(vec![(model.metadata.bounds.center(), None); 2]);
-    let o = StatsOptions { cells: 8, spectrum_cells: 8, centers, halo_bins: 3, ..StatsOptions::default() };
+    let o = StatsOptions { cells: Some(8), spectrum_cells: 8, centers, halo_bins: 3, ..StatsOptions::default() };
     step("stats", |p| compare(Subject::Model(model), Subject::Model(&good), &o, p));
     step("stats", |p| compare(Subject::Model(&good), Subject::Model(model), &o, p));
 }

@@ -53,7 +53,7 @@ fn used(p: &Particles, model: &Model) {
     let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
     let view = View { name: "v".into(), camera, radius: m.default_radius, opacity: 0.05 };
     draw(&Scene::new(model), &view, SIZE, ToneStyle::Paraview, &Context::SILENT).unwrap();
-    let o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
+    let o = StatsOptions { cells: Some(8), spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
     for other in [Subject::Model(model), Subject::Particles(p)] {
         let s = compare(Subject::Particles(p), other, &o, &Context::SILENT).unwrap();
         assert!(s.density.is_some() && s.spectra.is_some());
@@ -168,7 +168,7 @@ fn odd_options_of_statistics_end() {
     }
     let p = snapshot(300, [1.0; 3], 0.0);
     let tried = |change: &dyn Fn(&mut StatsOptions)| {
-        let mut o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
+        let mut o = StatsOptions { cells: Some(8), spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
         change(&mut o);
         match compare(Subject::Particles(&p), Subject::Particles(&p), &o, &Context::SILENT) {
             Ok(_) => TrialOutcome::Measured,
@@ -198,10 +198,10 @@ fn odd_options_of_statistics_end() {
         tried(&|o| o.profile_axis = n);
         tried(&|o| o.profile_bins = n);
         tried(&|o| o.halo_bins = n);
-        tried(&|o| o.cells = n.min(9000));
+        tried(&|o| o.cells = Some(n.min(9000)));
         tried(&|o| o.bins_per_decade = n);
         tried(&|o| o.smallest_group = n);
         tried(&|o| o.neighbour_sample = n);
     }
-    assert_eq!(tried(&|o| (o.cells, o.spectrum_cells) = (9000, 9000)), TrialOutcome::Refused);
+    assert_eq!(tried(&|o| (o.cells, o.spectrum_cells) = (Some(9000), 9000)), TrialOutcome::Refused);
 }

@@ -45,6 +45,8 @@ pub struct Snapshot {
     pub name: String,
     /// Number of particles drawn.
     pub particles: u64,
+    /// What their density sums.
+    pub density_of: String,
 }
 
 particlegs_pipeline::named_values! {
@@ -216,6 +218,7 @@ struct SetupTruth<'a> {
     url: &'static str,
     name: &'a str,
     particles: u64,
+    density_of: &'a str,
     /// Number of neighbours that densities are smoothed over; `None` for too many or too few particles.
     smoothed: Option<usize>,
 }
@@ -258,6 +261,7 @@ impl<'a> Setup<'a> {
                 url: "truth",
                 name: &s.name,
                 particles: s.particles,
+                density_of: &s.density_of,
                 smoothed: smoothed(s.particles),
             }),
             opening,

@@ -58,7 +58,7 @@ fn a_page_is_the_models_and_a_shell() {
 #[test]
 fn the_policy_names_the_script_and_the_style_that_are_there() {
     let offline = page(&[ModelFile { name: "model.pgs", bytes: MODEL }]);
-    let snapshot = Snapshot { name: "snapshot".into(), particles: 7 };
+    let snapshot = Snapshot { name: "snapshot".into(), particles: 7, density_of: "particles".into() };
     let served =
         served([ModelFile { name: "model.pgs", bytes: MODEL }], Some(&snapshot), &PageOpening::default(), true);
     assert_eq!(setup(&served.html)["truth"]["particles"], 7);

@@ -1,7 +1,9 @@
 //! A summary of a model for the page.
 
 use particlegs_core::codec::{FileInfo, FrameCoding, FrameEntry, SeriesFile};
-use particlegs_core::model::{LawKind, Mass, Metadata, Model, Quantity, QuantityKind, Units, species_title};
+use particlegs_core::model::{
+    LawKind, Mass, Metadata, Model, Quantity, QuantityKind, Units, density_of, species_title,
+};
 use particlegs_core::picture::{Colormap, Rgb8, journal_unit};
 use particlegs_core::render::FieldQuery;
 use serde::Serialize;
@@ -16,9 +18,11 @@ pub(crate) struct ModelSummary<'a> {
     gaussians: usize,
     /// Whether masses are known, so that densities are in units of mass.
     has_masses: bool,
+    /// What the density sums.
+    density_of: &'a str,
     /// Total mass, if known.
     mass: Option<f64>,
-    /// Bytes of the particles as float32 columns.
+    /// Bytes of what is stored as the snapshot held it.
     raw_bytes: u64,
     layers: Vec<LayerSummary>,
     /// Whether it can be drawn by adding footprints, which the GPU renderer does.
@@ -179,7 +183,6 @@ impl<'a> MomentSummary<'a> {
 
 impl<'a> ModelSummary<'a> {
     pub(crate) fn new(info: &'a FileInfo, blake3: String) -> Self {
-        let raw_bytes = info.species_layers().iter().map(|l| l.content.particles * l.mass.particle_bytes()).sum();
         let layers = info.species_layers().into_iter().enumerate();
         let layers =
             layers.map(|(place, l)| LayerSummary::new(place, &l.name, l.content.particles, l.content.gaussians));
@@ -189,8 +192,9 @@ impl<'a> ModelSummary<'a> {
             colormaps: Colormap::ALL.iter().map(|c| c.name()).collect(),
             gaussians: info.gaussians(),
             has_masses: info.mass().is_some(),
+            density_of: density_of(info.mass().is_some(), info.metadata.weight_name()),
             mass: info.mass(),
-            raw_bytes,
+            raw_bytes: info.raw_bytes(),
             layers: layers.collect(),
             adds_up: info.metadata.law == LawKind::OpticalDepth,
             units: SummaryUnits::new(&info.metadata, info.mass().is_some()),

@@ -8,8 +8,11 @@ fn main() -> Result<()> {
     let [snapshot, model] = &paths[..] else { panic!("the paths of a snapshot and of its model") };
     let context = Context::default();
     let (truth, model) = (Snapshot::open(snapshot)?.particles(&context)?, Model::open(model)?);
-    let options =
-        StatsOptions { measures: vec![Measure::Density, Measure::Spectrum], cells: 32, ..StatsOptions::default() };
+    let options = StatsOptions {
+        measures: vec![Measure::Density, Measure::Spectrum],
+        cells: Some(32),
+        ..StatsOptions::default()
+    };
     let found = compare(Subject::Particles(&truth), Subject::Model(model.decoded()), &options, &context)?;
     if let Some(density) = &found.density {
         println!("density in {:?} cells: correlation {:.4}", density.cells, density.agreement.correlation);

@@ -79,7 +79,7 @@ pub mod camera {
 /// let column = |k: u32| (0..4000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
 /// let particles = Particles::from_columns(column(1), column(2), column(3));
 /// let subject = Subject::Particles(&particles);
-/// let options = StatsOptions { measures: vec![Measure::Density], cells: 16, ..StatsOptions::default() };
+/// let options = StatsOptions { measures: vec![Measure::Density], cells: Some(16), ..StatsOptions::default() };
 /// let same = compare(subject, subject, &options, &Context::default())?;
 /// assert!((same.density.unwrap().agreement.correlation - 1.0).abs() < 1e-9);
 /// # Ok::<(), particlegs::Error>(())

@@ -2,8 +2,8 @@
 
 use crate::common::Common;
 use crate::comparison::{self, FolderComparison};
-use crate::printable::one_line;
 use clap::{Args, ValueHint};
+use particlegs_pipeline::text::one_line;
 use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 

@@ -4,7 +4,6 @@ use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
 use crate::fit_args::{FitArgs, LATER, number_of_blocks};
 use crate::info_model;
-use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
@@ -188,7 +187,7 @@ impl Arguments {
                 .iter()
                 .try_for_each(|p| context.outputs().writes(p, &PNG, context).map(drop))?;
         }
-        let there = context.writes(self.output(), &outputs::MODEL)?;
+        let there = context.writes_model(self.output())?;
         if options.training.is_some() {
             self.run.plan(self.output(), self.force.force, context)?;
         }
@@ -225,18 +224,19 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     if !options.made(&model.metadata, certificate.is_some(), particles)? {
         return Err(context.refused(a.output()));
     }
-    let (raw_bytes, gaussians) = (particles.raw_bytes(), codec::read_info(&bytes, &place)?.gaussians());
-    let ratio = raw_bytes as f64 / bytes.len() as f64;
+    let info = codec::read_info(&bytes, &place)?;
+    let gaussians = info.gaussians();
     let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
         "{place}: already exists, made from this snapshot with the same options: {} particles -> {gaussians} Gaussians, \
-         {} bytes, ratio {ratio:.1}{told}",
+         {} bytes, {}{told}",
         model.metadata.count,
         bytes.len(),
+        info.describe_ratio(),
     );
     let value = json!({
         "output": a.output().to_string_lossy(), "there_already": true, "particles": model.metadata.count, "gaussians": gaussians,
-        "model_bytes": bytes.len(), "raw_bytes": raw_bytes, "compression_ratio": ratio, "certificate": certificate,
+        "model_bytes": bytes.len(), "raw_bytes": info.raw_bytes(), "compression_ratio": info.compression_ratio(), "certificate": certificate,
     });
     context.finish(&text, &value)?;
     a.write_pictures(&model, particles, context)
@@ -246,11 +246,11 @@ fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, secon
     let info = codec::read_info(&done.bytes, "the file just coded")?;
     // Species may share Gaussians.
     let (bytes, gaussians) = (done.bytes.len(), info.gaussians());
-    let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(
-        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {seconds:.1} s",
+        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, {}, {seconds:.1} s",
         a.output().display(),
         done.model.metadata.count,
+        info.describe_ratio(),
     );
     text += &run_args::trained(done);
     if !a.fit.fields.is_empty() {

@@ -71,6 +71,8 @@ struct EvalReport {
     gaussians: usize,
     bytes_per_gaussian: f64,
     particles: u64,
+    /// Are these the particles that the model was made from?
+    source_matches: bool,
     width: usize,
     height: usize,
     views_from: String,
@@ -86,27 +88,36 @@ pub fn run(mut a: Arguments) -> Result<()> {
         pictures::paths(folder).iter().try_for_each(|p| context.outputs().writes(p, &PNG, &context).map(drop))?;
     }
     let bytes = inputs::model_with_snapshot(&a.model, &mut a.particles.opening, &context)?;
-    let model = a.particles.opening.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
+    let place = name_of(&a.model);
+    let whole = codec::decode_with(&bytes, &place, &context)?;
+    let layers = whole.layers.len();
+    let model = a.particles.opening.layers_of(whole)?;
     let particles = a.particles.read(&a.input, context.common.seed, &Storage::Memory, &context)?;
-    let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
-    if model.metadata.count != particles.len() as u64 {
+    // The hash is of all layers.
+    let of_several = model.layers.len() < layers || codec::is_of_several(&bytes, &model.metadata, &place)?;
+    let difference = particles.source_difference(&model, of_several);
+    if let Some(why) = difference {
         context.message(&format!(
-            "warning: the model was made from {} particles, but the snapshot has {}",
+            "warning: {} is not the snapshot that {place} was made from ({why}: {} particles, made from {})",
+            a.input[0].display(),
+            particles.len(),
             model.metadata.count,
-            particles.len()
         ));
     }
+    let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
     let (views, size, views_from) = views(&a, &model, &context)?;
     let device = a.device.open()?;
-    let (model_bytes, raw_bytes, gaussians) = (bytes.len() as u64, particles.raw_bytes(), model.gaussians());
+    let info = codec::read_info(&bytes, &place)?;
+    let (model_bytes, gaussians) = (bytes.len() as u64, model.gaussians());
     let report = EvalReport {
         evaluation: score::evaluate(&model, &particles, &views, size, device.as_deref(), &context)?,
         model_bytes,
-        raw_bytes,
-        compression_ratio: raw_bytes as f64 / model_bytes as f64,
+        raw_bytes: info.raw_bytes(),
+        compression_ratio: info.compression_ratio(),
         gaussians,
         bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
         particles: particles.len() as u64,
+        source_matches: difference.is_none(),
         width: size.width,
         height: size.height,
         views_from,
@@ -136,7 +147,7 @@ fn views(a: &Arguments, model: &Model, context: &CommandContext) -> Result<(Vec<
 
 fn table(r: &EvalReport) -> String {
     let mut text = format!(
-        "{} Gaussians, {} bytes: ratio {:.1}, {:.2} bytes per Gaussian\n{} views of {}x{} ({})\n",
+        "{} Gaussians, {} bytes: ratio {:.1}, {:.2} bytes per Gaussian\n{} views of {}x{} ({})\n{}",
         r.gaussians,
         r.model_bytes,
         r.compression_ratio,
@@ -144,7 +155,8 @@ fn table(r: &EvalReport) -> String {
         r.evaluation.views.len(),
         r.width,
         r.height,
-        r.views_from
+        r.views_from,
+        if r.source_matches { "" } else { "these are not the particles that the model was made from\n" }
     );
     text += &format!(
         "\n{:<17} {:<6} {:>9} {:>8} {:>7} {:>10} {:>6} {:>10} {:>9} {:>8}",

@@ -166,7 +166,10 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let model = codec::decode_with(first, &place, &context)?;
     let whole = a.layers == ["all"] || paged;
-    let model = if whole { model } else { model.only(&a.layers)? };
+    let mut model = if whole { model } else { model.only(&a.layers)? };
+    if !paged {
+        model.drop_empty();
+    }
     let fields = fields_named(kind, &model, &a.grid.fields)?;
     let notes = Notes::new(kind, &model, &name, &fields);
     let (gaussians, lost) = (model.gaussians(), notes.lost.clone());

@@ -2,10 +2,10 @@
 
 use crate::common::Common;
 use crate::inputs::{self, FrameArgs};
-use crate::outputs::{self, ForceArgs};
+use crate::outputs::ForceArgs;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
-use particlegs_pipeline::{Result, codec};
+use particlegs_pipeline::{Error, Result, codec};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -35,8 +35,13 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.series.as_path()], a.force.force)?;
-    let kept = context.writes(&a.output, &outputs::MODEL)?;
-    let bytes = inputs::model_of(&a.series, &a.frame, &context)?;
+    let kept = context.writes_model(&a.output)?;
+    let (series, place) = (inputs::model_or_series(&a.series, &context)?, name_of(&a.series));
+    if !codec::is_series(&series) {
+        let what = "it is one model, not a series: there is nothing to extract";
+        return Err(Error::input_with(place, what, "use the file as it is"));
+    }
+    let bytes = inputs::frame_of(series, &a.frame, &place, &context)?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
     context.write_model(&a.output, &bytes, kept)?;
     let text = format!("{}: {} Gaussians, {} bytes", a.output.display(), info.gaussians(), bytes.len());

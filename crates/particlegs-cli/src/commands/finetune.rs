@@ -5,7 +5,6 @@ use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
 use crate::info_model;
 use crate::inputs;
-use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
@@ -87,7 +86,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let inputs = a.snapshot.iter().map(PathBuf::as_path).chain([path]).chain(a.tune.config_file());
     context.reads(inputs, a.force.force)?;
     // A run with a time limit cannot be compared with another.
-    if context.writes(out, &outputs::MODEL)? && !a.run.goes_on() {
+    if context.writes_model(out)? && !a.run.goes_on() {
         return Err(context.refused(out));
     }
     a.run.plan(out, a.force.force, &context)?;
@@ -104,7 +103,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
     let particles = a.particles.read(&a.snapshot, a.common.seed, &storage, &context)?;
-    let of_several = verify::is_of_several(&bytes, &model, &place)?;
+    let of_several = codec::is_of_several(&bytes, &model.metadata, &place)?;
     verify::check_source(&model, of_several, &particles, &particles.meta.name, &place)?;
     let checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
@@ -141,7 +140,7 @@ fn report(
     seconds: f64,
 ) -> Result<()> {
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
-    let ratio = done.raw_bytes as f64 / bytes as f64;
+    let ratio = done.model.raw_bytes() as f64 / bytes as f64;
     let mut text = format!(
         "{}: {gaussians_in} -> {gaussians} Gaussians, {bytes_in} -> {bytes} bytes, ratio {ratio:.1}, in {seconds:.2} s",
         out.display()

@@ -7,7 +7,7 @@ use crate::outputs::{CSV, ForceArgs, HDF5, PDF, PNG, SVG};
 use crate::snapshot_args::SnapshotArgs;
 use clap::{Args, ValueHint};
 use particlegs_files::input::name_of;
-use particlegs_files::output::write_atomic;
+use particlegs_files::output::{self, write_atomic};
 use particlegs_formats::{is_hdf5, write_haloes};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::haloes::{
@@ -16,6 +16,7 @@ use particlegs_pipeline::haloes::{
 use particlegs_pipeline::model::{Cosmology, Model};
 use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::stats::{Domain, ParticleFields};
+use particlegs_pipeline::text::one_line;
 use particlegs_pipeline::{Error, Result, codec};
 use std::path::{Path, PathBuf};
 
@@ -95,8 +96,9 @@ enum HaloInput {
 }
 
 impl HaloInput {
-    fn open(path: &Path, a: &Arguments, context: &Context<'_>) -> Result<HaloInput> {
-        Ok(match inputs::model_or_snapshot(path, &a.snapshot, context)? {
+    fn open(path: &Path, other: Option<&Path>, a: &Arguments, context: &Context<'_>) -> Result<HaloInput> {
+        let opening = inputs::opening_beside(path, other, &a.snapshot);
+        Ok(match inputs::model_or_snapshot(path, &opening, context)? {
             PathContent::Model(bytes) => {
                 let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
                 HaloInput::Model(model.into())
@@ -152,8 +154,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.truth, &a.snapshot.topology].into_iter().flatten().map(PathBuf::as_path);
     context.reads([a.input.as_path()].into_iter().chain(files), a.force.force)?;
-    context.writes(&a.output, if is_hdf5(&a.output) { &HDF5 } else { &CSV })?;
+    context.writes(&a.output, if is_hdf5(&a.output)? { &HDF5 } else { &CSV })?;
     for path in &a.mass_function {
+        output::ending(path, &["csv", "png", "svg", "pdf"])?;
         let kind = match FileKind::from_path(path) {
             Some(FileKind::Png) => &PNG,
             Some(FileKind::Svg) => &SVG,
@@ -174,14 +177,14 @@ pub fn run(a: Arguments) -> Result<()> {
         redshift: a.redshift,
         seed: a.common.seed,
     };
-    let input = HaloInput::open(&a.input, &a, &context)?;
+    let input = HaloInput::open(&a.input, a.truth.as_deref(), &a, &context)?;
     let found = find_haloes(input.source(), &options, &context)?;
     context.notes(&found.notes);
     if found.column("m200c").is_none() {
         context.message("note: state what the file does not: --particle-mass, --mass-unit, --cosmology, --redshift");
     }
     let truth = a.truth.as_ref().map(|path| {
-        let truth = HaloInput::open(path, &a, &context)?;
+        let truth = HaloInput::open(path, Some(&a.input), &a, &context)?;
         check_units(&input, &truth, path)?;
         find_haloes(truth.source(), &options, &context)
     });
@@ -254,11 +257,9 @@ fn write_mass_function(path: &Path, report: &HaloReport, length: Option<&str>) -
             let columns = "mass_low,mass_high,haloes,density,error";
             let of_truth = if truth(0).is_some() { ",haloes_truth,density_truth,error_truth" } else { "" };
             writeln!(to, "{columns}{of_truth}")?;
-            writeln!(
-                to,
-                "# masses in {mass}; haloes per volume ({}^3) and decade of mass",
-                length.unwrap_or("unit of length")
-            )?;
+            let length = length.unwrap_or("unit of length");
+            let words = format!("masses in {mass}; haloes per volume ({length}^3) and decade of mass");
+            writeln!(to, "# {}", one_line(&words))?;
             for (i, b) in report.mass_function.iter().enumerate() {
                 write!(to, "{:.6e},{:.6e},{},{:.6e},{:.6e}", b.masses[0], b.masses[1], b.haloes, b.density, b.error)?;
                 if let Some(b) = truth(i) {

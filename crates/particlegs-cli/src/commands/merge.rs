@@ -4,7 +4,6 @@ use crate::common::{CommandContext, Common, named};
 use crate::info_model;
 use crate::inputs;
 use crate::job_args::JobSnapshot;
-use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::text_wrap::counted;
 use clap::{Args, ValueHint};
@@ -57,7 +56,7 @@ pub fn run(a: Arguments) -> Result<()> {
         [folder] if Job::is_job(folder) => merge_job(&a, folder, &context)?,
         parts => {
             context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
-            let kept = context.writes(&a.output, &outputs::MODEL)?;
+            let kept = context.writes_model(&a.output)?;
             (merge_files(parts, &a.fields, &context)?, parts.len(), kept)
         }
     };
@@ -125,7 +124,7 @@ fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(
     let job = Job::open(folder)?;
     let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
-    let kept = context.writes(&a.output, &outputs::MODEL)?;
+    let kept = context.writes_model(&a.output)?;
     // The same job gives the same bytes; refuse the model of another job before any work.
     if kept && !info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
         return Err(context.refused(&a.output));

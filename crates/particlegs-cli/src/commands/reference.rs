@@ -188,7 +188,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         style: style_name.clone(),
         colormap: density.then(|| colormap.name().into()),
         unit: density.then(|| quantities.unit()),
-        units: Some(PictureUnits::new(particles.meta.unit_system())),
+        units: Some(PictureUnits::new(particles.meta.unit_system(), density.then(|| particles.density_of()))),
         background: ground,
         ..PictureProvenance::default()
     };

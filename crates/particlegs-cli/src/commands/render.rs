@@ -23,7 +23,7 @@ use clap::{Args, ValueEnum, ValueHint};
 use particlegs_files::input::name_of;
 use particlegs_pipeline::camera::{View, ViewSet};
 use particlegs_pipeline::codec::SeriesFile;
-use particlegs_pipeline::model::{LawKind, Model, species_title};
+use particlegs_pipeline::model::{LawKind, Model, check_densities, species_title};
 use particlegs_pipeline::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
 use particlegs_pipeline::render::{Renderer, Scene, Scratch, draw_into, field_map, surface_density};
 use particlegs_pipeline::splat::ToneStyle;
@@ -260,7 +260,11 @@ impl RenderOptions {
     fn convert(&mut self, a: &Arguments, model: &Model, context: &CommandContext) -> Result<()> {
         let (Some((set, units)), Some(path)) = (&mut self.like, &a.like) else { return Ok(()) };
         let to = model.metadata.unit_system();
-        let (by, words) = units.system().conversion_of(&path.display().to_string(), &to)?;
+        let name = path.display().to_string();
+        if let Some(of) = units.density_of.as_ref().filter(|_| self.range.is_some() && a.density.range.is_none()) {
+            check_densities((&name, of), ("the model", model.density_of()))?;
+        }
+        let (by, words) = units.system().conversion_of(&name, &to)?;
         context.notes(&words);
         set.views.iter_mut().for_each(|v| *v = v.scaled(by.length));
         if a.density.range.is_none() && self.field.field.is_none() {
@@ -317,6 +321,11 @@ pub fn run(a: &Arguments) -> Result<()> {
         read.iter().map(|r| asked.field.field.as_ref().map(|n| asked.field.of_model(n, &r.model, map)).transpose());
     let fields = fields.collect::<Result<Vec<_>>>()?;
     alike(&fields, &read)?;
+    if density && fields[0].is_none() {
+        let of = |r: &'_ SourceModel| r.model.density_of().to_string();
+        let first = (&read[0].source.name[..], &of(&read[0])[..]);
+        read.iter().try_for_each(|r| check_densities(first, (&r.source.name, &of(r))))?;
+    }
     let field = fields.first().cloned().flatten();
     field.iter().try_for_each(|f| f.checked(asked.range))?;
     let painter = |field| ScenePainter {
@@ -456,7 +465,9 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
         color_by_layer: asked.color_by_layer,
         colormap: density.then(|| asked.colormap.unwrap_or_default().name().into()),
         unit: density.then(|| quantities.unit()),
-        units: read.first().map(|r| PictureUnits::new(r.model.metadata.unit_system())),
+        units: read
+            .first()
+            .map(|r| PictureUnits::new(r.model.metadata.unit_system(), density.then(|| r.model.density_of()))),
         background: ground,
         ..PictureProvenance::default()
     }
@@ -487,7 +498,11 @@ impl<'a> ScenePainter<'a> {
         let side_by_side = film.is_none() && parts.on_device.is_none();
         let draw = move |view: &View, size: Size| {
             let Some(film) = film else { return self.picture(&parts, self.subject, view, size) };
+            let last = model.density_of();
             let model = self.asked.chosen(film.model(view, self.context)?)?;
+            if self.asked.style.is_none() && self.field.is_none() {
+                check_densities(("the last frame", last), (&view.name, model.density_of()))?;
+            }
             if self.subject.center.is_none() {
                 return self.picture(&self.parts(&model)?, self.subject, view, size);
             }

@@ -13,7 +13,7 @@ use particlegs_files::output;
 use particlegs_formats::{AtomSelection, Choice, run_snapshots};
 use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile};
 use particlegs_pipeline::compress::{FieldSelection, Options};
-use particlegs_pipeline::model::{Block, Layer, Model, QuantityKind};
+use particlegs_pipeline::model::{Model, QuantityKind};
 use particlegs_pipeline::particles::{AlignedFrame, Alignment, LayerFields, Particles, Storage};
 use particlegs_pipeline::series::{FrameStore, KEYFRAME_INTERVAL, SeriesBuilder};
 use particlegs_pipeline::{Error, Result};
@@ -134,6 +134,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
     let goes_on = context.writes(&a.output, &outputs::SERIES)?;
+    codec::check_name(&a.output)?;
     let recipe = a.recipe(&options);
     let mut work = FrameStore::open(&a.output, &recipe, a.force.force)?;
     let done = if goes_on { a.done(&recipe, &context)? } else { Vec::new() };
@@ -170,7 +171,7 @@ pub fn run(a: Arguments) -> Result<()> {
                 unread = Some(e);
                 if let Some(frame) = &kept {
                     let tracked = builder.decode(frame, &place, &context)?;
-                    raw_bytes += raw_size(&tracked.clone().into_model());
+                    raw_bytes += tracked.clone().into_model().raw_bytes();
                     builder.resume(frame, tracked);
                 }
                 frames.push(kept);
@@ -200,7 +201,7 @@ pub fn run(a: Arguments) -> Result<()> {
             };
             match differing {
                 None => {
-                    raw_bytes += raw_size(&model);
+                    raw_bytes += model.raw_bytes();
                     builder.resume(&frame, tracked);
                     resumed = Some(frame);
                 }
@@ -222,7 +223,7 @@ pub fn run(a: Arguments) -> Result<()> {
                 work.keep(number, &added.coded)?;
                 let text = describe(number, builder.clock().name(), &added.coded, &added.model, from);
                 context.message(&text);
-                raw_bytes += raw_size(&added.model);
+                raw_bytes += added.model.raw_bytes();
                 added.coded
             }
         };
@@ -330,16 +331,6 @@ impl Arguments {
     }
 }
 
-/// Bytes of the columns that a frame was made from.
-fn raw_size(frame: &Model) -> u64 {
-    let of_fields = |b: &Block| {
-        let there = frame.metadata.fields.iter().filter(|q| b.gaussians.fields.get(&q.name).is_some());
-        there.map(|q| u64::from(q.bytes)).sum::<u64>()
-    };
-    let layer = |l: &Layer<Vec<Block>>| {
-        l.content.iter().map(|b| b.count * (l.mass.particle_bytes() + of_fields(b))).sum::<u64>()
-    };
-    frame.layers.iter().map(layer).sum()
 }
 
 impl FrameSource {

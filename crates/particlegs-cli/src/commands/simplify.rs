@@ -3,7 +3,6 @@
 use crate::common::Common;
 use crate::info_model;
 use crate::inputs::{self, FrameArgs};
-use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
@@ -45,7 +44,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
-    let kept = context.writes(&a.output, &outputs::MODEL)?;
+    let kept = context.writes_model(&a.output)?;
     let bytes = inputs::model_of(&a.model, &a.series, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     context.notes(codec::read_info(&bytes, &name_of(&a.model))?.left_out().as_slice());
@@ -55,22 +54,21 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(context.refused(&a.output));
     }
     let gaussians_in = model.gaussians();
-    let raw_bytes: u64 = model.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
     let bytes = simplify(model, bytes.len() as u64, target, &context)?;
     context.check()?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
     context.write_model(&a.output, &bytes, kept)?;
     let gaussians: u64 = info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum();
-    let raw_bytes = raw_bytes + info.raw_field_bytes();
-    let (ratio, seconds) = (raw_bytes as f64 / bytes.len() as f64, start.elapsed().as_secs_f64());
+    let seconds = start.elapsed().as_secs_f64();
     let text = format!(
-        "{}: {gaussians_in} -> {gaussians} Gaussians, {} bytes, ratio {ratio:.1}, in {seconds:.2} s",
+        "{}: {gaussians_in} -> {gaussians} Gaussians, {} bytes, {}, in {seconds:.2} s",
         a.output.display(),
-        bytes.len()
+        bytes.len(),
+        info.describe_ratio(),
     );
     let report = json!({
         "output": a.output.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians,
-        "model_bytes": bytes.len(), "compression_ratio": ratio, "seconds": seconds,
+        "model_bytes": bytes.len(), "raw_bytes": info.raw_bytes(), "compression_ratio": info.compression_ratio(), "seconds": seconds,
     });
     context.finish(&text, &report)
 }

@@ -88,9 +88,9 @@ pub struct Arguments {
 #[derive(Args)]
 #[command(next_help_heading = "Options of single measures")]
 struct MeasureArgs {
-    /// Density: cells along the longest edge.
-    #[arg(long, value_name = "N", default_value_t = 256)]
-    grid: usize,
+    /// Density: cells along the longest edge [default: cells of 8 particles, as in certificates].
+    #[arg(long, value_name = "N")]
+    grid: Option<usize>,
     /// Density: mass assignment.
     #[arg(long, value_name = "NAME", default_value = "ngp", hide_short_help = true, value_parser = named::<Assignment>())]
     assignment: Assignment,
@@ -253,11 +253,13 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(series) = [&a.truth, other].into_iter().find(|p| inputs::is_series(p)) {
         inputs::model_with_snapshot(series, &mut beside, &context)?;
     }
-    let opening = |path: &Path| if inputs::is_series(path) { &a.snapshot } else { &beside };
-    let truth = StatsInput::open(&a.truth, opening(&a.truth), &options, &context)?;
+    let opening = |path: &Path, other: &Path| {
+        inputs::opening_beside(path, Some(other), if inputs::is_series(path) { &a.snapshot } else { &beside })
+    };
+    let truth = StatsInput::open(&a.truth, &opening(&a.truth, other), &options, &context)?;
     let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
-    let compared = StatsInput::open(other, opening(other), &options, &context)?;
+    let compared = StatsInput::open(other, &opening(other, &a.truth), &options, &context)?;
     let statistics = compare(truth.side(), compared.side(), &options, &context)?;
     context.notes(&statistics.notes);
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());

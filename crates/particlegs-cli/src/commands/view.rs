@@ -4,13 +4,13 @@ use crate::common::{CommandContext, Common};
 use crate::error_text::option_error;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use crate::page_models::ModelFiles;
-use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use clap::{Args, ValueHint};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::particles::{Particles, Storage};
 use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::text::one_line;
 use particlegs_view::page::Snapshot;
 use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use particlegs_view::tunnel::{self, Session};
@@ -160,7 +160,8 @@ impl Arguments {
         let first = self.particles.first().map_or(Path::new(""), |p| p);
         let whole = std::path::absolute(first).unwrap_or_else(|_| first.to_path_buf());
         let name = whole.file_name().unwrap_or(first.as_os_str()).to_string_lossy().into_owned();
-        Snapshot { name, particles: reference.particles().len() as u64 }
+        let particles = reference.particles();
+        Snapshot { name, particles: particles.len() as u64, density_of: particles.density_of().into() }
     }
 }
 

@@ -62,12 +62,15 @@ pub struct PictureUnits {
     units: Units,
     scale_factor: Option<f64>,
     hubble: Option<f64>,
+    /// What its density sums, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density_of: Option<String>,
 }
 
 impl PictureUnits {
-    pub fn new(system: UnitSystem<'_>) -> Self {
+    pub fn new(system: UnitSystem<'_>, density_of: Option<&str>) -> Self {
         let UnitSystem { units, scale_factor, hubble } = system;
-        PictureUnits { units: units.clone(), scale_factor, hubble }
+        PictureUnits { units: units.clone(), scale_factor, hubble, density_of: density_of.map(str::to_string) }
     }
 
     pub fn system(&self) -> UnitSystem<'_> {
@@ -88,6 +91,20 @@ pub struct SourceFile {
 }
 
 impl PictureProvenance {
+    /// Why its colours cannot be compared with another's, pixel by pixel, if so: in words, what each shows.
+    pub fn differs(&self, other: &PictureProvenance) -> Option<String> {
+        let density_of = |p: &PictureProvenance| p.units.as_ref().and_then(|u| u.density_of.clone());
+        let shown = |p: &PictureProvenance| -> String {
+            let Some(unit) = p.unit.as_ref() else { return "grey levels".into() };
+            let what = p.field.clone().or_else(|| density_of(p).map(|of| format!("density of {of}")));
+            let range = p.range.map_or(String::new(), |[low, high]| format!(", {low} to {high}"));
+            let colours = p.colormap.as_ref().map_or(String::new(), |name| format!(", {name}"));
+            format!("{} in {unit}{range}{colours}", what.unwrap_or_else(|| "density".into()))
+        };
+        let [a, b] = [self, other].map(shown);
+        (a != b).then(|| format!("{a} and {b}"))
+    }
+
     pub fn text(&self, views: &[View], size: Size) -> Result<String> {
         let file = ViewsFile(ViewSet { size, views: views.to_vec() }).text()?;
         let plain = |e: serde_json::Error| Error::argument(e.to_string());

@@ -1,6 +1,6 @@
 //! `eval` on a tiny model of the sample.
 
-use crate::common::TestFolder;
+use crate::common::{TestFolder, snapshot, spiral};
 use crate::models::tiny;
 use particlegs_pipeline::model::LawKind;
 
@@ -37,4 +37,19 @@ fn scores_by_orbit_in_text_and_json() {
     let (_, e) = run("--views v.json");
     assert_eq!((e["views"][0]["orbit"].as_str(), e["width"].as_u64()), (Some("near"), Some(96)));
     assert!(e["by_orbit"].get("far").is_none());
+}
+
+#[test]
+fn other_particles_than_those_of_the_model_are_named_as_such() {
+    let dir = spiral();
+    snapshot(&dir.at("other"), &[vec![0.1, 0.2, 0.3], vec![0.2, 0.1, 0.3], vec![0.3, 0.1, 0.2]]);
+    let run = |snapshot: &str| {
+        let [text, said] = dir.runs(&format!("eval spiral.pgs {snapshot} --frames 1 --size 64x36 --json e.json"));
+        (text, said, dir.json("e.json")["source_matches"].as_bool())
+    };
+    let (text, said, matches) = run("spiral");
+    assert!(matches == Some(true) && !said.contains("is not the snapshot") && !text.contains("not the particles"));
+    let (text, said, matches) = run("other");
+    assert!(matches == Some(false) && text.contains("these are not the particles"), "{text}");
+    assert!(said.contains("warning: other is not the snapshot that spiral.pgs was made from"), "{said}");
 }

@@ -91,6 +91,27 @@ fn fields_are_compressed_listed_and_recovered_with_positions() {
     dir.runs("verify twice.pgs");
 }
 
+/// The printed ratio counts fields on both sides, wherever it is printed; a target speaks of positions alone.
+#[test]
+fn the_ratio_is_one_number_everywhere() {
+    let dir = TestFolder::new();
+    snapshot(&dir.at("in"));
+    let made = "compress in -o m.pgs --ratio 20 --fields velocity --effort fast --certificate none";
+    let [text, _] = dir.runs(&format!("{made} --json made.json"));
+    let (made, info) = (dir.json("made.json"), dir.says("info m.pgs"));
+    for key in ["raw_bytes", "compression_ratio"] {
+        assert_eq!(made[key], info[key], "{key}");
+    }
+    let (ratio, bytes) = (info["compression_ratio"].as_f64().unwrap(), dir.bytes("m.pgs").len() as f64);
+    assert_eq!(info["raw_bytes"].as_f64().unwrap() / bytes, ratio);
+    assert!(text.contains(&format!("ratio {ratio:.1} with fields (19.")), "{text}");
+    let again =
+        dir.says(&format!("compress in -o m.pgs --ratio 20 --fields velocity --effort fast --certificate none"));
+    assert_eq!((&again["there_already"], &again["compression_ratio"]), (&true.into(), &info["compression_ratio"]));
+    let scored = dir.says("eval m.pgs in --frames 1 --size 64x36");
+    assert_eq!(scored["compression_ratio"], info["compression_ratio"]);
+}
+
 #[test]
 fn blocks_and_threads_do_not_change_what_fields_are() {
     let dir = TestFolder::new();

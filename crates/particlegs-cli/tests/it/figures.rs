@@ -289,3 +289,28 @@ fn a_gif_has_the_frames_pixels() {
     assert_eq!(decoded(&s.bytes("sigma.gif")).1.len(), 2);
     assert!(!s.at("sigma-frames").exists());
 }
+
+#[test]
+fn densities_of_masses_and_of_particles_share_no_colours() {
+    let s = folder();
+    s.runs("compress a-in -o n.pgs --mass-field none --gaussians 40 --effort fast --certificate=none --quiet");
+    let density = "--style density --projection orthographic --size 60x60";
+    refused(
+        &s,
+        &format!("a.pgs n.pgs --panels {density} -o p.png"),
+        3,
+        "its density is of particles, that of a.pgs of mass",
+    );
+    // Other styles show no densities.
+    render(&s, "a.pgs n.pgs --panels --size 60x60 -o p.png");
+    render(&s, &format!("a.pgs {density} -o a.png"));
+    render(&s, &format!("n.pgs {density} -o n.png"));
+    s.fails("compare a.png n.png", 3, "density of mass in");
+    refused(&s, "n.pgs --like a.png -o b.png", 3, "its density is of particles, that of a.png of mass");
+    s.runs("compare a.png a.png");
+    s.fails(
+        "stats a-in n.pgs -o stats --only density --no-plots",
+        3,
+        "its density is of particles, that of the truth of mass",
+    );
+}

@@ -105,3 +105,26 @@ fn what_is_missing_or_wrong_is_said_in_a_line() {
     dir.write("haloes.hdf5", b"\x89HDF\r\n\x1a\n another file");
     dir.fails("haloes SAMPLE -o haloes.hdf5", 8, "haloes.hdf5");
 }
+
+/// Texts of a file are texts: no line, cell or control character of their own in a table.
+#[test]
+fn texts_of_a_model_are_on_one_line_in_tables() {
+    let dir = TestFolder::new();
+    // Ten clouds, each denser than the box by far.
+    let place = |i: usize, k: usize| (i % 10) as f32 + ((i * (7 + k)) % 101) as f32 / 500.0;
+    let columns: Vec<Vec<f32>> = (0..3).map(|k| (0..4000).map(|i| place(i, k)).collect()).collect();
+    crate::common::snapshot(&dir.at("in"), &columns);
+    let unit = "Mpc\\n=cmd|' /C calc'!A0\\u001b[2J\\u202e\\u0000";
+    dir.write(
+        "in/meta.json",
+        format!(r#"{{"box": 11, "length_unit": "{unit}", "mass_unit": "{unit}", "particle_mass": 2}}"#),
+    );
+    dir.runs("compress in -o m.pgs --gaussians 40 --effort fast --certificate none --quiet");
+    for (words, name) in [("haloes in --mass-function f.csv -o", "h.csv"), ("export m.pgs -o", "g.csv")] {
+        dir.runs(&format!("{words} {name} --quiet"));
+        let text = dir.text(name);
+        assert!(!text.contains(|c: char| c != '\n' && c.is_control() || c == '\u{202e}'), "{words}: {text}");
+        assert!(text.lines().all(|l| !l.starts_with(['=', '+', '@'])) && text.contains("=cmd"), "{words}: {text}");
+    }
+    assert!(!dir.text("f.csv").contains('\u{1b}'));
+}

@@ -90,3 +90,51 @@ fn one_picture_may_be_named() {
     dir.fails("render m.pgs -o d.png --style density --raw", 2, "--raw writes values");
     assert!(!dir.at("d.png").exists());
 }
+
+#[test]
+fn a_name_of_another_type_of_file_is_refused_by_every_command() {
+    let dir = folder();
+    let before = dir.listing();
+    for words in [
+        "render m.pgs --output x.jpg",
+        "reference in -o x.webp",
+        "convert in -o x.vdb",
+        "recover m.pgs -o x.xyzw",
+        "haloes in -o h.txt",
+        "haloes in -o h.csv --mass-function f.txt",
+        "stats in m.pgs -o s.csv",
+        "eval m.pgs in --pictures p.png",
+        "compress in -o x.ply --effort fast",
+        "compress in -o x.pgs --effort fast --pictures p.mp4",
+        "simplify m.pgs --gaussians 3 -o x.json",
+        "merge m.pgs -o x.h5",
+        "plan in -o job.pgs",
+    ] {
+        dir.fails(words, 2, "this command does not write .");
+        assert_eq!(dir.listing(), before, "{words}");
+    }
+    // Names of folders that are no types of files.
+    for name in ["out.v2", "run.2024", "snap_0.5", "x.jpg/"] {
+        dir.runs(&format!("render m.pgs --size 64x36 -o {name}"));
+        assert_eq!(listing(&dir.at(name)), ["view.png"], "{name}");
+    }
+}
+
+#[test]
+fn a_single_model_has_no_frames_and_nothing_to_extract() {
+    let dir = folder();
+    let before = dir.listing();
+    for words in [
+        "render m.pgs -o p.png --frame 3",
+        "render m.pgs -o p.png --time a=0.5",
+        "recover m.pgs -o x --frame 0",
+        "simplify m.pgs --gaussians 3 -o x.pgs --frame 0",
+        "export m.pgs -o x.ply --frame 0",
+        "haloes m.pgs -o h.csv --frame 0",
+        "stats m.pgs m.pgs -o s --frame 0",
+        "extract m.pgs -o x.pgs",
+    ] {
+        dir.fails(words, 3, "it is one model, not a series");
+        assert_eq!(dir.listing(), before, "{words}");
+    }
+}

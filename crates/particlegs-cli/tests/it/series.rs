@@ -609,3 +609,24 @@ fn a_species_that_appears_later_leaves_the_first_frames_empty() {
     let views = cameras(&dir, "views.json");
     assert_eq!(views[0], views[1]);
 }
+
+/// Between keyframes all Gaussians fade: near one of them, most of the other's stand for less than a particle.
+#[test]
+fn models_between_frames_have_no_gaussians_without_particles() {
+    let dir = TestFolder::new();
+    snapshots(&dir.at(""), 2);
+    dir.runs(&format!(
+        "series snap-0 snap-1 -o run.pgs {} --keyframe-interval 1",
+        OPTIONS.replace("--keyframe-interval 3", "")
+    ));
+    let report = dir.says("export run.pgs --time a=0.5005 -o x.csv --quiet");
+    let text = dir.text("x.csv");
+    let mut rows = text.lines().filter(|l| !l.starts_with('#'));
+    let at = rows.next().unwrap().split(',').position(|name| name == "count").unwrap();
+    let counts: Vec<f64> = rows.map(|row| row.split(',').nth(at).unwrap().parse().unwrap()).collect();
+    assert_eq!(report["gaussians"].as_u64(), Some(counts.len() as u64));
+    assert_eq!(counts.iter().sum::<f64>(), 4000.0);
+    assert!(counts.iter().all(|n| *n >= 1.0) && counts.len() < 120, "{counts:?}");
+    dir.runs("extract run.pgs --time a=0.5005 -o m.pgs --quiet");
+    assert_eq!(dir.model("m.pgs").gaussians(), counts.len());
+}

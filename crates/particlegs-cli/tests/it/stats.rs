@@ -342,3 +342,15 @@ fn what_velocities_lack_is_said() {
     assert!(s["momentum"].is_null() && s["dispersion"].is_null());
     assert!(s["notes"].to_string().contains("no momentum, dispersion: the truth has no velocities"), "{}", s["notes"]);
 }
+
+/// The grid of `density` is that of the certificate's smallest cells.
+#[test]
+fn densities_are_compared_in_the_cells_of_the_certificate() {
+    let dir = TestFolder::new();
+    dir.once("compress SAMPLE -o m.pgs --ratio 300 --effort fast --certificate full --quiet");
+    let certificate = dir.says("info m.pgs")["certificate"]["densities"][0].clone();
+    let s = stats(&dir, "SAMPLE m.pgs", "s", "--only density --no-plots");
+    assert_eq!(s["density"]["cells"], serde_json::json!([32, 32, 32]));
+    let [a, b] = [&certificate["correlation"], &s["density"]["agreement"]["correlation"]].map(|v| v.as_f64().unwrap());
+    assert!((a - b).abs() < 1e-6, "{a} {b}");
+}

@@ -89,6 +89,31 @@ impl FileInfo {
         raw.fold(0, u64::saturating_add)
     }
 
+    /// Bytes of what is stored as the snapshot held it: positions as float32, 12 a particle, masses where they differ, 4
+    /// more, and the fields.
+    pub fn raw_bytes(&self) -> u64 {
+        let layers = self.species_layers();
+        let bytes = layers.iter().map(|l| l.content.particles.saturating_mul(l.mass.particle_bytes()));
+        bytes.fold(self.raw_field_bytes(), u64::saturating_add)
+    }
+
+    /// The compression ratio: bytes of what is stored as the snapshot held it over bytes of the file.
+    pub fn compression_ratio(&self) -> f64 {
+        self.raw_bytes() as f64 / self.bytes as f64
+    }
+
+    /// The compression ratio in words; with fields also that of positions and masses alone, which targets speak of.
+    pub fn describe_ratio(&self) -> String {
+        let coded = self.fields.iter().map(|f| f.bytes).fold(self.correlation_bytes, u64::saturating_add);
+        let alone = (self.raw_bytes() - self.raw_field_bytes()) as f64 / self.bytes.saturating_sub(coded).max(1) as f64;
+        match self.fields.is_empty() {
+            true => format!("ratio {:.1}", self.compression_ratio()),
+            false => {
+                format!("ratio {:.1} with fields ({alone:.1} of positions and masses alone)", self.compression_ratio())
+            }
+        }
+    }
+
     /// A line for each field, and for their correlations: `velocity: 9218 bytes, 3.66 per Gaussian`.
     pub fn describe_fields(&self) -> Vec<String> {
         let gaussians = self.gaussians().max(1) as f64;

@@ -12,7 +12,7 @@ use super::field_correlation::encode_correlation;
 use super::file::{self, CodedLayer, StoredBlock, StoredSection};
 use super::merge::blocks_hash;
 use super::series_clock::SeriesClock;
-use super::sums::compensated;
+use super::sums::{compensated, whole_counts};
 use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, assemble, certificate, metadata};
 use crate::context::Context;
@@ -502,9 +502,21 @@ impl<'a> SeriesDecoder<'a> {
         if let Some(frame) = self.series.frame_at(time) {
             return self.extract(frame, context);
         }
-        let Model { metadata, layers, .. } = self.model_at(time, context)?;
+        let mut model = self.model_at(time, context)?;
+        model.layers.iter_mut().flat_map(|l| &mut l.content).for_each(leave_out_faded);
+        let Model { metadata, layers, .. } = model;
         let layers = coded_finely(layers, &metadata.fields)?;
         assemble(&Metadata { source_hash: blocks_hash(&layers), ..metadata }, None, layers)
+    }
+}
+
+/// Leaves out Gaussians of a block between frames that have no particle once counts are whole.
+fn leave_out_faded(block: &mut Block) {
+    let mut counts = block.gaussians.count.clone();
+    whole_counts(&mut counts, block.count);
+    if block.count > 0 && counts.contains(&0.0) {
+        block.gaussians.count.clone_from(&counts);
+        block.gaussians.retain(|i| counts[i] > 0.0);
     }
 }
 

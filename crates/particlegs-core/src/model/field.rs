@@ -117,6 +117,13 @@ impl FieldMoments {
         self.mean.iter_mut().chain(self.slope.iter_mut().flatten()).chain(&mut self.spread).chain(&mut self.excess)
     }
 
+    /// [`FieldMoments::columns`] and the correlations.
+    pub(super) fn all_columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let correlations = self.correlations.iter_mut().map(|(_, column)| column);
+        let moments = self.mean.iter_mut().chain(self.slope.iter_mut().flatten());
+        moments.chain(&mut self.spread).chain(&mut self.excess).chain(correlations)
+    }
+
     /// The mean of component `c` of Gaussian `i` at `from_mean` from the Gaussian's mean.
     pub fn mean_at(&self, c: usize, i: usize, from_mean: [f64; 3]) -> f64 {
         self.mean[c][i] + (0..3).map(|k| self.slope[c][k][i] * from_mean[k]).sum::<f64>()

@@ -1,6 +1,6 @@
 //! A mixture of Gaussians that carry counts and masses.
 
-use super::{Certificate, Columns, FieldMoments, Law, Layer, MASS, Mass, Metadata, VizMapper, is_species};
+use super::{Certificate, Columns, FieldMoments, Law, LawKind, Layer, MASS, Mass, Metadata, VizMapper, is_species};
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 use std::sync::Arc;
@@ -85,6 +85,17 @@ impl Mixture {
         self.count.push(count);
         if let Some(masses) = self.columns.get_mut(MASS) {
             masses.push(mass);
+        }
+    }
+
+    /// Keeps some Gaussians of the optical-depth law, by their numbers.
+    pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let own = self.mean.iter_mut().chain(&mut self.cov).chain([&mut self.count]);
+        let own = own.chain(self.columns.iter_mut().map(|(_, column)| column));
+        let fields = self.fields.iter_mut().flat_map(|(_, moments)| moments.all_columns_mut());
+        for column in own.chain(fields) {
+            let mut next = 0..;
+            column.retain(|_| next.next().is_some_and(&keep));
         }
     }
 
@@ -217,6 +228,30 @@ impl Model {
     /// The network of the alpha-blend law, where it has one.
     pub fn vizmapper(&self) -> Option<&Arc<VizMapper>> {
         self.blocks().find_map(|b| b.gaussians.law.alpha_blend()?.vizmapper.as_ref())
+    }
+
+    /// Bytes of what the model holds as the snapshot did: positions as float32, 12 a particle, masses where they differ, 4
+    /// more, and the fields.
+    pub fn raw_bytes(&self) -> u64 {
+        let of_fields = |b: &Block| {
+            let there = self.metadata.fields.iter().filter(|q| b.gaussians.fields.get(&q.name).is_some());
+            there.map(|q| u64::from(q.bytes)).sum::<u64>()
+        };
+        let of_block =
+            |l: &Layer<Vec<Block>>, b: &Block| b.count.saturating_mul(l.mass.particle_bytes() + of_fields(b));
+        let all = self.layers.iter().flat_map(|l| l.content.iter().map(move |b| of_block(l, b)));
+        all.fold(0, u64::saturating_add)
+    }
+
+    /// Leaves out Gaussians that stand for no particle, as those that fade between two frames; alpha-blend models draw
+    /// theirs whatever their counts.
+    pub fn drop_empty(&mut self) {
+        for block in self.layers.iter_mut().flat_map(|l| &mut l.content) {
+            let counts = block.gaussians.count.clone();
+            if self.metadata.law == LawKind::OpticalDepth && counts.contains(&0.0) {
+                block.gaussians.retain(|i| counts[i] > 0.0);
+            }
+        }
     }
 
     /// Number of Gaussians.

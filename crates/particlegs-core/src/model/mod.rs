@@ -48,4 +48,4 @@ pub use species::{SharedSpecies, is_species, species_aliases, species_title};
 pub use target::{DEFAULT_RATIO, Target};
 pub use unit::{Dimension, Si, Unit, Units, per_length};
 pub use vizmapper::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-pub use weight_kind::WeightKind;
+pub use weight_kind::{WeightKind, check_densities, density_of};

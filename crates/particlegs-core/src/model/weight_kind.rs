@@ -1,6 +1,7 @@
 //! What a field of weights is: masses, something else that adds up over particles, or something that does not.
 
-use super::Metadata;
+use super::{Metadata, Model};
+use crate::{Error, Result};
 
 /// What a field is as weights, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,6 +65,28 @@ impl WeightKind {
             None if of_haloes || plain.contains("mass") || MASS_NAMES.contains(&&plain[..]) => WeightKind::Mass,
             None => WeightKind::Additive,
         }
+    }
+}
+
+/// What a density sums: `mass`, or `particles` where no mass is known, or weights that are not masses, by their name.
+pub fn density_of(has_masses: bool, weight_name: Option<&str>) -> &str {
+    weight_name.unwrap_or(if has_masses { "mass" } else { "particles" })
+}
+
+/// Refuses densities of different things, which neither share colours nor can be compared: `one` and `other` are names
+/// with [`density_of`].
+pub fn check_densities(one: (&str, &str), other: (&str, &str)) -> Result<()> {
+    if one.1 == other.1 {
+        return Ok(());
+    }
+    let what = format!("its density is of {}, that of {} of {}: they cannot be compared", other.1, one.0, one.1);
+    Err(Error::input_with(other.0, what, "show each on its own, or make both with masses, or both without"))
+}
+
+impl Model {
+    /// What its density sums ([`density_of`]).
+    pub fn density_of(&self) -> &str {
+        density_of(self.has_masses(), self.metadata.weight_name())
     }
 }
 

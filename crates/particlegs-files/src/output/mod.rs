@@ -5,6 +5,7 @@
 //! through, and the path `-` is standard output. [`Outputs`] says before the work whether an output is
 //! an input, another output, or there already.
 
+mod ending;
 mod folder;
 mod identity;
 mod kind;
@@ -21,6 +22,7 @@ mod temporary;
 mod work;
 mod write;
 
+pub use ending::ending;
 pub use folder::WholeFolder;
 pub use kind::Kind;
 pub use names::is_temporary;

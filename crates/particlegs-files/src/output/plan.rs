@@ -1,6 +1,7 @@
 //! What a command reads and writes, known before the work: no output is an input, none is another's
 //! place, and what is there is replaced only where that was meant.
 
+use super::ending::ending;
 use super::folder::WholeFolder;
 use super::identity::{Identity, is_pipe, spelled_out};
 use super::kind::Kind;
@@ -116,6 +117,7 @@ impl Outputs {
             return Err(is_no_folder(path));
         }
         self.take(path, &OutputTarget::File(target))?;
+        ending(path, &[])?;
         self.rewrites(&path.join("plan.json"))
     }
 
@@ -124,8 +126,9 @@ impl Outputs {
         Error::output(path, "exists already and is not replaced", self.advice)
     }
 
-    /// Makes a folder where it is missing; it goes again if nothing comes into it.
+    /// Makes a folder where it is missing; it goes again if nothing comes into it. Refuses a name that means a file.
     pub fn make_folder(&mut self, folder: &Path) -> Result<()> {
+        ending(folder, &[])?;
         let missing = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());
         let missing: Vec<PathBuf> = missing.map(Path::to_path_buf).collect();
         // The innermost first, as they are removed.

@@ -4,7 +4,7 @@ use super::storage::{Chunks, DataSetStorage, NumberTable};
 use crate::cache::ChunkCache;
 use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use memmap2::Mmap;
+use particlegs_files::input::MappedFile;
 use particlegs_pipeline::particles::InPlace;
 use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
@@ -21,7 +21,7 @@ pub struct ColumnTarget {
 /// Columns of rows of one data set.
 #[derive(Clone)]
 pub struct DataSetPart {
-    pub map: Arc<Mmap>,
+    pub map: Arc<MappedFile>,
     pub rows: Range<u64>,
     pub table: Arc<NumberTable>,
     pub wants: Vec<ColumnTarget>,

@@ -10,7 +10,7 @@ use crate::numbers::NumberType;
 use hdf5_reader::error::Error as Hdf5Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
-use memmap2::Mmap;
+use particlegs_files::input::MappedFile;
 use particlegs_pipeline::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ pub const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 pub struct Container {
     pub place: String,
     pub path: PathBuf,
-    pub map: Arc<Mmap>,
+    pub map: Arc<MappedFile>,
     pub(super) file: Hdf5File,
     elsewhere: Arc<ExternalLinks>,
 }
@@ -88,7 +88,7 @@ impl Container {
         }
     }
 
-    pub fn from_map(path: &Path, map: Arc<Mmap>) -> Result<Self> {
+    pub fn from_map(path: &Path, map: Arc<MappedFile>) -> Result<Self> {
         let place = path.display().to_string();
         let elsewhere = Arc::new(ExternalLinks::default());
         let options = OpenOptions::default()

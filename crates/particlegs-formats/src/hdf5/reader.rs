@@ -9,7 +9,7 @@ use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::{Choice, Description, Species, SpeciesField};
-use memmap2::Mmap;
+use particlegs_files::input::MappedFile;
 use particlegs_files::memory;
 use particlegs_pipeline::particles::{RUN, SnapshotMeta, SnapshotReader};
 use particlegs_pipeline::{Error, Result};
@@ -28,7 +28,7 @@ pub struct GroupSource<'a> {
 
 pub struct FilePart {
     pub path: PathBuf,
-    pub map: Arc<Mmap>,
+    pub map: Arc<MappedFile>,
     /// Rows of each type's positions.
     pub rows: [u64; TYPES],
 }

@@ -5,11 +5,11 @@ use hdf5_reader::checksum::jenkins_lookup3;
 use hdf5_reader::error::Result as Hdf5Result;
 use hdf5_reader::messages::layout::DataLayout;
 use hdf5_reader::{Storage, StorageBuffer};
-use memmap2::Mmap;
+use particlegs_files::input::MappedFile;
 use std::sync::Arc;
 
 /// A mapped file, with layouts of virtual data sets as the library can read them.
-pub struct VirtualLayouts(pub Arc<Mmap>);
+pub struct VirtualLayouts(pub Arc<MappedFile>);
 
 impl Storage for VirtualLayouts {
     fn len(&self) -> u64 {

@@ -7,6 +7,7 @@ use particlegs_pipeline::model::Mass;
 use particlegs_pipeline::parallel;
 use particlegs_pipeline::particles::{Number, Run, SelectedParticles};
 use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::text::one_line;
 use particlegs_pipeline::{Error, Result};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -178,7 +179,7 @@ pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
 
 /// Names of a field's columns: `vx vy vz` of velocities, `name[1]` of others.
 fn names(field: &OutField) -> Vec<String> {
-    let name = field.name.replace(|c: char| c.is_whitespace() || c.is_control(), "_");
+    let name = one_line(&field.name).replace(char::is_whitespace, "_");
     let is_velocity = ["velocities", "velocity", "vel", "velo", "v"].contains(&&name.to_ascii_lowercase()[..]);
     match field.columns.len() {
         1 => vec![name],

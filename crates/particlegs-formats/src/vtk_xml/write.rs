@@ -10,6 +10,7 @@ use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Layer, Mass};
 use particlegs_pipeline::parallel;
 use particlegs_pipeline::particles::{Number, Run, SelectedParticles};
+use particlegs_pipeline::text::{one_line, xml as within_xml};
 use particlegs_pipeline::{Error, Result};
 use std::fmt::Write;
 use std::ops::Range;
@@ -215,10 +216,8 @@ fn text(
     xml: &mut String,
 ) -> std::fmt::Result {
     let count = kept.total();
-    // Two dashes would end a comment; XML cannot hold these letters.
-    let shown = |text: &str| {
-        text.replace('-', "_").replace(|c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}'), "?")
-    };
+    // Two dashes would end a comment.
+    let shown = |text: &str| one_line(text).replace('-', "_");
     if let Some(unit) = kept.meta().units.length_text() {
         writeln!(xml, "<!-- lengths in {} -->", shown(unit))?;
     }
@@ -252,7 +251,7 @@ fn text(
     }
     for (field, place) in &layout.fields {
         let field = &field[0];
-        let name = quick_xml::escape::escape(&field.name).replace(char::is_control, "?");
+        let name = within_xml(&field.name);
         array(xml, kind_of(field.number), &name, field.columns.len() as u32, *place)?;
     }
     if let Some(place) = layout.species {

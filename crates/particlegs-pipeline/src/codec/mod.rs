@@ -4,4 +4,4 @@ mod read;
 
 pub use particlegs_core::codec::*;
 pub(crate) use read::read_file;
-pub use read::read_source;
+pub use read::{check_name, is_of_several, read_source};

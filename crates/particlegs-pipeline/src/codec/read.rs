@@ -1,11 +1,22 @@
 //! Model files, read whole within the bounds that they state.
 
-use super::{HEAD_BYTES, other_length, promised_length};
+use super::{HEAD_BYTES, blocks_hash, coded_layers, other_length, promised_length};
 use crate::context::Context;
+use crate::model::Metadata;
 use crate::{Error, Result};
 use particlegs_files::input::{self, Source};
-use particlegs_files::memory;
+use particlegs_files::{memory, output};
 use std::path::Path;
+
+/// Refuses a model file's name that means another type of file.
+pub fn check_name(out: &Path) -> Result<()> {
+    output::ending(out, &["pgs"]).map(drop)
+}
+
+/// Is a file merged from several snapshots? Its hash is that of its blocks, so no snapshot has it.
+pub fn is_of_several(bytes: &[u8], metadata: &Metadata, place: &str) -> Result<bool> {
+    Ok(metadata.source_hash == blocks_hash(&coded_layers(bytes, place)?))
+}
 
 /// Reads a model file: its head first, and no further than the head says that the file goes (an open file to its end).
 /// `-` is standard input.

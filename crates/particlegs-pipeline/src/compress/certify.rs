@@ -22,6 +22,7 @@ pub fn certify(
     level: CertificateLevel,
     context: &Context<'_>,
 ) -> Result<Certificate> {
+    particles.check_files()?;
     let reached = match model.certificate.and_then(|c| c.goal) {
         Some(stored) => reached_again(stored.goal, model, particles, seed, context)?,
         None => None,

@@ -55,6 +55,17 @@ impl Options {
 }
 
 impl Particles {
+    /// Why these are not the particles that a model was made from, if so: their hash differs, or, for a model of several
+    /// snapshots, which has no hash of particles, their number.
+    pub fn source_difference(&self, model: &Model, of_several: bool) -> Option<&'static str> {
+        let m = &model.metadata;
+        match of_several {
+            _ if self.source_hash() == m.source_hash => None,
+            true => (self.len() as u64 != m.count).then_some("their numbers of particles differ"),
+            false => Some("their hashes differ"),
+        }
+    }
+
     /// Where a model's metadata says of its source what the particles do not: name, as stored, as found. Compared are bounds,
     /// cell, units, cosmology, moment, layers and masses, and the particle radius and opacity that follow from them and
     /// from the recipe; of a merge of several snapshots no texts of units.

@@ -282,8 +282,7 @@ impl<'a> FieldSelection<'a> {
         const PLACE: &str = "the file just coded";
         let bytes = self.add_to(&done.bytes, &done.model, context)?;
         let model = codec::decode_with(&bytes, PLACE, context)?;
-        let raw_bytes = done.raw_bytes + codec::read_info(&bytes, PLACE)?.raw_field_bytes();
-        Ok(CompressedModel { bytes, model, raw_bytes, ..done })
+        Ok(CompressedModel { bytes, model, ..done })
     }
 
     /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.

@@ -109,7 +109,6 @@ pub fn finetune(
     Ok(CompressedModel {
         bytes: done.bytes,
         model: done.model,
-        raw_bytes: raw_bytes(model),
         reached: None,
         step_factor: coded.step_factor,
         trained: vec![run],
@@ -117,11 +116,6 @@ pub fn finetune(
         notes: Vec::new(),
         seconds: clock.seconds(),
     })
-}
-
-/// Bytes of the particles of a model of the alpha-blend law, as float32: they have no weights.
-fn raw_bytes(model: &Model) -> u64 {
-    12 * model.metadata.count
 }
 
 /// The file that a model becomes.
@@ -151,7 +145,7 @@ impl NewFile {
                     "fine-tuning needs a size, a ratio or a number of Gaussians as its target",
                 ));
             }
-            target => target.bytes(raw_bytes(model)),
+            target => target.bytes(12 * model.metadata.count),
         };
         let mut metadata = model.metadata.clone();
         let (target, seed, training) = (options.target, options.seed, options.training.recipe());

@@ -32,8 +32,6 @@ pub struct CompressedModel {
     pub bytes: Vec<u8>,
     /// The file decoded again.
     pub model: Model,
-    /// Bytes of the particles as float32.
-    pub raw_bytes: u64,
     /// What was asked for in the terms of the data, and what the file reaches.
     pub reached: Option<GoalResult>,
     /// Multiple of the nominal quantisation steps.
@@ -73,6 +71,7 @@ pub struct Compression<'a> {
 impl<'a> Compression<'a> {
     /// Reads the particles once: bounds, hash, and where they are to be cut.
     pub fn plan(particles: &'a Particles, options: &'a Options, context: &Context<'_>) -> Result<Self> {
+        particles.check_files()?;
         let blocks = options.blocks_of(particles)?;
         require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
         if let (Storage::Disk(folder), true) = (&options.storage, blocks > 1) {
@@ -154,10 +153,10 @@ impl<'a> Compression<'a> {
         let done = DecodedFile::new(|certificate| plan.file(&blocks, certificate), measure, context)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
-        let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
+        let seconds = clock.seconds();
         let DecodedFile { bytes, model, .. } = done;
         let thick = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
         let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
-        Ok(CompressedModel { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
+        Ok(CompressedModel { bytes, model, reached, step_factor, trained, stopped, notes, seconds })
     }
 }

@@ -120,6 +120,9 @@ impl HaloSetting {
 /// memory.
 pub fn find_haloes(source: HaloSource<'_>, o: &HaloOptions, context: &Context<'_>) -> Result<HaloCatalogue> {
     check(o)?;
+    if let HaloSource::Particles(particles, _) = source {
+        particles.check_files()?;
+    }
     let drawn;
     let mut spheres = None;
     let (particles, velocities, domain, number) = match source {

@@ -1,8 +1,8 @@
 //! One catalogue against another: which haloes are in both, and how their masses compare.
 
 use super::table::HaloCatalogue;
-use crate::Result;
 use crate::stats::{Domain, PointGrid, quantile};
+use crate::{Error, Result};
 
 /// Particles within R200m of a halo that must be found again, and of one that it may be found as.
 const LEAST: f64 = 300.0;
@@ -49,8 +49,18 @@ impl ComparedHaloes {
 }
 
 impl HaloMatch {
-    /// Compares catalogues in one box and the same units; `None` where one has no masses.
+    /// Compares catalogues in one box and the same unit of length; `None` where one has no masses.
+    ///
+    /// # Errors
+    /// Masses in different units, or of one in particles.
     pub fn new([truth, other]: [&HaloCatalogue; 2], domain: &Domain) -> Result<Option<HaloMatch>> {
+        let units = [truth, other].map(|c| c.masses().map(|(_, unit)| unit));
+        if let [Some(of_truth), Some(own)] = units
+            && of_truth != own
+        {
+            let what = format!("its masses are in {own}, those of the truth in {of_truth}: they cannot be compared");
+            return Err(Error::input_with("the catalogue", what, "state masses and their unit for both"));
+        }
         let both = [truth, other].map(|c| ComparedHaloes::new(c, domain));
         let [Some(truth), Some(other)] = both else { return Ok(None) };
         let (number, found, ratios) = found_in(&truth, &other, domain)?;

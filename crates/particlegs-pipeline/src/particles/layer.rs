@@ -1,7 +1,7 @@
 //! Species and mass classes: contiguous runs of a snapshot's particles.
 
 use super::{Column, Particles, Positions, SnapshotMeta};
-use crate::model::{Layer, Mass};
+use crate::model::{Layer, Mass, density_of};
 use std::ops::Range;
 
 impl Particles {
@@ -39,6 +39,12 @@ impl Particles {
             None => alone,
         };
         alone.with_layers(vec![layer.with(0..range.len())])
+    }
+
+    /// What their density sums ([`density_of`]).
+    pub fn density_of(&self) -> &str {
+        let has_masses = self.weights().is_some() || self.meta.particle_mass.is_some();
+        density_of(has_masses, self.meta.weight_name.as_deref())
     }
 
     /// Bytes of the particles as float32 columns: 12 each, 16 where their layer is weighted.

@@ -193,6 +193,30 @@ fn keep_valid(particles: &Particles, count: usize, storage: &Storage) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compress::{Options, compress};
+    use crate::context::Context;
+    use particlegs_core::checkpoint::NoCheckpoints;
+
+    /// Reading what is gone of a mapped file would end this process.
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_was_cut_since_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name).with_extension("f32");
+        let bytes: Vec<u8> = (0..8192).flat_map(|i| (i as f32 / 8192.0).to_le_bytes()).collect();
+        ["xx", "yy", "zz"].iter().for_each(|name| std::fs::write(path(name), &bytes).unwrap());
+        let particles = Particles::open_raw(&[dir.path().to_path_buf()]).unwrap();
+        let kept = particles.clone().in_memory().unwrap();
+        std::fs::File::options().write(true).open(path("yy")).unwrap().set_len(100).unwrap();
+        let cut = compress(&particles, &Options::default(), &mut NoCheckpoints, &Context::SILENT).err().unwrap();
+        assert!(cut.to_string().contains("it was cut to 100 bytes; it had 32768"), "{cut}");
+        assert!(particles.clone().in_memory().is_err() && kept.check_files().is_ok());
+        assert_eq!(kept.position(8191), [8191.0 / 8192.0; 3]);
+        // A file in its place is another.
+        std::fs::write(path("new"), [0; 4]).unwrap();
+        std::fs::rename(path("new"), path("yy")).unwrap();
+        assert!(particles.check_files().is_ok());
+    }
 
     #[test]
     fn layers_of_different_masses_weigh_their_particles() {

@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::model::Layer;
 use crate::{Error, Result};
 use memmap2::MmapMut;
+use particlegs_files::input::MappedFile;
 use particlegs_files::memory::require;
 use particlegs_files::output;
 use std::ops::{Deref, DerefMut, Range};
@@ -71,7 +72,7 @@ impl ColumnBuffer {
             ColumnBuffer::Disk(map) => {
                 let len = map.len() / 4;
                 let map = map.make_read_only().map_err(|e| Error::io("scratch file", e))?;
-                Column::mapped(Arc::new(map), 0, len)
+                Column::mapped(Arc::new(MappedFile::scratch(map)), 0, len)
             }
         })
     }

@@ -193,6 +193,7 @@ impl<'a> SelectedParticles<'a> {
         selection: Selection,
         context: &Context<'_>,
     ) -> Result<Self> {
+        particles.check_files()?;
         if selection.every == 0 {
             return Err(Error::argument("the interval between particles must be at least 1, not 0"));
         }

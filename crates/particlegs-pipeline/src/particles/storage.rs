@@ -2,10 +2,13 @@
 
 use super::SnapshotMeta;
 use super::chunk::{Chunk, ChunkBuffer, RUN};
+use crate::Result;
 use crate::model::{Columns, Layer, MASS};
 use crate::parallel;
 use crate::space::Bounds;
 use particlegs_core::math::each_axis;
+use particlegs_files::input::MappedFile;
+use particlegs_files::memory::require;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
@@ -22,7 +25,7 @@ pub struct Column {
 enum FloatStore {
     Owned(Arc<Vec<f32>>),
     /// Little-endian, from this byte of a file on, a multiple of 4.
-    Mapped(Arc<memmap2::Mmap>, usize),
+    Mapped(Arc<MappedFile>, usize),
     Lent(Arc<dyn AsRef<[f32]> + Send + Sync>),
 }
 
@@ -38,8 +41,13 @@ impl Column {
     }
 
     /// `len` floats from byte `offset`, a multiple of 4, of a mapped little-endian file.
-    pub fn mapped(map: Arc<memmap2::Mmap>, offset: usize, len: usize) -> Self {
+    pub fn mapped(map: Arc<MappedFile>, offset: usize, len: usize) -> Self {
         Column { range: 0..len, floats: FloatStore::Mapped(map, offset) }
+    }
+
+    /// The file that it lies in.
+    fn file(&self) -> Option<&MappedFile> {
+        if let FloatStore::Mapped(map, _) = &self.floats { Some(map) } else { None }
     }
 
     /// A part of it, which must lie inside; nothing is copied.
@@ -107,6 +115,41 @@ impl Particles {
         assert!(x.len() == y.len() && y.len() == z.len(), "columns of one length");
         let positions = Positions::Columns([Column::owned(x), Column::owned(y), Column::owned(z)]);
         Particles::new(positions, [0.0; 3], SnapshotMeta::default())
+    }
+
+    fn all_columns_mut(&mut self) -> impl Iterator<Item = &mut Column> {
+        let positions = match &mut self.positions {
+            Positions::Columns(columns) => &mut columns[..],
+            Positions::Triples(all) => std::slice::from_mut(all),
+        };
+        positions.iter_mut().chain(self.columns.iter_mut().map(|(_, column)| column))
+    }
+
+    /// Refuses particles that lie in a mapped file which has become shorter since: reading them would end the process.
+    /// Whatever reads all particles calls it before.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`], which names the file.
+    pub fn check_files(&self) -> Result<()> {
+        let positions = match &self.positions {
+            Positions::Columns(columns) => &columns[..],
+            Positions::Triples(all) => std::slice::from_ref(all),
+        };
+        let columns = positions.iter().chain(self.columns.iter().map(|(_, column)| column));
+        columns.filter_map(Column::file).try_for_each(MappedFile::check)
+    }
+
+    /// The particles in memory, where they lie in mapped files: what becomes of the files later does not matter.
+    ///
+    /// # Errors
+    /// Those of [`Particles::check_files`], and [`crate::Error::Memory`].
+    pub fn in_memory(mut self) -> Result<Particles> {
+        self.check_files()?;
+        require("the particles", self.raw_bytes())?;
+        for column in self.all_columns_mut().filter(|c| c.file().is_some()) {
+            *column = Column::owned(column.to_vec());
+        }
+        Ok(self)
     }
 
     /// With weights (> 0), one a particle: masses, relative to the mass of weight 1 where a layer knows one.

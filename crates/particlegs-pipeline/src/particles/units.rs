@@ -12,6 +12,7 @@ impl Particles {
     pub fn in_units(mut self, to: &UnitSystem<'_>, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let (by, words) = self.meta.unit_system().conversion_of(&self.meta.name, to)?;
         words.iter().for_each(|words| context.message(&format!("note: {words}")));
+        self.check_files()?;
         self.meta.units = self.meta.units.replaced(to.units);
         // Weights stay, and the mass of weight 1 is another.
         let weighted = self.weights().is_some() && by.mass != 1.0;

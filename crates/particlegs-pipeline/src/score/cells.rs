@@ -6,14 +6,6 @@ use crate::particles::Particles;
 use crate::score::density::{density_agreement, model_and_uniform};
 use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::{Error, Result};
-use particlegs_core::math::each_axis;
-
-/// Edge of the smallest cells in mean spacings: eight particles in a cell on average.
-const SMALLEST: f64 = 2.0;
-/// Cells along the longest edge at most: 200 MB while they are filled.
-const MOST_CELLS: f64 = 256.0;
-/// Each size of cells has twice the edge of the one before.
-const COARSEST: usize = 1 << (CELL_SIZES - 1);
 
 /// Compares the densities; `None` where the box holds fewer cells than make a comparison.
 pub(super) fn cell_densities(
@@ -46,14 +38,10 @@ pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDens
     found.try_into().ok()
 }
 
-/// The grid of the smallest cells, in whole numbers of the largest.
+/// The grid of the smallest cells; `None` where it has too few of them.
 pub(super) fn finest(domain: &Domain, particles: usize) -> Option<Grid> {
-    // Cells of a tilted box hold less than cubes of their edge.
-    let cube = domain.tilt.map_or(1.0, |t| t.volume().cbrt());
-    let edge = (SMALLEST * domain.spacing(particles) / cube).max(domain.longest() / MOST_CELLS);
-    let cells = each_axis(|k| COARSEST * (domain.length[k] / (edge * COARSEST as f64)).round().max(1.0) as usize);
-    let enough = cells.iter().product::<usize>() >= 512;
-    (enough && edge.is_normal()).then(|| Grid::stretched(domain, cells))
+    let grid = Grid::of_eight(domain, particles);
+    (grid.len() >= 512 && domain.longest().is_normal()).then_some(grid)
 }
 
 /// The fewest cells whose correlation says something, and the most that are filled: 512 MB of each density.

@@ -32,6 +32,7 @@ pub fn evaluate(
     if meta.unit_system().conversion_of(&meta.name, &to)?.0.length != 1.0 {
         return Err(Error::input(&meta.name, "its unit of length differs from the model's: convert it first"));
     }
+    particles.check_files()?;
     let truth = Reference::new(particles);
     let mut comparison = ModelComparison::new(model, &truth, None);
     if let Some(device) = device {

@@ -27,7 +27,7 @@ use super::{
     deposit_bytes, deposit_steps, longest_link, size_histogram,
 };
 use crate::context::Context;
-use crate::model::LawKind;
+use crate::model::{LawKind, check_densities};
 use crate::particles::Particles;
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
@@ -42,6 +42,9 @@ const MOST_HALOES: usize = 1000;
 /// How far g(r) and haloes go, in mean spacings.
 const RDF_SPACINGS: f64 = 4.0;
 const HALO_SPACINGS: f64 = 2.0;
+
+/// Cells along each edge for densities of the published table.
+const PAPER_CELLS: usize = 256;
 
 /// Largest over smallest separation: float32 positions tell no more apart.
 const WIDEST_SEPARATIONS: f64 = 1e9;
@@ -59,6 +62,7 @@ pub fn compare<'a>(
 fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
     check(o)?;
     let [truth, other] = sides.map(|s| s.subject);
+    [truth, other].iter().filter_map(Subject::particles).try_for_each(Particles::check_files)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {
         if subject.count() == 0 {
             return Err(Error::input(name, "there are no particles to measure"));
@@ -71,11 +75,12 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
         Some(ConvertedSubject::Model(m)) => Subject::Model(m),
     };
     let of_boxes = check_boxes([truth, other])?;
+    let of_masses = check_masses([truth, other])?;
     o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
     let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, context };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
-    notes.extend(of_units.into_iter().chain(of_boxes));
+    notes.extend(of_units.into_iter().chain(of_boxes).chain(of_masses));
     let density = if wants(Measure::Density) { Some(job.density()?) } else { None };
     let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
     let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
@@ -151,6 +156,18 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
     Ok(statistics)
 }
 
+/// Refuses sides whose densities sum different things. Where one states no masses and all of the other's are the same, the
+/// two are measured alike, which a reader of the results must know.
+fn check_masses(pair: [Subject<'_>; 2]) -> Result<Option<String>> {
+    let [truth, other] = pair.map(|s| s.density_of());
+    let side = match (truth.0, other.0) {
+        ("particles", "mass") if other.1.is_some() => "the truth",
+        ("mass", "particles") if truth.1.is_some() => "the other input",
+        (a, b) => return check_densities(("the truth", a), ("the other", b)).map(|()| None),
+    };
+    Ok(Some(format!("{side} states no masses: its particles are taken to have the same mass, as all others have")))
+}
+
 pub(super) fn check(o: &StatsOptions) -> Result<()> {
     let within = |name: &str, value: f64, low: f64, high: f64| {
         if value >= low && value <= high {
@@ -159,7 +176,7 @@ pub(super) fn check(o: &StatsOptions) -> Result<()> {
             Err(Error::argument(format!("{name} must be {low} to {high}, not {value}")))
         }
     };
-    within("the number of cells of the density grid", o.cells as f64, 2.0, 8192.0)?;
+    within("the number of cells of the density grid", o.cells.unwrap_or(2) as f64, 2.0, 8192.0)?;
     within("the number of cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
     within("the number of bins per decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
     within("the linking length in mean spacings", o.linking, 1e-6, 2.0)?;
@@ -278,8 +295,11 @@ impl ComparisonJob<'_> {
     }
 
     fn density(&self) -> Result<DensityReport> {
-        let n = self.o.cells;
-        let grid = if self.paper() { Grid::stretched(&self.domain, [n; 3]) } else { Grid::new(&self.domain, n) };
+        let grid = match self.o.cells {
+            n if self.paper() => Grid::stretched(&self.domain, [n.unwrap_or(PAPER_CELLS); 3]),
+            Some(n) => Grid::new(&self.domain, n),
+            None => Grid::of_eight(&self.domain, self.pair[0].count() as usize),
+        };
         particlegs_files::memory::require(
             "two density grids",
             deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
@@ -289,11 +309,14 @@ impl ComparisonJob<'_> {
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
         self.context.end();
         let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
+        let [(of_a, mass_a), (of_b, mass_b)] = self.pair.map(|s| s.density_of());
+        // Masses that one side does not state are those of the other.
+        let unit = if of_a == of_b { 1.0 } else { mass_b.unwrap_or(1.0) / mass_a.unwrap_or(1.0) };
         Ok(DensityReport {
             cells: grid.cells,
             side: grid.side,
             agreement: compare_density(&a, &b),
-            mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside),
+            mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside) / unit,
             outside: [&a, &b].map(|f| f.outside / (inside(f) + f.outside)),
             pdf: density_pdf(&a, &b),
             slices: [0, 1, 2].map(|axis| [central_slice(&a, axis), central_slice(&b, axis)]),

@@ -1,7 +1,13 @@
 //! A grid over a domain and the schemes that share a particle among its cells.
 
 use super::{Domain, Tilt};
+use crate::model::CELL_SIZES;
 use particlegs_core::math::{Sym3, each_axis};
+
+/// Cells of eight particles along the longest edge at most: 200 MB while they are filled.
+const MOST_CELLS: f64 = 256.0;
+/// Their numbers are multiples of this, so that cells of twice and four times their edge fill the domain, too.
+const COARSEST: usize = 1 << (CELL_SIZES - 1);
 
 /// Cells over a domain; x is the slowest index. Those of a tilted domain lie along its edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,6 +70,16 @@ impl Grid {
     pub fn new(domain: &Domain, longest: usize) -> Self {
         let side = domain.longest() / longest.max(1) as f64;
         Self::stretched(domain, domain.length.map(|l| ((l / side).round() as usize).max(1)))
+    }
+
+    /// Cells of two mean spacings, so of eight particles on average, in multiples of four along each edge; larger ones
+    /// where the longest edge would have more than 256.
+    pub fn of_eight(domain: &Domain, particles: usize) -> Self {
+        // Cells of a tilted box hold less than cubes of their edge.
+        let cube = domain.tilt.map_or(1.0, |t| t.volume().cbrt());
+        let edge = (2.0 * domain.spacing(particles) / cube).max(domain.longest() / MOST_CELLS);
+        let cells = each_axis(|k| COARSEST * (domain.length[k] / (edge * COARSEST as f64)).round().max(1.0) as usize);
+        Self::stretched(domain, cells)
     }
 
     /// Given numbers of cells, of whatever shape that makes them.

@@ -43,8 +43,9 @@ pub struct StatsOptions {
     pub convention: Convention,
     /// Take no axis as periodic, whatever the truth says?
     pub open: bool,
-    /// Cells along the longest edge for densities.
-    pub cells: usize,
+    /// Cells along the longest edge for densities; `None` = cells of eight particles ([`super::Grid::of_eight`]), by
+    /// published definitions 256.
+    pub cells: Option<usize>,
     /// Assignment for densities.
     pub assignment: Assignment,
     /// Cells along the longest edge for spectra.
@@ -116,7 +117,7 @@ impl Default for StatsOptions {
             measures: Measure::ALL.to_vec(),
             convention: Convention::Correct,
             open: false,
-            cells: 256,
+            cells: None,
             assignment: Assignment::Ngp,
             spectrum_cells: 256,
             spectrum_assignment: Assignment::Tsc,

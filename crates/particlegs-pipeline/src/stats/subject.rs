@@ -46,6 +46,20 @@ impl<'a> Subject<'a> {
         }
     }
 
+    /// What its density sums, and the mass of a particle where all have the same; 1 where it is unknown.
+    pub(super) fn density_of(&self) -> (&'a str, Option<f64>) {
+        match self {
+            Subject::Particles(p) => {
+                (p.density_of(), p.weights().is_none().then(|| p.meta.particle_mass.unwrap_or(1.0)))
+            }
+            Subject::Model(m) => {
+                let one = m.layers[0].mass;
+                let alike = !one.is_weighted() && m.layers.iter().all(|l| l.mass == one);
+                (m.density_of(), alike.then(|| one.unit_or_one()))
+            }
+        }
+    }
+
     /// It in the units of `truth`, where they differ; what a reader of the results must know of that.
     pub(super) fn in_units_of(&self, truth: Subject<'_>) -> Result<(Option<ConvertedSubject>, Vec<String>)> {
         let to = truth.unit_system();

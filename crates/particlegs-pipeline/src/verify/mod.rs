@@ -15,7 +15,7 @@ use crate::{Error, Result};
 use fields::FieldComparison;
 pub use figures::StatedFigure;
 pub use series::SeriesVerification;
-pub use source::{check_source, is_of_several};
+pub use source::check_source;
 
 /// A decoded model with what its file says of it: of a file, or of a frame of a series.
 pub struct StoredModel {
@@ -79,7 +79,7 @@ impl StoredModel {
     pub fn new(model: Model, bytes: &[u8], place: &str) -> Result<StoredModel> {
         let info = codec::read_info(bytes, place)?;
         StoredModel {
-            of_several: is_of_several(bytes, &model, place)?,
+            of_several: codec::is_of_several(bytes, &model.metadata, place)?,
             measured_bytes: compress::measured_bytes(bytes, &model, place)?,
             bytes: bytes.len() as u64,
             extracted: info.is_extracted(),

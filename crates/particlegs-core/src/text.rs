@@ -1,5 +1,5 @@
-//! Makes foreign text (names in files, paths, variables) safe for a terminal: it must not move the cursor, set a title
-//! or change the direction of text.
+//! Foreign text (names in files, paths, variables) on its way out: it must not move a cursor, set a title, change the
+//! direction of text, begin a line of its own, be a formula in a spreadsheet or break a document.
 
 use std::borrow::Cow;
 use std::fmt::Write;
@@ -9,7 +9,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c != '\n' && is_dangerous(c), |out, c| write!(out, "{}", c.escape_default()))
 }
 
-/// [`printable`] on one line: for names, rows of tables and messages.
+/// [`printable`] on one line: for names, rows of tables, comments and messages.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     escaped(text, is_dangerous, |out, c| write!(out, "{}", c.escape_default()))
 }
@@ -21,6 +21,28 @@ pub fn printable_json(text: &str) -> Cow<'_, str> {
         |c| c != '\n' && is_dangerous(c),
         |out, c| c.encode_utf16(&mut [0; 2]).iter().try_for_each(|u| write!(out, "\\u{u:04x}")),
     )
+}
+
+/// A text as a cell of a table (CSV): on one line, in quotes where a comma, a quote or a comment's sign would be taken for
+/// the table's own (RFC 4180), and behind an apostrophe where a spreadsheet would take it for a formula.
+pub fn cell(text: &str) -> String {
+    let formula = if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { "'" } else { "" };
+    let text = format!("{formula}{}", one_line(text));
+    match text.contains([',', '"', '#', ';']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text,
+    }
+}
+
+/// A text on one line within XML, also within an attribute's quotes; as [`one_line`] it has no characters that XML lacks.
+pub fn xml(text: &str) -> Cow<'_, str> {
+    match one_line(text) {
+        plain if !plain.contains(['&', '<', '>', '"', '\'']) => plain,
+        text => {
+            let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+            Cow::Owned(text.replace('"', "&quot;").replace('\'', "&apos;"))
+        }
+    }
 }
 
 fn escaped(
@@ -39,13 +61,13 @@ fn escaped(
     Cow::Owned(out)
 }
 
-/// Control characters (C0, DEL, C1), line and paragraph separators, and invisible or reordering characters (Unicode 16,
-/// general category Cf).
+/// Control characters (C0, DEL, C1), line and paragraph separators, invisible or reordering characters (Unicode 16,
+/// general category Cf), and the two that XML cannot hold.
 fn is_dangerous(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{ad}' | '\u{600}'..='\u{605}' | '\u{61c}' | '\u{6dd}' | '\u{70f}' | '\u{180e}')
         || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
-        || matches!(c, '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
+        || matches!(c, '\u{fff9}'..='\u{fffb}' | '\u{fffe}' | '\u{ffff}' | '\u{e0000}'..='\u{e007f}')
 }
 
 #[cfg(test)]
@@ -58,7 +80,21 @@ mod tests {
         assert_eq!(printable("a\u{1b}]0;title\u{7}b"), "a\\u{1b}]0;title\\u{7}b");
         assert_eq!(printable("\u{9b}2J\u{7f}\r"), "\\u{9b}2J\\u{7f}\\r");
         assert_eq!(printable("a\u{202e}b\u{200b}"), "a\\u{202e}b\\u{200b}");
-        assert_eq!(one_line("a\nb\tc"), "a\\nb\\tc");
+        assert_eq!(one_line("a\nb\tc\0"), "a\\nb\\tc\\u{0}");
+    }
+
+    #[test]
+    fn cells_are_texts_on_one_line() {
+        assert_eq!(["Msun/h", "a b", "Größe"].map(cell), ["Msun/h", "a b", "Größe"]);
+        assert_eq!(cell("a,\"b\""), "\"a,\"\"b\"\"\"");
+        assert_eq!(["=cmd|x", "+1", "-1", "@x"].map(cell), ["'=cmd|x", "'+1", "'-1", "'@x"]);
+        assert_eq!([cell("\tx"), cell("a\n=b"), cell("#x")], ["'\\tx", "a\\n=b", "\"#x\""]);
+    }
+
+    #[test]
+    fn xml_holds_what_is_left() {
+        assert_eq!(xml("a < b & \"c\"\u{7}\u{fffe}"), "a &lt; b &amp; &quot;c&quot;\\u{7}\\u{fffe}");
+        assert!(matches!(xml("10⁻³ Mpc/h"), Cow::Borrowed(_)));
     }
 
     #[test]
