@@ -2,8 +2,8 @@
 
 use particlegs_pipeline::codec::{FrameCoding, SeriesFile};
 use particlegs_pipeline::model::{Epoch, Metadata, Units};
-use std::fmt::Write;
 use particlegs_pipeline::text::{cell, one_line};
+use std::fmt::Write;
 
 /// A column: its name, its unit, what it is, and what stands in it.
 struct FrameColumn {

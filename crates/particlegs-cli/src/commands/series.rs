@@ -331,8 +331,6 @@ impl Arguments {
     }
 }
 
-}
-
 impl FrameSource {
     /// Its particles, and their fields if these are wanted.
     fn read(

@@ -80,7 +80,8 @@ fn a_broken_frame_and_an_index_that_contradicts_its_frames_are_named() {
     std::fs::rename(dir.at("run.pgs"), dir.at("first.pgs")).unwrap();
     let other = series(&dir, "other.pgs", "--seed 5");
     let (clock, recipe, frames) = frames_of(&file);
-    let of = |clock, recipe: &str, frames: &[Option<CodedFrame>]| codec::assemble_series(clock, recipe, frames).unwrap();
+    let of =
+        |clock, recipe: &str, frames: &[Option<CodedFrame>]| codec::assemble_series(clock, recipe, frames).unwrap();
     let altered = |alter: &dyn Fn(&mut Vec<Option<CodedFrame>>)| {
         let mut all = frames.clone();
         alter(&mut all);
@@ -149,8 +150,7 @@ fn with_field(file: &[u8], number: u8, alter: impl Fn(&mut FieldMoments, &mut Ve
             let sum = |c: usize| (0..g.len()).map(|i| g.count[i] * field.overall_value(c, i, &g.cov_of(i))).sum();
             let mut sums = (0..field.components()).map(sum).collect();
             alter(&mut field, &mut sums);
-            let bytes =
-                codec::encode_field((number, quantity), &field, g, &sums, &FieldPrecision::default(), None);
+            let bytes = codec::encode_field((number, quantity), &field, g, &sums, &FieldPrecision::default(), None);
             let own = stored.sections.iter_mut().find(|s| s.tag == codec::FIELD && s.bytes[0] == number);
             own.unwrap().bytes = bytes;
         }
@@ -218,7 +218,11 @@ fn forged_fields_are_told() {
         for full in ["", "--full"] {
             let out = dir.command(&format!("verify f.pgs snap -q {full}")).output().unwrap();
             let code = out.status.code();
-            assert!(code == Some(9) || code == Some(4) && name.contains("blocks"), "{name}: {}", crate::common::said(&out));
+            assert!(
+                code == Some(9) || code == Some(4) && name.contains("blocks"),
+                "{name}: {}",
+                crate::common::said(&out)
+            );
         }
         let info = dir.runs("info f.pgs")[0].contains("incomplete");
         assert_eq!(info, name.starts_with("no") || name.starts_with("without"), "{name}");

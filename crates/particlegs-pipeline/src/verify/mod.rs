@@ -175,7 +175,8 @@ impl StoredModel {
         let star_forming = m.recipe.read.get("star-forming").and_then(|text| text.parse().ok());
         let fields = FieldSelection::new(&names, star_forming.unwrap_or_default(), particles, sources, m.law)?;
         // A part of a merge may be described otherwise than the whole would be.
-        Ok(if self.of_several { fields.with_scales(&m.fields) } else { fields })
+        let fields = if self.of_several { fields.with_scales(&m.fields) } else { fields };
+        if m.fields_hash.is_some() { fields.hashed() } else { Ok(fields) }
     }
 
     fn measure(
@@ -192,6 +193,11 @@ impl StoredModel {
         let fields = if compares_fields { Some(self.fields(particles, sources)?) } else { None };
         found.source_differences = particles.differences_from(model, self.of_several);
         found.source_differences.extend(fields.iter().flat_map(|f| listed_otherwise(&m.fields, f.quantities())));
+        let hashes = m.fields_hash.zip(fields.as_ref().and_then(FieldSelection::hash));
+        if let Some((stored, now)) = hashes.filter(|(stored, now)| stored != now) {
+            let digits = |hash: [u8; 16]| hash.iter().map(|byte| format!("{byte:02x}")).collect();
+            found.source_differences.push(["hash of the fields' values".into(), digits(stored), digits(now)]);
+        }
         if !found.source_differences.is_empty() {
             return Ok(());
         }
