@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import { after, before, test } from "node:test";
-import { axe, browser, onGpu, open, page, pictures, prepare, run, serve, work } from "./common.mjs";
+import { axe, browser, onGpu, open, page, pictures, prepare, run, sample, serve, work } from "./common.mjs";
 
 let b;
 before(async () => {
@@ -513,4 +513,22 @@ test("an invalid model is reported, and nothing is drawn", async () => {
   await tab.waitForFunction(() => document.documentElement.dataset.failed);
   assert.match(await tab.textContent("#status"), /the model/);
   await tab.close();
+});
+
+test("the layers and the style of the opening stay without a link, and a link replaces them", async () => {
+  const species = path.join(sample, "../../crates/particlegs-formats/tests/fixtures/species.hdf5");
+  run("compress", species, "-o", "two.pgs", "--gaussians", "12", "--certificate=none", "--quiet");
+  run("export", "two.pgs", "-o", "two.html", "--layer", "gas", "--style", "paraview", "--radius", "0.5", "--opacity", "0.25", "--quiet");
+  const two = (hash = "") => page("?draw=cpu", hash).replace("page.html", "two.html");
+  const first = await open(b, two());
+  const { hidden, look, radius, opacity } = await first.tab.evaluate(() => globalThis.particlegs.page.state);
+  assert.deepEqual([hidden, look, radius, opacity], [["PartType1"], "paraview", 0.5, 0.25]);
+  const link = await first.tab.evaluate(() => {
+    globalThis.particlegs.change({ hidden: [], slab: null });
+    return globalThis.particlegs.toLink();
+  });
+  await first.tab.close();
+  const second = await open(b, two(`#${link}`));
+  assert.deepEqual(await second.tab.evaluate(() => globalThis.particlegs.page.state.hidden), []);
+  await second.tab.close();
 });

@@ -177,6 +177,8 @@ fn size(c: &SizeClass) -> String {
 }
 
 pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
+    let unit = unit.map(text::one_line);
+    let unit = unit.as_deref();
     let length = unit.map_or(String::new(), |u| format!(" {u}"));
     let wave = unit.map_or(String::new(), |u| format!(" {}", per_length(u)));
     let kind = |side: usize| if s.model[side] { "model of " } else { "" };

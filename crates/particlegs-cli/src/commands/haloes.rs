@@ -317,7 +317,7 @@ fn write_mass_function(path: &Path, report: &HaloReport, length: Option<&str>) -
 }
 
 fn summary(report: &HaloReport, truth: Option<&HaloCatalogue>) -> String {
-    let unit = &report.mass_unit;
+    let unit = one_line(&report.mass_unit);
     let mut text = format!("{} haloes, {} of them with masses", report.haloes, report.with_masses);
     if let Some(mass) = report.largest_mass {
         text += &format!("; the heaviest has {mass:.4e} {unit}");

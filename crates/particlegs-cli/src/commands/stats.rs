@@ -88,7 +88,7 @@ pub struct Arguments {
 #[derive(Args)]
 #[command(next_help_heading = "Options of single measures")]
 struct MeasureArgs {
-    /// Density: cells along the longest edge [default: cells of 8 particles, as in certificates].
+    /// Density: cells along the longest edge [default: of 8 particles].
     #[arg(long, value_name = "N")]
     grid: Option<usize>,
     /// Density: mass assignment.
