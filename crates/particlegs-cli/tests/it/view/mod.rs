@@ -24,7 +24,10 @@ fn the_page_and_its_files_are_served() {
     let setup: Value = serde_json::from_str(setup).unwrap();
     assert_eq!(setup["models"][1]["url"], "model/1");
     assert_eq!(setup["models"][1]["bytes"], bytes.len());
-    assert_eq!(setup["truth"], json!({"url": "truth", "name": "spiral", "particles": 3000, "smoothed": 32}));
+    assert_eq!(
+        setup["truth"],
+        json!({"url": "truth", "name": "spiral", "particles": 3000, "density_of": "particles", "smoothed": 32})
+    );
     assert_eq!((&setup["served"], &setup["engine"]["url"]), (&json!(true), &json!("engine")));
     for place in ["model/0", "model/1"] {
         let answer = serving.get(place);
