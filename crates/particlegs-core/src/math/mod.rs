@@ -63,7 +63,7 @@ mod tests {
         for range in [[1e40, 1e46], [-1e39, 0.0], [1e-60, 1e-50], [-1e8 - 1.0, -1e8 + 1.0], [0.0, f64::INFINITY]] {
             assert!(!float32_holds(range), "{range:?}");
         }
-        assert_eq!([0.0, 1.0, -1.0, 1e8, f64::NAN].map(float32_scale), [1.0; 5]);
+        assert_eq!([0.0, 1.0, 1e8, f64::NAN].map(float32_scale), [1.0; 4]);
         assert!([1e46, 1e-40, 1e300].iter().all(|v| (0.5..=1.0).contains(&(v * float32_scale(*v)))));
     }
 }
