@@ -14,7 +14,7 @@ from . import _coerce, _particlegs, _units, handover
 from ._camera import Camera
 from ._camera import native as native_camera
 from ._particlegs import InputError
-from ._types import Bytes8, Drawing, Float32, Float64, Known, Numbers, Path, PictureStyle, Progress
+from ._types import Bytes8, Drawing, Float32, Float64, Floats, Known, Numbers, Path, PictureStyle, Progress
 
 if TYPE_CHECKING:
     from typing_extensions import Self, Unpack
@@ -216,8 +216,11 @@ class Snapshot:
         return local if not origin.any() else local.astype(np.float64) + origin
 
     @property
-    def fields(self) -> dict[str, Float32]:
-        """Fields that were drawn with the particles of a model, (n,) or (n, 3) each. `save` writes them."""
+    def fields(self) -> dict[str, Floats]:
+        """Fields that were drawn with the particles of a model, (n,) or (n, 3) each. `save` writes them.
+
+        They are float32, or float64 where that does not hold the values.
+        """
         return {name: values for name, _, values in self._native.fields}
 
     @property

@@ -74,4 +74,5 @@ class LayeredDrawing(Drawing, total=False):
 
 Bytes8 = NDArray[np.uint8]
 Float32 = NDArray[np.float32]
+Floats = Union[NDArray[np.float32], NDArray[np.float64]]
 Float64 = NDArray[np.float64]

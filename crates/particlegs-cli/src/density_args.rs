@@ -32,7 +32,8 @@ pub struct DensityArgs {
         allow_hyphen_values = true
     )]
     pub range: Option<Vec<f64>>,
-    /// Write the values instead of a picture: NAME.f32 (rows from the top; NAME.f64 where float32 does not hold a field) and NAME.json.
+    /// Write the values instead of a picture: NAME.f32 (rows from the top; NAME.f64 where float32 does not hold a field)
+    /// and NAME.json.
     #[arg(long, hide_short_help = true)]
     pub raw: bool,
 }
@@ -131,7 +132,8 @@ impl DensityArgs {
         })
     }
 
-    /// Writes the values of a density, or of a field that is shown instead: as float64 where float32 does not hold them.
+    /// Writes the values of a density, or of a field that is shown instead: as float64 where float32 does not hold
+    /// them.
     pub fn write_raw(
         &self,
         out: &PictureOut,

@@ -130,7 +130,7 @@ fn narrow(values: &[f64], name: &str) -> Result<Vec<f32>> {
     match least > largest || float32_holds([least, largest]) {
         true => Ok(values.iter().map(|v| *v as f32).collect()),
         false => Err(Error::argument_with(
-            format!("float32 does not hold the values of `{name}`, {least} to {largest}, and a grid has no others"),
+            format!("float32 does not hold the values of `{name}`, {least:e} to {largest:e}, and a grid has no others"),
             "export the Gaussians as .npz or .csv, whose numbers are float64",
         )),
     }

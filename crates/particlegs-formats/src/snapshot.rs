@@ -246,3 +246,19 @@ impl Species {
         Error::input_with(place, format!("{} has no field `{name}`", self.name), hint)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::AbsentField;
+
+    #[test]
+    fn a_field_that_a_frame_lacks_says_which_have_it() {
+        let why = |has: &[u8]| AbsentField::new("velocity", 1, &has.iter().map(|h| *h == 1).collect::<Vec<_>>()).why;
+        let stored = |text: &str| format!("frame 1 has no velocity: the file stores it {text}");
+        assert_eq!(why(&[1, 0, 1, 0, 1]), stored("for every 2nd frame"));
+        assert_eq!(why(&[0, 0, 1, 0, 0, 1, 0]), stored("for every 3rd frame, from frame 2 on"));
+        assert_eq!(why(&[1, 0, 0, 0]), stored("for frame 0 alone"));
+        assert_eq!(why(&[1, 0, 1, 1, 0]), stored("for 3 of 5 frames"));
+        assert_eq!(why(&[]), stored("at other steps than positions"));
+    }
+}

@@ -6,7 +6,7 @@ use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{Cosmology, Layer, Mass as LayerMass, Units};
-use particlegs_pipeline::particles::{Column, Particles, SelectedParticles, Selection, Tiling};
+use particlegs_pipeline::particles::{Column, Particles, SelectedParticles, Selection, Storage, Tiling};
 use particlegs_pipeline::space::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -518,5 +518,35 @@ fn virtual_data_sets_that_are_not_read_say_why() {
         let error =
             support::read_everything(&virtual_set(&format!("{name}.hdf5")), Some("hdf5")).unwrap_err().to_string();
         assert!(error.contains(reason) && !error.contains('\n'), "{name}: {error}");
+    }
+}
+
+#[test]
+fn frames_of_h5md_have_no_values_of_other_steps() {
+    let path = support::data("molecules").join("sparse.h5md");
+    for frame in 0..7 {
+        let choice = Choice { frame: Some(frame), ..Choice::default() };
+        let snapshot = choice.open(std::slice::from_ref(&path)).unwrap();
+        let d = snapshot.description();
+        let names: Vec<&str> = d.species[0].fields.iter().map(|f| &f.name[..]).collect();
+        let (_, fields) = choice.clone().read_fields(&[path.clone()], &Storage::Memory, &Context::SILENT).unwrap();
+        let own = 100.0 + 10.0 * frame as f64;
+        match frame % 2 {
+            0 => {
+                assert_eq!(names, ["position", "velocity"], "{frame}");
+                let number = fields[0].fields.iter().position(|f| f.name == "velocity").unwrap();
+                assert_eq!(fields[0].values(number, 2).unwrap(), vec![vec![own; 2]; 3], "{frame}");
+            }
+            _ => {
+                assert_eq!(names, ["position"], "{frame}");
+                let why = format!("frame {frame} has no velocity: the file stores it for every 2nd frame");
+                assert!(d.notes.contains(&why), "{:?}", d.notes);
+                assert_eq!(d.absent.iter().filter(|f| f.why == why).count(), 1);
+            }
+        }
+        let force = format!("frame {frame} has no force: the file stores it at other steps than positions");
+        assert!(d.notes.contains(&force), "{:?}", d.notes);
+        let cell = d.meta.cell.and_then(|c| c.lengths());
+        assert_eq!(cell, (frame % 3 == 0).then_some([own; 3]), "{frame}");
     }
 }

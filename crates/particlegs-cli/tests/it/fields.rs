@@ -608,3 +608,85 @@ fn cold_gas_is_dense_in_weighted_maps_and_recovered_particles() {
         dir.fails(&format!("render m.pgs {options} -o no.png"), 2, what);
     }
 }
+
+/// Columns of float64 of two clouds of 300 particles, and what they are called.
+fn with_columns(dir: &TestFolder, columns: &[(&str, &dyn Fn(usize) -> f64)]) {
+    let folder = dir.at("snap");
+    std::fs::create_dir(&folder).unwrap();
+    for (axis, name) in ["xx", "yy", "zz"].iter().enumerate() {
+        let place = |i: u64| {
+            let mut r = Random::new(5, axis as u64, i);
+            (if i % 2 == 0 { 2.0 } else { 8.0 }) + 0.3 * r.normal()
+        };
+        write(&folder, name, &(0..300).map(|i| place(i) as f32).collect::<Vec<_>>());
+    }
+    for (name, value) in columns {
+        let bytes: Vec<u8> = (0..300).flat_map(|i| value(i).to_le_bytes()).collect();
+        std::fs::write(folder.join(format!("{name}.f64")), bytes).unwrap();
+    }
+}
+
+fn read_double(path: &Path) -> Vec<f64> {
+    let bytes = std::fs::read(path).unwrap();
+    bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).filter(|v| !v.is_nan()).collect()
+}
+
+#[test]
+fn numbers_of_cgs_are_float64_in_maps_and_recovered_particles() {
+    let dir = TestFolder::new();
+    let luminous = |i: usize| if i % 2 == 0 { 1e45 } else { 3e45 };
+    let wide = |i: usize| if i % 2 == 0 { 1e40 } else { 1e46 };
+    let deep = |i: usize| -1e8 + if i % 2 == 0 { -1.0 } else { 1.0 };
+    with_columns(&dir, &[("luminous", &luminous), ("wide", &wide), ("deep", &deep)]);
+    dir.runs("compress snap -o m.pgs --gaussians 20 --fields all --certificate none");
+    dir.runs("recover m.pgs -o drawn");
+    dir.runs("recover m.pgs -o drawn.hdf5");
+    let [text, _] = dir.runs("info drawn.hdf5");
+    assert!(text.contains("luminous f64") && text.contains("deep f64"), "{text}");
+    for (name, ends) in [("luminous", [1e45, 3e45]), ("wide", [1e40, 1e46]), ("deep", [-1e8 - 1.0, -1e8 + 1.0])] {
+        dir.runs(&format!("render m.pgs --field {name} -o map_{name} --raw --size 64x64"));
+        dir.runs(&format!("render m.pgs --field {name} -o {name}.png --size 64x64"));
+        dir.runs(&format!("reference snap --field {name} -o truth_{name} --raw --size 64x64"));
+        let all = ["drawn", "map", "truth"].map(|from| match from {
+            "drawn" => read_double(&dir.at(&format!("drawn/{name}.f64"))),
+            _ => read_double(&dir.at(&format!("{from}_{name}/view.f64"))),
+        });
+        for values in all {
+            let slack = 1e-3 * (ends[1] - ends[0]);
+            let inside = |v: &f64| (ends[0] - slack..=ends[1] + slack).contains(v);
+            let spread = values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+                - values.iter().copied().fold(f64::INFINITY, f64::min);
+            assert!(values.len() > 5 && values.iter().all(inside), "{name}: {values:?}");
+            assert!(spread > 0.8 * (ends[1] - ends[0]), "{name}: {spread}");
+        }
+    }
+    // What was recovered is a snapshot again.
+    dir.runs("compress drawn -o again.pgs --gaussians 20 --fields all --certificate none");
+}
+
+#[test]
+fn whole_numbers_of_64_bits_are_mapped_and_recovered_as_numbers() {
+    let dir = TestFolder::new();
+    let header =
+        "{'descr': [('pos', '<f8', (3,)), ('many', '<i8'), ('two', '<i8')], 'fortran_order': False, 'shape': (400,), }";
+    let mut bytes = b"\x93NUMPY\x01\x00\xf6\x00".to_vec();
+    bytes.extend(format!("{header:<245}\n").bytes());
+    for i in 0..400u64 {
+        let mut r = Random::new(6, 0, i);
+        let side = if i % 2 == 0 { 2.0 } else { 8.0 };
+        (0..3).for_each(|_| bytes.extend((side + 0.3 * r.normal()).to_le_bytes()));
+        let many = i64::from(i % 2 == 0) * 1000 - (i / 2 % 20) as i64;
+        bytes.extend(many.to_le_bytes());
+        bytes.extend((if i % 2 == 0 { 2i64 } else { -5 }).to_le_bytes());
+    }
+    dir.write("a.npy", bytes);
+    dir.runs("compress a.npy -o m.pgs --gaussians 20 --fields many,two --certificate none");
+    dir.runs("recover m.pgs -o drawn");
+    let (x, many, two) = (read(&dir.at("drawn"), "xx"), read(&dir.at("drawn"), "many"), read(&dir.at("drawn"), "two"));
+    for (side, of_many, of_two) in [(false, 990.5, 2.0), (true, -9.5, -5.0)] {
+        let own: Vec<usize> = (0..x.len()).filter(|&i| (x[i] > 5.0) == side).collect();
+        let mean = own.iter().map(|&i| many[i]).sum::<f64>() / own.len() as f64;
+        assert!((mean - of_many).abs() < 3.0, "{mean}");
+        assert!(own.iter().all(|&i| two[i] == of_two));
+    }
+}

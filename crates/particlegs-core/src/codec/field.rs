@@ -636,6 +636,26 @@ mod tests {
         Quantity { logarithmic, ..Quantity::new("q", QuantityKind::Scalar) }
     }
 
+    #[test]
+    fn means_beyond_float32_and_narrow_ones_far_from_zero_come_back() {
+        let (m, plain) = scene(300, 1);
+        for (unit, middle) in [(1e42, 2e45), (1e42, -2e45), (1e-3, -1e8), (1e43, 0.0), (1e-38, 0.0)] {
+            let mut f = plain.clone();
+            f.mean[0].iter_mut().for_each(|v| *v = middle + unit * *v);
+            f.spread[0].iter_mut().for_each(|v| *v *= unit * unit);
+            f.slope[0].iter_mut().flatten().for_each(|v| *v *= unit);
+            f.range = vec![[middle - 400.0 * unit, middle + 400.0 * unit]];
+            let sums = sums(&m, &f);
+            let bytes = encode_field((0, &quantity(false)), &f, &m, &sums, &FieldPrecision::default(), None);
+            let decoded = decode_field(&bytes, &m, &quantity(false), None).unwrap();
+            for i in (0..m.len()).filter(|&i| m.count[i] >= 1.0) {
+                let error = (f.spread[0][i] / m.count[i]).sqrt();
+                let off = (decoded.mean[0][i] - f.mean[0][i]).abs();
+                assert!(off < 4.0 * error + 1e-12 * middle.abs(), "{unit} {middle}: {off} {error}");
+            }
+        }
+    }
+
     fn sums(m: &Mixture, f: &FieldMoments) -> Vec<f64> {
         f.mean.iter().map(|mean| mean.iter().zip(&m.count).map(|(v, n)| v * n).sum()).collect()
     }

@@ -49,3 +49,21 @@ pub fn normal_share(x: f64, s: f64) -> f64 {
     let upper = 0.5 * poly * libm::exp(-z * z);
     if x > 0.0 { 1.0 - upper } else { upper }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn float32_holds_what_it_tells_apart() {
+        for range in [[0.0, 0.0], [-1.0, 1.0], [0.1, 0.1], [1e4, 1e8], [1e-30, 1e-25], [-1e8, 1.0], [3e5, 3e5 + 100.0]]
+        {
+            assert!(float32_holds(range), "{range:?}");
+        }
+        for range in [[1e40, 1e46], [-1e39, 0.0], [1e-60, 1e-50], [-1e8 - 1.0, -1e8 + 1.0], [0.0, f64::INFINITY]] {
+            assert!(!float32_holds(range), "{range:?}");
+        }
+        assert_eq!([0.0, 1.0, 1e8, f64::NAN].map(float32_scale), [1.0; 4]);
+        assert!([1e46, 1e-40, 1e300].iter().all(|v| (0.5..=1.0).contains(&(v * float32_scale(*v)))));
+    }
+}

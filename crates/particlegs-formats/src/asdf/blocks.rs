@@ -85,28 +85,33 @@ pub struct AsdfBlock {
 }
 
 impl AsdfBlock {
-    /// Block `number` of a file; of `sharers` files each keeps its part of what is decompressed.
+    /// Block `number` of a file, whose arrays need the first `needed` bytes; of `sharers` files each keeps its part of what is
+    /// decompressed.
     pub fn open(
         path: &Path,
         file: &Bytes,
-        number: usize,
+        (number, needed): (usize, u64),
         header: &AsdfBlockHeader,
         sharers: usize,
     ) -> Result<AsdfBlock> {
         let place = format!("{}: block {number}", path.display());
         let fault = |what: String| Error::input_with(&place, what, HINT);
         let AsdfBlockHeader { compression, packed, size } = header;
-        let (mut bytes, mut start, mut all) = (file.clone(), packed.start, Vec::new());
+        let (mut bytes, mut start, mut size, mut all) = (file.clone(), packed.start, *size, Vec::new());
         match compression {
             [0, 0, 0, 0] => {}
-            b"blsc" | b"lz4\0" => all = chunks(file, packed, *size, compression == b"blsc").map_err(fault)?,
+            b"blsc" | b"lz4\0" => all = chunks(file, packed, size, compression == b"blsc").map_err(fault)?,
             b"zlib" | b"bzp2" => {
-                memory::require(&format!("{place}, decompressed,"), *size)?;
+                memory::require(&format!("{place}, decompressed,"), needed)?;
                 let packed = &file[packed.clone()];
-                let content = match compression {
-                    b"zlib" => whole(flate2::bufread::ZlibDecoder::new(packed), *size),
-                    _ => whole(bzip2::bufread::BzDecoder::new(packed), *size),
+                let stream = || -> Box<dyn Read + '_> {
+                    match compression {
+                        b"zlib" => Box::new(flate2::bufread::ZlibDecoder::new(packed)),
+                        _ => Box::new(bzip2::bufread::BzDecoder::new(packed)),
+                    }
                 };
+                let content = first(&stream, packed.len() as u64, [size, needed]);
+                size = needed;
                 (bytes, start) = (Bytes::Owned(Arc::new(content.map_err(fault)?)), 0);
             }
             other => {
@@ -116,7 +121,7 @@ impl AsdfBlock {
             }
         }
         let cache = ChunkCache::new(DEFAULT_BYTES / sharers);
-        Ok(AsdfBlock { place, bytes, start, size: *size, chunks: all, cache })
+        Ok(AsdfBlock { place, bytes, start, size, chunks: all, cache })
     }
 
     /// The bytes that hold the content uncompressed, and its first one.
@@ -196,11 +201,25 @@ fn chunks(bytes: &[u8], packed: &Range<usize>, size: u64, blosc: bool) -> TextRe
     Ok(all)
 }
 
-/// All of a stream that is to have `size` bytes; memory grows with what is there.
-fn whole(source: impl Read, size: u64) -> TextResult<Vec<u8>> {
-    let mut out = Vec::new();
-    source.take(size.saturating_add(1)).read_to_end(&mut out).map_err(|e| format!("its data are damaged: {e}"))?;
-    if out.len() as u64 == size { Ok(out) } else { Err(format!("its header says {size} bytes, the data hold others")) }
+/// A stream that is said to become longer by this is looked at before memory is taken for it.
+const USUAL_EXPANSION: u64 = 8;
+
+/// The first `needed` bytes of a stream of `packed` ones that is to have `size`.
+fn first<'a>(stream: &dyn Fn() -> Box<dyn Read + 'a>, packed: u64, [size, needed]: [u64; 2]) -> TextResult<Vec<u8>> {
+    let damaged = |e: std::io::Error| format!("its data are damaged: {e}");
+    let other = || format!("its header says {size} bytes, the data hold others");
+    let is_usual = size / USUAL_EXPANSION <= packed;
+    let all = || stream().take(size.saturating_add(1));
+    if !is_usual && std::io::copy(&mut all(), &mut std::io::sink()).map_err(damaged)? != size {
+        return Err(other());
+    }
+    let mut out = Vec::with_capacity(if is_usual { size } else { needed } as usize);
+    match is_usual {
+        true => all().read_to_end(&mut out),
+        false => stream().take(needed).read_to_end(&mut out),
+    }
+    .map_err(damaged)?;
+    if out.len() as u64 == if is_usual { size } else { needed } { Ok(out) } else { Err(other()) }
 }
 
 /// Rows of `stride` bytes that are read at once: few enough for the memory that a reader may take.

@@ -84,6 +84,13 @@ impl AsdfArray {
         Ok(Some(array))
     }
 
+    /// The byte of the block behind its last number.
+    fn end(&self) -> Option<u64> {
+        let rows = self.rows.saturating_sub(1).checked_mul(self.lane.stride)?;
+        let last = self.lane(self.components.saturating_sub(1))?;
+        rows.checked_add(last.offset)?.checked_add(last.kind.bytes())
+    }
+
     fn lane(&self, component: u32) -> Option<StridedColumn> {
         let offset = self.step.checked_mul(component.into())?.checked_add(self.lane.offset)?;
         Some(StridedColumn { offset, ..self.lane })
@@ -174,7 +181,9 @@ impl AsdfFile {
         if let Some(block) = &*slot {
             return Ok(block.clone());
         }
-        let block = AsdfBlock::open(&self.path, &self.bytes, number, &self.headers[number], self.sharers)?;
+        let own = self.arrays.iter().map(|(_, array)| array).filter(|array| array.source == number);
+        let needed = own.filter_map(AsdfArray::end).max().unwrap_or(0);
+        let block = AsdfBlock::open(&self.path, &self.bytes, (number, needed), &self.headers[number], self.sharers)?;
         Ok(slot.insert(Arc::new(block)).clone())
     }
 

@@ -86,3 +86,28 @@ fn files_without_positions_are_named() {
     assert!(refused("rvint_plain.asdf", ["datatype: int32", "datatype: uint32"]).contains("type and shape"));
     assert!(refused("rvint_plain.asdf", ["source: 0", "source: b.asdf"]).contains("in another file"));
 }
+
+#[test]
+fn a_stream_takes_the_memory_of_its_arrays_alone() {
+    let content = vec![7u8; 1 << 22];
+    let packed = crate::testing::zlib(&content);
+    let header = |size: u64| {
+        let word = |n: u64| n.to_be_bytes();
+        let used = packed.len() as u64;
+        [&b"\xd3BLK\0\x30\0\0\0\0zlib"[..], &word(used), &word(used), &word(size), &[0; 16], &packed].concat()
+    };
+    let open = |size: u64, needed: u64| {
+        let bytes = header(size);
+        let headers = blocks::headers(&bytes, 0).unwrap();
+        let bytes = Bytes::Owned(Arc::new(bytes));
+        let block = blocks::AsdfBlock::open(Path::new("a.asdf"), &bytes, (0, needed), &headers[0], 1)?;
+        let (content, start) = block.plain().map(|(bytes, start)| (bytes.clone(), start)).unwrap();
+        Ok::<_, Error>((content.len(), start, content[0]))
+    };
+    let size = content.len() as u64;
+    assert_eq!(open(size, 24).unwrap(), (24, 0, 7));
+    for wrong in [size - 1, size + 1, 1 << 40] {
+        let error = open(wrong, 24).unwrap_err().to_string();
+        assert!(error.contains(&format!("its header says {wrong} bytes, the data hold others")), "{error}");
+    }
+}

@@ -39,3 +39,34 @@ fn broken_files_are_refused() {
     let none = fault(b"HEADER    X\nREMARK nothing\nEND\n");
     assert!(none.contains("the file has no frames"), "{none}");
 }
+
+#[test]
+fn each_model_has_its_cell_wherever_that_stands() {
+    let cell = |a: u32| format!("CRYST1{a:>9}   30.000   40.000  90.00  90.00  90.00 P 1           1\n");
+    let atom = "ATOM      1  OW  SOL     1       1.000   2.000   3.000\n";
+    let model = |n: u32, inside: &str| format!("MODEL        {n}\n{atom}{inside}ENDMDL\n");
+    let [a, b, c] = [20, 21, 22].map(cell);
+    let [one, two, three] = [1, 2, 3].map(|n| model(n, ""));
+    let files = [
+        // Behind each model, the last one behind all, before each, within each, one for all.
+        (format!("{one}{a}{two}{b}{three}{c}END\n"), [Some(20.0), Some(21.0), Some(22.0)]),
+        (format!("{one}{two}{three}{c}END\n"), [Some(22.0); 3]),
+        (format!("{a}{one}{b}{two}{c}{three}END\n"), [Some(20.0), Some(21.0), Some(22.0)]),
+        (format!("TITLE x\n{a}{one}TITLE y\n{b}{two}TITLE z\n{c}{three}"), [Some(20.0), Some(21.0), Some(22.0)]),
+        ([(1, &a), (2, &b), (3, &c)].map(|(n, cell)| model(n, cell)).concat(), [Some(20.0), Some(21.0), Some(22.0)]),
+        (format!("{a}{one}{two}{three}"), [Some(20.0); 3]),
+        // None of the first model: nothing stands behind the last.
+        (format!("{one}{b}{two}{c}{three}END\n"), [None, Some(21.0), Some(22.0)]),
+        (format!("{a}{atom}{b}{atom}{c}{atom}END\n"), [Some(20.0), Some(21.0), Some(22.0)]),
+    ];
+    for (text, cells) in files {
+        let file = crate::testing::scratch(text.as_bytes());
+        for (frame, cell) in cells.into_iter().enumerate() {
+            for frame in [frame as i64, frame as i64 - 3] {
+                let snapshot = Choice { frame: Some(frame), ..Choice::default() }.open(&[file.path().into()]).unwrap();
+                let found = snapshot.description().meta.cell.and_then(|c| c.lengths()).map(|l| l[0]);
+                assert_eq!(found, cell, "frame {frame} of\n{text}");
+            }
+        }
+    }
+}
