@@ -214,19 +214,20 @@ impl<'a> HaloSearch<'a> {
         o: &'a HaloOptions,
     ) -> Result<Self> {
         let layers = particles.layers();
-        let stated = layers.iter().all(|l| l.mass.unit().is_some()) && particles.meta.weight_name.is_none();
+        let stated = layers.iter().all(|l| l.mass != Mass::Unknown) && particles.meta.weight_name.is_none();
         let alike = layers.iter().all(|l| l.mass == Mass::Unknown);
         if o.particle_mass.is_some() && !alike {
             return Err(Error::argument("a mass of the particles was given, but the file states masses"));
         }
         let masses = stated || o.particle_mass.is_some();
-        let (each, all) = match source {
-            HaloSource::Particles(p, _) => (p.meta.particle_mass, p.total_mass()),
-            // The masses of weight 1 are those of the layers.
-            HaloSource::Model(m) => (None, m.layers.iter().map(layer_mass).sum()),
+        let share = o.sample_fraction;
+        let unit = o.particle_mass.or(particles.meta.particle_mass).unwrap_or(1.0) / share;
+        let mass = match source {
+            HaloSource::Particles(p, _) => unit * p.total_mass(),
+            HaloSource::Model(m) => {
+                o.particle_mass.unwrap_or(1.0) / share * m.layers.iter().map(layer_mass).sum::<f64>()
+            }
         };
-        let unit = o.particle_mass.or(each).unwrap_or(1.0) / o.sample_fraction;
-        let mass = unit * all;
         let mean = (domain.periodic == [true; 3]).then(|| mass / domain.volume());
         let setting = HaloSetting::new(&source, o);
         let HaloSetting { epoch, cosmology, units } = &setting;
@@ -236,15 +237,7 @@ impl<'a> HaloSearch<'a> {
     }
 
     fn mass_of(&self, i: u32) -> f64 {
-        let i = i as usize;
-        let own = match self.source {
-            HaloSource::Particles(..) => 1.0,
-            HaloSource::Model(_) => {
-                let layer = self.particles.layers().iter().find(|l| l.content.contains(&i));
-                layer.map_or(1.0, |l| l.mass.unit_or_one())
-            }
-        };
-        self.unit * own * self.particles.weights().map_or(1.0, |w| f64::from(w[i]))
+        self.unit * self.particles.weights().map_or(1.0, |w| f64::from(w[i as usize]))
     }
 
     fn catalogue(&self, model: Option<&GaussianSpheres>, context: &Context<'_>) -> Result<HaloCatalogue> {

@@ -62,7 +62,7 @@ impl Options {
             LayerFields::from_columns(drawn.iter().filter(has).map(source_field).collect(), own)
         };
         let fields = plan.layers.iter().zip(values).map(of_layer).collect();
-        Ok((Particles::from_column_list(columns, origin, meta, layers), fields))
+        Ok((Particles::from_column_list(columns, origin, meta, layers).with_layer_masses()?, fields))
     }
 }
 
