@@ -520,6 +520,29 @@ mod tests {
     }
 
     #[test]
+    fn masses_of_their_own_are_known_without_a_unit_of_their_layer() {
+        let cloud = |n| [([5.0; 3], 0.05, n)];
+        let p = particles(&[
+            ("PartType1", 2.0, places(&cloud(3000), 3000, 1)),
+            ("PartType0", 0.5, places(&cloud(1000), 1000, 2)),
+        ]);
+        let of = |masses: [Mass; 2]| {
+            let layers = p.layers().iter().zip(masses).map(|(l, mass)| Layer { mass, ..l.clone() }).collect();
+            haloes(&p.clone().with_layers(layers), &HaloOptions::default())
+        };
+        let stated = of([Mass::Weights(Some(1.0)); 2]);
+        for masses in [[Mass::Weights(None); 2], [Mass::Each(2.0), Mass::Weights(None)]] {
+            let found = of(masses);
+            assert_eq!(found.column("mfof"), stated.column("mfof"));
+            assert!(!found.notes.iter().any(|n| n.contains("does not state masses")), "{:?}", found.notes);
+        }
+        let given = HaloOptions { particle_mass: Some(2.0), ..HaloOptions::default() };
+        assert!(find_haloes(HaloSource::Particles(&p, None), &given, &Context::SILENT).is_err());
+        let none = of([Mass::Unknown; 2]);
+        assert!(none.column("mfof").is_none() && none.notes.iter().any(|n| n.contains("does not state masses")));
+    }
+
+    #[test]
     fn clouds_that_a_bridge_links_are_two_haloes_and_satellites_have_a_parent() {
         let clouds = [([3.0; 3], 0.1, 4000), ([4.5, 3.0, 3.0], 0.08, 1500)];
         let mut all = places(&clouds, 2000, 3);

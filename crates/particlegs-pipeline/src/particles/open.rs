@@ -195,6 +195,7 @@ mod tests {
         };
         assert_eq!(&open([5.0, 0.5]).weights().unwrap()[..], &[5.0, 0.5, 0.5]);
         assert!(open([5.0, 0.5]).layers().iter().all(|l| !l.mass.is_weighted()));
-        assert!(open([2.0, 2.0]).weights().is_none());
+        let alike = open([2.0, 2.0]);
+        assert!(alike.weights().is_none() && alike.meta.particle_mass == Some(2.0));
     }
 }
