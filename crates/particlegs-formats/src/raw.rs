@@ -98,10 +98,13 @@ fn species(
 }
 
 /// Without weights and the masses of layers: all particles count alike.
-fn counted(particles: Particles) -> Particles {
+fn counted(mut particles: Particles) -> Particles {
     let unknown = |l: &Layer<_>| Layer { mass: model::Mass::Unknown, ..l.clone() };
     let layers: Vec<_> = particles.layers().iter().map(unknown).collect();
     let one_kind = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
+    if !one_kind {
+        particles.meta.particle_mass = None;
+    }
     particles.without_weights().with_layers(if one_kind { Vec::new() } else { layers })
 }
 

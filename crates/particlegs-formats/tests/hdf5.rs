@@ -5,8 +5,10 @@ mod support;
 use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Cosmology, Layer, Mass as LayerMass, Units};
-use particlegs_pipeline::particles::{Column, Particles, SelectedParticles, Selection, Storage, Tiling};
+use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Mass as LayerMass, Units};
+use particlegs_pipeline::particles::{
+    Column, LayerFields, Number, Particles, PhysicalUnit, SelectedParticles, Selection, SourceField, Storage, Tiling,
+};
 use particlegs_pipeline::space::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -309,6 +311,64 @@ fn what_is_written_is_read_back_bit_for_bit() {
         assert!(all.iter().enumerate().all(|(i, p)| *p == part.position(i)) && all.len() == part.len());
         assert_eq!(masses, part.weights().map(|w| &w[..]).unwrap_or(&[]));
     }
+}
+
+/// One truth in km/s, as sources state it: it goes out as Gadget has it, and is the same again.
+#[test]
+fn velocities_go_out_over_the_root_of_a_whatever_their_source_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.hdf5");
+    let field = |components: u32, name: &str, unit: Option<&str>, physical: Option<f64>| SourceField {
+        name: name.into(),
+        number: Number::F32,
+        components,
+        unit: unit.map(String::from),
+        attributes: vec![("a-scale exponent".into(), 0.0)],
+        physical: physical.map(|factor| PhysicalUnit { factor, note: String::new() }),
+    };
+    let three = |unit: &str| ["vx", "vy", "vz"].map(|n| field(1, n, Some(unit), None)).to_vec();
+    let sources = [
+        (vec![field(3, "velocity", Some("km/s"), None)], 1.0),
+        (vec![field(3, "Velocities", None, Some(50.0))], 50.0),
+        (vec![field(3, "Velocity", Some("words"), Some(0.25))], 0.25),
+        (three("comoving km/s"), 0.25),
+        (three("cm/s"), 1e-5),
+    ];
+    for (fields, factor) in sources {
+        for (scale_factor, root) in [(Some(0.25), 0.5), (None, 1.0)] {
+            // Comoving ones need the scale factor.
+            if scale_factor.is_none() && fields.len() == 3 && factor == 0.25 {
+                continue;
+            }
+            let mut particles = made(&[("dm", 2)]);
+            particles.meta.epoch =
+                Epoch { scale_factor, time: scale_factor.is_none().then_some(2.3), ..Epoch::default() };
+            particles.meta.units.comoving = scale_factor.map(|_| true);
+            let columns = [100.0, 20.0, -30.0].map(|v: f64| vec![v / factor, 2.0 * v / factor]).to_vec();
+            let own = LayerFields::from_columns(fields.clone(), columns);
+            let kept =
+                SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+            Writer::for_output(&path, None)
+                .unwrap()
+                .write(&kept.with_fields(vec![own]), &path, &Context::SILENT)
+                .unwrap();
+            let snapshot = opened(std::slice::from_ref(&path)).unwrap();
+            let found = vectors(&*snapshot, "Velocities")[1].map(|v| v * root);
+            let near = found.iter().zip([200.0, 40.0, -60.0]).all(|(v, w)| (v - w).abs() < 1e-4);
+            assert!(near, "{fields:?} {scale_factor:?} {found:?}");
+            let stated = snapshot.attributes(0, "Velocities");
+            let power = if scale_factor.is_some() { 0.5 } else { 0.0 };
+            assert_eq!(stated.iter().find(|a| a.0 == "a_scaling").unwrap().1, power);
+            assert!(stated.contains(&("to_cgs".into(), 1e5)) && stated.iter().all(|a| a.0 != "a-scale exponent"));
+        }
+    }
+    // Of a unit that is not known, they would be read as Gadget's.
+    let particles = made(&[("dm", 2)]);
+    let own = LayerFields::from_columns(vec![field(3, "vel", None, None)], vec![vec![1.0; 2]; 3]);
+    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    Writer::for_output(&path, None).unwrap().write(&kept.with_fields(vec![own]), &path, &Context::SILENT).unwrap();
+    let snapshot = opened(std::slice::from_ref(&path)).unwrap();
+    assert!(snapshot.description().species[0].fields.iter().all(|f| !f.name.to_lowercase().starts_with("vel")));
 }
 
 /// The file kept was read with h5py 3.16 and pynbody 2.8. `PARTICLEGS_KEEP=1` writes it anew, to be checked again.

@@ -91,8 +91,9 @@ impl SeriesClock {
             let (unit, length) = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
             let seconds = number(text.trim_end_matches(unit))? * length;
             if self == SeriesClock::ScaleFactor {
-                let what =
-                    format!("time {text}: the series does not state h, Omega_m and Omega_Lambda of a flat universe");
+                let what = format!(
+                    "time {text}: the series does not state h, Omega_m and Omega_Lambda, or its universe has no such moment"
+                );
                 return cosmology.scale_factor_at(seconds).ok_or_else(|| Error::argument(what));
             }
             let own = units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0);
@@ -131,6 +132,7 @@ fn rounded(value: f64) -> String {
 mod tests {
     use super::*;
     use crate::model::{Dimension, Unit};
+    use std::f64::consts::PI;
 
     #[test]
     fn moments_are_read_as_users_write_them() {
@@ -149,8 +151,30 @@ mod tests {
         // 2 / (3 sqrt(0.69)) asinh(sqrt(0.69 / 0.31)) / H0.
         let today = SeriesClock::ScaleFactor.moment("13.7375Gyr", &none, &flat).unwrap();
         assert!((today - 1.0).abs() < 1e-4, "{today}");
-        let open = Cosmology { omega_lambda: Some(0.5), ..flat };
-        assert!(SeriesClock::ScaleFactor.moment("13.7375Gyr", &none, &open).is_err());
+    }
+
+    #[test]
+    fn ages_are_those_of_universes_with_and_without_a_cosmological_constant() {
+        let of = |matter, lambda, ages: f64| {
+            let (omega_matter, omega_lambda) = (Some(matter), Some(lambda));
+            let c = Cosmology { hubble: Some(0.5), omega_matter, omega_lambda, omega_baryon: None };
+            c.scale_factor_at(ages / (0.5 * 3.240_779_289e-18))
+        };
+        let near = |found: Option<f64>, wanted: f64| assert!((found.unwrap() / wanted - 1.0).abs() < 1e-9, "{found:?}");
+        // Einstein and de Sitter's, at two thirds of the Hubble time and at an eighth of that.
+        near(of(1.0, 0.0, 2.0 / 3.0), 1.0);
+        near(of(1.0, 0.0, 1.0 / 12.0), 0.25);
+        // Open and closed ones of matter: a = 0.5 and 1, where cosh and cos of the development angle are 3 and 0.
+        near(of(0.5, 0.0, (8f64.sqrt() - 3f64.acosh()) * 0.5 / (2.0 * 0.5f64.powf(1.5))), 1.0);
+        near(of(2.0, 0.0, PI / 2.0 - 1.0), 1.0);
+        assert_eq!(
+            (of(2.0, 0.0, 4.0), of(0.0, 1.0, 1.0), of(0.3, 0.7, -1.0), of(1.0, 0.0, 0.0)),
+            (None, None, None, None)
+        );
+        near(of(0.0, 0.0, 0.7), 0.7);
+        // The flat one's closed form, from both sides of where it is used.
+        let flat = of(0.3, 0.7, 0.9).unwrap();
+        assert!((of(0.3, 0.6989, 0.9).unwrap() / flat - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -68,15 +68,45 @@ pub struct Cosmology {
 }
 
 impl Cosmology {
-    /// The scale factor of a flat universe of matter and a cosmological constant, `seconds` after the big bang. `None` where
-    /// parameters are missing, or the universe is not flat to a thousandth.
+    /// The scale factor of a universe of matter, a cosmological constant and curvature, `seconds` after the big bang. `None`
+    /// where parameters are missing, and where there is no such moment: no big bang, or a universe that shrinks again.
     pub fn scale_factor_at(&self, seconds: f64) -> Option<f64> {
         /// 100 km/s/Mpc, per second.
         const HUNDRED: f64 = 3.240_779_289e-18;
         let (hubble, matter, lambda) = (self.hubble?, self.omega_matter?, self.omega_lambda?);
-        let flat = matter > 0.0 && lambda > 0.0 && (matter + lambda - 1.0).abs() < 1e-3;
-        let grown = libm::sinh(1.5 * libm::sqrt(lambda) * HUNDRED * hubble * seconds);
-        (flat && grown > 0.0).then(|| libm::cbrt(matter / lambda * grown * grown))
+        let is_flat = matter > 0.0 && (matter + lambda - 1.0).abs() < 1e-3;
+        if is_flat && lambda > 0.0 {
+            let grown = libm::sinh(1.5 * libm::sqrt(lambda) * HUNDRED * hubble * seconds);
+            return (grown > 0.0).then(|| libm::cbrt(matter / lambda * grown * grown));
+        }
+        let elapsed = HUNDRED * hubble * seconds;
+        let has_begun = matter > 0.0 || matter == 0.0 && lambda < 1.0;
+        if !(has_begun && elapsed > 0.0) {
+            return None;
+        }
+        // Bisection for the root of a.
+        let [mut low, mut high] = [0.0, 1.0];
+        while self.age_at(high)? < elapsed {
+            (low, high) = (high, 2.0 * high);
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            *(if self.age_at(middle)? < elapsed { &mut low } else { &mut high }) = middle;
+        }
+        Some(high * high)
+    }
+
+    /// The age, over the Hubble time, at which the scale factor is `root` squared: the integral of
+    /// 2 s^2 / sqrt(Omega_m + Omega_k s^2 + Omega_Lambda s^6) ds, by Simpson's rule. `None` where that has no value.
+    fn age_at(&self, root: f64) -> Option<f64> {
+        const STEPS: u32 = 512;
+        let (matter, lambda) = (self.omega_matter?, self.omega_lambda?);
+        let curvature = 1.0 - matter - lambda;
+        let rate = |s: f64| 2.0 * s * s / libm::sqrt(matter + s * s * (curvature + lambda * libm::pow(s, 4.0)));
+        let step = root / f64::from(STEPS);
+        let weight = |i: u32| if i == STEPS { 1.0 } else { 2.0 + 2.0 * f64::from(i % 2) };
+        let sum: f64 = (1..=STEPS).map(|i| weight(i) * rate(step * f64::from(i))).sum();
+        (sum.is_finite() && root < 1e6).then_some(sum * step / 3.0)
     }
 }
 

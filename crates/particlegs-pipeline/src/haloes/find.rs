@@ -217,19 +217,20 @@ impl<'a> HaloSearch<'a> {
         o: &'a HaloOptions,
     ) -> Result<Self> {
         let layers = particles.layers();
-        let stated = layers.iter().all(|l| l.mass.unit().is_some()) && particles.meta.weight_name.is_none();
+        let stated = layers.iter().all(|l| l.mass != Mass::Unknown) && particles.meta.weight_name.is_none();
         let alike = layers.iter().all(|l| l.mass == Mass::Unknown);
         if o.particle_mass.is_some() && !alike {
             return Err(Error::argument("a mass of the particles was given, but the file states masses"));
         }
         let masses = stated || o.particle_mass.is_some();
-        let (each, all) = match source {
-            HaloSource::Particles(p, _) => (p.meta.particle_mass, p.total_mass()),
-            // The masses of weight 1 are those of the layers.
-            HaloSource::Model(m) => (None, m.layers.iter().map(layer_mass).sum()),
+        let share = o.sample_fraction;
+        let unit = o.particle_mass.or(particles.meta.particle_mass).unwrap_or(1.0) / share;
+        let mass = match source {
+            HaloSource::Particles(p, _) => unit * p.total_mass(),
+            HaloSource::Model(m) => {
+                o.particle_mass.unwrap_or(1.0) / share * m.layers.iter().map(layer_mass).sum::<f64>()
+            }
         };
-        let unit = o.particle_mass.or(each).unwrap_or(1.0) / o.sample_fraction;
-        let mass = unit * all;
         let mean = (domain.periodic == [true; 3]).then(|| mass / domain.volume());
         let setting = HaloSetting::new(&source, o);
         let HaloSetting { epoch, cosmology, units } = &setting;
@@ -239,15 +240,7 @@ impl<'a> HaloSearch<'a> {
     }
 
     fn mass_of(&self, i: u32) -> f64 {
-        let i = i as usize;
-        let own = match self.source {
-            HaloSource::Particles(..) => 1.0,
-            HaloSource::Model(_) => {
-                let layer = self.particles.layers().iter().find(|l| l.content.contains(&i));
-                layer.map_or(1.0, |l| l.mass.unit_or_one())
-            }
-        };
-        self.unit * own * self.particles.weights().map_or(1.0, |w| f64::from(w[i]))
+        self.unit * self.particles.weights().map_or(1.0, |w| f64::from(w[i as usize]))
     }
 
     fn catalogue(&self, model: Option<&GaussianSpheres>, context: &Context<'_>) -> Result<HaloCatalogue> {
@@ -527,6 +520,29 @@ mod tests {
             assert!((of("m200m") / of("n200m") / (1e10 * mass) - 1.0).abs() < 1e-3 && of("m200m_err") > 0.0);
             assert!((of("vmax") / haloes(1.0).column("vmax").unwrap()[0] / mass.sqrt() - 1.0).abs() < 0.05);
         }
+    }
+
+    #[test]
+    fn masses_of_their_own_are_known_without_a_unit_of_their_layer() {
+        let cloud = |n| [([5.0; 3], 0.05, n)];
+        let p = particles(&[
+            ("PartType1", 2.0, places(&cloud(3000), 3000, 1)),
+            ("PartType0", 0.5, places(&cloud(1000), 1000, 2)),
+        ]);
+        let of = |masses: [Mass; 2]| {
+            let layers = p.layers().iter().zip(masses).map(|(l, mass)| Layer { mass, ..l.clone() }).collect();
+            haloes(&p.clone().with_layers(layers), &HaloOptions::default())
+        };
+        let stated = of([Mass::Weights(Some(1.0)); 2]);
+        for masses in [[Mass::Weights(None); 2], [Mass::Each(2.0), Mass::Weights(None)]] {
+            let found = of(masses);
+            assert_eq!(found.column("mfof"), stated.column("mfof"));
+            assert!(!found.notes.iter().any(|n| n.contains("does not state masses")), "{:?}", found.notes);
+        }
+        let given = HaloOptions { particle_mass: Some(2.0), ..HaloOptions::default() };
+        assert!(find_haloes(HaloSource::Particles(&p, None), &given, &Context::SILENT).is_err());
+        let none = of([Mass::Unknown; 2]);
+        assert!(none.column("mfof").is_none() && none.notes.iter().any(|n| n.contains("does not state masses")));
     }
 
     #[test]

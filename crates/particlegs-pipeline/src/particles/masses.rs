@@ -1,8 +1,9 @@
 //! Masses of layers: one for all where all are the same, classes where they are few.
 
-use super::{Particles, Positions, Storage};
-use crate::model::Layer;
+use super::{Column, Particles, Positions, Storage};
+use crate::model::{Layer, Mass};
 use crate::{Error, Hint, Result};
+use particlegs_files::memory::require;
 
 /// Classes of mass at most; more are no classes.
 const MOST_CLASSES: usize = 64;
@@ -24,6 +25,37 @@ impl Particles {
             return self.without_weights();
         }
         self
+    }
+
+    /// With the masses that the layers state as those of all particles together, as formats give them: one mass of a
+    /// particle, or weights where masses differ. A weight in a layer that has none of its own is not its mass.
+    pub(crate) fn with_layer_masses(mut self) -> Result<Particles> {
+        let first = self.layers[0].mass;
+        if self.layers.iter().all(|l| l.mass == first) && first.is_weighted() == self.weights().is_some() {
+            self.meta.particle_mass = first.unit().or(self.meta.particle_mass);
+            return Ok(self);
+        }
+        if self.weights().is_none() && self.layers.iter().any(|l| l.mass.unit().is_none()) {
+            return Ok(self);
+        }
+        require("the particles' masses", 4 * self.len() as u64)?;
+        let mut masses = vec![1.0f32; self.len()];
+        if let Some(weights) = self.weights() {
+            masses.copy_from_slice(weights);
+        }
+        for layer in &mut self.layers {
+            let own = &mut masses[layer.content.clone()];
+            match layer.mass {
+                Mass::Weights(Some(unit)) => own.iter_mut().for_each(|w| *w = (f64::from(*w) * unit) as f32),
+                Mass::Each(mass) => own.fill(mass as f32),
+                _ => {}
+            }
+            if layer.mass.is_weighted() {
+                layer.mass = Mass::Weights(None);
+            }
+        }
+        self.meta.particle_mass = None;
+        Ok(self.with_weights(Column::owned(masses)))
     }
 
     /// The particles of every layer sorted into one layer for each mass, the lightest first, in columns of
@@ -83,9 +115,7 @@ pub(crate) fn mass_classes(weights: &[f32]) -> Option<Vec<f32>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Column;
     use super::*;
-    use crate::model::Mass;
 
     fn weighted(weights: Vec<f32>) -> Particles {
         let x: Vec<f32> = (0..weights.len()).map(|i| i as f32).collect();
@@ -98,6 +128,27 @@ mod tests {
         assert!(p.weights().is_none());
         assert_eq!(p.meta.particle_mass, Some(2.5));
         assert!(weighted(vec![2.5, 1.0]).settle_masses().weights().is_some());
+    }
+
+    #[test]
+    fn masses_that_layers_state_are_those_of_all_particles() {
+        let layered = |masses: [Mass; 2], weights: Option<[f32; 4]>| {
+            let x = || vec![0.0f32; 4];
+            let p = Particles::from_columns(x(), x(), x());
+            let p = weights.map_or(p.clone(), |w| p.with_weights(Column::owned(w.to_vec())));
+            let layer = |i: usize| Layer { name: format!("{i}"), mass: masses[i], content: 2 * i..2 * i + 2 };
+            let p = p.with_layers(vec![layer(0), layer(1)]).with_layer_masses().unwrap();
+            let unit = p.meta.particle_mass.unwrap_or(1.0);
+            (0..4).map(|i| unit * p.weights().map_or(1.0, |w| f64::from(w[i]))).collect::<Vec<_>>()
+        };
+        let (ten, two) = (Mass::Each(10.0), Mass::Each(2.0));
+        assert_eq!(layered([ten, ten], None), [10.0; 4]);
+        assert_eq!(layered([ten, two], None), [10.0, 10.0, 2.0, 2.0]);
+        let own = Some([1.0, 1.0, 3.0, 4.0]);
+        assert_eq!(layered([ten, Mass::Weights(None)], own), [10.0, 10.0, 3.0, 4.0]);
+        assert_eq!(layered([ten, Mass::Weights(Some(2.0))], own), [10.0, 10.0, 6.0, 8.0]);
+        assert_eq!(layered([Mass::Weights(Some(2.0)); 2], own), [2.0, 2.0, 6.0, 8.0]);
+        assert_eq!(layered([ten, Mass::Unknown], None), [1.0; 4]);
     }
 
     #[test]

@@ -4,7 +4,6 @@ use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, Particles, Storage, sidecar, sidecar::Sidecar};
 use crate::{Error, Hint, Result};
 use particlegs_files::input::map_file;
-use particlegs_files::memory::require;
 use std::path::{Path, PathBuf};
 
 impl Particles {
@@ -45,7 +44,7 @@ fn open_folder(folder: &Path) -> Result<Particles> {
     } else {
         open_columns(&files)?
     };
-    particles.meta = sidecar::read(folder, &folder.join("meta.json"))?.meta;
+    particles.meta.name = sidecar::read(folder, &folder.join("meta.json"))?.meta.name;
     Ok(particles)
 }
 
@@ -67,21 +66,7 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
         let what = format!("the particles of its `layers` do not add up to the {} in the columns", columns[0].len());
         return Err(Error::input(&sidecar, what));
     }
-    with_layer_masses(Particles::from_column_list(columns, origin, meta, layers))
-}
-
-/// With the masses of the layers as weights, where these differ and the files have none: all particles together are weighed
-/// by them, as those of other formats are.
-fn with_layer_masses(particles: Particles) -> Result<Particles> {
-    let layers = particles.layers();
-    let Some(masses) = layers.iter().map(|l| l.mass.unit()).collect::<Option<Vec<f64>>>() else { return Ok(particles) };
-    if particles.weights().is_some() || masses.iter().all(|m| *m == masses[0]) {
-        return Ok(particles);
-    }
-    require("the particles' masses", 4 * particles.len() as u64)?;
-    let mut weights = Vec::with_capacity(particles.len());
-    layers.iter().zip(masses).for_each(|(l, mass)| weights.extend(std::iter::repeat_n(mass as f32, l.content.len())));
-    Ok(particles.with_weights(Column::owned(weights)))
+    Particles::from_column_list(columns, origin, meta, layers).with_layer_masses()
 }
 
 /// Maps a raw little-endian float32 file.
@@ -234,6 +219,7 @@ mod tests {
         };
         assert_eq!(&open([5.0, 0.5]).weights().unwrap()[..], &[5.0, 0.5, 0.5]);
         assert!(open([5.0, 0.5]).layers().iter().all(|l| !l.mass.is_weighted()));
-        assert!(open([2.0, 2.0]).weights().is_none());
+        let alike = open([2.0, 2.0]);
+        assert!(alike.weights().is_none() && alike.meta.particle_mass == Some(2.0));
     }
 }

@@ -64,7 +64,7 @@ impl Options {
             LayerFields::from_columns(fields.collect(), own)
         };
         let fields = plan.layers.iter().zip(values).map(of_layer).collect();
-        Ok((Particles::from_column_list(columns, origin, meta, layers), fields))
+        Ok((Particles::from_column_list(columns, origin, meta, layers).with_layer_masses()?, fields))
     }
 }
 
