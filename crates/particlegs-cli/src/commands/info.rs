@@ -41,7 +41,9 @@ pub fn run(a: Arguments) -> Result<()> {
             let print = if a.csv { info_series::print_table } else { info_series::print };
             print(&context, one, &inputs::model_or_series(one, &context)?)
         }
-        [one] if inputs::is_series(one) => info_series::print_frame(&context, one, &FrameArgs::numbered(a.snapshot.frame)),
+        [one] if inputs::is_series(one) => {
+            info_series::print_frame(&context, one, &FrameArgs::numbered(a.snapshot.frame))
+        }
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             PathContent::Model(bytes) => info_model::print(&context, one, &bytes),
             PathContent::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),

@@ -8,7 +8,9 @@ use super::file::{BlockPart, FileParts, StoredSection, parts};
 use super::info::FileInfo;
 use super::shared_species::separated;
 use crate::context::Context;
-use crate::model::{Block, Columns, FieldMoments, LawKind, Metadata, Mixture, Model, Quantity, QuantityKind, SharedSpecies};
+use crate::model::{
+    Block, Columns, FieldMoments, LawKind, Metadata, Mixture, Model, Quantity, QuantityKind, SharedSpecies,
+};
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -129,7 +129,9 @@ impl FileInfo {
         let Precision { position, size, shape, count, .. } = Precision::BALANCED.scaled(EXTRACTED);
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b;
         let own = |p: &Precision| {
-            [(p.position, position), (p.size, size), (p.shape, shape), (p.count, count)].iter().all(|(a, b)| near(*a, *b))
+            [(p.position, position), (p.size, size), (p.shape, shape), (p.count, count)]
+                .iter()
+                .all(|(a, b)| near(*a, *b))
         };
         self.layers.iter().flat_map(|l| &l.content).all(|b| own(&b.precision))
     }

@@ -330,12 +330,15 @@ impl<'a> SeriesFile<'a> {
             let stated = SeriesClock::of(metadata);
             if before.is_none() && stated != self.clock {
                 let [index, stated] = [self.clock, stated].map(SeriesClock::name);
-                return Err(wrong(format!("the clock of the index is the {index}, but that of the frame is the {stated}")));
+                return Err(wrong(format!(
+                    "the clock of the index is the {index}, but that of the frame is the {stated}"
+                )));
             }
             let time = self.clock.time(number, metadata);
             if time != Some(entry.time) {
                 let stated = time.map_or("none".into(), |t| t.to_string());
-                let what = format!("its {} is {} in the index and {stated} in the frame", self.clock.name(), entry.time);
+                let what =
+                    format!("its {} is {} in the index and {stated} in the frame", self.clock.name(), entry.time);
                 return Err(wrong(what));
             }
             if let Some(before) = &before {

@@ -6,8 +6,7 @@ use crate::codec::FieldPrecision;
 use crate::compress::FieldSelection;
 use crate::context::Context;
 use crate::model::{
-    Block, FieldAgreement, FieldAgreements, FieldMoments, Layer, Metadata, Mixture, Quantity, QuantityKind,
-    RecipeStep,
+    Block, FieldAgreement, FieldAgreements, FieldMoments, Layer, Metadata, Mixture, Quantity, QuantityKind, RecipeStep,
 };
 use particlegs_core::math::each_axis;
 
@@ -90,7 +89,9 @@ impl FieldComparison {
             // A merge may have left out fields that others correlate with.
             let merged = model.metadata.recipe.steps.contains(&RecipeStep::Merge);
             let pairs = (0..listed.len()).flat_map(|b| (0..b).map(move |a| [&listed[a].name[..], &listed[b].name[..]]));
-            figures.extend(pairs.filter_map(|pair| of_correlation(pair, &of, &layer.content, &anew.content, (nearness, merged))));
+            figures.extend(
+                pairs.filter_map(|pair| of_correlation(pair, &of, &layer.content, &anew.content, (nearness, merged))),
+            );
         }
         let gathered = fields.agreement(model, seed, context)?;
         let own = fields.agreement_of_model(model, seed, context)?;
@@ -130,10 +131,8 @@ fn of_field(q: &Quantity, of: &str, stored: &[Block], anew: &[Block], nearness: 
         let [own, anew] = have.map(|n| n.to_string());
         return vec![figure(name, own, anew, "same".into(), true)];
     }
-    let pairs: Vec<[FieldOfBlock<'_>; 2]> = pairs
-        .into_iter()
-        .filter_map(|[a, b]| Some([FieldOfBlock::new(a, q)?, FieldOfBlock::new(b, q)?]))
-        .collect();
+    let pairs: Vec<[FieldOfBlock<'_>; 2]> =
+        pairs.into_iter().filter_map(|[a, b]| Some([FieldOfBlock::new(a, q)?, FieldOfBlock::new(b, q)?])).collect();
     let mut figures = Vec::new();
     for (c, component) in q.component_names().into_iter().enumerate() {
         let total = |side: usize, of: &dyn Fn(f64) -> f64| pairs.iter().map(|p| p[side].sum(c, of)).sum::<f64>();
@@ -173,7 +172,8 @@ fn of_field(q: &Quantity, of: &str, stored: &[Block], anew: &[Block], nearness: 
         nearness => {
             let steps = differing_steps(&pairs);
             let same = nearness == Nearness::Same;
-            let differs = if same { pairs.iter().any(|[a, b]| !a.has_moments_of(b)) } else { steps.is_nan() || steps > STEPS };
+            let differs =
+                if same { pairs.iter().any(|[a, b]| !a.has_moments_of(b)) } else { steps.is_nan() || steps > STEPS };
             let tolerance = if same { "same".into() } else { STEPS.to_string() };
             let name = format!("{}{of}: moments, steps off", q.name);
             figure(name, format!("{steps:.3}"), "0".into(), tolerance, differs)

@@ -1,8 +1,6 @@
 //! Compares two certificates of one model, and finds contradictions in one certificate.
 
-use crate::model::{
-    Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance,
-};
+use crate::model::{Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance};
 use serde::Serialize;
 
 /// A number that a file states, and what was measured.
