@@ -76,9 +76,8 @@ fn every_frame_of_a_series_is_intact() {
 #[test]
 fn a_broken_frame_and_an_index_that_contradicts_its_frames_are_named() {
     let dir = TestFolder::new();
-    let file = series(&dir, "run.pgs", "");
-    std::fs::rename(dir.at("run.pgs"), dir.at("first.pgs")).unwrap();
-    let other = series(&dir, "other.pgs", "--seed 5");
+    let file = series(&dir, "run.pgs", "--certificate none");
+    let other = series(&dir, "other.pgs", "--certificate none --seed 5");
     let (clock, recipe, frames) = frames_of(&file);
     let of =
         |clock, recipe: &str, frames: &[Option<CodedFrame>]| codec::assemble_series(clock, recipe, frames).unwrap();
@@ -110,7 +109,7 @@ fn a_broken_frame_and_an_index_that_contradicts_its_frames_are_named() {
         ("another last time", altered(&|all| all[3].as_mut().unwrap().time += 0.01), "frame 3 of 4"),
         ("another clock", file_of(&file, &of_number), "the clock of the index is the frame"),
         ("no recipe", file_of(&file, &no_json), "the recipe of the series"),
-        ("another recipe", of(clock, &recipe.replace("\"seed\":0", "\"seed\":7"), &frames), "but the series says"),
+        ("another recipe", of(clock, &recipe.replace("\"seed\":42", "\"seed\":7"), &frames), "but the series says"),
         ("fewer keyframes", of(clock, &recipe.replace("interval\":2", "interval\":1"), &frames), "one every 1"),
         (
             "exchanged groups",
@@ -215,7 +214,7 @@ fn forged_fields_are_told() {
     let cases = cases.into_iter().chain(exchanged.ok().map(|file| ("blocks exchanged", file)));
     for (name, bytes) in cases {
         dir.write("f.pgs", bytes);
-        for full in ["", "--full"] {
+        for full in if name.ends_with("times 10") { &["", "--full"][..] } else { &[""] } {
             let out = dir.command(&format!("verify f.pgs snap -q {full}")).output().unwrap();
             let code = out.status.code();
             assert!(

@@ -176,7 +176,7 @@ fn of_field(q: &Quantity, of: &str, stored: &[Block], anew: &[Block], nearness: 
                 if same { pairs.iter().any(|[a, b]| !a.has_moments_of(b)) } else { steps.is_nan() || steps > STEPS };
             let tolerance = if same { "same".into() } else { STEPS.to_string() };
             let name = format!("{}{of}: moments, steps off", q.name);
-            figure(name, format!("{steps:.3}"), "0".into(), tolerance, differs)
+            figure(name, format!("{steps:.1e}"), "0".into(), tolerance, differs)
         }
     });
     figures
@@ -214,7 +214,7 @@ fn of_correlation(
     let (steps, same) = ((square / n.max(1.0)).sqrt(), nearness == Nearness::Same && !merged);
     let differs = if same { own != anew } else { steps.is_nan() || steps > STEPS };
     let tolerance = if same { "same".into() } else { STEPS.to_string() };
-    Some(figure(format!("{name}, steps off"), format!("{steps:.3}"), "0".into(), tolerance, differs))
+    Some(figure(format!("{name}, steps off"), format!("{steps:.1e}"), "0".into(), tolerance, differs))
 }
 
 /// A field of a block's Gaussians.
