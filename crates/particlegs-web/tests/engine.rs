@@ -292,7 +292,7 @@ fn its_maps_of_a_field_are_the_renderers_and_name_layers_without_it() {
     let values = |answer: &EngineResponse| -> Vec<f32> {
         answer.numbers.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect()
     };
-    let same = |a: &f32, b: &f32| a.to_bits() == b.to_bits();
+    let same = |a: &f32, b: &f64| a.to_bits() == (*b as f32).to_bits();
     assert!(values(&ask(&mut engine, &asked)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
     // A box around all changes nothing; layers without the field are the background.
     scene["clip"] = json!({ "min": [-1e9, -1e9, -1e9], "max": [1e9, 1e9, 1e9] });
