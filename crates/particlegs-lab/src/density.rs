@@ -73,7 +73,7 @@ fn statistics(lab: &Lab<'_>, truth: &Particles, other: &Particles) -> Result<Sta
     let cells = (truth.len() as f64 / A_CELL).cbrt().round().max(2.0) as usize;
     let options = StatsOptions {
         measures: vec![Measure::Density, Measure::Spectrum, Measure::Groups],
-        cells,
+        cells: Some(cells),
         spectrum_cells: if lab.settings.quick { 64 } else { 256 },
         seed: lab.settings.seed,
         ..StatsOptions::default()

@@ -30,7 +30,7 @@ impl MeasurementScope {
         let a_side = (particles as f64).cbrt();
         let (pair_budget, neighbour_sample) = if quick { (20_000_000, 50_000) } else { (100_000_000, 200_000) };
         let common = StatsOptions {
-            cells: cells(particles),
+            cells: Some(cells(particles)),
             // Twice as many cells as particles along an edge: the particles' Nyquist frequency is half the grid's.
             spectrum_cells: ((2.0 * a_side).round() as usize).clamp(16, 512),
             pair_budget,
@@ -135,7 +135,7 @@ mod tests {
     fn cells_hold_as_many_particles_as_in_the_paper() {
         assert_eq!((cells(128 * 128 * 128), cells(64 * 64 * 64), cells(281_000_000), cells(10)), (50, 25, 256, 4));
         let o = MeasurementScope::All.options(64 * 64 * 64, true);
-        assert_eq!((o.spectrum_cells, o.cells), (128, 25));
+        assert_eq!((o.spectrum_cells, o.cells), (128, Some(25)));
         assert_eq!(MeasurementScope::Paper.options(1000, false).convention, Convention::Paper);
     }
 }
