@@ -107,7 +107,7 @@ fn others(column: &Column, signed: bool) -> Vec<(&'static str, &'static str, Vec
     let legacy = if signed { "vtktypeint64" } else { "vtktypeuint64" };
     let big = |rows: &dyn Fn(usize) -> Vec<u64>| (0..3).flat_map(rows).flat_map(u64::to_be_bytes).collect::<Vec<u8>>();
     let binary = [
-        format!("# vtk DataFile Version 4.2\nx\nBINARY\nDATASET POLYDATA\nPOINTS 3 double\n").into_bytes(),
+        b"# vtk DataFile Version 4.2\nx\nBINARY\nDATASET POLYDATA\nPOINTS 3 double\n".to_vec(),
         big(&|i| POSITIONS[i].map(f64::to_bits).to_vec()),
         format!("\nPOINT_DATA 3\nSCALARS s {legacy} 1\nLOOKUP_TABLE default\n").into_bytes(),
         big(&|i| vec![column.bits(i)]),

@@ -105,8 +105,7 @@ fn the_ratio_is_one_number_everywhere() {
     let (ratio, bytes) = (info["compression_ratio"].as_f64().unwrap(), dir.bytes("m.pgs").len() as f64);
     assert_eq!(info["raw_bytes"].as_f64().unwrap() / bytes, ratio);
     assert!(text.contains(&format!("ratio {ratio:.1} with fields (19.")), "{text}");
-    let again =
-        dir.says(&format!("compress in -o m.pgs --ratio 20 --fields velocity --effort fast --certificate none"));
+    let again = dir.says("compress in -o m.pgs --ratio 20 --fields velocity --effort fast --certificate none");
     assert_eq!((&again["there_already"], &again["compression_ratio"]), (&true.into(), &info["compression_ratio"]));
     let scored = dir.says("eval m.pgs in --frames 1 --size 64x36");
     assert_eq!(scored["compression_ratio"], info["compression_ratio"]);
@@ -616,7 +615,7 @@ fn with_columns(dir: &TestFolder, columns: &[(&str, &dyn Fn(usize) -> f64)]) {
     for (axis, name) in ["xx", "yy", "zz"].iter().enumerate() {
         let place = |i: u64| {
             let mut r = Random::new(5, axis as u32, i);
-            (if i % 2 == 0 { 2.0 } else { 8.0 }) + 0.3 * r.normal()
+            (if i.is_multiple_of(2) { 2.0 } else { 8.0 }) + 0.3 * r.normal()
         };
         write(&folder, name, &(0..300).map(|i| place(i) as f32).collect::<Vec<_>>());
     }
@@ -634,9 +633,9 @@ fn read_double(path: &Path) -> Vec<f64> {
 #[test]
 fn numbers_of_cgs_are_float64_in_maps_and_recovered_particles() {
     let dir = TestFolder::new();
-    let luminous = |i: usize| if i % 2 == 0 { 1e45 } else { 3e45 };
-    let wide = |i: usize| if i % 2 == 0 { 1e40 } else { 1e46 };
-    let deep = |i: usize| -1e8 + if i % 2 == 0 { -1.0 } else { 1.0 };
+    let luminous = |i: usize| if i.is_multiple_of(2) { 1e45 } else { 3e45 };
+    let wide = |i: usize| if i.is_multiple_of(2) { 1e40 } else { 1e46 };
+    let deep = |i: usize| -1e8 + if i.is_multiple_of(2) { -1.0 } else { 1.0 };
     with_columns(&dir, &[("luminous", &luminous), ("wide", &wide), ("deep", &deep)]);
     dir.runs("compress snap -o m.pgs --gaussians 20 --fields all --certificate none");
     dir.runs("recover m.pgs -o drawn");
