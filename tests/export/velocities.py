@@ -186,13 +186,15 @@ def main(program, folder):
             raise RuntimeError(done.stderr.strip().splitlines()[-1])
         return done.stdout + done.stderr
 
-    columns = ["compress", "recover to HDF5", "haloes", "stats", "convert", "again", "pynbody", "yt"]
+    columns = ["compress", "recover to HDF5", "haloes", "convert", "stats", "again", "pynbody", "yt"]
     worst, rows, faults = 0.0, 0, []
     print(f"{'':22}" + "".join(f"{c:>16}" for c in columns))
     for a in (0.25, 0.5):
-        reference = None
         for name, path, truth in kinds(folder, a):
             at, out, again = folder / "m.pgs", folder / "out.hdf5", folder / "again.hdf5"
+
+            # yt takes a run without a cosmological constant for an isolated one.
+            readers = [dataset, by_pynbody, by_yt][: 2 if name == "gadget2-de-sitter" else 3]
 
             def compress():
                 run("compress", path, "-o", at, "--fields", "velocity", "--gaussians", 1, "--certificate", "none", "--force")
@@ -210,11 +212,14 @@ def main(program, folder):
             def recover_file():
                 run("recover", at, "-o", out, "--force")
                 drawn = np.stack([np.fromfile(folder / f"drawn/velocity_{k}.f32", "f4") for k in "xyz"], axis=1)
-                return max(error(read(out), drawn) for read in (dataset, by_pynbody, by_yt))
+                return max(error(read(out), drawn) for read in readers)
 
             def haloes():
-                run("haloes", path, "-o", folder / "h.csv", "--force", "--length-unit", "Mpc/h", "--mass-unit",
-                    "1e10 Msun/h", "--cosmology", "h=0.7,Om=0.3,OL=0.7", *(["--redshift", 0]))
+                # Files without a unit, and isolated ones.
+                units = ["--length-unit", "Mpc/h", "--mass-unit", "1e10 Msun/h"]
+                moment = ["--cosmology", "h=0.7,Om=0.3,OL=0.7", "--redshift", 0]
+                stated = [] if name.startswith(("opencosmo", "abacus")) else units + moment
+                run("haloes", path, "-o", folder / "h.csv", "--force", *stated)
                 lines = (folder / "h.csv").read_text().splitlines()
                 table = [line.split(",") for line in lines if not line.startswith("#")]
                 found = dict(zip(*table[:2]))
@@ -224,7 +229,7 @@ def main(program, folder):
                 return error([float(found[k]) for k in ("vx", "vy", "vz", "vrms")], np.append(mean, spread))
 
             def stats():
-                run("stats", reference, path, "-o", folder / "s", "--only", "dispersion", "--linking", 0.2)
+                run("stats", out, path, "-o", folder / "s", "--only", "dispersion")
                 told = json.loads((folder / "s/stats.json").read_text())
                 assert told["velocity_unit"] == "km/s", told["velocity_unit"]
                 return abs(told["dispersion"]["median"] - 1.0)
@@ -237,9 +242,10 @@ def main(program, folder):
                 run("convert", out, "-o", again, "--force")
                 return error(dataset(again), truth)
 
-            steps = [compress, recover_file, haloes, stats, convert, convert_again,
-                     lambda: error(by_pynbody(out), truth), lambda: error(by_yt(out), truth)]
-            reference = reference or path
+            steps = [compress, recover_file, haloes, convert, stats, convert_again,
+                     lambda: error(by_pynbody(out), truth)]
+            if by_yt in readers:
+                steps.append(lambda: error(by_yt(out), truth))
             row = ""
             for step in steps:
                 try:
