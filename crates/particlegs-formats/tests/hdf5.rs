@@ -589,7 +589,8 @@ fn frames_of_h5md_have_no_values_of_other_steps() {
         let snapshot = choice.open(std::slice::from_ref(&path)).unwrap();
         let d = snapshot.description();
         let names: Vec<&str> = d.species[0].fields.iter().map(|f| &f.name[..]).collect();
-        let (_, fields) = choice.clone().read_fields(std::slice::from_ref(&path), &Storage::Memory, &Context::SILENT).unwrap();
+        let (_, fields) =
+            choice.clone().read_fields(std::slice::from_ref(&path), &Storage::Memory, &Context::SILENT).unwrap();
         let own = 100.0 + 10.0 * frame as f64;
         match frame % 2 {
             0 => {

@@ -36,7 +36,7 @@ pub fn measured_bytes(bytes: &[u8], model: &Model, place: &str) -> Result<u64> {
     for block in layers.iter_mut().flat_map(|l| &mut l.content) {
         block.sections.retain(|s| ![codec::FIELD, codec::CORRELATION].contains(&s.tag));
     }
-    let metadata = Metadata { fields: Vec::new(), ..codec::read_metadata(bytes, place)? };
+    let metadata = Metadata { fields: Vec::new(), fields_hash: None, ..codec::read_metadata(bytes, place)? };
     let network = model.vizmapper().map(|network| &**network);
     Ok(codec::assemble_with(&metadata, network, None, layers)?.len() as u64)
 }

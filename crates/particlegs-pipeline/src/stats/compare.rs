@@ -44,7 +44,7 @@ const RDF_SPACINGS: f64 = 4.0;
 const HALO_SPACINGS: f64 = 2.0;
 
 /// Cells along each edge for densities of the published table.
-const PAPER_CELLS: usize = 256;
+pub(crate) const PAPER_CELLS: usize = 256;
 
 /// Largest over smallest separation: float32 positions tell no more apart.
 const WIDEST_SEPARATIONS: f64 = 1e9;

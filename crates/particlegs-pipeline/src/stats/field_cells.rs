@@ -248,7 +248,7 @@ mod tests {
         let mut all = [[[0.0; 2]; 3]; 2];
         for k in 0..3 {
             for (i, &mass) in density.mass.iter().enumerate().filter(|(i, _)| found.mean[k][*i].is_finite()) {
-                let [mass, mean, off] = [mass, found.mean[k][i], found.dispersion[k][i]].map(f64::from);
+                let [mass, mean, off] = [f64::from(mass), found.mean[k][i], found.dispersion[k][i]];
                 all[0][k][0] += mass * mean;
                 all[0][k][1] += mass * (mean * mean + off * off);
             }
@@ -336,7 +336,7 @@ mod tests {
             let weights = images.map(|x| (-0.5 * x * x / 9.0).exp());
             let sum: f64 = images.iter().zip(weights).map(|(x, w)| 10.0 * x * w).sum();
             let mean = sum / weights.iter().sum::<f64>();
-            let own = f64::from(found.mean[0][grid.index([i as usize, 10, 10])]);
+            let own = found.mean[0][grid.index([i as usize, 10, 10])];
             assert!((own - mean).abs() < 0.3, "{i}: {own} {mean}");
         }
     }

@@ -55,6 +55,8 @@ pub use crate::particles::domain::Domain;
 pub(crate) use crate::particles::domain::Tilt;
 pub use aperture::ApertureMass;
 pub(crate) use aperture::{group_center, group_offsets, mean_place, quantile, shrunk_center};
+#[cfg(test)]
+pub(crate) use compare::PAPER_CELLS;
 pub use compare::compare;
 pub use density::{DensityComparison, DensityPdf};
 pub use deposit::{Field, deposit};
