@@ -81,7 +81,7 @@ impl Cosmology {
         }
         let elapsed = HUNDRED * hubble * seconds;
         let has_begun = matter > 0.0 || matter == 0.0 && lambda < 1.0;
-        if !(has_begun && elapsed > 0.0) {
+        if !has_begun || elapsed.is_nan() || elapsed <= 0.0 {
             return None;
         }
         // Bisection for the root of a.

@@ -264,7 +264,8 @@ mod tests {
         );
         let weights = p.weights().unwrap();
         assert!(weights[100_007..100_307].iter().all(|&w| w == 0.1) && weights[100_307..].iter().all(|&w| w == 0.02));
-        assert_eq!(weights[0], 1.0);
+        // Beside weights, a layer's particles weigh their mass.
+        assert_eq!(weights[0], 2.0);
         // A layer alone has the same particles.
         let alone = drawn(two().only(&["gas".into()]).unwrap(), &options(Method::Count)).unwrap();
         assert!((0..350).all(|i| alone.position(i) == p.position(100_007 + i)));
