@@ -2,7 +2,8 @@
 
     velocities.py PARTICLEGS [FOLDER]
 
-Needs h5py, asdf, pynbody and yt. Prints a table of relative errors; exits with 1 where one is above 1e-5."""
+Needs h5py, asdf, pynbody and yt. Prints a table of relative errors; exits with 1 where one is
+above 1e-5, or above 0.05 for the spread of particles drawn from a model (`compress`)."""
 
 import json
 import struct
@@ -16,6 +17,8 @@ import numpy as np
 
 N, BOX, H, MPC = 400, 20.0, 0.7, 3.085678e24
 TOLERANCE = 1e-5
+# The spread of particles that are drawn from a model: they show a wrong unit, and no more.
+DRAWN = 0.05
 SWIFT_CGS = "Conversion factor to CGS (not including cosmological corrections)"
 random = np.random.default_rng(7)
 HALO = 300
@@ -206,8 +209,7 @@ def main(program, folder):
                 assert set(units.values()) == {"km/s"}, units
                 drawn = np.stack([np.fromfile(folder / f"drawn/velocity_{k}.f32", "f4") for k in "xyz"], axis=1)
                 spread = lambda v: float(np.sqrt(v.var(axis=0).sum()))
-                # Drawn at random: a wrong unit shows, rounding does not.
-                return error(spread(drawn) * np.ones(1), spread(truth) * np.ones(1)) * 1e-4
+                return abs(spread(drawn) / spread(truth) - 1)
 
             def recover_file():
                 run("recover", at, "-o", out, "--force")
@@ -250,7 +252,8 @@ def main(program, folder):
             for step in steps:
                 try:
                     value = step()
-                    worst = max(worst, value if np.isfinite(value) else 1.0)
+                    within = value <= (DRAWN if step is compress else TOLERANCE)
+                    worst = max(worst, value if within and step is not compress else 0.0 if within else 1.0)
                     row += f"{value:16.1e}"
                 except Exception as fault:
                     worst = 1.0
