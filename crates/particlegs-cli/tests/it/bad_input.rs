@@ -63,7 +63,7 @@ fn sizes_below_the_smallest_name_it() {
 fn outputs_that_cannot_be_written() {
     let dir = TestFolder::new();
     dir.fails("compress SAMPLE -o no/such/folder/m.pgs", 6, "no/such/folder");
-    dir.fails("compress SAMPLE -o .", 6, "folder");
+    dir.fails("compress SAMPLE -o .", 8, "is a folder, but a file must be written");
 }
 
 /// A limit on file sizes acts like a full disk, and needs no root: 16 kB of a 52 kB model fit.
