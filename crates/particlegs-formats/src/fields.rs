@@ -156,7 +156,8 @@ impl OutField {
 /// What a format calls fields that all snapshots have: its name, numbers a particle, and those of others.
 pub(crate) type StandardField = (&'static str, usize, &'static [&'static str]);
 
-const VELOCITIES: [[&str; 3]; 2] = [["vx", "vy", "vz"], ["vel_x", "vel_y", "vel_z"]];
+const VELOCITIES: [[&str; 3]; 3] =
+    [["vx", "vy", "vz"], ["vel_x", "vel_y", "vel_z"], ["velocity_x", "velocity_y", "velocity_z"]];
 
 /// A layer's fields in a file: by the standard's names, else their own; those whose names are taken are left out.
 pub(crate) fn outputs(fields: &[SourceField], standard: &[StandardField], reserved: &[&str]) -> Vec<OutField> {
@@ -195,7 +196,8 @@ fn join(all: &mut Vec<OutField>, name: &str) {
     for names in VELOCITIES {
         let three: Vec<usize> = names.iter().filter_map(|n| all.iter().position(|f| f.name == *n)).collect();
         let [x, y, z] = three[..] else { continue };
-        if all[x].number != all[y].number || all[x].number != all[z].number {
+        let kind = |i: usize| (all[i].number, &all[i].unit, &all[i].physical);
+        if kind(x) != kind(y) || kind(x) != kind(z) {
             continue;
         }
         let columns = three.iter().flat_map(|&i| all[i].columns.clone()).collect();

@@ -140,18 +140,21 @@ impl GsdFile {
     /// Fields of particles that other frames have, and frame `chosen`, which has `fields`, has not.
     fn absent(&self, chosen: u64, fields: &[AtomField]) -> Vec<AbsentField> {
         let absent = |(number, name): (usize, &String)| {
-            let name = name.strip_prefix("particles/").filter(|name| !["N", "types", "position"].contains(name))?;
+            let name = name.strip_prefix("particles/").filter(|name| !NO_FIELDS.contains(name))?;
             if fields.iter().any(|f| f.0.name == name) {
                 return None;
             }
             let mut has = vec![false; self.frames as usize];
             let own = (0..self.entries).map(|i| self.entry(i)).filter(|e| usize::from(e.name) == number);
             own.for_each(|e| has[e.frame as usize] = true);
-            has.contains(&true).then(|| AbsentField::new(name, chosen, &has))
+            (has.contains(&true) && !has[chosen as usize]).then(|| AbsentField::new(name, chosen, &has))
         };
         self.names.iter().enumerate().filter_map(absent).collect()
     }
 }
+
+/// Chunks of particles that are no fields of theirs.
+const NO_FIELDS: [&str; 4] = ["N", "types", "type_shapes", "position"];
 
 fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
@@ -177,8 +180,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     };
     let mut fields: Vec<AtomField> = vec![field("position", &position)];
     for (name, chunk) in &chunks {
-        let Some(name) = name.strip_prefix("particles/").filter(|name| !["N", "types", "position"].contains(name))
-        else {
+        let Some(name) = name.strip_prefix("particles/").filter(|name| !NO_FIELDS.contains(name)) else {
             continue;
         };
         // Chunks of the first frame count where they have as many rows.

@@ -30,8 +30,7 @@ impl VelocityConvention {
 }
 
 /// What a user must know where nothing decides.
-pub const UNDECIDED: &str =
-    "the file does not say whether the run is cosmological: velocities keep its values, without a unit";
+pub const UNDECIDED: &str = "the file does not say whether the run is cosmological: velocities keep the file's values";
 
 /// How far a time may be from the scale factor of a redshift, for their rounding.
 pub const SAME_MOMENT: f64 = 1e-5;
@@ -42,7 +41,7 @@ pub fn is_isolated(time: Option<f64>, redshift: Option<f64>, matter: Option<f64>
     let is_another_time = time.is_some_and(|t| (t - 1.0).abs() > SAME_MOMENT);
     match redshift {
         Some(z) => z.abs() < SAME_MOMENT && (is_another_time || matter == Some(0.0)),
-        None => matter == Some(0.0) || is_another_time && box_size == Some(0.0),
+        None => matter == Some(0.0) || matter.is_none() && is_another_time && box_size == Some(0.0),
     }
 }
 
@@ -61,11 +60,14 @@ pub fn physical(
     }
     let (index, dimension) = if is_energy { (1, 2) } else { (0, 1) };
     let (km_s, unit_name) = (1e5f64.powi(dimension), ["km/s", "(km/s)^2"][index]);
-    let number = |names: &[&str]| names.iter().find_map(|n| attributes.iter().find(|a| a.0 == *n).map(|a| a.1));
+    let number = |names: &[&str]| {
+        names.iter().find_map(|n| attributes.iter().find(|a| a.0 == *n && a.1.is_finite()).map(|a| a.1))
+    };
+    let states_none = unit.is_none_or(|text| text.trim().is_empty());
     let text = unit.and_then(|text| of_text(text, dimension));
     let cgs = number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS]).filter(|v| *v > 0.0).or(text.map(|t| t.0));
     let cgs = cgs.or(convention.unit.map(|v| v.powi(dimension)));
-    let unit = cgs.or(convention.powers.map(|_| km_s))? / km_s;
+    let unit = cgs.or(convention.powers.filter(|_| states_none).map(|_| km_s))? / km_s;
     let stated = number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"]).or(text.map(|t| t.1));
     let scale_factor = convention.scale_factor.or(meta.epoch.scale_factor);
     let power = match (convention.cosmological, stated, convention.powers.map(|p| p[index])) {
@@ -82,6 +84,9 @@ pub fn physical(
     };
     let a = if power == 0.0 { 1.0 } else { scale_factor? };
     let factor = a.powf(power) * hubble * unit;
+    if !factor.is_normal() || factor < 0.0 {
+        return None;
+    }
     let kind = if is_energy { "" } else { "peculiar " };
     let mut why = vec![format!("{kind}{unit_name}, the file's values times {factor:.6}")];
     why.extend((power != 0.0).then(|| format!("a^{power} with a = {a}")));

@@ -18,11 +18,16 @@ pub fn run_snapshots(inputs: &[PathBuf], options: &Choice, context: &Context<'_>
         paths => paths.iter().map(|p| matching(p)).collect::<Result<Vec<_>>>()?.concat(),
     };
     let mut ordered = in_natural_order(&named);
-    sort_by_time(&mut ordered, options);
-    if let ([first, second, .., last], true) = (&ordered[..], ordered != named) {
-        let name = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        let names = format!("{}, {} ... {}", name(first), name(second), name(last));
-        context.message(&format!("note: the snapshots are taken in the order of time: {names}"));
+    let is_timed = sort_by_time(&mut ordered, options);
+    if ordered != named {
+        let name = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let names: Vec<String> = ordered.iter().map(name).collect();
+        let names = match &names[..] {
+            [first, second, _, .., last] => format!("{first}, {second}, ..., {last}"),
+            few => few.join(", "),
+        };
+        let by = if is_timed { "their times" } else { "the numbers in their names" };
+        context.message(&format!("note: the snapshots are taken in the order of {by}: {names}"));
     }
     Ok(ordered)
 }
@@ -67,9 +72,9 @@ fn in_natural_order(paths: &[PathBuf]) -> Vec<PathBuf> {
     ordered
 }
 
-/// Sorts by scale factor, time or step, whichever the first states, where all state it. A snapshot that cannot be opened
+/// Sorts by scale factor, time or step, whichever the first states, where all state it, and tells whether they do. A snapshot that cannot be opened
 /// stays behind the one that it is named after.
-fn sort_by_time(paths: &mut Vec<PathBuf>, options: &Choice) {
+fn sort_by_time(paths: &mut Vec<PathBuf>, options: &Choice) -> bool {
     let clock = |path: &PathBuf| {
         if !path.exists() || is_stream(path) {
             return None;
@@ -80,13 +85,13 @@ fn sort_by_time(paths: &mut Vec<PathBuf>, options: &Choice) {
     };
     let clocks: Vec<Option<[Option<f64>; 3]>> = paths.iter().map(clock).collect();
     let Some(kind) = clocks.iter().flatten().next().and_then(|clock| clock.iter().position(Option::is_some)) else {
-        return;
+        return false;
     };
     let mut timed = Vec::with_capacity(paths.len());
     let mut last = f64::NEG_INFINITY;
     for (path, clock) in paths.iter().zip(clocks) {
         match clock.map(|clock| clock[kind]) {
-            Some(None) => return,
+            Some(None) => return false,
             Some(Some(time)) => last = time,
             None => {}
         }
@@ -94,6 +99,7 @@ fn sort_by_time(paths: &mut Vec<PathBuf>, options: &Choice) {
     }
     timed.sort_by(|a, b| a.0.total_cmp(&b.0));
     *paths = timed.into_iter().map(|(_, path)| path).collect();
+    true
 }
 
 #[cfg(test)]

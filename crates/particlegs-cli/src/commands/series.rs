@@ -261,6 +261,9 @@ impl Arguments {
         let mut recipe = json!({
             "model": options.recipe(1), "keyframe_interval": self.keyframe_interval, "certificate": certificate,
         });
+        if self.frames.is_some() {
+            recipe["trajectory"] = true.into();
+        }
         if options.memory.is_some() || options.blocks.is_some() {
             recipe["blocks"] = json!({ "memory": options.memory, "number": options.blocks });
         }

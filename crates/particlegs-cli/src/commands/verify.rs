@@ -110,7 +110,7 @@ fn verify_series(a: &mut Arguments, bytes: &[u8], place: &str, context: &Command
         snapshot = a.snapshot(&metadata, context)?;
     }
     if let (Some((particles, _)), None) = (&snapshot, named) {
-        frame = all.frame_of(particles.source_hash()).unwrap_or(frame);
+        frame = all.frame_of(particles).unwrap_or(frame);
         context.message(&format!("note: {place}: frame {frame} of {} is compared with the snapshot", all.frames));
     }
     let stored = StoredModel::of_frame(&mut decoder, frame, context)?;

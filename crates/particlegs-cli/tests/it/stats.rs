@@ -1,7 +1,7 @@
 //! `stats` on a thinned sample.
 
 use crate::common::{TestFolder, fails, listing};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A folder with `thin`, 16 384 particles of the sample with their box.
 fn thinned() -> TestFolder {
@@ -329,7 +329,9 @@ fn what_velocities_lack_is_said() {
     };
     let remove = |own: &mut Value, key: &str| drop(own.as_object_mut().unwrap().remove(key));
     noted(&|own| remove(own, "field_units"), "the files do not say that velocities are in km/s");
-    noted(&|own| own["field_units"]["vz"] = "m/s".into(), "velocities are in m/s, not in km/s");
+    let named =
+        |unit: &'static str| move |own: &mut Value| own["field_units"] = json!({"vx": unit, "vy": unit, "vz": unit});
+    noted(&named("furlong"), "velocities are in furlong, not in km/s");
     noted(&|own| own["periodic"] = false.into(), "the box is not periodic along all axes");
     noted(&|own| remove(own, "scale_factor"), "the files do not state the scale factor");
     let early = |own: &mut Value| {
@@ -337,6 +339,14 @@ fn what_velocities_lack_is_said() {
         remove(own, "omega_lambda");
     };
     noted(&early, "the files do not state Omega_Lambda");
+    // Columns of different units are no velocity, unless all are known.
+    let in_units = |vz: &str| {
+        let mut own = meta.clone();
+        own["field_units"]["vz"] = vz.into();
+        dir.write("thin/meta.json", own.to_string());
+        stats(&dir, "thin thin", "a", "--only momentum --spectrum-grid 16 --no-plots")["momentum"].is_null()
+    };
+    assert_eq!([in_units("m/s"), in_units("furlong")], [false, true]);
     std::fs::remove_file(dir.at("thin/vz.f32")).unwrap();
     let s = stats(&dir, "thin thin", "a", "--only momentum,dispersion --no-plots");
     assert!(s["momentum"].is_null() && s["dispersion"].is_null());

@@ -281,5 +281,5 @@ fn contradictions_are_refused_before_the_work() {
     assert!(told.contains("nothing more is logged"), "{told}");
     // A folder in place of the checkpoint is an error.
     std::fs::create_dir(dir.at("m.pgs.checkpoint")).unwrap();
-    dir.fails(&trained("--certificate=none"), 6, "m.pgs.checkpoint");
+    dir.fails(&trained("--certificate=none"), 8, "m.pgs.checkpoint");
 }

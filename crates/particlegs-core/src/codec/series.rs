@@ -96,6 +96,9 @@ struct SeriesRecipe {
     model: Option<Recipe>,
     keyframe_interval: Option<usize>,
     certificate: Option<String>,
+    /// Are the frames those of one trajectory, whose numbers rise?
+    #[serde(default)]
+    trajectory: bool,
 }
 
 impl SeriesRecipe {
@@ -345,10 +348,9 @@ impl<'a> SeriesFile<'a> {
                 if let Some(difference) = before.difference_to_next(metadata) {
                     return Err(wrong(difference));
                 }
-                // Where nothing else tells the order.
-                let by_number = self.clock == SeriesClock::Frame && before.source == metadata.source;
+                let by_number = recipe.as_ref().is_some_and(|r| r.trajectory);
                 let [then, now] = [before, metadata].map(|m| m.epoch.frame.filter(|_| by_number));
-                if let Some((then, now)) = then.zip(now).filter(|(then, now)| now < then) {
+                if let Some((then, now)) = then.zip(now).filter(|(then, now)| now <= then) {
                     let what = format!("it is frame {now} of {}, behind frame {then} of it", metadata.source);
                     return Err(wrong(what));
                 }

@@ -10,7 +10,7 @@ const WITH_DIGITS: [&str; 17] = [
     "x3d",
 ];
 /// Endings of letters that promise no type: of names on the way, and of folders with raw columns.
-const NO_TYPES: [&str; 7] = ["bak", "new", "old", "orig", "part", "raw", "tmp"];
+const NO_TYPES: [&str; 10] = ["bak", "d", "dir", "new", "old", "orig", "out", "part", "raw", "tmp"];
 
 /// The ending of an output's name that is one of those `written`. None of a stream, a folder (one that is there, or a
 /// name that ends in a slash), and a name whose ending is no type of file.

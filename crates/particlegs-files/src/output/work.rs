@@ -44,12 +44,11 @@ impl WorkFolder {
         folder.is_ours |= folder.own_names()?.iter().any(|name| name != LOCK);
         let lock = open_unlinked(&path.join(LOCK)).map_err(fail)?;
         match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => {
-                let hint = "wait until that has ended, or name another output";
-                return Err(Error::output(&path, "another run of this command is making the same output", hint));
-            }
+            Err(TryLockError::WouldBlock) => return Err(in_use(&path)),
             // A disk without locks: two runs at one output are the user's to avoid.
             Err(TryLockError::Error(e)) if e.kind() != ErrorKind::Unsupported => return Err(fail(e)),
+            // The run before has ended meanwhile, and taken the lock with it.
+            _ if !is_at(&lock, &path.join(LOCK)) => return Err(in_use(&path)),
             _ => {}
         }
         folder.lock = Some(lock);
@@ -124,6 +123,25 @@ impl WorkFolder {
 
 fn refused(path: &Path, why: String) -> Error {
     Error::output(path, why, "move it away, or name another output")
+}
+
+fn in_use(path: &Path) -> Error {
+    let hint = "wait until that has ended, or name another output";
+    Error::output(path, "another run of this command is making the same output", hint)
+}
+
+/// Is an open file the one that has this name?
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let identity = |m: std::fs::Metadata| (m.dev(), m.ino());
+    let named = std::fs::symlink_metadata(path).ok().map(identity);
+    named.is_some() && file.metadata().ok().map(identity) == named
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.exists()
 }
 
 /// Opens a file to lock it, made where it is missing; not through a link.

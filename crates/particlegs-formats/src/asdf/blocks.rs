@@ -102,7 +102,8 @@ impl AsdfBlock {
             [0, 0, 0, 0] => {}
             b"blsc" | b"lz4\0" => all = chunks(file, packed, size, compression == b"blsc").map_err(fault)?,
             b"zlib" | b"bzp2" => {
-                memory::require(&format!("{place}, decompressed,"), needed)?;
+                let expected = if is_usual(size, packed.len() as u64) { size } else { needed };
+                memory::require(&format!("{place}, decompressed,"), expected)?;
                 let packed = &file[packed.clone()];
                 let stream = || -> Box<dyn Read + '_> {
                     match compression {
@@ -204,11 +205,15 @@ fn chunks(bytes: &[u8], packed: &Range<usize>, size: u64, blosc: bool) -> TextRe
 /// A stream that is said to become longer by this is looked at before memory is taken for it.
 const USUAL_EXPANSION: u64 = 8;
 
+fn is_usual(size: u64, packed: u64) -> bool {
+    size / USUAL_EXPANSION <= packed
+}
+
 /// The first `needed` bytes of a stream of `packed` ones that is to have `size`.
 fn first<'a>(stream: &dyn Fn() -> Box<dyn Read + 'a>, packed: u64, [size, needed]: [u64; 2]) -> TextResult<Vec<u8>> {
     let damaged = |e: std::io::Error| format!("its data are damaged: {e}");
     let other = || format!("its header says {size} bytes, the data hold others");
-    let is_usual = size / USUAL_EXPANSION <= packed;
+    let is_usual = is_usual(size, packed);
     let all = || stream().take(size.saturating_add(1));
     if !is_usual && std::io::copy(&mut all(), &mut std::io::sink()).map_err(damaged)? != size {
         return Err(other());

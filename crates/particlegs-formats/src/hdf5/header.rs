@@ -146,7 +146,7 @@ impl Hdf5Header {
         if let Some(on) = said.or_else(|| g.cosmology.number(&["Cosmological run"])) {
             return Some(on != 0.0);
         }
-        let matter = g.header.number(&["Omega0", "Omega_Matter"]).filter(|&o| o > 0.0);
+        let matter = self.cosmology().omega_matter.filter(|&o| o > 0.0);
         let (time, redshift) = (self.time()?, g.header.number(&["Redshift"])?);
         if matter.is_some() && redshift > -1.0 && (time * (1.0 + redshift) - 1.0).abs() < SAME_MOMENT {
             notes.push(

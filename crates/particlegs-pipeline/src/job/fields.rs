@@ -21,7 +21,7 @@ fn width(from: &FieldColumns) -> usize {
 
 /// Do values need a float64?
 fn is_wide(from: &FieldColumns) -> bool {
-    from.wide || from.factor != 1.0
+    from.wide || from.factors.iter().any(|factor| *factor != 1.0)
 }
 
 impl Job {
@@ -120,7 +120,7 @@ impl Job {
                 let components = from.columns.len() as u32;
                 let wide = is_wide(from);
                 // Values come converted.
-                (from.factor, from.temperature, from.class) = (1.0, None, None);
+                (from.factors, from.temperature, from.class) = (vec![1.0; from.columns.len()], None, None);
                 from.columns = (values.len()..values.len() + from.columns.len()).collect();
                 values.extend(own.chunks(if wide { 2 } else { 1 }).map(numbers));
                 fields.push(SourceField {
@@ -170,7 +170,10 @@ impl FieldPlan {
     pub(super) fn is_sound(&self, layers: usize) -> bool {
         let own = |(number, from): &(usize, FieldColumns)| {
             let quantity = self.quantities.get(*number);
-            quantity.is_some_and(|q| q.component_names().len() == from.columns.len()) && from.factor.is_finite()
+            let count = from.columns.len();
+            quantity.is_some_and(|q| q.component_names().len() == count)
+                && from.factors.len() == count
+                && from.factors.iter().all(|factor| factor.is_finite())
         };
         let whole = self.layers.len() == if self.is_empty() { 0 } else { layers };
         whole && self.quantities.len() <= MOST_FIELDS && self.layers.iter().flatten().all(own)

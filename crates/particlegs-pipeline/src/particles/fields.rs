@@ -150,8 +150,10 @@ pub(crate) struct FieldColumns {
     pub sources: Vec<String>,
     /// Do values need more digits than a float32 has?
     pub wide: bool,
-    /// What values are multiplied by to be in `unit`.
-    pub factor: f64,
+    /// What the values of each component are multiplied by to be in `unit`.
+    pub factors: Vec<f64>,
+    /// Whether all components have that unit.
+    pub has_one_unit: bool,
     /// Where that comes from, for people.
     pub note: Option<String>,
     /// Of temperatures that are computed from the one column.
@@ -169,10 +171,11 @@ pub(crate) struct FieldColumns {
 impl FieldColumns {
     /// Component `k` of the particles of a run, whose columns these are; NaN where they lack them.
     pub fn values<'a>(&'a self, run: &'a [Vec<f64>], k: usize) -> impl Iterator<Item = f64> + 'a {
+        let factor = self.factors[k];
         run[self.columns[k]].iter().enumerate().map(move |(i, v)| match (&self.temperature, self.class) {
-            (Some(gas), _) => gas.of(self.factor * v, run, i),
+            (Some(gas), _) => gas.of(factor * v, run, i),
             (_, Some(class)) => f64::from(u8::from(*v == class)),
-            _ => self.factor * v,
+            _ => factor * v,
         })
     }
 
@@ -384,6 +387,10 @@ impl LayerFields {
             return Err(Error::argument_with(format!("the snapshot has no field `{name}`"), hint));
         };
         match found.columns.len() {
+            _ if !found.has_one_unit => Err(Error::argument_with(
+                format!("the columns {} of field `{name}` are in different units", found.sources.join(", ")),
+                "write them in one unit",
+            )),
             1 | 3 => Ok(found),
             n => Err(Error::argument_with(
                 format!("field `{name}` has {n} numbers per particle, but a model stores 1 or 3"),
@@ -394,7 +401,7 @@ impl LayerFields {
 
     /// The fields of these names, one after the other.
     fn columns_of(&self, names: &[&str]) -> Option<FieldColumns> {
-        let mut found = FieldColumns::default();
+        let mut found = FieldColumns { has_one_unit: true, ..FieldColumns::default() };
         for name in names {
             let mut first = 0;
             let (field, columns) = self.fields.iter().find_map(|f| {
@@ -405,11 +412,18 @@ impl LayerFields {
             found.sources.push(field.name.clone());
             found.wide |= field.number != Number::F32;
             found.whole = field.number.is_whole();
-            (found.unit, found.factor) = (field.unit.clone(), 1.0);
-            let is_whole = names.len() * field.components as usize == 3;
-            if let Some(PhysicalUnit { factor, note }) = field.physical.clone().filter(|_| is_whole) {
-                (found.unit, found.factor, found.note) = (Some(KM_S.into()), factor, Some(note));
-            }
+            let is_velocity = names.len() * field.components as usize == 3;
+            let is_energy = field.components == 1 && !SourceField::is_velocity(&field.name, 1);
+            let (unit, factor) = match field.physical.clone().filter(|_| is_velocity || is_energy) {
+                Some(PhysicalUnit { factor, note }) => {
+                    found.note = Some(note);
+                    (Some(if is_velocity { KM_S } else { "(km/s)^2" }.into()), factor)
+                }
+                None => (field.unit.clone(), 1.0),
+            };
+            found.has_one_unit &= found.columns.is_empty() || found.unit == unit;
+            found.unit = unit;
+            found.factors.extend(columns.clone().map(|_| factor));
             found.columns.extend(columns);
         }
         Some(found)
@@ -444,12 +458,13 @@ impl LayerFields {
         let (electrons, star_formation) = (first(&electrons), first(&star_formation));
         let may_lack = star_formation.is_some() && star_forming == StarFormingGas::Omit;
         let temperature = Some(GasTemperature { electrons, star_formation, star_forming });
-        let factor = unit.factor;
+        let factors = vec![unit.factor];
         Some(FieldColumns {
             unit: Some("K".into()),
             columns: energy.columns,
             sources,
-            factor,
+            factors,
+            has_one_unit: true,
             note: Some(note),
             temperature,
             may_lack,

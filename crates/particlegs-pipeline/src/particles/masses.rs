@@ -39,6 +39,10 @@ impl Particles {
             return Ok(self);
         }
         require("the particles' masses", 4 * self.len() as u64)?;
+        // What float32 does not hold, such as grams, is held in a unit of its own.
+        let units = || self.layers.iter().filter_map(|l| l.mass.unit());
+        let is_far = units().any(|unit| !(1e-30..1e30).contains(&unit));
+        let scale = if is_far { units().fold(0.0, f64::max) } else { 1.0 };
         let mut masses = vec![1.0f32; self.len()];
         if let Some(weights) = self.weights() {
             masses.copy_from_slice(weights);
@@ -46,15 +50,15 @@ impl Particles {
         for layer in &mut self.layers {
             let own = &mut masses[layer.content.clone()];
             match layer.mass {
-                Mass::Weights(Some(unit)) => own.iter_mut().for_each(|w| *w = (f64::from(*w) * unit) as f32),
-                Mass::Each(mass) => own.fill(mass as f32),
-                _ => {}
+                Mass::Weights(Some(unit)) => own.iter_mut().for_each(|w| *w = (f64::from(*w) * (unit / scale)) as f32),
+                Mass::Each(mass) => own.fill((mass / scale) as f32),
+                _ => own.iter_mut().for_each(|w| *w = (f64::from(*w) / scale) as f32),
             }
             if layer.mass.is_weighted() {
-                layer.mass = Mass::Weights(None);
+                layer.mass = Mass::Weights(Some(scale).filter(|_| is_far));
             }
         }
-        self.meta.particle_mass = None;
+        self.meta.particle_mass = Some(scale).filter(|_| is_far);
         Ok(self.with_weights(Column::owned(masses)))
     }
 

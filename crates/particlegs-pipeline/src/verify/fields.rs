@@ -32,6 +32,8 @@ enum Nearness {
     Same,
     /// Within the coder's steps.
     Steps,
+    /// The same, of a frame whose Gaussians were coded anew: their places moved, and with them what slopes explain.
+    Extracted,
     /// In sums and means alone: its Gaussians were joined, or blocks of several snapshots overlap.
     Means,
 }
@@ -50,6 +52,7 @@ impl Nearness {
             _ if joined => Nearness::Means,
             true if stored.model.layers.iter().any(overlap) => Nearness::Means,
             false if m.tool_version == env!("CARGO_PKG_VERSION") && !stored.extracted => Nearness::Same,
+            _ if stored.extracted => Nearness::Extracted,
             _ => Nearness::Steps,
         }
     }
@@ -170,7 +173,7 @@ fn of_field(q: &Quantity, of: &str, stored: &[Block], anew: &[Block], nearness: 
             figure(name, own.to_string(), anew.to_string(), format!("{SPREADS} times"), differs)
         }
         nearness => {
-            let steps = differing_steps(&pairs);
+            let steps = differing_steps(&pairs, nearness == Nearness::Extracted);
             let same = nearness == Nearness::Same;
             let differs =
                 if same { pairs.iter().any(|[a, b]| !a.has_moments_of(b)) } else { steps.is_nan() || steps > STEPS };
@@ -255,8 +258,8 @@ impl<'a> FieldOfBlock<'a> {
 }
 
 /// How far moments are from others, in steps of the coder at its default precision: the root mean square over Gaussians, of
-/// the kind of number that is furthest.
-fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]]) -> f64 {
+/// the kind of number that is furthest. Of a frame that was `extracted` the variance that slopes explain counts, too.
+fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]], extracted: bool) -> f64 {
     let FieldPrecision { steps, logarithmic, shares } = FieldPrecision::default();
     // Of means, logarithms of spreads, shapes, slopes, the excess.
     let mut squares = [[0.0f64; 2]; 5];
@@ -275,11 +278,14 @@ fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]]) -> f64 {
                 squares[kind][0] += off * off;
                 squares[kind][1] += 1.0;
             };
+            let cov = own.g.cov_of(i);
+            let by_slope = |c: usize| cov.quadratic(each_axis(|k| b.slope[c][k][i])).max(0.0);
+            let moved = if extracted { (0..components).map(by_slope).sum() } else { 0.0 };
+            let (own_trace, trace) = (own_trace + moved, trace + moved);
             let (n, size) = (n_of[i], (trace / components as f64).sqrt());
             // A share of none or all still has the deviation of one particle.
             let size = if is_share { size.max(1.0 / n.sqrt()) } else { size };
             let error = size / n.sqrt();
-            let cov = own.g.cov_of(i);
             for c in 0..components {
                 add(0, (a.mean[c][i] - b.mean[c][i]) / (mean * error));
                 let off = each_axis(|k| a.slope[c][k][i] - b.slope[c][k][i]);

@@ -173,7 +173,15 @@ impl StoredModel {
         let m = &self.model.metadata;
         let names: Vec<String> = m.fields.iter().map(|q| q.name.clone()).collect();
         let star_forming = m.recipe.read.get("star-forming").and_then(|text| text.parse().ok());
-        let fields = FieldSelection::new(&names, star_forming.unwrap_or_default(), particles, sources, m.law)?;
+        let fields = FieldSelection::new(&names, star_forming.unwrap_or_default(), particles, sources, m.law);
+        let fields = fields.map_err(|e| match e {
+            Error::Argument { what, .. } => Error::Differs {
+                place: self.place.clone(),
+                what: format!("its fields are not those of the snapshot: {what}"),
+                hint: "the file was altered, or the snapshot was".into(),
+            },
+            other => other,
+        })?;
         // A part of a merge may be described otherwise than the whole would be.
         let fields = if self.of_several { fields.with_scales(&m.fields) } else { fields };
         if m.fields_hash.is_some() { fields.hashed() } else { Ok(fields) }

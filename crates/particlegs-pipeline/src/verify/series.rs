@@ -3,6 +3,8 @@
 use super::figures;
 use crate::codec::{FrameCoding, SeriesFile};
 use crate::context::Context;
+use crate::model::Epoch;
+use crate::particles::Particles;
 use crate::{Error, Result};
 use serde::Serialize;
 
@@ -21,6 +23,9 @@ pub struct SeriesVerification {
     /// Hash of the source of each of [`SeriesVerification::there`].
     #[serde(skip)]
     pub hashes: Vec<[u8; 32]>,
+    /// The moment of each.
+    #[serde(skip)]
+    epochs: Vec<Epoch>,
 }
 
 impl SeriesVerification {
@@ -31,21 +36,26 @@ impl SeriesVerification {
     pub fn new(series: &SeriesFile<'_>, context: &Context<'_>) -> Result<SeriesVerification> {
         let frames = series.frames.len();
         let keyframes = series.frames.iter().filter(|f| f.kind == FrameCoding::Keyframe).count();
-        let (mut there, mut hashes, mut contradictions) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut there, mut hashes, mut epochs): (Vec<_>, Vec<_>, Vec<_>) = Default::default();
+        let mut contradictions = Vec::new();
         series.check(context, |number, frame| {
             there.push(number);
             hashes.push(frame.metadata.source_hash);
+            epochs.push(frame.metadata.epoch);
             let of_certificate = frame.certificate.map(|c| figures::contradictions(&c, &frame.metadata));
             let all = of_certificate.into_iter().flatten().chain(frame.lacking_fields());
             contradictions.extend(all.map(|what| format!("frame {number} of {frames}: {what}")));
             Ok(())
         })?;
-        Ok(SeriesVerification { frames, keyframes, there, contradictions, hashes })
+        Ok(SeriesVerification { frames, keyframes, there, contradictions, hashes, epochs })
     }
 
-    /// The frame that was made of a snapshot of this hash.
-    pub fn frame_of(&self, hash: [u8; 32]) -> Option<usize> {
-        self.hashes.iter().position(|own| *own == hash).map(|at| self.there[at])
+    /// The frame that was made of these particles; where several have their places, the one of their moment.
+    pub fn frame_of(&self, particles: &Particles) -> Option<usize> {
+        let hash = particles.source_hash();
+        let alike = || (0..self.there.len()).filter(|&i| self.hashes[i] == hash);
+        let of_moment = alike().find(|&i| self.epochs[i] == particles.meta.epoch);
+        of_moment.or_else(|| alike().next()).map(|i| self.there[i])
     }
 
     /// [`Error::Differs`], of the series at `place`, if a frame contradicts itself.
