@@ -182,7 +182,7 @@ mod tests {
             ("nm ps-1", None),
         ] {
             assert_eq!(factor("velocity", Some(text), &[], &open), wanted, "{text}");
-            assert_eq!(factor("velocity", Some(text), &[], &KNOWN), wanted.or(Some(0.5)), "{text}");
+            assert_eq!(factor("velocity", Some(text), &[], &KNOWN), wanted, "{text}");
         }
         assert_eq!(factor("InternalEnergy", Some("(cm/s)^2"), &[], &open), Some(1e-10));
         assert_eq!(factor("InternalEnergy", Some("erg/g"), &[], &open), Some(1e-10));
