@@ -41,7 +41,7 @@ const TABLES: [(&str, &[&str]); 7] = [
     (FXAA, &["### Examples", "### Ratio", "### The blur", "### Held to the exact rules"]),
     (SCORES, &["## Examples", "Decibels of an even plane"]),
     (CAMERAS, &["## Constants", "## Examples"]),
-    (PUBLISHED, &["### Examples", "## Training", "`recover --method`", "Defaults of both"]),
+    (PUBLISHED, &["### Examples", "## Training", "`recover --method`", "Its defaults"]),
 ];
 
 /// The rows of the table that the line with `announced` and "(checked" announces; code marks are left out.
