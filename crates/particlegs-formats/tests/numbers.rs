@@ -9,17 +9,17 @@ use particlegs_pipeline::particles::{LayerFields, Particles, SelectedParticles, 
 use std::path::{Path, PathBuf};
 
 /// Three rows of a scalar `s` and a vector `v`: numbers of a type as text, its name in NumPy, and what of it is stored.
-struct Column {
+struct NumberColumn {
     numpy: &'static str,
     rows: [&'static str; 3],
 }
 
-const fn column(numpy: &'static str, rows: [&'static str; 3]) -> Column {
-    Column { numpy, rows }
+const fn column(numpy: &'static str, rows: [&'static str; 3]) -> NumberColumn {
+    NumberColumn { numpy, rows }
 }
 
 /// The largest whole numbers are no float64.
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [NumberColumn; 11] = [
     column("i1", ["-128", "5", "127"]),
     column("u1", ["0", "5", "255"]),
     column("i2", ["-32768", "5", "32767"]),
@@ -35,7 +35,7 @@ const COLUMNS: [Column; 11] = [
 
 const POSITIONS: [[f64; 3]; 3] = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.5], [7.0, 8.0, 1.5]];
 
-impl Column {
+impl NumberColumn {
     fn is_whole_of_64_bits(&self) -> bool {
         ["i8", "u8"].contains(&self.numpy)
     }
@@ -68,7 +68,7 @@ impl Column {
 }
 
 /// A table of x, y, z, s, v as NumPy writes it.
-fn npy(column: &Column) -> Vec<u8> {
+fn npy(column: &NumberColumn) -> Vec<u8> {
     let kind = column.numpy;
     let fields = format!("('x', '<f8'), ('y', '<f8'), ('z', '<f8'), ('s', '<{kind}'), ('v', '<{kind}', (3,))");
     let header = format!("{{'descr': [{fields}], 'fortran_order': False, 'shape': (3,), }}");
@@ -79,7 +79,7 @@ fn npy(column: &Column) -> Vec<u8> {
     for row in 0..3 {
         bytes.extend(POSITIONS[row].iter().flat_map(|v| v.to_le_bytes()));
         bytes.extend(column.bytes(row));
-        (0..3).for_each(|k| bytes.extend(column.bytes(Column::row_of(row, k))));
+        (0..3).for_each(|k| bytes.extend(column.bytes(NumberColumn::row_of(row, k))));
     }
     bytes
 }
@@ -92,12 +92,12 @@ fn place(i: usize) -> Vec<String> {
     POSITIONS[i].iter().map(f64::to_string).collect()
 }
 
-fn vector(column: &Column, i: usize) -> String {
-    [0, 1, 2].map(|k| column.rows[Column::row_of(i, k)]).join(" ")
+fn vector(column: &NumberColumn, i: usize) -> String {
+    [0, 1, 2].map(|k| column.rows[NumberColumn::row_of(i, k)]).join(" ")
 }
 
 /// Files of formats that have whole numbers of 64 bits, with the scalar's name.
-fn others(column: &Column, signed: bool) -> Vec<(&'static str, &'static str, Vec<u8>)> {
+fn others(column: &NumberColumn, signed: bool) -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let text = |rows: &dyn Fn(usize) -> Vec<String>| table(" ", rows);
     let s = |i: usize| column.rows[i].to_string();
     let places = text(&place);
@@ -112,7 +112,7 @@ fn others(column: &Column, signed: bool) -> Vec<(&'static str, &'static str, Vec
         format!("\nPOINT_DATA 3\nSCALARS s {legacy} 1\nLOOKUP_TABLE default\n").into_bytes(),
         big(&|i| vec![column.bits(i)]),
         format!("\nVECTORS v {legacy}\n").into_bytes(),
-        big(&|i| [0, 1, 2].map(|k| column.bits(Column::row_of(i, k))).to_vec()),
+        big(&|i| [0, 1, 2].map(|k| column.bits(NumberColumn::row_of(i, k))).to_vec()),
     ];
     let mut all = vec![
         (
@@ -172,7 +172,7 @@ fn others(column: &Column, signed: bool) -> Vec<(&'static str, &'static str, Vec
     let content = [
         big(&|i| POSITIONS[i].map(f64::to_bits).to_vec()),
         big(&|i| vec![column.bits(i)]),
-        big(&|i| [0, 1, 2].map(|k| column.bits(Column::row_of(i, k))).to_vec()),
+        big(&|i| [0, 1, 2].map(|k| column.bits(NumberColumn::row_of(i, k))).to_vec()),
     ];
     all.push(("a.asdf", "s", [tree.into_bytes(), content.map(block).concat()].concat()));
     all
@@ -184,7 +184,7 @@ fn read(path: &Path) -> (Particles, Vec<LayerFields>) {
 }
 
 /// Holds the fields of a file to the column, and writes it in every other format that has them.
-fn check(path: &Path, column: &Column, scalar: &str, copies: bool) {
+fn check(path: &Path, column: &NumberColumn, scalar: &str, copies: bool) {
     let (particles, layers) = read(path);
     let place = format!("{}, {}", path.display(), column.numpy);
     let numbered = |name: &str| layers[0].fields.iter().position(|f| f.name == name);
@@ -203,7 +203,7 @@ fn check(path: &Path, column: &Column, scalar: &str, copies: bool) {
     }
     if let Some(number) = numbered("v") {
         let values = values_of(number);
-        let component = |k: usize| [0, 1, 2].map(|i| column.value(Column::row_of(i, k))).to_vec();
+        let component = |k: usize| [0, 1, 2].map(|i| column.value(NumberColumn::row_of(i, k))).to_vec();
         assert_eq!(values, [0, 1, 2].map(component), "{place}");
     }
     let names = [layers[0].fields[number].name.clone()];

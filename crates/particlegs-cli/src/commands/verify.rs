@@ -46,12 +46,12 @@ struct VerifyReport<'a> {
     #[serde(flatten)]
     of_model: &'a Verification,
     #[serde(flatten)]
-    of_series: Option<SeriesReport<'a>>,
+    of_series: Option<SeriesFrameReport<'a>>,
 }
 
 /// What is told of a series beside its frame.
 #[derive(Serialize)]
-struct SeriesReport<'a> {
+struct SeriesFrameReport<'a> {
     frame: usize,
     series: &'a SeriesVerification,
 }
@@ -125,7 +125,7 @@ fn verify_series(a: &mut Arguments, bytes: &[u8], place: &str, context: &Command
         all.frames,
         all.keyframes
     );
-    let report = VerifyReport { of_model: &found, of_series: Some(SeriesReport { frame, series: &all }) };
+    let report = VerifyReport { of_model: &found, of_series: Some(SeriesFrameReport { frame, series: &all }) };
     context.finish((whole + &text(&found, &stored)).trim_end(), &report)?;
     found.judge(&stored.place)
 }
