@@ -10,6 +10,8 @@ use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs_export::density_unit;
 use particlegs_files::output;
 use particlegs_pipeline::camera::{Camera, Projection, View};
+use particlegs_pipeline::codec::SeriesDecoder;
+use particlegs_pipeline::context::Context;
 use particlegs_pipeline::model::{LawKind, Layer, Mass, Metadata, Quantity};
 use particlegs_pipeline::particles::RawForm;
 use particlegs_pipeline::picture::{Gray8, Pixels, Plane, Size};
@@ -18,8 +20,6 @@ use particlegs_pipeline::render::{
     FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into,
     surface_density,
 };
-use particlegs_pipeline::codec::SeriesDecoder;
-use particlegs_pipeline::context::Context;
 use particlegs_pipeline::score::Assessment;
 use particlegs_pipeline::verify::StoredModel;
 use particlegs_pipeline::{Result, codec, parallel};

@@ -9,7 +9,8 @@ use numpy::{IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn
 use particlegs_formats::Writer;
 use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs_pipeline::particles::{
-    LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
+    LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage,
+    Tiling,
 };
 use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::reference::Reference;

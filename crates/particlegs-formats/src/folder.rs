@@ -40,7 +40,7 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
 ///
 /// # Errors
 /// The folder cannot be read, or holds none.
-pub fn folder_snapshots(folder: &Path, options: &Choice) -> Result<Vec<PathBuf>> {
+pub(crate) fn folder_snapshots(folder: &Path, options: &Choice) -> Result<Vec<PathBuf>> {
     if raw::is_raw(&[folder.to_path_buf()]) {
         return Ok(vec![folder.to_path_buf()]);
     }

@@ -72,7 +72,6 @@ mod testing;
 pub use array::Array;
 pub use choice::{Choice, Weights};
 pub use csv::Catalogue;
-pub use folder::folder_snapshots;
 pub use format::Format;
 pub use halo_file::{is_hdf5, write_haloes};
 pub use path_kind::PathKind;

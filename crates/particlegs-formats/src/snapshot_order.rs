@@ -1,6 +1,7 @@
 //! The snapshots of a run, in the order of time.
 
-use crate::{Choice, folder_snapshots};
+use crate::Choice;
+use crate::folder::folder_snapshots;
 use particlegs_files::input::is_stream;
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::{Error, Result};

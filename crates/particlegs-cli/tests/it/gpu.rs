@@ -79,9 +79,9 @@ fn a_gpu_draws_what_the_cpu_draws() {
     dir.write("published.pgs", tiny(0..64, LawKind::AlphaBlend));
     for (model, most) in [("model", 1), ("published", 2)] {
         for device in ["0", "cpu"] {
-            dir.runs(&format!("render {model}.pgs --size 160x90 -q --device {device} -o {model}.{device}"));
+            dir.runs(&format!("render {model}.pgs --size 160x90 -q --device {device} -o {model}-{device}"));
         }
-        let compared = dir.says(&format!("compare {model}.0 {model}.cpu"));
+        let compared = dir.says(&format!("compare {model}-0 {model}-cpu"));
         let views = compared["views"].as_array().unwrap();
         assert!(!views.is_empty());
         assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= most), "{compared}");
