@@ -72,7 +72,7 @@ class Model:
 
     @property
     def ratio(self) -> float:
-        """Bytes of what is stored, as the snapshot held it (positions as float32, masses, fields), / bytes of the file."""
+        """Bytes of positions (as float32), masses and fields that the snapshot held, over bytes of the file."""
         return float(self._description["raw_bytes"] / self.nbytes)
 
     @property
@@ -639,7 +639,7 @@ class Model:
         dict
             ``measured``, a certificate; ``differing``, a line for each number of the file that differs from the
             measurement, for what is listed otherwise than the snapshot has it, and for each contradiction;
-            ``verdict``, a dict with ``use``, ``word`` and ``why`` for each use; ``wrong``, the command's error, or None;
+            ``verdict``, a dict with ``use``, ``word`` and ``why`` for each use; ``wrong``, the error or None;
             and the rest of the command's JSON.
 
         Raises

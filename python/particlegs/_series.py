@@ -103,7 +103,8 @@ class Series:
         Returns
         -------
         dict
-            ``frames``, ``keyframes``; ``contradictions``, a line each; ``wrong``, what the command says of the first, or None.
+            ``frames``, ``keyframes``; ``contradictions``, a line each; ``wrong``, what the command says of the first,
+            or None.
 
         Raises
         ------
