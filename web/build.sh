@@ -20,13 +20,13 @@ cargo=${CARGO_HOME:-$HOME/.cargo}
 flags="-C target-feature=+simd128 --remap-path-prefix $cargo=/cargo --remap-path-prefix $root=/particlegs"
 RUSTFLAGS=$flags cargo build --quiet --locked -p particlegs-web --profile web --target wasm32-unknown-unknown \
     --target-dir target/web
-gzip -9 -n -c target/web/wasm32-unknown-unknown/web/particlegs_web.wasm > "$out/engine.wasm.gz"
+engine=target/web/wasm32-unknown-unknown/web/particlegs_web.wasm
 
 cd web
 # Other stages may use what lies there: it is replaced only if another list of packages is wanted.
 [ node_modules/.package-lock.json -nt package-lock.json ] || npm ci --silent --no-audit --no-fund
 npx tsc --noEmit
-case $out in /*) node build.mjs "$out" ;; *) node build.mjs "../$out" ;; esac
+if [ "$out" = "$assets" ]; then node build.mjs "../$out" "../$engine"; else node build.mjs "$out"; fi
 cd ..
 
 compiler=$(rustc --version)
@@ -39,7 +39,7 @@ for name in viewer.js{,.sha256} worker.js viewer.css{,.sha256}; do
     cmp "$out/$name" "$assets/$name" || { echo "$assets/$name is out of date: run web/build.sh and commit" >&2; exit 1; }
 done
 if [ "$compiler" = "$(cat "$assets/engine.txt")" ]; then
-    cmp <(gzip -dc "$out/engine.wasm.gz") <(gzip -dc "$assets/engine.wasm.gz") ||
+    cmp "$engine" <(gzip -dc "$assets/engine.wasm.gz") ||
         { echo "$assets/engine.wasm.gz is out of date: run web/build.sh and commit" >&2; exit 1; }
 else
     echo "the committed engine was built by $(cat "$assets/engine.txt"), not $compiler: built, not compared"
