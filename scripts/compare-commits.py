@@ -19,7 +19,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-PACKAGES = {"codec": "core", "fit": "pipeline", "reference": "pipeline", "render": "pipeline", "read": "formats"}
+BENCHES = ("codec", "fit", "reference", "render", "read")
 UNITS = {"ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0}
 
 
@@ -41,9 +41,11 @@ def tree_of(root: Path, commit: str) -> Path:
 
 def medians(tree: Path, bench: str) -> dict[str, float]:
     """Seconds of each case, by the table that divan prints: fastest, slowest, median, mean. None without the benchmark."""
-    if not (tree / f"crates/particlegs-{PACKAGES[bench]}/benches/{bench}.rs").exists():
+    # A commit has it in a crate of its own choice.
+    package = next((f.parts[-3] for f in tree.glob(f"crates/*/benches/{bench}.rs")), None)
+    if package is None:
         return {}
-    printed = run("cargo", "bench", "--locked", "-q", "-p", f"particlegs-{PACKAGES[bench]}", "--bench", bench, cwd=tree)
+    printed = run("cargo", "bench", "--locked", "-q", "-p", package, "--bench", bench, cwd=tree)
     found, group = {}, ""
     for line in printed.splitlines():
         name = re.match(r"[│ ]*[├╰]─ (\S+)", line)
@@ -67,14 +69,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("before")
     parser.add_argument("after")
-    parser.add_argument("bench", nargs="*", choices=[[], *PACKAGES], default=[], metavar="BENCH")
+    parser.add_argument("bench", nargs="*", choices=[[], *BENCHES], default=[], metavar="BENCH")
     parser.add_argument("--rounds", type=int, default=3)
     a = parser.parse_args()
     root = Path(__file__).resolve().parent.parent
     trees = [tree_of(root, commit) for commit in (a.before, a.after)]
     measured: list[dict[str, list[float]]] = [{}, {}]
     for number in range(a.rounds):
-        for bench in a.bench or PACKAGES:
+        for bench in a.bench or BENCHES:
             for tree, times in zip(trees, measured):
                 for name, seconds in medians(tree, bench).items():
                     times.setdefault(name, []).append(seconds)

@@ -7,7 +7,7 @@ library only):
 DIR holds the pages of `cargo doc --workspace --no-deps` (target/doc). What a user can reach is what rustdoc lists for
 `particlegs`, whatever crate it comes from: types, traits, functions, constants; a name counts once, wherever it can be
 reached. A name of
-`particlegs-pipeline` or `particlegs-formats` is used where another crate, an example, a test or a public field,
+the crates beneath is used where another crate, an example, a test or a public field,
 argument or result has it. Ends with 1 where the bound is passed or a name is used by nobody.
 """
 import argparse
@@ -18,7 +18,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FACE, BOUND = "particlegs", 120
-PARTS = ("particlegs-pipeline", "particlegs-formats")
+PARTS = tuple(f"particlegs-{name}" for name in ("particles", "reference", "fit", "measure", "compress", "formats"))
 
 
 class All(html.parser.HTMLParser):

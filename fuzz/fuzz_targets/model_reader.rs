@@ -1,10 +1,10 @@
 //! Any bytes: read as a file, as a series, and as the one block of a file, whose checksums are none.
-//! `cargo fuzz run model_reader` (seeds: crates/particlegs-pipeline/tests/fixtures).
+//! `cargo fuzz run model_reader` (seeds: crates/particlegs-compress/tests/fixtures).
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use particlegs_pipeline::codec;
-use particlegs_pipeline::context::Context;
+use particlegs_core::codec;
+use particlegs_core::context::Context;
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = codec::read_info(bytes, "fuzz");

@@ -1,8 +1,8 @@
 //! What the targets of the particle formats share.
 
 use particlegs_formats::{AtomSelection, Choice};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::RUN;
+use particlegs_core::context::Context;
+use particlegs_particles::RUN;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -3,7 +3,7 @@
 use crate::errors::InputError;
 use numpy::{PyArrayDescrMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use particlegs_formats::Array;
-use particlegs_pipeline::particles::Column;
+use particlegs_particles::Column;
 use pyo3::prelude::*;
 use std::sync::Arc;
 

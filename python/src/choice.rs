@@ -4,9 +4,9 @@ use crate::errors::IntoPyResult;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use particlegs_formats::{AtomSelection, Choice, Weights};
-use particlegs_pipeline::model::{Dimension, Unit};
-use particlegs_pipeline::particles::{Selection, Storage};
-use particlegs_pipeline::space::Bounds;
+use particlegs_core::model::{Dimension, Unit};
+use particlegs_particles::{Selection, Storage};
+use particlegs_core::space::Bounds;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -40,7 +40,7 @@ pub struct ReadOptions {
 }
 
 impl ReadOptions {
-    fn choice(self) -> particlegs_pipeline::Result<Choice> {
+    fn choice(self) -> particlegs_core::Result<Choice> {
         let kept = match (self.region, self.center, self.width) {
             (Some([x0, x1, y0, y1, z0, z1]), ..) => {
                 Selection { crop: Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }), ..Selection::all() }

@@ -1,6 +1,6 @@
 //! The library's errors as exceptions.
 
-use particlegs_pipeline::{Error, Hint, NamedValue};
+use particlegs_core::{Error, Hint, NamedValue};
 use pyo3::exceptions::{
     PyFileExistsError, PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyValueError,
 };
@@ -87,7 +87,7 @@ pub trait IntoPyResult<T> {
     fn or_raise(self) -> PyResult<T>;
 }
 
-impl<T> IntoPyResult<T> for particlegs_pipeline::Result<T> {
+impl<T> IntoPyResult<T> for particlegs_core::Result<T> {
     fn or_raise(self) -> PyResult<T> {
         self.map_err(|e| exception(&e))
     }

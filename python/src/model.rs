@@ -1,5 +1,6 @@
 //! A model: its bytes, its Gaussians, pictures and densities.
 
+use particlegs_files::model_file;
 use crate::density::{self, CellNumbers};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::gaussians::Gaussians;
@@ -9,20 +10,17 @@ use crate::work::WorkOptions;
 use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs_export::density_unit;
 use particlegs_files::output;
-use particlegs_pipeline::camera::{Camera, Projection, View};
-use particlegs_pipeline::codec::SeriesDecoder;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{LawKind, Layer, Mass, Metadata, Quantity};
-use particlegs_pipeline::particles::RawForm;
-use particlegs_pipeline::picture::{Gray8, Pixels, Plane, Size};
-use particlegs_pipeline::recover::Options;
-use particlegs_pipeline::render::{
-    FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into,
-    surface_density,
-};
-use particlegs_pipeline::score::Assessment;
-use particlegs_pipeline::verify::StoredModel;
-use particlegs_pipeline::{Result, codec, parallel};
+use particlegs_core::camera::{Camera, Projection, View};
+use particlegs_core::codec::SeriesDecoder;
+use particlegs_core::context::Context;
+use particlegs_core::model::{LawKind, Layer, Mass, Metadata, Quantity};
+use particlegs_particles::RawForm;
+use particlegs_core::picture::{Gray8, Pixels, Plane, Size};
+use particlegs_fit::recover::Options;
+use particlegs_core::render::{FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into, surface_density};
+use particlegs_measure::score::Assessment;
+use particlegs_compress::verify::StoredModel;
+use particlegs_core::{Result, codec, parallel};
 use particlegs_view::page::{ModelFile, PageOpening, offline};
 use particlegs_view::poster;
 use pyo3::prelude::*;
@@ -35,7 +33,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
 pub struct Model {
     bytes: Vec<u8>,
-    model: particlegs_pipeline::model::Model,
+    model: particlegs_core::model::Model,
     name: String,
     scratch: parallel::Scratch<Scratch>,
     gaussians: OnceLock<Py<Gaussians>>,
@@ -58,7 +56,7 @@ pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
 }
 
 impl Model {
-    pub fn new(bytes: Vec<u8>, model: particlegs_pipeline::model::Model, name: String) -> Self {
+    pub fn new(bytes: Vec<u8>, model: particlegs_core::model::Model, name: String) -> Self {
         Model { bytes, model, name, scratch: parallel::Scratch::default(), gaussians: OnceLock::new(), frame: None }
     }
 
@@ -88,7 +86,7 @@ impl Model {
         &self.name
     }
 
-    pub fn inner(&self) -> &particlegs_pipeline::model::Model {
+    pub fn inner(&self) -> &particlegs_core::model::Model {
         &self.model
     }
 
@@ -104,7 +102,7 @@ impl Model {
     }
 
     /// The model with only some layers, copied unless these are all.
-    fn only(&self, names: Option<&[String]>) -> PyResult<std::borrow::Cow<'_, particlegs_pipeline::model::Model>> {
+    fn only(&self, names: Option<&[String]>) -> PyResult<std::borrow::Cow<'_, particlegs_core::model::Model>> {
         Ok(match names {
             None => std::borrow::Cow::Borrowed(&self.model),
             Some(names) => std::borrow::Cow::Owned(self.model.clone().only(names).or_raise()?),
@@ -142,7 +140,7 @@ impl Model {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_else(|| place.clone());
         let (bytes, model) = WorkOptions::quietly(threads).run(py, |progress| {
             let source = particlegs_files::input::Source::open(&path, progress)?;
-            let bytes = codec::read_source(source, &place)?;
+            let bytes = model_file::read_source(source, &place)?;
             let model = codec::decode_with(&bytes, &place, progress)?;
             Ok((bytes, model))
         })?;
@@ -166,7 +164,7 @@ impl Model {
     /// Writes the file, completely or not at all.
     #[pyo3(signature = (path, overwrite=false))]
     fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
-        codec::check_name(&path).or_raise()?;
+        model_file::check_name(&path).or_raise()?;
         refuse(&path, overwrite)?;
         output::write_bytes(&path, &self.bytes).or_raise()
     }
@@ -175,7 +173,7 @@ impl Model {
     #[getter]
     fn description(&self) -> String {
         let m = &self.model;
-        let layer = |l: &Layer<Vec<particlegs_pipeline::model::Block>>| {
+        let layer = |l: &Layer<Vec<particlegs_core::model::Block>>| {
             serde_json::json!({
                 "name": l.name, "particles": l.count(), "particle_mass": l.mass.unit(),
                 "weighted": l.mass.is_weighted(), "blocks": l.content.len(),

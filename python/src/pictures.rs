@@ -3,11 +3,11 @@
 use crate::errors::{InputError, IntoPyResult, named};
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArrayDyn, ToPyArray};
-use particlegs_pipeline::camera::{Camera, DensityView, View, Window, base_distance, spherical_camera};
-use particlegs_pipeline::picture::{DensityColors, Gray8, Plane, Size};
-use particlegs_pipeline::space::{Bounds, Cell};
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::{Camera, DensityView, View, Window, base_distance, spherical_camera};
+use particlegs_core::picture::{DensityColors, Gray8, Plane, Size};
+use particlegs_core::space::{Bounds, Cell};
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, Result};
 use pyo3::prelude::*;
 
 /// A camera from Python: angles, or JSON with the keys of views files.

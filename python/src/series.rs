@@ -1,13 +1,14 @@
 //! A series: its index, and its models by number and by moment.
 
+use particlegs_files::model_file;
 use crate::errors::IntoPyResult;
 use crate::model::{Model, SeriesFrame};
 use crate::work::WorkOptions;
 use particlegs_files::input::Source;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::codec::{self, FrameCoding, SeriesDecoder, SeriesFile};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::verify::SeriesVerification;
+use particlegs_core::{Result, codec};
+use particlegs_core::codec::{FrameCoding, SeriesDecoder, SeriesFile};
+use particlegs_core::context::Context;
+use particlegs_compress::verify::SeriesVerification;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -54,7 +55,7 @@ impl ModelSeries {
     fn read(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
         let place = path.display().to_string();
         WorkOptions::quietly(threads).run(py, |context| {
-            let bytes = codec::read_source(Source::open(&path, context)?, &place)?;
+            let bytes = model_file::read_source(Source::open(&path, context)?, &place)?;
             SeriesFile::read(&bytes, &place)?;
             let series = SeriesFile::read_start(&bytes, &place)?;
             let there = |f: &codec::FrameEntry| (f.kind != FrameCoding::Missing).then_some(f.time);

@@ -7,15 +7,12 @@ use crate::work::WorkOptions;
 use numpy::ndarray::{ArrayD, ArrayView, IxDyn};
 use numpy::{IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs_formats::Writer;
-use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Units, is_species};
-use particlegs_pipeline::particles::{
-    LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage,
-    Tiling,
-};
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::reference::Reference;
-use particlegs_pipeline::space::{Bounds, Cell};
-use particlegs_pipeline::splat::DEFAULT_OPACITY;
+use particlegs_core::model::{Cosmology, Epoch, Layer, Units, is_species};
+use particlegs_particles::{LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling};
+use particlegs_core::picture::Size;
+use particlegs_reference::Reference;
+use particlegs_core::space::{Bounds, Cell};
+use particlegs_core::splat::DEFAULT_OPACITY;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::collections::BTreeMap;
@@ -87,12 +84,12 @@ impl ParticleInfo {
 }
 
 /// Divides particles into layers with these names and numbers of particles; does nothing without layers.
-fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs_pipeline::Result<Particles> {
+fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs_core::Result<Particles> {
     let count = particles.len();
     let total = layers.iter().fold(0, |sum: usize, (_, n)| sum.saturating_add(*n));
     if !layers.is_empty() && total != count {
         let what = format!("the layers have {total} particles in all, but there are {count}");
-        return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
+        return Err(particlegs_core::Error::input(&particles.meta.name, what));
     }
     let (mass, mut end) = (particles.layers()[0].mass, 0);
     let layers = layers.into_iter().map(|(name, n)| {
@@ -156,12 +153,12 @@ impl Snapshot {
             };
             let name = particles.meta.name.clone();
             if particles.is_empty() {
-                return Err(particlegs_pipeline::Error::input(&name, "no particles"));
+                return Err(particlegs_core::Error::input(&name, "no particles"));
             }
             let particles = match weights {
                 Some(w) if w.len() != particles.len() => {
                     let what = format!("there are {} weights for {} particles", w.len(), particles.len());
-                    return Err(particlegs_pipeline::Error::input(&name, what));
+                    return Err(particlegs_core::Error::input(&name, what));
                 }
                 Some(weights) => particles.with_weights(weights),
                 None => particles,

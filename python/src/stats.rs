@@ -5,10 +5,10 @@ use crate::errors::named;
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::LayerFields;
-use particlegs_pipeline::stats::{Measure, ParticleFields, StatsOptions, StatsSide, Subject, compare};
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_particles::LayerFields;
+use particlegs_measure::stats::{Measure, ParticleFields, StatsOptions, StatsSide, Subject, compare};
 use pyo3::prelude::*;
 
 /// What to measure; the names are those of the command.

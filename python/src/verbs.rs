@@ -1,17 +1,18 @@
 //! The subcommands for models: `simplify`, `merge`, `eval`, `verify`, `export`.
 
+use particlegs_files::model_file;
 use crate::compress::{FieldArray, layer_fields};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named};
-use particlegs_export::{write_as_splats, write_density, write_gaussians};
+use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density, write_gaussians};
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::codec::{self, Merge};
-use particlegs_pipeline::compress::{self, Target};
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::score;
+use particlegs_core::codec;
+use particlegs_core::codec::Merge;
+use particlegs_compress::simplify;
+use particlegs_core::picture::Size;
+use particlegs_measure::score;
 use particlegs_view::page::{ModelFile, PageOpening, offline};
 use pyo3::prelude::*;
 use serde_json::json;
@@ -37,7 +38,7 @@ pub fn simplify(
     };
     let (whole, bytes) = (model.inner().clone(), model.bytes().len() as u64);
     made(py, model.called(), WorkOptions { threads, progress }, |progress| {
-        compress::simplify(whole, bytes, target, progress)
+        simplify(whole, bytes, target, progress)
     })
 }
 
@@ -65,7 +66,7 @@ fn made(
     py: Python<'_>,
     name: &str,
     how: WorkOptions,
-    work: impl FnOnce(&particlegs_pipeline::context::Context<'_>) -> particlegs_pipeline::Result<Vec<u8>> + Send,
+    work: impl FnOnce(&particlegs_core::context::Context<'_>) -> particlegs_core::Result<Vec<u8>> + Send,
 ) -> PyResult<Model> {
     let (bytes, model) = how.run(py, |progress| {
         let bytes = work(progress)?;
@@ -95,8 +96,8 @@ pub fn evaluate(
     let views = score::evaluation_views(&whole.metadata, size, seed, frames);
     let particles = snapshot.checked()?;
     let scores = WorkOptions { threads, progress }.run(py, |progress| {
-        let of_several = codec::is_of_several(model.bytes(), &whole.metadata, model.called())?;
-        let matches = particles.source_difference(whole, of_several).is_none();
+        let of_several = model_file::is_of_several(model.bytes(), &whole.metadata, model.called())?;
+        let matches = source_difference(&particles, whole, of_several).is_none();
         let mut scores = json!(score::evaluate(whole, particles, &views, size, None, progress)?);
         scores["source_matches"] = matches.into();
         Ok(scores)
@@ -169,7 +170,7 @@ pub fn export(
     let mut notes = Notes::new(kind, &shown, model.called(), &fields);
     WorkOptions { threads, progress }.run(py, |progress| match kind.group() {
         Group::Page if asked.layers.is_some() => {
-            Err(particlegs_pipeline::Error::argument("an exported page contains all layers: leave layers= out"))
+            Err(particlegs_core::Error::argument("an exported page contains all layers: leave layers= out"))
         }
         Group::Page => {
             let file = ModelFile { name: model.called(), bytes: model.bytes() };

@@ -2,8 +2,8 @@
 
 use crate::errors::{InputError, exception};
 use particlegs_files::memory;
-use particlegs_pipeline::context::{Context, ProgressEvent, ProgressSink};
-use particlegs_pipeline::{Error, Result, parallel};
+use particlegs_core::context::{Context, ProgressEvent, ProgressSink};
+use particlegs_core::{Error, Result, parallel};
 use pyo3::prelude::*;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};

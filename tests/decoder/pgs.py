@@ -1601,7 +1601,7 @@ def hexadecimal(values):
 
 
 def dump(model, out):
-    """The lines that `cargo run -p particlegs-pipeline --example decoded_bits` prints."""
+    """The lines that `cargo run -p particlegs-compress --example decoded_bits` prints."""
     meta = model["meta"]
     hashes = ("hash", meta["hash"], "fields", meta["fields_hash"])
     print("law", meta["law"], "particles", meta["particles"], *hashes, file=out)

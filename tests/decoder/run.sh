@@ -76,7 +76,7 @@ for name in alpha blocks fields layers segments shared-blocks; do
 done
 
 passed=0 failed=0
-for model in crates/particlegs-pipeline/tests/fixtures/format-1.*.pgs "$work"/*.pgs; do
+for model in crates/particlegs-compress/tests/fixtures/format-1.*.pgs "$work"/*.pgs; do
     "$decoded_bits" "$model" >"$work/ours"
     "$python" tests/decoder/pgs.py "$model" >"$work/theirs"
     if cmp -s "$work/ours" "$work/theirs"; then

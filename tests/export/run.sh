@@ -35,7 +35,7 @@ trap 'rm -rf "$work"' EXIT
     --length-unit kpc --fields all --certificate none --quiet >/dev/null
 "$particlegs" compress crates/particlegs-formats/tests/fixtures/mdanalysis.xtc -o "$work/molecules.pgs" --gaussians 20 \
     --certificate none --quiet >/dev/null
-cp crates/particlegs-pipeline/tests/fixtures/format-1.0-alpha.pgs "$work/alpha.pgs"
+cp crates/particlegs-compress/tests/fixtures/format-1.0-alpha.pgs "$work/alpha.pgs"
 
 # The newest Node resolves packages from where a script lies.
 cp tests/export/gltf.mjs "$readers/gltf.mjs"

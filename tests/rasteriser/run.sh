@@ -12,7 +12,7 @@ trap 'rm -rf "$work"' EXIT
     --config tests/rasteriser/tiny.toml --effort fast --size 20kB --certificate none --quiet >/dev/null
 
 passed=0 failed=0
-for model in crates/particlegs-pipeline/tests/fixtures/format-1.0-alpha.pgs "$work/trained.pgs"; do
+for model in crates/particlegs-compress/tests/fixtures/format-1.0-alpha.pgs "$work/trained.pgs"; do
     echo "$(basename "$model"):"
     "$python" tests/rasteriser/splats.py views "$model" "$work/views.json"
     rm -rf "$work/pictures"

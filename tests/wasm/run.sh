@@ -23,7 +23,7 @@ build --bin particlegs-wasm-test
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-for model in crates/particlegs-pipeline/tests/fixtures/format-1.*.pgs; do
+for model in crates/particlegs-compress/tests/fixtures/format-1.*.pgs; do
     "$target/release/particlegs-wasm-test" "$model" "$work/pictures"
     node tests/wasm/draw.mjs "$target/wasm32-unknown-unknown/release/particlegs_wasm_test.wasm" "$model" "$work/pictures"
 done

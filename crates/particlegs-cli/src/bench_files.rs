@@ -3,11 +3,11 @@
 use crate::common::CommandContext;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
 use crate::figure::{ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, layout, raster, write_plots};
+use particlegs_core::picture::{Gray8, Rgb8};
+use particlegs_core::{Error, Result};
 use particlegs_files::output::write_bytes;
 use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
 use particlegs_lab::results::{Colours, Pictures};
-use particlegs_pipeline::picture::{Gray8, Rgb8};
-use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 
 const RESULTS: &str = "results.json";

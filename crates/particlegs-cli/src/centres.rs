@@ -1,11 +1,11 @@
 //! A list of centres: a text table with x, y, z and optionally a radius in each line.
 
+use particlegs_core::context::Context;
+use particlegs_core::model::UnitSystem;
+use particlegs_core::space::{Cell, PeriodicCell};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::name_of;
 use particlegs_formats::Catalogue;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::UnitSystem;
-use particlegs_pipeline::space::{Cell, PeriodicCell};
-use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
 /// Centres and radii of circles, in the units of a snapshot or model; one whose inner half reaches over a face of the

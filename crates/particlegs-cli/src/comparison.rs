@@ -2,10 +2,10 @@
 
 use crate::density_file;
 use crate::drawing::provenance::PictureProvenance;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::picture::{DensityScores, Gray8, Scores, read_png};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::picture::{DensityScores, Gray8, Scores};
+use particlegs_core::{Error, Result, parallel};
+use particlegs_files::png::read_png;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -228,8 +228,9 @@ impl FolderNames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::picture::{Size, write_png};
+    use particlegs_core::context::Context;
+    use particlegs_core::picture::Size;
+    use particlegs_files::png::write_png;
 
     #[test]
     fn counterparts_and_sizes() {

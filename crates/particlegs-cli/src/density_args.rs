@@ -8,12 +8,12 @@ use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
 use clap::Args;
 use clap::builder::TypedValueParser;
-use particlegs_pipeline::camera::{DensityView, Projection, View};
-use particlegs_pipeline::math::float32_holds;
-use particlegs_pipeline::model::{Model, Units};
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::picture::{Colormap, Plane};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::{DensityView, Projection, View};
+use particlegs_core::math::float32_holds;
+use particlegs_core::model::{Model, Units};
+use particlegs_core::picture::{Colormap, Plane};
+use particlegs_core::{Error, Result};
+use particlegs_particles::Particles;
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]

@@ -1,12 +1,12 @@
 //! Surface density as numbers: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which describes
 //! them. `--raw` writes and `compare` reads them.
 
+use particlegs_core::camera::{CameraRecord, DensityView, Projection};
+use particlegs_core::context::Context;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
 use particlegs_files::output::{FileSet, write_atomic, write_bytes};
-use particlegs_pipeline::camera::{CameraRecord, DensityView, Projection};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::picture::{Plane, Size};
-use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,8 @@
 //! `--device`: the CPU or a GPU.
 
 use clap::Args;
-use particlegs_pipeline::train::Accelerator;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
+use particlegs_train::Accelerator;
 use std::str::FromStr;
 use std::sync::Arc;
 

@@ -2,7 +2,7 @@
 //!
 //! Their templates are beside this file; `@NAME@` is replaced by values of the plan.
 
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
 const SLURM: &str = include_str!("emit/slurm.sh");

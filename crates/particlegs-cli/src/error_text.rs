@@ -1,6 +1,6 @@
 //! Exit codes and hints of errors, in terms of the command line.
 
-use particlegs_pipeline::{Error, Hint};
+use particlegs_core::{Error, Hint};
 
 /// The process exit code (docs/guide/exit-codes.md).
 pub fn exit_code(error: &Error) -> u8 {

@@ -5,10 +5,10 @@ use crate::drawing::ViewContent;
 use crate::drawing::field_colors::FieldLegend;
 use crate::drawing::provenance::PictureProvenance;
 use clap::Args;
-use particlegs_pipeline::model::{Model, Quantity};
-use particlegs_pipeline::picture::{Colormap, ValueScale};
-use particlegs_pipeline::render::{FieldMap, FieldQuery, MapComponent, first_means, mean_vector};
-use particlegs_pipeline::{Error, NamedValue, Result};
+use particlegs_core::model::{Model, Quantity};
+use particlegs_core::picture::{Colormap, ValueScale};
+use particlegs_core::render::{FieldMap, FieldQuery, MapComponent, first_means, mean_vector};
+use particlegs_core::{Error, NamedValue, Result};
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Field options")]

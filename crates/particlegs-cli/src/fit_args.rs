@@ -5,11 +5,11 @@ use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{GoalArgs, TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::Args;
-use particlegs_pipeline::compress::Options;
-use particlegs_pipeline::fit::Effort;
-use particlegs_pipeline::model::CertificateLevel;
-use particlegs_pipeline::particles::StarFormingGas;
-use particlegs_pipeline::{Error, Result};
+use particlegs_compress::Options;
+use particlegs_core::model::CertificateLevel;
+use particlegs_core::{Error, Result};
+use particlegs_fit::Effort;
+use particlegs_particles::StarFormingGas;
 
 pub fn number_of_blocks(text: &str) -> std::result::Result<u32, String> {
     text.parse().map_err(|_| "not a number (--gadget-blocks names the blocks of a Gadget file)".to_string())

@@ -1,8 +1,8 @@
 //! Tables with a row for each frame of a series.
 
-use particlegs_pipeline::codec::{FrameCoding, SeriesFile};
-use particlegs_pipeline::model::{Epoch, Metadata, Units};
-use particlegs_pipeline::text::{cell, one_line};
+use particlegs_core::codec::{FrameCoding, SeriesFile};
+use particlegs_core::model::{Epoch, Metadata, Units};
+use particlegs_core::text::{cell, one_line};
 use std::fmt::Write;
 
 /// A column: its name, its unit, what it is, and what stands in it.

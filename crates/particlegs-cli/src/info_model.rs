@@ -5,17 +5,17 @@ use crate::figure::number;
 use crate::info_snapshot::{self, point};
 use crate::inputs;
 use crate::text_wrap::{counted, wrapped};
-use particlegs_files::input::name_of;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::codec::{self, BlockInfo, FileInfo};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{
+use particlegs_core::codec::{BlockInfo, FileInfo};
+use particlegs_core::context::Context;
+use particlegs_core::model::{
     AlphaBlend, Certificate, CertificateLevel, Effort, GoalResult, LawKind, Layer, Metadata, MetricEntry, MetricGroup,
     MetricValue, Quantity, Recipe, SharedSpecies, VIZMAPPER_SHAPE, VizMapper, VizRanges, hex,
 };
-use particlegs_pipeline::score::{Assessment, Grade, UseCase};
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::text::one_line;
+use particlegs_core::space::Cell;
+use particlegs_core::text::one_line;
+use particlegs_core::{Result, codec};
+use particlegs_files::input::name_of;
+use particlegs_measure::score::{Assessment, Grade, UseCase};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;

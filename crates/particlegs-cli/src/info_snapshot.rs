@@ -2,12 +2,12 @@
 
 use crate::common::CommandContext;
 use crate::text_wrap::wrapped;
+use particlegs_core::Result;
+use particlegs_core::model::{Cosmology, Dimension, Epoch, Units};
+use particlegs_core::space::{Bounds, Cell};
+use particlegs_core::text::one_line;
 use particlegs_formats::{Choice, Description, SpeciesField, SpeciesMass};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::{Cosmology, Dimension, Epoch, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::{Bounds, Cell};
-use particlegs_pipeline::text::one_line;
+use particlegs_particles::SnapshotMeta;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -3,13 +3,14 @@
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
+use particlegs_core::codec::{SeriesDecoder, SeriesFile};
+use particlegs_core::context::{Context, ProgressSink};
+use particlegs_core::model::{Metadata, Model, hex};
+use particlegs_core::text::one_line;
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::{Source, is_stream, name_of};
+use particlegs_files::model_file;
 use particlegs_formats::{Choice, PathKind};
-use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
-use particlegs_pipeline::context::{Context, ProgressSink};
-use particlegs_pipeline::model::{Metadata, Model, hex};
-use particlegs_pipeline::text::one_line;
-use particlegs_pipeline::{Error, Result, codec};
 use std::io::Read;
 use std::path::Path;
 
@@ -155,7 +156,7 @@ pub fn model_or_series(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
     if !codec::is_model(source.peek(HEAD)?) && PathKind::from_path(path).describe().is_some() {
         return Err(no_model(path));
     }
-    codec::read_source(source, &name_of(path))
+    model_file::read_source(source, &name_of(path))
 }
 
 /// Is a file, which is not a pipe, a series?
@@ -201,7 +202,7 @@ pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<
     let mut source = Source::open(path, context)?;
     if codec::is_model(source.peek(HEAD)?) {
         let frame = FrameArgs::numbered(opening.frame);
-        let bytes = codec::read_source(source, &name_of(path))?;
+        let bytes = model_file::read_source(source, &name_of(path))?;
         return Ok(PathContent::Model(frame_of(bytes, &frame, &name_of(path), context)?));
     }
     if is_stream(path) {

@@ -2,10 +2,10 @@
 
 use crate::common::CommandContext;
 use crate::snapshot_args::ParticleArgs;
+use particlegs_compress::job::Job;
+use particlegs_core::{Error, Result};
 use particlegs_files::input::{is_stream, name_of};
-use particlegs_pipeline::job::Job;
-use particlegs_pipeline::particles::{LayerFields, LayeredParticles, Particles, Storage};
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{LayerFields, LayeredParticles, Particles, Storage};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -45,7 +45,7 @@ mod train_log;
 mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::ffi::OsString;
 use std::process::ExitCode;
 

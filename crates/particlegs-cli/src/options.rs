@@ -4,8 +4,8 @@ use crate::figure::FileKind;
 use crate::inputs::{is_series, is_single};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
+use particlegs_core::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
-use particlegs_pipeline::{Error, NamedValue, Result};
 use std::path::Path;
 
 struct OptionRule {

@@ -3,9 +3,10 @@
 use crate::common::CommandContext;
 use crate::text_wrap::wrapped;
 use clap::Args;
+use particlegs_core::{Error, Result, codec};
+use particlegs_files::model_file;
 use particlegs_files::output;
 use particlegs_files::output::{FileSet, Input, Kind, Outputs};
-use particlegs_pipeline::{Error, Result, codec};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -171,7 +172,7 @@ impl CommandContext {
     /// Declares a model file; returns whether it exists and is kept.
     pub fn writes_model(&self, path: &Path) -> Result<bool> {
         let kept = self.writes(path, &MODEL)?;
-        codec::check_name(path).map(|()| kept)
+        model_file::check_name(path).map(|()| kept)
     }
 
     /// Declares an output; refuses an existing file that is kept.

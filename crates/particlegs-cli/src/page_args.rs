@@ -8,12 +8,13 @@ use crate::figure::args::Background;
 use crate::page_models::share_length;
 use crate::view_args::ProjectionArg;
 use clap::{Args, ValueHint};
+use particlegs_core::camera::ViewSet;
+use particlegs_core::codec::FileInfo;
+use particlegs_core::model::{LawKind, is_species};
+use particlegs_core::picture::Colormap;
+use particlegs_core::{Error, NamedValue, Result};
+use particlegs_files::ViewsFile;
 use particlegs_files::input::name_of;
-use particlegs_pipeline::camera::{ViewSet, ViewsFile};
-use particlegs_pipeline::codec::FileInfo;
-use particlegs_pipeline::model::{LawKind, is_species};
-use particlegs_pipeline::picture::Colormap;
-use particlegs_pipeline::{Error, NamedValue, Result};
 use particlegs_view::page::{MOST_CIRCLES, PageOpening, PageStyle};
 use std::path::{Path, PathBuf};
 

@@ -3,11 +3,11 @@
 use crate::common::CommandContext;
 use crate::inputs;
 use crate::snapshot_args::SnapshotArgs;
+use particlegs_core::codec::{FileInfo, SeriesFile};
+use particlegs_core::model::Metadata;
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
-use particlegs_pipeline::codec::{FileInfo, SeriesFile};
-use particlegs_pipeline::model::Metadata;
-use particlegs_pipeline::particles::{Particles, Storage};
-use particlegs_pipeline::{Error, Result, codec};
+use particlegs_particles::{Particles, Storage};
 use particlegs_view::page::PageOpening;
 use particlegs_view::poster;
 use std::path::{Path, PathBuf};

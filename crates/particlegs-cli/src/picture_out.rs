@@ -3,8 +3,8 @@
 use crate::common::CommandContext;
 use crate::figure::FileKind;
 use crate::outputs::{PDF, PNG, SVG};
+use particlegs_core::{Error, Result};
 use particlegs_files::output;
-use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Of one picture's name.

@@ -1,7 +1,7 @@
 //! Pictures in a JSON report, with the keys of a views file, so that `--views` can read it.
 
 use crate::view_args::ViewSubject;
-use particlegs_pipeline::camera::{DensityView, View};
+use particlegs_core::camera::{DensityView, View};
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -2,8 +2,8 @@
 
 use crate::error_text;
 use crate::progress::to_stderr;
-use particlegs_pipeline::Error;
-use particlegs_pipeline::text::{one_line, printable, printable_json};
+use particlegs_core::Error;
+use particlegs_core::text::{one_line, printable, printable_json};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -22,30 +22,30 @@ pub fn failure(error: &Error) -> ExitCode {
 }
 
 /// Prints a line of the result on stdout.
-pub fn line(text: &str) -> particlegs_pipeline::Result<()> {
+pub fn line(text: &str) -> particlegs_core::Result<()> {
     verbatim(&printable(text))
 }
 
 /// Prints text for another program on stdout, unchanged.
-pub fn verbatim(line: &str) -> particlegs_pipeline::Result<()> {
+pub fn verbatim(line: &str) -> particlegs_core::Result<()> {
     whole(|| writeln!(std::io::stdout(), "{line}"))
 }
 
-pub fn text(bytes: &[u8]) -> particlegs_pipeline::Result<()> {
+pub fn text(bytes: &[u8]) -> particlegs_core::Result<()> {
     whole(|| std::io::stdout().write_all(bytes))
 }
 
-pub fn help(asked: &clap::Error) -> particlegs_pipeline::Result<()> {
+pub fn help(asked: &clap::Error) -> particlegs_core::Result<()> {
     whole(|| asked.print())
 }
 
 /// Writes to stdout and checks that all of it arrived.
-fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs_pipeline::Result<()> {
+fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs_core::Result<()> {
     write().and_then(|()| std::io::stdout().flush()).map_err(|e| Error::io("standard output", e))
 }
 
 /// Writes the result as JSON to a file, or to stdout for `-`.
-pub fn json(target: &Path, value: &impl Serialize) -> particlegs_pipeline::Result<()> {
+pub fn json(target: &Path, value: &impl Serialize) -> particlegs_core::Result<()> {
     let text = serde_json::to_string_pretty(value).expect("results are plain data") + "\n";
     let text = printable_json(&text);
     if target == Path::new("-") {

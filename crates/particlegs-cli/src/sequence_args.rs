@@ -2,8 +2,8 @@
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueHint};
-use particlegs_pipeline::camera::{View, ViewSet, path_through};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::{View, ViewSet, path_through};
+use particlegs_core::{Error, Result};
 use std::path::PathBuf;
 
 /// Most frames of a film.

@@ -1,12 +1,12 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
+use particlegs_core::context::Context;
+use particlegs_core::model::Model;
+use particlegs_core::space::Bounds;
+use particlegs_core::{Error, Result};
 use particlegs_formats::{AtomSelection, Choice, Weights};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::particles::{Particles, Selection, Storage};
-use particlegs_pipeline::space::Bounds;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{Particles, Selection, Storage};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 

@@ -4,11 +4,12 @@ use crate::figure::{
     self, ColourBar, EdgeAxis, Figure, FigureImage, FigureSpace, FileKind, Panel, PaperColour, Plot, PlotAxis, Point,
     Series, png_file::PngMetadata, write_plots,
 };
+use particlegs_core::Result;
+use particlegs_core::model::per_length;
+use particlegs_core::picture::{Colormap, Rgb8, Size};
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::per_length;
-use particlegs_pipeline::picture::{Colormap, Rgb8, Size, write_png};
-use particlegs_pipeline::stats::{
+use particlegs_files::png::write_png;
+use particlegs_measure::stats::{
     AxisProfile, Convention, DensityReport, JointHistogram, MultipoleShell, NearestDistances, PairCounts, Shell,
     SizeClass, Statistics,
 };

@@ -1,10 +1,9 @@
 //! Tables of statistics: CSV files, and a summary for the terminal.
 
+use particlegs_core::model::{decimals, per_length};
+use particlegs_core::{Result, text};
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::{decimals, per_length};
-use particlegs_pipeline::stats::{PairCounts, SizeClass, Statistics};
-use particlegs_pipeline::text;
+use particlegs_measure::stats::{PairCounts, SizeClass, Statistics};
 use std::path::Path;
 
 struct Csv(String);

@@ -2,9 +2,9 @@
 
 use crate::error_text::option_error;
 use clap::{Arg, Args};
-use particlegs_pipeline::compress::Target;
-use particlegs_pipeline::model::{Goal, GoalKind};
-use particlegs_pipeline::{Error, Result};
+use particlegs_compress::Target;
+use particlegs_core::model::{Goal, GoalKind};
+use particlegs_core::{Error, Result};
 
 pub const HEADING: &str = "Target (choose one)";
 

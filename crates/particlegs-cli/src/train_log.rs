@@ -2,11 +2,11 @@
 
 use crate::common::CommandContext;
 use crate::figure::{FileKind, Plot, PlotAxis, Point, Series, write_plots};
+use particlegs_core::Result;
+use particlegs_core::context::{Context, ProgressEvent, ProgressSink};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;
 use particlegs_files::output::FileSet;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::{Context, ProgressEvent, ProgressSink};
 use serde_json::Value;
 use std::io::Write;
 use std::path::{Path, PathBuf};

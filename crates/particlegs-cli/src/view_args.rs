@@ -3,16 +3,20 @@
 use crate::common::CommandContext;
 use crate::outputs::JSON;
 use clap::{Args, ValueEnum, ValueHint};
+use particlegs_core::camera::{
+    Camera, DensityView, Extent, FOV_DEG, Frame, Projection, View, ViewSet, Window, WindowContent, base_distance,
+    spherical_camera,
+};
+use particlegs_core::math::each_axis;
+use particlegs_core::model::{LawKind, Model};
+use particlegs_core::picture::Size;
+use particlegs_core::render::Scene;
+use particlegs_core::space::{Bounds, Cell};
+use particlegs_core::{Error, Result, render};
+use particlegs_files::ViewsFile;
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::camera::{Camera, DensityView, Extent, Frame, Projection, View, ViewSet, ViewsFile, Window};
-use particlegs_pipeline::camera::{FOV_DEG, WindowContent, base_distance, spherical_camera};
-use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::model::{LawKind, Model};
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::render::{self, Scene};
-use particlegs_pipeline::space::{Bounds, Cell};
-use particlegs_pipeline::stats::Domain;
-use particlegs_pipeline::{Error, Result};
+use particlegs_measure::stats::mass_center;
+use particlegs_particles::Domain;
 use std::path::PathBuf;
 
 /// Options of views, radius and opacity.
@@ -136,7 +140,7 @@ impl PictureCenter {
         if model.metadata.law == LawKind::AlphaBlend {
             return Err(Error::input(of, "an alpha-blend model has no centre of mass: its splats hold opacities"));
         }
-        let found = Domain::from_model(model).mass_center(model, layers, region)?;
+        let found = mass_center(&Domain::from_model(model), model, layers, region)?;
         let found = found.ok_or_else(|| Error::input(of, "there is no mass where --center asks for its centre"))?;
         let axes: Vec<&str> = ["x", "y", "z"].into_iter().zip(found.filled).filter(|a| a.1).map(|a| a.0).collect();
         if axes.len() == 3 {

@@ -1,7 +1,7 @@
 //! Lengths of grids for viewers of molecules, which know no other unit than the Angstrom.
 
 use super::{Density, Kind, Notes};
-use particlegs_pipeline::model::{Dimension, Unit};
+use particlegs_core::model::{Dimension, Unit};
 
 /// A grid's lengths and densities in Angstrom, where their unit is one of molecules; as they are elsewhere.
 pub struct AngstromGrid {

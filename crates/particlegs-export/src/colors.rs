@@ -2,13 +2,13 @@
 
 use super::Notes;
 use super::grid::density_unit;
-use particlegs_pipeline::math::Sym3;
-use particlegs_pipeline::model::{Layer, Mixture, Model};
-use particlegs_pipeline::picture::{Colormap, Rgb8};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::math::Sym3;
+use particlegs_core::model::{Layer, Mixture, Model};
+use particlegs_core::picture::{Colormap, Rgb8};
+use particlegs_core::{Error, Result};
 use serde_json::{Map, json};
 
-particlegs_pipeline::named_values! {
+particlegs_core::named_values! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum ColorBy {
         /// Grey levels, as in pictures: white, or those that an alpha-blend model was trained to.
@@ -79,13 +79,13 @@ impl Coloring {
 }
 
 /// Grey levels of a layer's Gaussians, which colours are multiplied by; 1 of the optical-depth law.
-fn greys(layer: &Layer<Vec<particlegs_pipeline::model::Block>>) -> impl Iterator<Item = f32> {
+fn greys(layer: &Layer<Vec<particlegs_core::model::Block>>) -> impl Iterator<Item = f32> {
     let grey = |g: &Mixture, i: usize| g.law.alpha_blend().map_or(1.0, |own| own.grey[i].clamp(0.0, 1.0) as f32);
     layer.content.iter().flat_map(move |b| (0..b.gaussians.len()).map(move |i| grey(&b.gaussians, i)))
 }
 
 /// Mass, or number, per volume at the centre of each of a layer's Gaussians.
-fn densities(layer: &Layer<Vec<particlegs_pipeline::model::Block>>) -> Vec<f64> {
+fn densities(layer: &Layer<Vec<particlegs_core::model::Block>>) -> Vec<f64> {
     let unit = layer.mass.unit_or_one();
     let own = |g: &Mixture, i: usize| unit * g.mass_of(i) * peak(&g.cov_of(i));
     layer

@@ -2,10 +2,10 @@
 
 use super::gaussians::{LayerGaussian, all, has_opacities};
 use super::{Notes, RUN, written};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Model, Quantity};
-use particlegs_pipeline::text::{cell, one_line};
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Model, Quantity};
+use particlegs_core::text::{cell, one_line};
 use std::f64::consts::LN_10;
 use std::path::Path;
 

@@ -3,10 +3,10 @@
 
 use super::notes::ascii;
 use super::{Density, Notes, written};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Dimension, Unit};
-use particlegs_pipeline::stats::Grid;
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Dimension, Unit};
+use particlegs_measure::stats::Grid;
 use std::path::Path;
 
 /// Bytes of a card, and of a block of cards or numbers.

@@ -1,7 +1,7 @@
 //! What the tables of Gaussians share.
 
-use particlegs_pipeline::math::Sym3;
-use particlegs_pipeline::model::{LawKind, Mixture, Model, Quantity};
+use particlegs_core::math::Sym3;
+use particlegs_core::model::{LawKind, Mixture, Model, Quantity};
 
 pub struct LayerGaussian<'a> {
     pub of: &'a Mixture,

@@ -7,10 +7,10 @@
 use super::{Notes, RUN, written};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use particlegs_pipeline::camera::Normalisation;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Block, Layer, Model};
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::camera::Normalisation;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Block, Layer, Model};
+use particlegs_core::{Error, Hint, Result};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -1,11 +1,12 @@
 //! A model's density on a grid, integrated over its cells, and the means of its fields over them.
 
 use super::Kind;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::math::float32_holds;
-use particlegs_pipeline::model::{Metadata, Model, Quantity};
-use particlegs_pipeline::stats::{Assignment, Domain, Grid, MeanAndDispersion, Subject, deposit, field_in_cells};
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::context::Context;
+use particlegs_core::math::float32_holds;
+use particlegs_core::model::{Metadata, Model, Quantity};
+use particlegs_core::{Error, Hint, Result};
+use particlegs_measure::stats::{Assignment, Grid, MeanAndDispersion, Subject, deposit, field_in_cells};
+use particlegs_particles::Domain;
 use std::collections::BTreeSet;
 
 /// Cells along an axis at most.
@@ -139,7 +140,7 @@ fn narrow(values: &[f64], name: &str) -> Result<Vec<f32>> {
 impl Density {
     /// Of all layers of a model.
     pub fn new(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
-        let known = model.layers.iter().filter(|l| l.mass != particlegs_pipeline::model::Mass::Unknown).count();
+        let known = model.layers.iter().filter(|l| l.mass != particlegs_core::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
             let what = "some layers have masses and others do not, so they cannot be added";
             return Err(Error::argument_with(what, "choose only layers with masses, or only layers without"));

@@ -1,10 +1,10 @@
 //! The formats that a model is exported in.
 
+use particlegs_core::{Error, Hint, Result};
 use particlegs_files::output;
-use particlegs_pipeline::{Error, Hint, Result};
 use std::path::Path;
 
-particlegs_pipeline::named_values! {
+particlegs_core::named_values! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Kind {
         /// A page that shows the model in any browser, offline: one file.

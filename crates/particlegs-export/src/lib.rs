@@ -26,11 +26,11 @@ pub use kind::{Group, Kind};
 pub use notes::Notes;
 pub use splats::{Faint, as_splats};
 
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_core::model::Model;
 use particlegs_files::output::{check_space_in, npy_header, scratch_folder, write_atomic};
 use particlegs_formats::write_splats;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Model;
 use std::io::Write;
 use std::path::Path;
 

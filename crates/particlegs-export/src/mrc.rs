@@ -3,8 +3,8 @@
 
 use super::angstrom::AngstromGrid;
 use super::{Density, Notes, written};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
+use particlegs_core::Result;
+use particlegs_core::context::Context;
 use std::path::Path;
 
 const HEADER: usize = 1024;

@@ -2,8 +2,8 @@
 
 use super::angstrom::lost_unit;
 use super::{Group, Kind};
-use particlegs_pipeline::camera::Normalisation;
-use particlegs_pipeline::model::{LawKind, Model, Quantity};
+use particlegs_core::camera::Normalisation;
+use particlegs_core::model::{LawKind, Model, Quantity};
 use serde_json::{Map, Value, json};
 
 pub struct Notes {

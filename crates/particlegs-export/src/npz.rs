@@ -2,10 +2,10 @@
 
 use super::gaussians::{LayerGaussian, all, has_opacities};
 use super::{CountingWriter, Notes, RUN, written};
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_core::model::Model;
 use particlegs_files::output::npy_header;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Model;
 use rawzip::ZipArchiveWriter;
 use std::io::{Error, Write};
 use std::path::Path;

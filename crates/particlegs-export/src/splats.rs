@@ -10,11 +10,11 @@
 //! flatter than `G`: over the picture it sums to `Ein(tau) / tau` of the depth. So the splat's covariance is `S`
 //! times `Ein(tau) / (1 - exp(-tau))`, which keeps that sum: 1 for what is faint, 1.26 at `tau = 1`.
 
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::math::Sym3;
-use particlegs_pipeline::model::{AlphaBlend, Law, LawKind, Mixture, Model};
-use particlegs_pipeline::splat::opacity_integral;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::math::Sym3;
+use particlegs_core::model::{AlphaBlend, Law, LawKind, Mixture, Model};
+use particlegs_core::splat::opacity_integral;
+use particlegs_core::{Error, Result};
 
 /// Opacities are kept this far from 0 and 1, where logits are infinite.
 const EDGE: f64 = 1e-9;
@@ -145,7 +145,7 @@ fn faint(model: &Model) -> Faint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::math::Random;
+    use particlegs_core::math::Random;
 
     /// The mean over directions, summed.
     fn summed(arguments: [f64; 3]) -> f64 {
@@ -220,19 +220,19 @@ mod tests {
     /// program draws alpha-blend models by, so that what viewers do otherwise is not in it.
     #[test]
     fn blended_splats_look_like_the_optical_depth() {
-        use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
-        use particlegs_pipeline::checkpoint::NoCheckpoints;
-        use particlegs_pipeline::compress::{Options, Target, compress};
-        use particlegs_pipeline::context::Context;
-        use particlegs_pipeline::model::CertificateLevel;
-        use particlegs_pipeline::particles::Particles;
-        use particlegs_pipeline::picture::{Size, masked_psnr};
-        use particlegs_pipeline::render::{Scene, draw};
-        use particlegs_pipeline::splat::ToneStyle;
+        use particlegs_compress::{Options, Target, compress};
+        use particlegs_core::camera::{View, base_distance, spherical_camera};
+        use particlegs_core::checkpoint::NoCheckpoints;
+        use particlegs_core::context::Context;
+        use particlegs_core::model::CertificateLevel;
+        use particlegs_core::picture::{Size, masked_psnr};
+        use particlegs_core::render::{Scene, draw};
+        use particlegs_core::splat::ToneStyle;
+        use particlegs_particles::Particles;
 
         let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
         let particles = Particles::open_raw(&[sample.into()]).unwrap();
-        let (certificate, effort) = (CertificateLevel::None, particlegs_pipeline::model::Effort::Fast);
+        let (certificate, effort) = (CertificateLevel::None, particlegs_core::model::Effort::Fast);
         let options = Options { target: Target::Gaussians(4000), certificate, effort, ..Options::default() };
         let model = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap().model;
         let (m, size) = (&model.metadata, Size { width: 480, height: 270 });

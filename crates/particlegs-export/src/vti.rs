@@ -2,9 +2,9 @@
 
 use super::notes::ascii;
 use super::{Density, Notes, written};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::text::xml;
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_core::text::xml;
 use std::fmt::Write;
 use std::path::Path;
 use std::slice::from_ref;

@@ -2,9 +2,9 @@
 
 use super::panel::EdgeAxis;
 use super::ticks::labelled;
-use particlegs_pipeline::camera::{Camera, Projection};
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::camera::{Camera, Projection};
+use particlegs_core::picture::Size;
+use particlegs_core::{Error, Hint, Result};
 
 /// An axis of the picture is one of the world's where it leaves it by less than this.
 const ALONG: f64 = 1e-6;
@@ -61,7 +61,7 @@ fn counted(name: &str, from: f64, half: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::camera::spherical_camera;
+    use particlegs_core::camera::spherical_camera;
 
     #[test]
     fn axes_are_the_worlds_where_they_can_be() {

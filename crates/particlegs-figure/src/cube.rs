@@ -1,10 +1,10 @@
 //! What a camera sees of lines in space: the edges of a box with the names of its axes, and circles about places.
 
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{Camera, Frame, Projection};
-use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::space::{Bounds, Cell};
+use particlegs_core::Result;
+use particlegs_core::camera::{Camera, Frame, Projection};
+use particlegs_core::math::each_axis;
+use particlegs_core::picture::Size;
+use particlegs_core::space::{Bounds, Cell};
 
 /// Lines, and names with their places, in shares of the picture's width and height.
 pub type CubeOutline = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], String)>);
@@ -169,7 +169,7 @@ fn within([a, b]: [[f64; 2]; 2]) -> Option<[[f64; 2]; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::camera::spherical_camera;
+    use particlegs_core::camera::spherical_camera;
 
     const SIZE: Size = Size { width: 160, height: 90 };
 

@@ -6,7 +6,7 @@ use super::png_file::{PngEffort, PngMetadata, coded};
 use super::raster::raster;
 use super::sheet::Sheet;
 use super::svg::svg;
-use particlegs_pipeline::{NamedValue, Result, named_values};
+use particlegs_core::{NamedValue, Result, named_values};
 use std::path::Path;
 
 impl Sheet {

@@ -1,6 +1,6 @@
 //! A picture in grey levels or in colours.
 
-use particlegs_pipeline::picture::{Gray8, Rgb8, Size};
+use particlegs_core::picture::{Gray8, Rgb8, Size};
 
 /// A picture, top row first.
 #[derive(Clone, Debug, PartialEq)]

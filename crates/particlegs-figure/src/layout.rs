@@ -5,7 +5,7 @@ use super::layout_parts::{MarkWriter, UNDER, bar_width, legend_rows};
 use super::panel::{BarPlacement, Figure, Panel};
 use super::sheet::{Anchor, Mark, PageRectangle, Sheet};
 use super::ticks::{self, TickMarks};
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::{Error, Hint, Result};
 
 /// The room there is for a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -193,7 +193,7 @@ fn grow(sheet: &mut Sheet, em: f64, room: FigureSpace) {
 mod tests {
     use super::*;
     use crate::{ColourBar, EdgeAxis, FigureImage, ScaleBar, raster};
-    use particlegs_pipeline::picture::{Gray8, Size};
+    use particlegs_core::picture::{Gray8, Size};
 
     fn figure(size: Size, panels: usize, axes: bool) -> Figure {
         let panel = Panel {

@@ -5,7 +5,7 @@ use super::font::{self, CAPITALS};
 use super::panel::{BarPlacement, ColourBar, Panel, PaperColour};
 use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, TextLine};
 use super::ticks::TickMarks;
-use particlegs_pipeline::picture::{Rgb8, Size};
+use particlegs_core::picture::{Rgb8, Size};
 
 /// In ems: from the pictures to the bar, its width, ticks, room before labels, and before the title.
 const TO_BAR: f64 = 0.8;

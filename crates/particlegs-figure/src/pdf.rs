@@ -4,7 +4,7 @@ use super::FigureImage;
 use super::pdf_font::{PageFont, deflated};
 use super::png_file::{PngMetadata, compressed_rows};
 use super::sheet::{Mark, PageRectangle, RgbColour, Sheet, TextLine};
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 use pdf_writer::types::{LineCapStyle, LineJoinStyle, Predictor, TextRenderingMode};
 use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
 use std::collections::BTreeSet;

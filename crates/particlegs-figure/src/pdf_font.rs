@@ -4,7 +4,7 @@ use super::font::{self, font};
 use ab_glyph::{Font, GlyphId};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use pdf_writer::types::{CidFontType, FontFlags, SystemInfo, UnicodeCmap};
 use pdf_writer::{Filter, Finish, Name, Pdf, Rect, Ref, Str};
 use std::collections::BTreeMap;

@@ -8,8 +8,8 @@ use super::plot::{Plot, PlotAxis, Series};
 use super::png_file::PngMetadata;
 use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet};
 use super::ticks::{TickMarks, even, logarithmic, number};
+use particlegs_core::Result;
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::Result;
 use std::f64::consts::PI;
 use std::path::Path;
 

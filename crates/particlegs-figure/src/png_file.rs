@@ -1,10 +1,10 @@
 //! PNG with what it is of as text inside, and that text read again.
 
 use super::FigureImage;
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
 use particlegs_files::memory;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::{Error, Result};
 use png::{BitDepth, ColorType, Compression, Encoder, PixelDimensions, Unit};
 use std::io::Cursor;
 use std::path::Path;
@@ -115,8 +115,9 @@ pub fn provenance(path: &Path, context: &Context<'_>) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::picture::{Gray8, Size, read_png};
+    use particlegs_core::context::Context;
+    use particlegs_core::picture::{Gray8, Size};
+    use particlegs_files::png::read_png;
 
     #[test]
     fn text_and_pixels_come_back() {

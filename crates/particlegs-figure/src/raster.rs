@@ -1,11 +1,10 @@
 //! A sheet as pixels.
 
-use super::FigureImage;
-use super::font;
 use super::sheet::{Mark, PageRectangle, RgbColour, Sheet, TextLine};
+use super::{FigureImage, font};
+use particlegs_core::picture::{Rgb8, Size};
+use particlegs_core::{Error, Result};
 use particlegs_files::memory;
-use particlegs_pipeline::picture::{Rgb8, Size};
-use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 
 /// Larger figures are refused before memory is taken.
@@ -221,7 +220,7 @@ fn write(page: &mut Rgb8, words: &TextLine) {
 mod tests {
     use super::*;
     use crate::Anchor;
-    use particlegs_pipeline::picture::Gray8;
+    use particlegs_core::picture::Gray8;
 
     fn page(marks: Vec<Mark>) -> Rgb8 {
         raster(&Sheet { width: 60.0, height: 40.0, ground: [255; 3], marks }).unwrap()

@@ -4,8 +4,8 @@ use super::png_file::{PngEffort, PngMetadata, coded};
 use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::text::xml;
+use particlegs_core::Result;
+use particlegs_core::text::xml;
 use std::fmt::Write;
 
 /// The font of the embedded widths first, then those that are everywhere.

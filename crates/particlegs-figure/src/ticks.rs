@@ -1,7 +1,7 @@
 //! Where ticks stand and what they say: one number style for all axes and bars.
 
 use super::font;
-use particlegs_pipeline::picture::superscript;
+use particlegs_core::picture::superscript;
 
 /// Ticks of an axis.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,10 +1,10 @@
 //! Speed of readers: two million particles in each format that is written, file in the page cache.
 
 use divan::{Bencher, counter::ItemsCount};
+use particlegs_core::context::Context;
+use particlegs_core::math::Random;
 use particlegs_formats::{Choice, Writer};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::math::Random;
-use particlegs_pipeline::particles::{Particles, SelectedParticles, Selection, Storage, Tiling};
+use particlegs_particles::{Particles, SelectedParticles, Selection, Storage, Tiling};
 
 fn main() {
     divan::main();

@@ -1,7 +1,7 @@
 //! Positions moved to world units: scaled, turned, shifted.
 
 use crate::pieces::{ParticlePiece, RowBuffer};
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 use std::ops::Range;
 
 /// `matrix * p + shift`, rows of the matrix first.

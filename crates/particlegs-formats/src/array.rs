@@ -3,8 +3,8 @@
 use crate::npy::header::scalar;
 use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::PieceReader;
-use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
+use particlegs_particles::{SnapshotMeta, SnapshotReader};
 use std::sync::Arc;
 
 /// Positions in memory, at equal distances: rows of an array of NumPy's, of any type, byte order and strides.
@@ -38,8 +38,8 @@ impl Array {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::particles::{LayeredParticles, Storage};
+    use particlegs_core::context::Context;
+    use particlegs_particles::{LayeredParticles, Storage};
 
     #[test]
     fn strides_and_byte_orders_are_followed() {

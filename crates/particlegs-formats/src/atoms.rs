@@ -6,9 +6,9 @@ use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader, RowBuffer};
 use crate::text::table::MOST_SPECIES;
 use crate::{Choice, Description, Snapshot, Species, SpeciesMass, axes, wrapping};
-use particlegs_pipeline::particles::{InPlace, SnapshotReader};
-use particlegs_pipeline::space::{Cell, PeriodicCell};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::space::{Cell, PeriodicCell};
+use particlegs_core::{Error, Result};
+use particlegs_particles::{InPlace, SnapshotReader};
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Which fields hold the positions: one of three components, or three scalar ones.
 
 use crate::{Choice, Species, SpeciesField};
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldComponent {

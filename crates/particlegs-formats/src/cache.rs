@@ -1,6 +1,6 @@
 //! Decoded chunks kept while neighbouring rows are read, so that each is decoded about once.
 
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
@@ -78,7 +78,7 @@ mod tests {
         }
         // 2 went when 3 came, since 1 had been used again.
         assert_eq!(decoded, 4);
-        assert!(cache.get(9, || Err(particlegs_pipeline::Error::argument("no"))).is_err());
+        assert!(cache.get(9, || Err(particlegs_core::Error::argument("no"))).is_err());
         assert_eq!(*cache.get(9, || Ok(vec![9])).unwrap(), vec![9]);
     }
 }

@@ -3,7 +3,7 @@
 use crate::snapshot::named;
 use crate::topology::selection::AtomSelection;
 use particlegs_files::input::SpoolFile;
-use particlegs_pipeline::particles::Selection;
+use particlegs_particles::Selection;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -2,14 +2,13 @@
 //! arrays and archives, records of splats.
 
 use crate::affine::Affine;
-use crate::axes;
 use crate::numbers::{NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::stored_bytes::StoredBytes;
 use crate::stream_reader::{StreamColumn, StreamReader};
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs_pipeline::particles::SnapshotReader;
-use particlegs_pipeline::{Error, Hint, Result};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, axes};
+use particlegs_core::{Error, Hint, Result};
+use particlegs_particles::SnapshotReader;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnarField {

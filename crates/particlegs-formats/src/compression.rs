@@ -1,13 +1,13 @@
 //! Text files that come compressed: gzip, bzip2, zstd, read as streams.
 
+use particlegs_core::{Error, Result};
 use particlegs_files::input::open_file;
-use particlegs_pipeline::{Error, Result};
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
-particlegs_pipeline::named_values! {
+particlegs_core::named_values! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum FileCompression {
         /// RFC 1952, members one after the other.

@@ -10,11 +10,11 @@ use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::topology::snapshot::NO_NAMES;
 use crate::{Choice, Description, Format, Snapshot, TextResult, TrajectoryFrames};
+use particlegs_core::model::{Dimension, Epoch, Unit, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
 use particlegs_files::memory;
-use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -2,8 +2,8 @@
 
 use crate::physical::physical;
 use crate::{Choice, Snapshot, Species, SpeciesField, Weights};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
+use particlegs_core::Result;
+use particlegs_particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
 use std::sync::Arc;
 
 /// Components that a field may have in a file that is written.

@@ -1,11 +1,10 @@
 //! The snapshot that a folder holds.
 
 use crate::format::{FileHead, Format};
-use crate::registry;
 use crate::snapshot_order::natural_key;
 use crate::vtk_xml::lists;
-use crate::{Choice, PathKind, csv, hdf5, raw};
-use particlegs_pipeline::{Error, Hint, Result};
+use crate::{Choice, PathKind, csv, hdf5, raw, registry};
+use particlegs_core::{Error, Hint, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

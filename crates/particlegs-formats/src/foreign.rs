@@ -2,7 +2,7 @@
 
 use crate::format::{FileHead, is_whole};
 use crate::text::split::{Separator, number, tokens};
-use particlegs_pipeline::Hint;
+use particlegs_core::Hint;
 use std::path::Path;
 
 pub(crate) struct ForeignFormat {

@@ -4,8 +4,8 @@ use crate::compression::FileCompression;
 use crate::text::lines::without_end;
 use crate::text::split::{Separator, number, tokens};
 use crate::{Choice, Snapshot};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::open_file;
-use particlegs_pipeline::{Error, Result};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! Files of several frames: every frame is found, one is kept.
 
 use crate::TrajectoryFrames;
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::{Error, Hint, Result};
 use std::path::Path;
 
 pub struct ChosenFrame<T> {

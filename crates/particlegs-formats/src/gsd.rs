@@ -7,10 +7,10 @@ use crate::frames::{self, ChosenFrame};
 use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::{AbsentField, Choice, Description, Format, Snapshot, SpeciesMass, TextResult, TrajectoryFrames};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
 use particlegs_files::memory;
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 
 pub const FORMAT: Format =

@@ -1,11 +1,11 @@
 //! Catalogues of haloes as files.
 
 use crate::hdf5::{OutDataSet, OutGroup, OutValue, plan};
+use particlegs_core::text::{cell, one_line, printable};
+use particlegs_core::{Error, Result};
 use particlegs_files::output::{PlacedFile, ending, write_atomic};
-use particlegs_pipeline::haloes::{HaloCatalogue, HaloColumn};
-use particlegs_pipeline::particles::Number;
-use particlegs_pipeline::text::{cell, one_line, printable};
-use particlegs_pipeline::{Error, Result};
+use particlegs_measure::haloes::{HaloCatalogue, HaloColumn};
+use particlegs_particles::Number;
 use std::path::Path;
 
 /// Longest text of an attribute.
@@ -103,7 +103,7 @@ fn write_hdf5(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
 mod tests {
     use super::*;
     use crate::Catalogue;
-    use particlegs_pipeline::model::{UnitSystem, Units};
+    use particlegs_core::model::{UnitSystem, Units};
 
     fn catalogue() -> HaloCatalogue {
         let column = |name: &str, unit: &str, values: [f64; 2]| HaloColumn {

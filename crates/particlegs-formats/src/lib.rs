@@ -3,7 +3,7 @@
 //! [`Choice::read`] gives the particles that are chosen, [`Choice::read_later`] the same to be read in parts,
 //! and [`Choice::describe`] what the files say. Below them, [`Choice::open`] finds a file's format by its content and gives
 //! a [`Snapshot`]: a [`Description`] first (species, fields, units, box, frames), then a
-//! [`particlegs_pipeline::particles::SnapshotReader`] for the species and fields that were chosen. One file a
+//! [`particlegs_particles::SnapshotReader`] for the species and fields that were chosen. One file a
 //! format; [`Choice::formats`] lists them. A [`Writer`] writes particles in one of [`Writer::all`].
 //!
 //! Binary formats say where numbers lie (`numbers`) or how a stretch of rows is decoded (`pieces`);

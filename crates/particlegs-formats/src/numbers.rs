@@ -1,10 +1,9 @@
 //! Numbers in bytes: their types, and columns of them at equal distances, as most binary formats have them.
 
 use crate::pieces::{ParticlePiece, RowBuffer};
-use particlegs_files::input::MappedFile;
-use particlegs_files::input::map_file;
-use particlegs_pipeline::particles::{Column, InPlace, Positions};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
+use particlegs_files::input::{MappedFile, map_file};
+use particlegs_particles::{Column, InPlace, Positions};
 use std::ops::{Deref, Range};
 use std::path::Path;
 use std::sync::Arc;
@@ -45,7 +44,7 @@ impl Deref for Bytes {
     }
 }
 
-particlegs_pipeline::named_values! {
+particlegs_core::named_values! {
     /// Types of numbers in files, by their names in [`crate::SpeciesField::kind`].
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum NumberType {

@@ -4,8 +4,8 @@ use crate::foreign::foreign_of;
 use crate::format::{FileHead, Format, LOOKED_AT};
 use crate::registry::{named, names};
 use crate::{Choice, PathKind, Snapshot, topology};
+use particlegs_core::{Error, Hint, Result};
 use particlegs_files::input::{Source, SpoolFile};
-use particlegs_pipeline::{Error, Hint, Result};
 use std::path::{Path, PathBuf};
 
 /// Keeps what a pipe or device gives, once its first bytes are those of a snapshot.

@@ -2,10 +2,9 @@
 
 use crate::format::{FileHead, Format};
 use crate::registry::format_of;
+use particlegs_compress::job::Job;
+use particlegs_core::{Hint, codec};
 use particlegs_files::input::is_stream;
-use particlegs_pipeline::Hint;
-use particlegs_pipeline::codec;
-use particlegs_pipeline::job::Job;
 use std::path::Path;
 
 /// What a path names.

@@ -14,10 +14,10 @@ use crate::text::split::{FixedColumns, Separator, number};
 use crate::text::table::{TableBuilder, TextTable};
 use crate::topology::{AtomRow, Topology};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, TextResult};
-use particlegs_pipeline::model::{Epoch, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::{Epoch, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::{Path, PathBuf};
 
 pub const FORMAT: Format = Format { name: "pdb", title: "PDB file", detect, open };

@@ -1,6 +1,6 @@
 //! What makes velocities peculiar, in km/s, and specific energies physical, in (km/s)^2: one rule for all formats.
 
-use particlegs_pipeline::particles::{PhysicalUnit, SnapshotMeta, SourceField};
+use particlegs_particles::{PhysicalUnit, SnapshotMeta, SourceField};
 
 /// What holds for velocities and specific energies where their own attributes and units do not say.
 #[derive(Clone, Copy, Debug, Default)]
@@ -122,7 +122,7 @@ fn of_text(text: &str, dimension: i32) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::model::{Cosmology, Epoch};
+    use particlegs_core::model::{Cosmology, Epoch};
 
     const KNOWN: VelocityConvention = VelocityConvention {
         unit: None,

@@ -1,9 +1,8 @@
 //! One reader for all formats whose rows can be read from any place.
 
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result, parallel};
+use particlegs_particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use std::ops::Range;
 
 /// Rows as numbers, before they become f32 about an origin; the reader owns and reuses them.

@@ -10,11 +10,11 @@ use crate::text::lines::LineReader;
 use crate::text::snapshot::header_number;
 use crate::text::split::{Separator, shown, tokens};
 use crate::{Choice, Description, Format, Snapshot, TextResult};
+use particlegs_core::model::{Dimension, Unit, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
 use particlegs_files::memory;
-use particlegs_pipeline::model::{Dimension, Unit, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -4,9 +4,9 @@
 use crate::numbers::{Bytes, NumberType, StridedColumn};
 use crate::pieces::{ParticlePiece, PieceReader, RowBuffer};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights};
-use particlegs_pipeline::model::{self, Layer};
-use particlegs_pipeline::particles::{Particles, SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::Layer;
+use particlegs_core::{Error, Result, model};
+use particlegs_particles::{Particles, SnapshotMeta, SnapshotReader};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 

@@ -1,18 +1,17 @@
 //! From the files that a user names to the particles that a user chose.
 
-use crate::fields;
 use crate::folder::resolved;
 use crate::open::spool;
 use crate::snapshot::named;
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, raw};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, fields, raw};
+use particlegs_core::context::Context;
+use particlegs_core::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
+use particlegs_core::space::Bounds;
+use particlegs_core::{Error, Result};
 use particlegs_files::input::{Source, SpoolFile, is_stream};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
-use particlegs_pipeline::particles::{
+use particlegs_particles::{
     LayerFields, LayeredParticles, Particles, Selection, SnapshotMeta, SnapshotReader, Storage,
 };
-use particlegs_pipeline::space::Bounds;
-use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -276,7 +275,7 @@ fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
 fn bounds_of(reader: &dyn SnapshotReader, context: &Context<'_>) -> Result<Bounds> {
     let all = std::sync::Mutex::new(Bounds::empty());
     let origin = reader.origin();
-    let runs = reader.count().div_ceil(particlegs_pipeline::particles::RUN as u64);
+    let runs = reader.count().div_ceil(particlegs_particles::RUN as u64);
     reader.read(0..runs, context, &|_, chunk| {
         let ends = chunk.position.map(|c| {
             let finite = c.iter().filter(|v| v.is_finite());

@@ -2,7 +2,7 @@
 
 use crate::Choice;
 use crate::format::{FileHead, Format};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 /// All formats, the surest signatures first, tables of text last.
 pub(crate) static FORMATS: &[Format] = &[

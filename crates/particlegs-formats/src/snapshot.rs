@@ -2,9 +2,9 @@
 
 use crate::choice::{Choice, Weights};
 use crate::physical::VelocityConvention;
-use particlegs_pipeline::model::{Epoch, WeightKind};
-use particlegs_pipeline::particles::{Particles, SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::model::{Epoch, WeightKind};
+use particlegs_core::{Error, Hint, Result};
+use particlegs_particles::{Particles, SnapshotMeta, SnapshotReader};
 use std::path::{Path, PathBuf};
 
 /// Files of one snapshot.

@@ -2,9 +2,9 @@
 
 use crate::Choice;
 use crate::folder::folder_snapshots;
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
 use particlegs_files::input::is_stream;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// The snapshots that a user names by a folder, by patterns that no shell has replaced, or one by one: sorted by the times

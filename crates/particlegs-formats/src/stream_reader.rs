@@ -4,9 +4,9 @@ use crate::affine::Affine;
 use crate::numbers::StridedColumn;
 use crate::pieces::{RowBuffer, origin_of};
 use crate::stored_bytes::StoredBytes;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
+use particlegs_particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use std::io::Read;
 use std::ops::Range;
 

@@ -1,9 +1,9 @@
 //! What the tests of formats share.
 
 use crate::{Choice, Snapshot, Writer};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::{Particles, RUN, SelectedParticles, Selection, Tiling};
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_particles::{Particles, RUN, SelectedParticles, Selection, Tiling};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Mutex;

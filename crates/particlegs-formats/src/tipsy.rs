@@ -7,9 +7,9 @@ use crate::compression::refuse;
 use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::{Choice, Description, Format, Snapshot};
-use particlegs_pipeline::model::{Epoch, species_aliases};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::{Epoch, species_aliases};
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format {

@@ -1,8 +1,8 @@
 //! Unwrapped positions of trajectories: atoms that leave the periodic cell and go on beyond it.
 
 use crate::{Choice, Description};
-use particlegs_pipeline::space::PeriodicCell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::space::PeriodicCell;
+use particlegs_core::{Error, Result};
 
 /// First particles that are looked at for positions outside the cell.
 pub const LOOKED_AT: usize = 1024;

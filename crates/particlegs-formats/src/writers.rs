@@ -1,11 +1,11 @@
 //! The formats that snapshots are written in.
 
 use crate::fields::OutField;
+use particlegs_core::context::Context;
+use particlegs_core::model::Cosmology;
+use particlegs_core::{Error, Result};
 use particlegs_files::output;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Cosmology;
-use particlegs_pipeline::particles::{RawForm, SelectedParticles};
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{RawForm, SelectedParticles};
 use std::path::Path;
 
 /// A format that is written.

@@ -6,7 +6,7 @@ use particlegs_formats::{Choice, Snapshot, Weights};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-fn said(e: particlegs_pipeline::Error) -> String {
+fn said(e: particlegs_core::Error) -> String {
     format!("{e} ({})", e.hint())
 }
 

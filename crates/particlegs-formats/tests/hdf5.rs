@@ -2,14 +2,14 @@
 
 mod support;
 
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Cosmology, Epoch, Layer, Mass as LayerMass, Units};
+use particlegs_core::space::Cell;
 use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Mass as LayerMass, Units};
-use particlegs_pipeline::particles::{
+use particlegs_particles::{
     Column, LayerFields, Number, Particles, PhysicalUnit, SelectedParticles, Selection, SourceField, Storage, Tiling,
 };
-use particlegs_pipeline::space::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
@@ -83,7 +83,7 @@ fn headers_of_other_snapshots_are_said_or_refused() {
         let snapshot = choice.open(&[snapshots().join(name)])?;
         let d = snapshot.description();
         assert_eq!(d.species.iter().map(|s| s.count).sum::<u64>(), count);
-        Ok::<_, particlegs_pipeline::Error>(d.notes.join("\n"))
+        Ok::<_, particlegs_core::Error>(d.notes.join("\n"))
     };
     let (free, strict) = (Choice::default(), Choice { strict: true, ..Choice::default() });
     // One of 448 files of 10^10 particles; 900 particles where the header says 262144.
@@ -93,7 +93,7 @@ fn headers_of_other_snapshots_are_said_or_refused() {
     let subset = notes("subset_stale.hdf5", 9, &free).unwrap();
     assert!(subset.contains("has 9 rows, but NumPart_ThisFile in the header says 262144"), "{subset}");
     for name in ["cutout_99.hdf5", "subset_stale.hdf5"] {
-        assert!(matches!(notes(name, 0, &strict), Err(particlegs_pipeline::Error::Input { .. })), "{name}");
+        assert!(matches!(notes(name, 0, &strict), Err(particlegs_core::Error::Input { .. })), "{name}");
     }
     assert!(!notes("gadget4_single.hdf5", 50, &strict).unwrap().contains("says"));
 }

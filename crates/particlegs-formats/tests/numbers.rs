@@ -1,11 +1,11 @@
 //! Fields of every type through every format that has it: the same numbers for whoever counts with them, all bits for
 //! whoever copies them.
 
+use particlegs_compress::FieldSelection;
+use particlegs_core::context::Context;
+use particlegs_core::model::LawKind;
 use particlegs_formats::{Choice, Writer};
-use particlegs_pipeline::compress::FieldSelection;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::particles::{LayerFields, Particles, SelectedParticles, Selection, Storage, Tiling};
+use particlegs_particles::{LayerFields, Particles, SelectedParticles, Selection, Storage, Tiling};
 use std::path::{Path, PathBuf};
 
 /// Three rows of a scalar `s` and a vector `v`: numbers of a type as text, its name in NumPy, and what of it is stored.

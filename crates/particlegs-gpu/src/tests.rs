@@ -4,7 +4,7 @@ use crate::{AdapterChoice, Checks, Device};
 use particlegs_core::camera::{Camera, View};
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::picture::{Plane, Size};
-use particlegs_pipeline::particles::{Column, Particles, Positions};
+use particlegs_particles::{Column, Particles, Positions};
 use std::sync::Arc;
 
 /// The first adapter, with all checks on.

@@ -1,10 +1,10 @@
 //! Sizes of every baseline on raw columns, with verified bounds, as CSV: `baseline_sizes FOLDER BOUND|RATIOx...`, such as
 //! `0.2 263x`. SZ3 and ZFP need a Python that has them in PARTICLEGS_LAB_PYTHON.
+use particlegs_core::context::Context;
 use particlegs_lab::{Baseline, PositionColumns, baselines, external::External, rate, subset};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::Particles;
+use particlegs_particles::Particles;
 
-fn main() -> particlegs_pipeline::Result<()> {
+fn main() -> particlegs_core::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let particles = Particles::open_raw(&[arguments.next().expect("a folder").into()])?;
     let columns = [0, 1, 2].map(|k| (0..particles.len()).map(|i| particles.position(i)[k] as f32).collect());
@@ -27,7 +27,7 @@ fn bytes_of(columns: &PositionColumns, ratio: &str) -> u64 {
     (12.0 * columns[0].len() as f64 / ratio.parse::<f64>().expect("a ratio")) as u64
 }
 
-fn line(baseline: &dyn Baseline, columns: &PositionColumns, asked: &str) -> particlegs_pipeline::Result<()> {
+fn line(baseline: &dyn Baseline, columns: &PositionColumns, asked: &str) -> particlegs_core::Result<()> {
     let bound = match asked.strip_suffix('x') {
         None => asked.parse().expect("a bound"),
         Some(ratio) => {

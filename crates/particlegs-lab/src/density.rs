@@ -3,10 +3,10 @@
 use crate::lab::Lab;
 use crate::method::{CompressionMethod, FileContent};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::recover;
-use particlegs_pipeline::stats::{Domain, Likelihood, Measure, Statistics, StatsOptions, Subject, compare};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
+use particlegs_fit::recover;
+use particlegs_measure::stats::{Likelihood, Measure, Statistics, StatsOptions, Subject, compare};
+use particlegs_particles::{Domain, Particles};
 use serde::{Deserialize, Serialize};
 
 /// Measures of one method at one file size; `None` = not available.

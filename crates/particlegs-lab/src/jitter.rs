@@ -1,8 +1,8 @@
 //! Spreads decoded particles over their bins: at bin centres they would show up as a lattice.
 
 use crate::PositionColumns;
-use particlegs_pipeline::math::{Purpose, Random};
-use particlegs_pipeline::parallel;
+use particlegs_core::math::{Purpose, Random};
+use particlegs_core::parallel;
 
 /// Moves every coordinate by a uniform draw of at most `bound`, also after rounding to float32: the error is then at
 /// most twice the bound.

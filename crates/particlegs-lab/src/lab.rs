@@ -5,23 +5,21 @@ use crate::external::External;
 use crate::settings::Settings;
 use crate::snapshot::Snapshot;
 use crate::store::ResultStore;
+use particlegs_compress::{CompressedModel, Options, Target, compress};
 #[cfg(doc)]
-use particlegs_pipeline::Error;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::codec;
-use particlegs_pipeline::compress::{CompressedModel, Options, Target, compress};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::fit::Effort;
-use particlegs_pipeline::model::{CertificateLevel, Model};
-use particlegs_pipeline::particles::{Particles, RawForm};
-use particlegs_pipeline::picture::{Gray8, Size};
-use particlegs_pipeline::recover;
-use particlegs_pipeline::reference::Reference;
-use particlegs_pipeline::render::{Renderer, Scene};
-use particlegs_pipeline::space::Bounds;
-use particlegs_pipeline::splat::ToneStyle;
+use particlegs_core::Error;
+use particlegs_core::camera::View;
+use particlegs_core::checkpoint::NoCheckpoints;
+use particlegs_core::context::Context;
+use particlegs_core::model::{CertificateLevel, Model};
+use particlegs_core::picture::{Gray8, Size};
+use particlegs_core::render::{Renderer, Scene};
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Result, codec};
+use particlegs_fit::{Effort, recover};
+use particlegs_particles::{Particles, RawForm};
+use particlegs_reference::Reference;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -219,9 +217,8 @@ mod tests {
     #[test]
     fn a_ratio_and_its_size_are_one_model() {
         let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
-        let lab =
-            Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs_pipeline::context::Context::SILENT)
-                .unwrap();
+        let lab = Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs_core::context::Context::SILENT)
+            .unwrap();
         let asked = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
         let kept = files();

@@ -7,7 +7,7 @@
 //!
 //! [`experiments`] compare each [`method`] by its pictures ([`views`]) and its [`density`]. They return tables, plots
 //! and pictures as data ([`results`]), which [`report`] writes to files. A [`lab::Lab`] caches results by the hash of
-//! their inputs. An [`Accelerator`](particlegs_pipeline::train::Accelerator) draws and trains, or the CPU if the
+//! their inputs. An [`Accelerator`](particlegs_train::Accelerator) draws and trains, or the CPU if the
 //! settings name none.
 
 #![allow(missing_docs)]
@@ -34,7 +34,7 @@ mod training;
 pub mod views;
 
 use external::External;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 /// Positions in columns x, y and z.
 pub type PositionColumns = [Vec<f32>; 3];

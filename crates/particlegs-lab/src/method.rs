@@ -8,12 +8,12 @@ use crate::snapshot::{Snapshot, columns_of, particles_of};
 use crate::subset::subset;
 use crate::training::{self, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, Score};
-use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::compress::{Target, compress};
-use particlegs_pipeline::fit::Effort;
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::{Error, Result};
+use particlegs_compress::{Target, compress};
+use particlegs_core::checkpoint::NoCheckpoints;
+use particlegs_core::model::Model;
+use particlegs_core::{Error, Result};
+use particlegs_fit::Effort;
+use particlegs_particles::Particles;
 use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -213,8 +213,8 @@ mod tests {
     use crate::quantised::QuantisedCoder;
     use crate::settings::Settings;
     use crate::{Baseline, CompressedParticles, PositionColumns};
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::picture::Size;
+    use particlegs_core::context::Context;
+    use particlegs_core::picture::Size;
     use std::sync::atomic::{AtomicBool, Ordering};
 
     /// Fails while it is to.
@@ -273,14 +273,14 @@ mod tests {
         let particles = crate::testing::snapshot().particles;
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { training: true, scale: Some(0.004), ..Settings::new(true, "".into()) };
-        let mut lab = Lab::new(settings, folder.path(), &particlegs_pipeline::context::Context::SILENT).unwrap();
+        let mut lab = Lab::new(settings, folder.path(), &particlegs_core::context::Context::SILENT).unwrap();
         assert_eq!(
             CompressionMethod::all_and_trained(&lab)[..2],
             [CompressionMethod::OpticalDepth, CompressionMethod::AlphaBlend]
         );
         let kept = CompressionMethod::AlphaBlend.keep(&lab, &particles, "p", 6500, 1).unwrap();
         let FileContent::Model(model) = kept.content else { panic!("a model") };
-        assert_eq!(model.metadata.law, particlegs_pipeline::model::LawKind::AlphaBlend);
+        assert_eq!(model.metadata.law, particlegs_core::model::LawKind::AlphaBlend);
         assert!((5200..6500).contains(&kept.bytes), "{}", kept.bytes);
         lab.settings.training = false;
         assert!(!CompressionMethod::all_and_trained(&lab).contains(&CompressionMethod::AlphaBlend));

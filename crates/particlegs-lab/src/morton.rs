@@ -1,7 +1,7 @@
 //! Morton codes: they interleave the bits of three numbers, so that neighbours in space get similar codes.
 
 use crate::{PositionColumns, finite_ends};
-use particlegs_pipeline::parallel;
+use particlegs_core::parallel;
 
 /// Bits per axis when particles are sorted: three axes fill a code.
 const ORDER_BITS: u32 = 21;

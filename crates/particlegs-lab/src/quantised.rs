@@ -5,7 +5,7 @@
 use crate::bins::{BinGrid, ParticleBins};
 use crate::morton::{self, Bits};
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, packed};
-use particlegs_pipeline::{Error, Result, parallel};
+use particlegs_core::{Error, Result, parallel};
 
 /// The coder: it tries every layout and uses the smallest.
 pub struct QuantisedCoder;

@@ -2,8 +2,8 @@
 
 use crate::subset::mean_spacing;
 use crate::{Baseline, PositionColumns, errors, finite_ends};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
 use std::time::Instant;
 
 /// Largest number of trials; six are usual.

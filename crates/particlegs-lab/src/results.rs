@@ -1,8 +1,8 @@
 //! Results of an experiment as plain data: tables, plots, pictures and notes.
 
+use particlegs_core::picture::{Colormap, Rgb8};
 use particlegs_figure::is_identical;
 pub use particlegs_figure::{Plot, PlotAxis, Point, Series, Spread};
-use particlegs_pipeline::picture::{Colormap, Rgb8};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Default, Serialize)]

@@ -1,7 +1,7 @@
 //! Settings of the experiments.
 
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::train::Accelerator;
+use particlegs_core::picture::Size;
+use particlegs_train::Accelerator;
 use std::path::PathBuf;
 use std::sync::Arc;
 

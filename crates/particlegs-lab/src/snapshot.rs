@@ -1,10 +1,10 @@
 //! The measured snapshots, and their positions as compressors take them.
 
 use crate::PositionColumns;
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
 use particlegs_formats::Catalogue;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
 use std::path::PathBuf;
 
 pub struct Snapshot {
@@ -67,7 +67,7 @@ impl Snapshot {
 
     /// Mean spacing of the particles, world units.
     pub fn spacing(&self) -> f64 {
-        particlegs_pipeline::stats::Domain::from_particles(&self.particles).spacing(self.particles.len())
+        particlegs_particles::Domain::from_particles(&self.particles).spacing(self.particles.len())
     }
 }
 

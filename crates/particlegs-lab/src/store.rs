@@ -1,7 +1,7 @@
 //! Cache of results by the hash of their inputs, so that interrupted work continues where it stopped.
 
+use particlegs_core::{Error, Result};
 use particlegs_files::output::{FileSet, write_bytes};
-use particlegs_pipeline::{Error, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;

@@ -1,11 +1,11 @@
 //! What users do to save bytes: keep a random subset of the particles and draw it larger.
 
 use crate::PositionColumns;
-use particlegs_pipeline::codec::Thinning;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::space::Bounds;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::codec::Thinning;
+use particlegs_core::context::Context;
+use particlegs_core::math::each_axis;
+use particlegs_core::space::Bounds;
+use particlegs_core::{Error, Result};
 
 /// A random subset, after decoding.
 pub struct CodedSubset {
@@ -59,7 +59,7 @@ fn bounds(particles: &PositionColumns) -> Bounds {
 mod tests {
     use super::*;
     use crate::testing;
-    use particlegs_pipeline::context::Context;
+    use particlegs_core::context::Context;
 
     #[test]
     fn the_subset_fills_the_bytes() {

@@ -2,8 +2,8 @@
 
 use crate::snapshot::Snapshot;
 use crate::{Baseline, PositionColumns, largest_error};
-use particlegs_pipeline::math::Random;
-use particlegs_pipeline::particles::Particles;
+use particlegs_core::math::Random;
+use particlegs_particles::Particles;
 
 /// `n` particles on a lattice that repeats itself, their numbers changed by `f`.
 pub fn lattice(n: u32, f: fn(f32) -> f32) -> Particles {

@@ -2,13 +2,14 @@
 
 use crate::lab::{Lab, Style, or_made};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{View, clipping_range};
-use particlegs_pipeline::model::{Metadata, Model};
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::picture::{Gray8, Scores, Size, read_png, write_png};
-use particlegs_pipeline::score::evaluation_views;
-use particlegs_pipeline::space::Bounds;
+use particlegs_core::Result;
+use particlegs_core::camera::{View, clipping_range};
+use particlegs_core::model::{Metadata, Model};
+use particlegs_core::picture::{Gray8, Scores, Size};
+use particlegs_core::space::Bounds;
+use particlegs_files::png::{read_png, write_png};
+use particlegs_measure::score::evaluation_views;
+use particlegs_particles::Particles;
 use serde::{Deserialize, Serialize};
 
 /// Views, each with ParaView's picture of all particles.

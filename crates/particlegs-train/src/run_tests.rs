@@ -10,9 +10,9 @@ use particlegs_core::checkpoint::{CheckpointStore, NoCheckpoints};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Mixture};
 use particlegs_core::{Error, Result};
-use particlegs_pipeline::fit::{self, Effort, FitOptions};
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::reference::Reference;
+use particlegs_fit::{Effort, FitOptions, fit};
+use particlegs_particles::Particles;
+use particlegs_reference::Reference;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -31,7 +31,7 @@ fn config(law: LawKind, iterations: u64) -> Config {
 
 fn fitted(particles: &Particles) -> Mixture {
     let options = FitOptions { gaussians: 20, effort: Effort::Fast, radius: 0.1, pixel: 0.1, seed: 1, share: 1.0 };
-    fit::fit(particles, &options, &Context::SILENT).unwrap()
+    fit(particles, &options, &Context::SILENT).unwrap()
 }
 
 #[derive(Default)]

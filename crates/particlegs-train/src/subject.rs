@@ -5,7 +5,7 @@ use particlegs_core::space::Bounds;
 use std::ops::Range;
 
 /// The particles of a run: their pictures to learn from and to be scored on, and where they lie.
-/// `particlegs_pipeline::reference::Reference` is one.
+/// `particlegs_reference::Reference` is one.
 pub trait TrainingSubject: Renderer {
     fn len(&self) -> usize;
 

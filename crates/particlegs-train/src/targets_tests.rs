@@ -3,19 +3,17 @@
 use super::config::{Config, Preset, Stage};
 use super::learner::Crop;
 use super::targets::Targets;
-use crate::Defaults;
-use crate::TrainingSubject;
 use crate::cameras::Views;
+use crate::{Defaults, TrainingSubject};
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
-use particlegs_core::picture::Size;
-use particlegs_core::picture::{Gray8, Plane};
+use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::Renderer;
 use particlegs_core::splat::ToneStyle;
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::reference::Reference;
+use particlegs_particles::Particles;
+use particlegs_reference::Reference;
 
 /// Particles as the renderer of references draws them.
 pub(super) struct ParticleSubject<'a>(pub Reference<'a>);

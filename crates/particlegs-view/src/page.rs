@@ -8,11 +8,11 @@ use crate::truth::smoothed;
 use crate::{assets, markup, poster};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::picture::Colormap;
-use particlegs_pipeline::score::Assessment;
-use particlegs_pipeline::{Result, codec};
+use particlegs_core::context::Context;
+use particlegs_core::model::Model;
+use particlegs_core::picture::Colormap;
+use particlegs_core::{Result, codec};
+use particlegs_measure::score::Assessment;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
@@ -49,7 +49,7 @@ pub struct Snapshot {
     pub density_of: String,
 }
 
-particlegs_pipeline::named_values! {
+particlegs_core::named_values! {
     /// The style of a page's picture.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     #[serde(rename_all = "lowercase")]

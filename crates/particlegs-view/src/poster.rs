@@ -1,13 +1,13 @@
 //! The picture that a page shows until it has drawn its own.
 
 use crate::page::PageOpening;
-use particlegs_pipeline::camera::{DensityView, View, base_distance, spherical_camera};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{LawKind, Model};
-use particlegs_pipeline::picture::{Colormap, DensityColors, Size};
-use particlegs_pipeline::render::{Scene, draw as draw_scene, surface_density};
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs_core::context::Context;
+use particlegs_core::model::{LawKind, Model};
+use particlegs_core::picture::{Colormap, DensityColors, Size};
+use particlegs_core::render::{Scene, draw as draw_scene, surface_density};
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, Result};
 
 /// Up to this number of Gaussians the page draws as soon as a poster would be ready.
 pub const MORE_THAN: usize = 100_000;

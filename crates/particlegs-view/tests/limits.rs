@@ -1,6 +1,6 @@
 //! Limits for clients: silent clients, slow clients, many clients and no clients.
 
-use particlegs_pipeline::context::Context;
+use particlegs_core::context::Context;
 use particlegs_view::page::PageOpening;
 use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use std::io::{Read, Write};

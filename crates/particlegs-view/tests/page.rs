@@ -2,20 +2,20 @@
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
-use particlegs_pipeline::camera::{DensityView, View, base_distance, spherical_camera};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{LawKind, Model};
-use particlegs_pipeline::picture::{Colormap, DensityColors, Size};
-use particlegs_pipeline::render::{Scene, draw, surface_density};
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Error, codec};
+use particlegs_core::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs_core::context::Context;
+use particlegs_core::model::{LawKind, Model};
+use particlegs_core::picture::{Colormap, DensityColors, Size};
+use particlegs_core::render::{Scene, draw, surface_density};
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, codec};
 use particlegs_view::page::{ModelFile, PageOpening, PageStyle, Snapshot, offline, served};
 use particlegs_view::poster;
 use sha2::{Digest, Sha256};
 
 /// A model file of real particles.
-const MODEL: &[u8] = include_bytes!("../../particlegs-pipeline/tests/fixtures/format-1.0.pgs");
-const OTHER: &[u8] = include_bytes!("../../particlegs-pipeline/tests/fixtures/format-1.0-alpha.pgs");
+const MODEL: &[u8] = include_bytes!("../../particlegs-compress/tests/fixtures/format-1.0.pgs");
+const OTHER: &[u8] = include_bytes!("../../particlegs-compress/tests/fixtures/format-1.0-alpha.pgs");
 
 fn page(models: &[ModelFile<'_>]) -> String {
     let decoded: Vec<Model> = models.iter().map(|m| codec::decode(m.bytes, m.name).unwrap()).collect();

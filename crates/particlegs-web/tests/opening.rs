@@ -12,7 +12,7 @@ use particlegs_core::splat::ToneStyle;
 use particlegs_web::{Engine, EngineResponse};
 use serde_json::{Value, json};
 
-const FIXTURE: &[u8] = include_bytes!("../../particlegs-pipeline/tests/fixtures/format-1.0.pgs");
+const FIXTURE: &[u8] = include_bytes!("../../particlegs-compress/tests/fixtures/format-1.0.pgs");
 const SIZE: Size = Size { width: 64, height: 64 };
 const GAUSSIANS: u64 = 200_000;
 const EDGE: f64 = 10.0;

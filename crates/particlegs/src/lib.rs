@@ -29,7 +29,7 @@
 //! ```
 //!
 //! Everything that a user needs is here or in one of five modules. The crates beneath (`particlegs-core`,
-//! `particlegs-pipeline` and others) are its parts: their names may change from version to version, this crate's
+//! `particlegs-compress` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 
 mod model;
@@ -65,9 +65,10 @@ pub mod prelude {
 /// assert_eq!(view.scaled(2.0).radius, 0.1);
 /// ```
 pub mod camera {
-    pub use particlegs_pipeline::camera::{
-        Camera, DensityView, Images, Projection, View, ViewSet, ViewsFile, Window, base_distance, spherical_camera,
+    pub use particlegs_core::camera::{
+        Camera, DensityView, Images, Projection, View, ViewSet, Window, base_distance, spherical_camera,
     };
+    pub use particlegs_files::ViewsFile;
 }
 
 /// Statistics of particles and models, and comparisons of two.
@@ -85,17 +86,18 @@ pub mod camera {
 /// # Ok::<(), particlegs::Error>(())
 /// ```
 pub mod stats {
-    pub use particlegs_pipeline::stats::{
-        Assignment, Convention, DensityComparison, DensityReport, Domain, Grid, GroupReport, HaloDispersions,
-        HaloProfiles, JointHistogram, Measure, MultipoleShell, Multipoles, NearestDistances, PairCounts,
-        ParticleFields, Spectra, Statistics, StatsOptions, StatsSide, Subject, compare,
+    pub use particlegs_measure::stats::{
+        Assignment, Convention, DensityComparison, DensityReport, Grid, GroupReport, HaloDispersions, HaloProfiles,
+        JointHistogram, Measure, MultipoleShell, Multipoles, NearestDistances, PairCounts, ParticleFields, Spectra,
+        Statistics, StatsOptions, StatsSide, Subject, compare,
     };
+    pub use particlegs_particles::Domain;
 }
 
 /// What a model file says of itself: its metadata, its recipe and its certificate.
 ///
 /// ```
-/// # let bytes = include_bytes!("../../particlegs-pipeline/tests/fixtures/format-1.0.pgs");
+/// # let bytes = include_bytes!("../../particlegs-compress/tests/fixtures/format-1.0.pgs");
 /// use particlegs::Model;
 ///
 /// let model = Model::from_bytes(bytes.to_vec(), "format-1.0.pgs")?;
@@ -104,11 +106,11 @@ pub mod stats {
 /// # Ok::<(), particlegs::Error>(())
 /// ```
 pub mod metadata {
-    pub use particlegs_pipeline::model::{
+    pub use particlegs_core::model::{
         Certificate, CertificateLevel, Effort, Goal, GoalKind, LawKind, Layer, Mass, Metadata, Mixture, Recipe, Target,
         Unit, Units,
     };
-    pub use particlegs_pipeline::space::{Bounds, Cell};
+    pub use particlegs_core::space::{Bounds, Cell};
 }
 
 /// Training a model on pictures of its particles, beyond the fit.
@@ -123,20 +125,20 @@ pub mod metadata {
 /// let options = CompressOptions { training: Some(training), ..CompressOptions::ratio(300.0) };
 /// ```
 pub mod training {
-    pub use particlegs_pipeline::train::{Config, Limits, Preset};
+    pub use particlegs_train::{Config, Limits, Preset};
 }
 
 pub use model::{CompressOptions, Model, compress};
+pub use particlegs_core::context::{Context, Level, ProgressEvent, ProgressSink};
+pub use particlegs_core::parallel::with_threads;
+pub use particlegs_core::picture::{Gray8, Plane, Size};
+pub use particlegs_core::splat::ToneStyle;
+pub use particlegs_core::{Error, Hint, Result};
 pub use particlegs_export::Density;
 pub use particlegs_files::memory::available_bytes as available_memory;
+pub use particlegs_fit::recover::{Method as RecoverMethod, Options as RecoverOptions};
 pub use particlegs_formats::{Choice, Description, Species, SpeciesField, SpeciesMass, Weights};
-pub use particlegs_pipeline::context::{Context, Level, ProgressEvent, ProgressSink};
-pub use particlegs_pipeline::parallel::with_threads;
-pub use particlegs_pipeline::particles::{Particles, RawForm, Selection, Storage};
-pub use particlegs_pipeline::picture::{Gray8, Plane, Size};
-pub use particlegs_pipeline::recover::{Method as RecoverMethod, Options as RecoverOptions};
-pub use particlegs_pipeline::score::Evaluation;
-pub use particlegs_pipeline::splat::ToneStyle;
-pub use particlegs_pipeline::{Error, Hint, Result};
+pub use particlegs_measure::score::Evaluation;
+pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
 pub use picture::SavePng;
 pub use snapshot::Snapshot;

@@ -5,15 +5,17 @@ use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
 use crate::{
     Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, ToneStyle,
 };
+use particlegs_core::checkpoint::NoCheckpoints;
+use particlegs_core::render::Scene;
+use particlegs_core::{codec, model, render};
 use particlegs_export::Cells;
 use particlegs_files::input::{Source, name_of};
+use particlegs_files::model_file;
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::render::{self, Scene};
-use particlegs_pipeline::{codec, compress as pipeline, model, score};
+use particlegs_measure::score;
 use std::path::Path;
 
-pub use particlegs_pipeline::compress::Options as CompressOptions;
+pub use particlegs_compress::Options as CompressOptions;
 
 /// A mixture of Gaussians with its file.
 #[derive(Clone)]
@@ -31,7 +33,7 @@ pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Contex
     let particles = snapshot.particles(context)?;
     let mut options = options.clone();
     options.read.extend(snapshot.options());
-    let made = pipeline::compress(&particles, &options, &mut NoCheckpoints, context)?;
+    let made = particlegs_compress::compress(&particles, &options, &mut NoCheckpoints, context)?;
     Ok(Model { bytes: made.bytes, decoded: made.model })
 }
 
@@ -43,7 +45,7 @@ impl Model {
     pub fn open(path: impl AsRef<Path>) -> Result<Model> {
         let name = name_of(path.as_ref());
         let source = Source::open(path.as_ref(), &Context::SILENT)?;
-        Model::from_bytes(codec::read_source(source, &name)?, &name)
+        Model::from_bytes(model_file::read_source(source, &name)?, &name)
     }
 
     /// Decodes a model file's bytes; errors name it `name`.

@@ -1,7 +1,7 @@
 //! Pictures as files.
 
 use crate::{Gray8, Result};
-use particlegs_pipeline::picture::write_png;
+use particlegs_files::png::write_png;
 use std::path::Path;
 
 /// Writes a picture as PNG, whole or not at all.

@@ -3,7 +3,7 @@
 use crate::camera::View;
 use crate::{Choice, Context, Description, Error, Gray8, Particles, Result, Selection, Size, Storage, ToneStyle};
 use particlegs_files::input::is_stream;
-use particlegs_pipeline::reference::Reference;
+use particlegs_reference::Reference;
 use std::path::{Path, PathBuf};
 
 /// Particles in files of any format that is read (docs/guide/formats.md), or in memory.

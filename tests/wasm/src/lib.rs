@@ -1,12 +1,11 @@
 //! Pictures of a model file, by `particlegs-core` alone: [`pictures`] here and, exported from WebAssembly, there.
 
 use particlegs_core::camera::{DensityView, View, Window, base_distance, spherical_camera};
-use particlegs_core::codec;
+use particlegs_core::{codec, Error, Result};
 use particlegs_core::context::Context;
 use particlegs_core::picture::{Pixels, Size};
 use particlegs_core::render::{Scene, Scratch, draw_into, optical_depth_into, surface_density};
 use particlegs_core::splat::ToneStyle;
-use particlegs_core::{Error, Result};
 
 const SIZE: Size = Size { width: 320, height: 180 };
 

@@ -6,15 +6,15 @@ use crate::device::DeviceArgs;
 use crate::snapshot_args::SnapshotArgs;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
+use particlegs_core::context::{ProgressEvent, ProgressSink};
+use particlegs_core::picture::Size;
+use particlegs_core::{Error, Result, parallel};
 use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
 use particlegs_lab::lab::Lab;
 use particlegs_lab::report::{Provenance, Section};
 use particlegs_lab::settings::Settings;
 use particlegs_lab::snapshot::Snapshot;
-use particlegs_pipeline::context::{ProgressEvent, ProgressSink};
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::train::Accelerator;
-use particlegs_pipeline::{Error, Result, parallel};
+use particlegs_train::Accelerator;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -253,7 +253,7 @@ impl Arguments {
         let open = |path: &PathBuf| {
             let particles = self.snapshot.choice()?.read(
                 std::slice::from_ref(path),
-                &particlegs_pipeline::particles::Storage::Memory,
+                &particlegs_particles::Storage::Memory,
                 context,
             )?;
             let name = path.file_stem().map_or("snapshot".into(), |n| n.to_string_lossy().into_owned());

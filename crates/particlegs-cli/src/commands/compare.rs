@@ -3,8 +3,8 @@
 use crate::common::Common;
 use crate::comparison::{self, FolderComparison};
 use clap::{Args, ValueHint};
-use particlegs_pipeline::text::one_line;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::text::one_line;
+use particlegs_core::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Args)]

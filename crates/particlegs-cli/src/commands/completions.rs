@@ -1,7 +1,7 @@
 //! `particlegs completions SHELL`.
 
 use clap::{Args, CommandFactory};
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 
 #[derive(Args)]
 #[command(

@@ -9,15 +9,15 @@ use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{HEADING, parse_bytes};
 use clap::{Args, ValueHint};
-use particlegs_files::output;
-use particlegs_pipeline::checkpoint::CheckpointStore;
-use particlegs_pipeline::compress::{
+use particlegs_compress::{
     CompressedModel, Compression, FieldSelection, Options, SharingPolicy, Target, compress_to_total,
 };
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::particles::{Particles, Storage};
-use particlegs_pipeline::{Error, Result, codec};
+use particlegs_core::checkpoint::CheckpointStore;
+use particlegs_core::context::Context;
+use particlegs_core::model::Model;
+use particlegs_core::{Error, Result, codec};
+use particlegs_files::output;
+use particlegs_particles::{Particles, Storage};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -5,10 +5,10 @@ use crate::inputs::{self, PathContent};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_formats::{Writer, write_splats};
-use particlegs_pipeline::particles::{RawForm, SelectedParticles, Storage, Tiling};
-use particlegs_pipeline::{Error, Result, codec};
+use particlegs_particles::{RawForm, SelectedParticles, Storage, Tiling};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use clap::Args;
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 
 #[derive(Args)]
 #[command(after_help = "\
@@ -30,8 +30,8 @@ pub fn run(a: Arguments) -> Result<()> {
 #[cfg(feature = "gpu")]
 mod adapter_list {
     use crate::common::CommandContext;
+    use particlegs_core::Result;
     use particlegs_gpu::{Adapter, adapters, advice};
-    use particlegs_pipeline::Result;
     use serde_json::json;
 
     /// Lists them.

@@ -2,20 +2,23 @@
 
 use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
-use crate::inputs;
 use crate::outputs::PNG;
-use crate::pictures;
 use crate::snapshot_args::ParticleArgs;
 use crate::text_wrap::counted;
 use crate::view_args::parse_size;
+use crate::{inputs, pictures};
 use clap::{Args, ValueHint};
+use particlegs_compress::source_difference;
+use particlegs_core::camera::View;
+use particlegs_core::model::Model;
+use particlegs_core::picture::Size;
+use particlegs_core::{Error, Result, codec};
+use particlegs_files::ViewsFile;
 use particlegs_files::input::name_of;
-use particlegs_pipeline::camera::{View, ViewsFile};
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::particles::Storage;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::score::{Evaluation, LookScores, MeanViewScores};
-use particlegs_pipeline::{Error, Result, codec, score};
+use particlegs_files::model_file;
+use particlegs_measure::score;
+use particlegs_measure::score::{Evaluation, LookScores, MeanViewScores};
+use particlegs_particles::Storage;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -94,8 +97,8 @@ pub fn run(mut a: Arguments) -> Result<()> {
     let model = a.particles.opening.layers_of(whole)?;
     let particles = a.particles.read(&a.input, context.common.seed, &Storage::Memory, &context)?;
     // The hash is of all layers.
-    let of_several = model.layers.len() < layers || codec::is_of_several(&bytes, &model.metadata, &place)?;
-    let difference = particles.source_difference(&model, of_several);
+    let of_several = model.layers.len() < layers || model_file::is_of_several(&bytes, &model.metadata, &place)?;
+    let difference = source_difference(&particles, &model, of_several);
     if let Some(why) = difference {
         context.message(&format!(
             "warning: {} is not the snapshot that {place} was made from ({why}: {} particles, made from {})",

@@ -6,15 +6,15 @@ use crate::inputs::{self, FrameArgs};
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
+use particlegs_core::codec::{FileInfo, SeriesFile};
+use particlegs_core::model::{LawKind, Model, Quantity};
+use particlegs_core::{Error, Result, codec};
 use particlegs_export::{
     Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density,
     write_gaussians,
 };
 use particlegs_files::input::{self, name_of};
 use particlegs_files::output::{is_stream, write_bytes};
-use particlegs_pipeline::codec::{FileInfo, SeriesFile};
-use particlegs_pipeline::model::{LawKind, Model, Quantity};
-use particlegs_pipeline::{Error, Result, codec};
 use particlegs_view::page::{ModelFile, linked, offline};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};

@@ -4,8 +4,8 @@ use crate::common::Common;
 use crate::inputs::{self, FrameArgs};
 use crate::outputs::ForceArgs;
 use clap::{Args, ValueHint};
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
-use particlegs_pipeline::{Error, Result, codec};
 use serde_json::json;
 use std::path::PathBuf;
 

@@ -1,26 +1,24 @@
 //! `particlegs finetune M.pgs SNAPSHOT... -o M2.pgs`.
 
-use crate::common::named;
-use crate::common::{CommandContext, Common};
+use crate::common::{CommandContext, Common, named};
 use crate::device::DeviceArgs;
-use crate::info_model;
-use crate::inputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
-use crate::target_args::parse_bytes;
-use crate::target_args::{TargetArgs, with_default};
+use crate::target_args::{TargetArgs, parse_bytes, with_default};
 use crate::train_args::TuneArgs;
+use crate::{info_model, inputs};
 use clap::{Args, ValueHint};
+use particlegs_compress::{CompressedModel, FineTuning, finetune, verify};
+use particlegs_core::checkpoint::CheckpointStore;
+use particlegs_core::context::Context;
+use particlegs_core::model::{CertificateLevel, LawKind};
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
+use particlegs_files::model_file;
 use particlegs_files::output;
-use particlegs_pipeline::checkpoint::CheckpointStore;
-use particlegs_pipeline::compress::{CompressedModel, FineTuning, finetune};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{CertificateLevel, LawKind};
-use particlegs_pipeline::particles::Storage;
-use particlegs_pipeline::train::Config;
-use particlegs_pipeline::{Error, Result, codec, verify};
+use particlegs_particles::Storage;
+use particlegs_train::Config;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -103,7 +101,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
     let particles = a.particles.read(&a.snapshot, a.common.seed, &storage, &context)?;
-    let of_several = codec::is_of_several(&bytes, &model.metadata, &place)?;
+    let of_several = model_file::is_of_several(&bytes, &model.metadata, &place)?;
     verify::check_source(&model, of_several, &particles, &particles.meta.name, &place)?;
     let checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;

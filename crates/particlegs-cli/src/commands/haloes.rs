@@ -6,18 +6,18 @@ use crate::inputs::{self, PathContent};
 use crate::outputs::{CSV, ForceArgs, HDF5, PDF, PNG, SVG};
 use crate::snapshot_args::SnapshotArgs;
 use clap::{Args, ValueHint};
+use particlegs_core::context::Context;
+use particlegs_core::model::{Cosmology, Model};
+use particlegs_core::text::one_line;
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_files::output::{self, write_atomic};
 use particlegs_formats::{is_hdf5, write_haloes};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::haloes::{
+use particlegs_measure::haloes::{
     HaloCatalogue, HaloMatch, HaloOptions, HaloSource, MassFunctionBin, find_haloes, mass_function, stated_cosmology,
 };
-use particlegs_pipeline::model::{Cosmology, Model};
-use particlegs_pipeline::particles::{Particles, Storage};
-use particlegs_pipeline::stats::{Domain, ParticleFields};
-use particlegs_pipeline::text::one_line;
-use particlegs_pipeline::{Error, Result, codec};
+use particlegs_measure::stats::ParticleFields;
+use particlegs_particles::{Domain, Particles, Storage};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]

@@ -5,7 +5,7 @@ use crate::inputs::{self, FrameArgs, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_series, info_snapshot};
 use clap::Args;
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 use std::path::PathBuf;
 
 #[derive(Args)]

@@ -2,9 +2,9 @@
 
 use clap::{Args, CommandFactory, ValueHint};
 use clap_mangen::Man;
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
 use particlegs_files::output::{self, Kind, Outputs};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]

@@ -1,17 +1,16 @@
 //! `particlegs merge A.pgs B.pgs ... -o M.pgs`, `particlegs merge JOB -o M.pgs`.
 
 use crate::common::{CommandContext, Common, named};
-use crate::info_model;
-use crate::inputs;
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
 use crate::text_wrap::counted;
+use crate::{info_model, inputs};
 use clap::{Args, ValueHint};
+use particlegs_compress::job::Job;
+use particlegs_core::codec::Merge;
+use particlegs_core::model::{CertificateLevel, LawKind};
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
-use particlegs_pipeline::codec::{self, Merge};
-use particlegs_pipeline::job::Job;
-use particlegs_pipeline::model::{CertificateLevel, LawKind};
-use particlegs_pipeline::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

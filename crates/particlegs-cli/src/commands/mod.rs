@@ -29,7 +29,7 @@ mod verify;
 mod view;
 
 use clap::Subcommand;
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 
 /// The groups that the help lists.
 pub const GROUPS: [(&str, &[&str]); 6] = [

@@ -8,9 +8,9 @@ use crate::outputs::ForceArgs;
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
-use particlegs_pipeline::job::{Job, Task};
-use particlegs_pipeline::particles::Storage;
-use particlegs_pipeline::{Error, Result};
+use particlegs_compress::job::{Job, Task};
+use particlegs_core::{Error, Result};
+use particlegs_particles::Storage;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

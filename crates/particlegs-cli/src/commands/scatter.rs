@@ -3,8 +3,8 @@
 use crate::common::Common;
 use crate::job_args::{JobSnapshot, task_error, task_number};
 use clap::{Args, ValueHint};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::job::Job;
+use particlegs_compress::job::Job;
+use particlegs_core::Result;
 use serde_json::json;
 use std::path::PathBuf;
 

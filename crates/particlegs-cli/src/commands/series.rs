@@ -8,15 +8,17 @@ use crate::outputs::{self, ForceArgs};
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
+use particlegs_compress::differences_from;
+use particlegs_compress::series::{FrameStore, KEYFRAME_INTERVAL, SeriesBuilder};
+use particlegs_compress::{FieldSelection, Options};
+use particlegs_core::codec::{CodedFrame, FrameCoding, SeriesFile};
+use particlegs_core::model::{Model, QuantityKind};
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
+use particlegs_files::model_file;
 use particlegs_files::output;
 use particlegs_formats::{AtomSelection, Choice, run_snapshots};
-use particlegs_pipeline::codec::{self, CodedFrame, FrameCoding, SeriesFile};
-use particlegs_pipeline::compress::{FieldSelection, Options};
-use particlegs_pipeline::model::{Model, QuantityKind};
-use particlegs_pipeline::particles::{AlignedFrame, Alignment, LayerFields, Particles, Storage};
-use particlegs_pipeline::series::{FrameStore, KEYFRAME_INTERVAL, SeriesBuilder};
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{AlignedFrame, Alignment, LayerFields, Particles, Storage};
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -134,7 +136,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
     let goes_on = context.writes(&a.output, &outputs::SERIES)?;
-    codec::check_name(&a.output)?;
+    model_file::check_name(&a.output)?;
     let recipe = a.recipe(&options);
     let mut work = FrameStore::open(&a.output, &recipe, a.force.force)?;
     let done = if goes_on { a.done(&recipe, &context)? } else { Vec::new() };
@@ -190,7 +192,7 @@ pub fn run(a: Arguments) -> Result<()> {
         if let Some(frame) = kept {
             let tracked = builder.decode(&frame, &place, &context)?;
             let model = tracked.clone().into_model();
-            let differing = match &particles.differences_from(&model, false)[..] {
+            let differing = match &differences_from(&particles, &model, false)[..] {
                 [[what, stored, now], ..] => Some(format!("its {what} was {stored} and is {now} now")),
                 [] if model.metadata.source_hash != particles.source_hash() => Some("its particles differ".into()),
                 [] => match (model.metadata.fields_hash, fields.as_ref().and_then(FieldSelection::hash)) {

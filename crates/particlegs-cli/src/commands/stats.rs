@@ -1,25 +1,24 @@
 //! `particlegs stats TRUTH OTHER -o DIR`.
 
-use crate::centres;
 use crate::common::{CommandContext, Common, named};
 use crate::evolution::SeriesEvolution;
 use crate::figure::FileKind;
 use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
-use crate::{stats_plots, stats_tables};
+use crate::{centres, stats_plots, stats_tables};
 use clap::{Args, ValueHint};
+use particlegs_core::codec::SeriesFile;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Model, UnitSystem};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::Catalogue;
-use particlegs_pipeline::codec::SeriesFile;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Model, UnitSystem};
-use particlegs_pipeline::particles::{Particles, Storage};
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::stats::{
+use particlegs_measure::stats::{
     Assignment, Convention, Evolution, Measure, ParticleFields, Statistics, StatsOptions, StatsSide, Subject, compare,
 };
-use particlegs_pipeline::{Error, Result, codec};
+use particlegs_particles::{Particles, Storage};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,8 @@
 
 use crate::common::Common;
 use clap::{Args, ValueHint};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::job::{Job, State};
+use particlegs_compress::job::{Job, State};
+use particlegs_core::Result;
 use std::path::PathBuf;
 
 #[derive(Args)]

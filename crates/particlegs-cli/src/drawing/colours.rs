@@ -2,10 +2,10 @@
 
 use super::ViewContent;
 use crate::figure::{FigureImage, PaperColour};
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::picture::{Colormap, DensityColors, Plane, Rgb8};
+use particlegs_core::parallel;
+use particlegs_core::picture::{Colormap, DensityColors, Plane, Rgb8};
 
-/// Most decades of a common range, as for a single picture ([`particlegs_pipeline::picture::Plane::log_range`]).
+/// Most decades of a common range, as for a single picture ([`particlegs_core::picture::Plane::log_range`]).
 const DECADES: f64 = 1e-4;
 
 /// One range for all: from the lowest to the highest, at most four decades.
@@ -43,7 +43,7 @@ pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperCol
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::picture::{Gray8, Size};
+    use particlegs_core::picture::{Gray8, Size};
 
     #[test]
     fn the_range_ignores_specks() {

@@ -2,7 +2,7 @@
 
 use crate::figure::ticks::{even, logarithmic};
 use crate::figure::{ColourBar, FigureImage, PaperColour, labelled};
-use particlegs_pipeline::picture::{Colormap, Plane, ValueColors, ValueScale, journal_unit};
+use particlegs_core::picture::{Colormap, Plane, ValueColors, ValueScale, journal_unit};
 
 /// Ticks of a linear scale at most.
 const TICKS: f64 = 6.0;

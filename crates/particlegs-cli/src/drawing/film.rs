@@ -4,9 +4,9 @@ use super::gif::{self, GifFrame};
 use crate::common::CommandContext;
 use crate::outputs::{GIF, MP4, WEBM};
 use crate::picture_out::PictureOut;
+use particlegs_core::camera::frame_digits;
+use particlegs_core::{Error, Result};
 use particlegs_files::output::FileSet;
-use particlegs_pipeline::camera::frame_digits;
-use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 

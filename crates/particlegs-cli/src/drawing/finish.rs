@@ -8,14 +8,13 @@ use crate::density_args::Quantities;
 use crate::figure::args::{Axes, FigureArgs};
 use crate::figure::png_file::{self, PngEffort, PngMetadata};
 use crate::figure::ticks::round_below;
-use crate::figure::{ColourBar, Figure, FigureImage, Panel, ScaleBar, cube, labelled, number};
-use crate::figure::{FileKind, output};
+use crate::figure::{ColourBar, Figure, FigureImage, FileKind, Panel, ScaleBar, cube, labelled, number, output};
 use crate::view_args::ViewSubject;
+use particlegs_core::Result;
+use particlegs_core::camera::{CenteredCell, Projection, View, frame_number};
+use particlegs_core::math::each_axis;
+use particlegs_core::picture::{Colormap, Size, journal_unit};
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{CenteredCell, Projection, View, frame_number};
-use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::picture::{Colormap, Size, journal_unit};
 use std::path::Path;
 
 /// Longest scale bar, as a share of the picture's width.
@@ -209,7 +208,7 @@ impl Finisher<'_> {
         let mut camera = view.camera;
         let perspective = matches!(camera.projection, Projection::Perspective { .. });
         if camera.clipping_range.is_none() && perspective {
-            camera.clipping_range = Some(particlegs_pipeline::camera::clipping_range(&self.subject.bounds, &camera));
+            camera.clipping_range = Some(particlegs_core::camera::clipping_range(&self.subject.bounds, &camera));
         }
         View { camera, ..view.clone() }
     }

@@ -3,15 +3,16 @@
 use crate::centres;
 use crate::common::CommandContext;
 use crate::view_args::PictureCenter;
+use particlegs_core::camera::CenteredCell;
+use particlegs_core::codec::{SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_core::math::each_axis;
+use particlegs_core::model::Model;
+use particlegs_core::space::{Bounds, Cell};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::name_of;
 use particlegs_formats::Catalogue;
-use particlegs_pipeline::camera::CenteredCell;
-use particlegs_pipeline::codec::{SeriesClock, SeriesDecoder, SeriesFile};
-use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::space::{Bounds, Cell};
-use particlegs_pipeline::stats::Domain;
-use particlegs_pipeline::{Error, Result};
+use particlegs_measure::stats::mass_center_near;
+use particlegs_particles::Domain;
 use std::path::{Path, PathBuf};
 
 /// A halo of a list, `haloes.csv:12`.
@@ -89,8 +90,8 @@ impl FocusPath {
             format!("frame {frame} ({when}) has no mass near the place of halo {number}")
         };
         let domain = Domain::from_model(&model);
-        let first =
-            domain.mass_center_near(&model, stated, radius).ok_or_else(|| Error::input(place, lost(numbers[start])))?;
+        let first = mass_center_near(&domain, &model, stated, radius)
+            .ok_or_else(|| Error::input(place, lost(numbers[start])))?;
         let at_start = (series.frames[numbers[start]].time, first, domain);
         context.begin("following the halo", numbers.len() as u64 - 1);
         let mut walk = |to: &mut dyn Iterator<Item = usize>| -> Result<Vec<(f64, [f64; 3], Domain)>> {
@@ -98,7 +99,7 @@ impl FocusPath {
             for frame in to {
                 let model = decoder.frame(frame, context)?.clone().into_model();
                 let (time, domain) = (series.frames[frame].time, Domain::from_model(&model));
-                let Some(center) = domain.mass_center_near(&model, expected(&found, time), radius) else {
+                let Some(center) = mass_center_near(&domain, &model, expected(&found, time), radius) else {
                     // A halo has not always been there.
                     context.message(&format!("warning: {}: from there on the camera stays", lost(frame)));
                     break;

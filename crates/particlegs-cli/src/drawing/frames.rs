@@ -8,9 +8,9 @@ use crate::common::CommandContext;
 use crate::figure::FigureImage;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
 use crate::picture_out::PictureOut;
+use particlegs_core::camera::{View, ViewSet};
+use particlegs_core::{Error, Result, parallel};
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::camera::{View, ViewSet};
-use particlegs_pipeline::{Error, Result, parallel};
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -96,7 +96,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
 }
 
 /// Frames of a film must have one size, which growing labels could change.
-fn of_one_size(first: &Mutex<Option<particlegs_pipeline::picture::Size>>, image: &FigureImage) -> Result<()> {
+fn of_one_size(first: &Mutex<Option<particlegs_core::picture::Size>>, image: &FigureImage) -> Result<()> {
     let size = *first.lock().unwrap_or_else(|e| e.into_inner()).get_or_insert(image.size());
     if size == image.size() {
         return Ok(());

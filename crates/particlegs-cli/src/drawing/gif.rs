@@ -2,8 +2,8 @@
 
 use crate::figure::FigureImage;
 use ::gif::{Encoder, Frame, Repeat};
+use particlegs_core::{Error, Result};
 use particlegs_files::output::write_atomic;
-use particlegs_pipeline::{Error, Result};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::Write;
@@ -138,7 +138,7 @@ pub fn write(path: &Path, frames: &[GifFrame]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::picture::{Gray8, Rgb8, Size};
+    use particlegs_core::picture::{Gray8, Rgb8, Size};
 
     /// Read by the crate's own decoder; the end-to-end tests have another's.
     #[test]

@@ -3,7 +3,7 @@
 use super::ViewRenderer;
 use super::finish::Finisher;
 use crate::common::CommandContext;
-use particlegs_pipeline::camera::ViewSet;
+use particlegs_core::camera::ViewSet;
 
 pub struct DrawingJob<'a> {
     pub painter: &'a ViewRenderer<'a>,

@@ -1,14 +1,13 @@
-//! Colours by layer ([`particlegs_pipeline::picture::Rgb8::layer_hues`]).
+//! Colours by layer ([`particlegs_core::picture::Rgb8::layer_hues`]).
 
 use super::ViewContent;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{LawKind, Model};
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::picture::{Plane, Rgb8, Size};
-use particlegs_pipeline::render::{Scene, Tones, optical_depth};
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::View;
+use particlegs_core::context::Context;
+use particlegs_core::model::{LawKind, Model};
+use particlegs_core::picture::{Plane, Rgb8, Size};
+use particlegs_core::render::{Scene, Tones, optical_depth};
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, Result, parallel};
 
 /// A model's layers, one model each.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {

@@ -15,9 +15,9 @@ pub mod run;
 pub mod series_film;
 
 use crate::common::CommandContext;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::picture::{Gray8, Plane, Size};
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Gray8, Plane, Size};
 
 /// A rendered view without colours.
 pub enum ViewContent {

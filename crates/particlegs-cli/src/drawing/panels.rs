@@ -5,9 +5,9 @@ use super::finish::Finisher;
 use crate::common::CommandContext;
 use crate::figure::output;
 use crate::picture_out::PictureOut;
+use particlegs_core::camera::ViewSet;
+use particlegs_core::{Error, Result};
 use particlegs_files::output::write_bytes;
-use particlegs_pipeline::camera::ViewSet;
-use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 /// Most panels of a figure.

@@ -1,11 +1,12 @@
 //! Provenance of a picture, stored in it as text: enough to draw the same view again, of this or another model.
 
 use crate::figure::png_file;
-use particlegs_pipeline::camera::{View, ViewSet, ViewsFile};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{UnitSystem, Units};
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::{View, ViewSet};
+use particlegs_core::context::Context;
+use particlegs_core::model::{UnitSystem, Units};
+use particlegs_core::picture::Size;
+use particlegs_core::{Error, Result};
+use particlegs_files::ViewsFile;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;

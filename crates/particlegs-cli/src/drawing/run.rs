@@ -12,8 +12,9 @@ use crate::picture_out::PictureOut;
 use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
 use crate::view_args::{ViewArgs, ViewSubject};
-use particlegs_pipeline::camera::{ViewSet, ViewsFile};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::ViewSet;
+use particlegs_core::{Error, Result};
+use particlegs_files::ViewsFile;
 use std::path::Path;
 use std::time::Instant;
 

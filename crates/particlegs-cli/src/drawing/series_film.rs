@@ -2,13 +2,13 @@
 
 use super::focus::FocusPath;
 use crate::sequence_args::FilmLength;
+use particlegs_core::camera::{View, ViewSet, frame_number};
+use particlegs_core::codec::{SeriesDecoder, SeriesFile};
+use particlegs_core::context::Context;
+use particlegs_core::math::each_axis;
+use particlegs_core::model::Model;
+use particlegs_core::{Error, Result};
 use particlegs_files::input::name_of;
-use particlegs_pipeline::camera::{View, ViewSet, frame_number};
-use particlegs_pipeline::codec::{SeriesDecoder, SeriesFile};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::math::each_axis;
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 use std::sync::Mutex;
 

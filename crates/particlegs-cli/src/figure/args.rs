@@ -3,10 +3,10 @@
 use super::{BarPlacement, FileKind, PaperColour, missing};
 use crate::centres;
 use clap::{Args, ValueEnum};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::UnitSystem;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::space::Cell;
+use particlegs_core::context::Context;
+use particlegs_core::model::UnitSystem;
+use particlegs_core::picture::Size;
+use particlegs_core::space::Cell;
 use std::path::PathBuf;
 
 /// Default width of a figure (a journal column) and font size, in points.
@@ -98,7 +98,7 @@ impl FigureArgs {
         &self,
         place: (UnitSystem<'_>, Option<Cell>),
         context: &Context<'_>,
-    ) -> particlegs_pipeline::Result<Vec<([f64; 3], f64)>> {
+    ) -> particlegs_core::Result<Vec<([f64; 3], f64)>> {
         self.overlay.as_ref().map_or(Ok(Vec::new()), |path| centres::circles(path, place, context))
     }
 

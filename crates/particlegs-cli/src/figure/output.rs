@@ -3,7 +3,7 @@
 use super::args::FigureArgs;
 use super::png_file::{PngEffort, PngMetadata, coded};
 use super::{Figure, FigureImage, FigureSpace, FileKind, layout, raster};
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 
 /// A figure as pixels, and the resolution if its printed width is chosen.
 pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(FigureImage, Option<f64>)> {

@@ -2,8 +2,8 @@
 
 use crate::common::{TestFolder, listing};
 use crate::models::tiny;
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::particles::Particles;
+use particlegs_core::model::LawKind;
+use particlegs_particles::Particles;
 use serde_json::Value;
 
 /// A folder with the model `m.pgs` of 64 runs.
@@ -115,7 +115,7 @@ fn splats_are_written_as_published() {
     // Other commands read it as a snapshot of 64 points, in the frame of an alpha-blend model.
     dir.runs("convert m.ply -o points --quiet");
     let (model, points) = (dir.model("m.pgs"), Particles::open_raw(&[dir.at("points")]).unwrap());
-    let frame = particlegs_pipeline::camera::Normalisation::new(&model.metadata.bounds);
+    let frame = particlegs_core::camera::Normalisation::new(&model.metadata.bounds);
     let g = &model.layers[0].content[0].gaussians;
     for i in 0..64 {
         let p = points.position(i);

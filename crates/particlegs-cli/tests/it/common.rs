@@ -1,8 +1,8 @@
 //! Helpers of the end-to-end tests.
 
 use assert_cmd::Command;
-use particlegs_pipeline::codec;
-use particlegs_pipeline::model::{Certificate, Model};
+use particlegs_core::codec;
+use particlegs_core::model::{Certificate, Model};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -35,7 +35,7 @@ pub fn fixture(name: &str) -> PathBuf {
 /// Words of a command line. SAMPLE, FIXTURES and GOLDEN (VTK's pictures of the sample and their views) are replaced by
 /// those folders.
 pub fn words(text: &str) -> Vec<OsString> {
-    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-pipeline/tests/golden/nbody64");
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-reference/tests/golden/nbody64");
     let places = [("SAMPLE", sample()), ("FIXTURES", fixture("")), ("GOLDEN", golden)];
     let word = |w: &str| {
         let place = places.iter().find_map(|(name, place)| Some((place, w.strip_prefix(name)?)));
@@ -153,7 +153,7 @@ pub fn errors(text: &str) -> usize {
 }
 
 /// A model's file with another certificate.
-pub fn recertified(file: &[u8], change: impl FnOnce(&mut Certificate)) -> particlegs_pipeline::Result<Vec<u8>> {
+pub fn recertified(file: &[u8], change: impl FnOnce(&mut Certificate)) -> particlegs_core::Result<Vec<u8>> {
     let model = codec::decode(file, "m").unwrap();
     let mut certificate = model.certificate.unwrap();
     change(&mut certificate);

@@ -29,7 +29,7 @@ fn blocks_hold_all_particles_and_draw_the_same() {
     assert!(bytes == compress(&dir, "b1.pgs", &options(1)), "threads change the bytes");
     let target = 262_144 * 12 / 100;
     assert!(bytes.len() <= target && target - bytes.len() <= 5 * 256, "{} of {target}", bytes.len());
-    let model = particlegs_pipeline::codec::decode(&bytes, "b.pgs").unwrap();
+    let model = particlegs_core::codec::decode(&bytes, "b.pgs").unwrap();
     let counts: Vec<u64> = model.blocks().map(|b| b.count).collect();
     assert_eq!((counts.len(), counts.iter().sum::<u64>()), (5, 262_144));
     assert!(counts.iter().all(|c| c.abs_diff(262_144 / 5) <= 3), "{counts:?}");

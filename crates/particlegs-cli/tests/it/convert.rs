@@ -77,7 +77,8 @@ fn bad_arguments_leave_nothing() {
 
 #[test]
 fn compare_lists_files_that_it_cannot_score() {
-    use particlegs_pipeline::picture::{Size, write_png};
+    use particlegs_core::picture::Size;
+    use particlegs_files::png::write_png;
     let dir = TestFolder::new();
     let [a, b] = ["a", "b"].map(|n| dir.at(n));
     let write = |folder: &Path, name: &str, side: usize, level: u8| {

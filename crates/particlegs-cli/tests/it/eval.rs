@@ -2,7 +2,7 @@
 
 use crate::common::{TestFolder, snapshot, spiral};
 use crate::models::tiny;
-use particlegs_pipeline::model::LawKind;
+use particlegs_core::model::LawKind;
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {

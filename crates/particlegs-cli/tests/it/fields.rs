@@ -1,7 +1,7 @@
 //! Fields: `compress --fields`, `info` and `recover`.
 
 use crate::common::TestFolder;
-use particlegs_pipeline::math::Random;
+use particlegs_core::math::Random;
 use std::path::Path;
 
 const COUNT: usize = 6000;
@@ -454,8 +454,8 @@ fn parts_with_different_fields_are_merged_by_the_common_ones() {
     assert_eq!(merged, dir.makes("merge e.pgs w.pgs --fields VELOCITY -o again.pgs -q"));
     let (west, east, both) = (dir.model("w.pgs"), dir.model("e.pgs"), dir.model("m.pgs"));
     assert_eq!(both.metadata.fields, east.metadata.fields);
-    let own = |model: &particlegs_pipeline::model::Model| {
-        let field = |g: &particlegs_pipeline::model::Mixture| g.fields.get("velocity").unwrap().clone();
+    let own = |model: &particlegs_core::model::Model| {
+        let field = |g: &particlegs_core::model::Mixture| g.fields.get("velocity").unwrap().clone();
         model.blocks().map(|b| field(&b.gaussians)).collect::<Vec<_>>()
     };
     assert_eq!(own(&both), [own(&west), own(&east)].concat());

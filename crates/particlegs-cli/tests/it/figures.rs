@@ -118,7 +118,7 @@ fn a_turn_begins_with_its_view_and_has_one_range() {
     assert_eq!(listing(&s.at("frames")), names);
     assert_eq!(report["views"].as_array().unwrap().len(), 5);
     render(&s, "a.pgs -o first.png --size 48x30 --elevation 15");
-    let pixels = |name: &str| particlegs_pipeline::picture::read_png(&s.at(name)).unwrap();
+    let pixels = |name: &str| particlegs_files::png::read_png(&s.at(name)).unwrap();
     assert_eq!(pixels("frames/frame_0000.png"), pixels("first.png"));
     assert!(pixels("frames/frame_0001.png") != pixels("first.png"));
     // The frames match the saved views, for any number of threads.
@@ -195,7 +195,7 @@ fn impossible_figures_are_refused() {
     assert!(!s.at("x.png").exists() && !s.at("x.pdf").exists());
     // Bars on the picture do not change its size.
     render(&s, &format!("{DENSITY} z.png --colorbar inside"));
-    let size = particlegs_pipeline::picture::read_png(&s.at("z.png")).unwrap().size;
+    let size = particlegs_files::png::read_png(&s.at("z.png")).unwrap().size;
     assert_eq!([size.width, size.height], [60, 60]);
     // A view with its focal point outside the particles has no scale.
     render(&s, "a.pgs -o x.svg --center 90,0,0 --distance 5 --size 40x30");
@@ -281,7 +281,7 @@ fn a_gif_has_the_frames_pixels() {
     let (size, frames) = decoded(&s.bytes("turn.gif"));
     assert_eq!((size, frames.len()), ([64, 40], 4));
     for (i, frame) in frames.iter().enumerate() {
-        let png = particlegs_pipeline::picture::read_png(&s.at(&format!("frames/frame_000{i}.png"))).unwrap();
+        let png = particlegs_files::png::read_png(&s.at(&format!("frames/frame_000{i}.png"))).unwrap();
         assert!(png.data.iter().zip(frame).all(|(level, p)| *p == [*level; 3]), "{i}");
     }
     // Alone, a GIF leaves no frames behind.

@@ -1,8 +1,8 @@
 //! Altered certificates and metadata: every number and field, larger, smaller, missing and out of range.
 
 use crate::common::{TestFolder, snapshot};
-use particlegs_pipeline::codec;
-use particlegs_pipeline::model::Coding;
+use particlegs_core::codec;
+use particlegs_core::model::Coding;
 
 /// Header of a model file, and tag and content of each section (docs/format.md, section 1).
 pub fn sections(file: &[u8]) -> Vec<([u8; 4], Vec<u8>)> {

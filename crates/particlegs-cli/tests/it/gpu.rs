@@ -4,7 +4,7 @@ use crate::common::{TestFolder, said};
 #[cfg(feature = "gpu")]
 use crate::models::tiny;
 #[cfg(feature = "gpu")]
-use particlegs_pipeline::{codec, model::LawKind};
+use particlegs_core::{codec, model::LawKind};
 
 /// A folder with a small model of the sample.
 fn folder() -> TestFolder {
@@ -53,7 +53,7 @@ fn a_gpu_draws_and_scores_all_particles() {
             let out = format!("{style}-{device}.png");
             let view = format!("--azimuth 30 --size 160x90 -q --style {style} --device {device}");
             dir.runs(&format!("reference SAMPLE {view} -o {out}"));
-            particlegs_pipeline::picture::read_png(&dir.at(&out)).unwrap()
+            particlegs_files::png::read_png(&dir.at(&out)).unwrap()
         };
         let (on_gpu, on_cpu) = (draw("0"), draw("cpu"));
         let differ = on_gpu.data.iter().zip(&on_cpu.data).filter(|(a, b)| a != b).count();

@@ -128,7 +128,7 @@ fn every_style_and_projection_draws() {
 #[test]
 fn views_that_cannot_be_drawn() {
     let dir = folder("--ratio 300 --certificate=none");
-    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/../particlegs-pipeline/tests/golden/nbody64/views.json");
+    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/../particlegs-reference/tests/golden/nbody64/views.json");
     let good: Value = serde_json::from_slice(&std::fs::read(golden).unwrap()).unwrap();
     let bad = |change: &dyn Fn(&mut Value), text: &str| {
         let mut views = good.clone();

@@ -16,10 +16,10 @@ fn merging_is_exact_whatever_the_order() {
     dir.runs("verify whole.pgs");
 
     // The depths of the parts add up.
-    use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::picture::Size;
-    use particlegs_pipeline::render::{Scene, optical_depth};
+    use particlegs_core::camera::{View, base_distance, spherical_camera};
+    use particlegs_core::context::Context;
+    use particlegs_core::picture::Size;
+    use particlegs_core::render::{Scene, optical_depth};
     let size = Size { width: 320, height: 240 };
     let all = dir.model("whole.pgs");
     let m = &all.metadata;
@@ -109,7 +109,7 @@ fn recovered_particles_are_marked_as_synthetic() {
 #[test]
 fn unknown_sections_survive_merging_or_are_named_if_dropped() {
     let dir = TestFolder::new();
-    let room = "FIXTURES/../../../particlegs-pipeline/tests/fixtures/format-1.0-room.pgs";
+    let room = "FIXTURES/../../../particlegs-compress/tests/fixtures/format-1.0-room.pgs";
     dir.runs(&format!("merge {room} -o merged.pgs --quiet"));
     for path in [room, "merged.pgs"] {
         let [text, _] = dir.runs(&format!("info {path}"));

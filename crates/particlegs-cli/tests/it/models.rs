@@ -1,13 +1,14 @@
 //! Models made without a fit: small ones of the sample, and many equal Gaussians.
 
 use crate::common::sample;
-use particlegs_pipeline::codec::{self, Precision};
-use particlegs_pipeline::math::Sym3;
-use particlegs_pipeline::model::{
+use particlegs_core::codec;
+use particlegs_core::codec::Precision;
+use particlegs_core::math::Sym3;
+use particlegs_core::model::{
     AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::space::Bounds;
+use particlegs_core::space::Bounds;
+use particlegs_particles::Particles;
 
 /// A model of one layer and one block.
 fn model(metadata: Metadata, gaussians: Mixture) -> Model {

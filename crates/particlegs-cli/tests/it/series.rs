@@ -1,7 +1,8 @@
 //! `series`, `extract`, and frames of a series where a model is taken.
 
 use crate::common::TestFolder;
-use particlegs_pipeline::codec::{self, CodedFrame, SeriesClock};
+use particlegs_core::codec;
+use particlegs_core::codec::{CodedFrame, SeriesClock};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -79,7 +80,7 @@ fn a_film_shows_each_frame_or_even_moments_of_a_series() {
     let moment = "render run.pgs --time a=0.525 --views views.json --quiet";
     dir.runs(&format!("{moment} -o moment --no-annotations"));
     dir.runs(&format!("{moment} -o stamped"));
-    let picture = |name: &str| particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap();
+    let picture = |name: &str| particlegs_files::png::read_png(&dir.at(name)).unwrap();
     assert!(picture("even/frame_0001.png") == picture("moment/frame_0001.png"));
     assert!(picture("stamped/frame_0001.png") != picture("moment/frame_0001.png"));
     let moment = |name: &str, text: &str| String::from_utf8_lossy(&dir.bytes(name)).contains(&format!("\"{text}\""));
@@ -477,7 +478,7 @@ fn the_camera_follows_a_halo_across_the_face_of_the_box() {
     assert!(is_near(c[3][0], std::array::from_fn(|k| a[1][0][k] + middle[k]), 1e-9));
     // Followed, the group stays whole and in the middle; the corner itself shows an eighth of it.
     let light = |name: &str| {
-        let picture = particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap().data;
+        let picture = particlegs_files::png::read_png(&dir.at(name)).unwrap().data;
         let (mut all, mut across) = (0.0, 0.0);
         for (i, v) in picture.iter().enumerate() {
             all += f64::from(*v);
@@ -529,7 +530,7 @@ fn pictures_are_about_the_mass_of_a_region_or_of_layers() {
     // One frame is drawn as it is in the film.
     dir.runs(&format!("render run.pgs --frame 0 {region} -o one {small} --save-views one.json"));
     assert!(is_near(cameras(&dir, "one.json")[0][0], cameras(&dir, "film.json")[0][0], 1e-12));
-    let pixels = |name: &str| particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap().data;
+    let pixels = |name: &str| particlegs_files::png::read_png(&dir.at(name)).unwrap().data;
     assert!(pixels("one/view.png") == pixels("film/frame_0000.png"));
     dir.fails("render run.pgs --frame 0 --center all -o no", 3, "fills the periodic box");
     dir.fails("render run.pgs --frames all --center stars -o no", 2, "no layer `stars`");

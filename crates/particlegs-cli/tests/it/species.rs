@@ -1,7 +1,7 @@
 //! Particle types that share Gaussians, and categories: shares of Gaussians.
 
 use crate::common::{TestFolder, snapshot};
-use particlegs_pipeline::math::Random;
+use particlegs_core::math::Random;
 
 const COUNT: usize = 16_000;
 
@@ -41,7 +41,7 @@ fn types_in_the_same_places_share_gaussians() {
         shared.layers[0].content[0].gaussians.len() as f64 > 1.5 * separate.layers[0].content[0].gaussians.len() as f64
     );
     // They do not look different where they are not: the error of their ratio is below the particles' noise.
-    let ratio = |m: &particlegs_pipeline::model::Model| {
+    let ratio = |m: &particlegs_core::model::Model| {
         m.certificate.unwrap().layer_ratios.unwrap().to_first.into_iter().flatten().next().unwrap()
     };
     assert!(ratio(&shared).error < ratio(&separate).error);
@@ -108,7 +108,7 @@ fn parts_whose_types_share_gaussians_are_merged() {
     let merged = dir.makes("merge low.pgs high.pgs -o m.pgs -q");
     assert_eq!(merged, dir.makes("merge high.pgs low.pgs -o again.pgs -q"));
     let (whole, both) = (dir.model("whole.pgs"), dir.model("m.pgs"));
-    let counts = |m: &particlegs_pipeline::model::Model| m.layers.iter().map(|l| l.count()).collect::<Vec<_>>();
+    let counts = |m: &particlegs_core::model::Model| m.layers.iter().map(|l| l.count()).collect::<Vec<_>>();
     assert_eq!(counts(&whole), counts(&both));
     dir.runs(
         "compress snap -o other.pgs --region 5,19,-9,19,-9,19 --ratio 60 --share-gaussians no --certificate none -q",

@@ -156,7 +156,7 @@ fn an_ideal_gas_is_one_in_any_cell() {
         let lattice: Vec<String> = stated.iter().flatten().map(f64::to_string).collect();
         let mut text = format!("4000\nLattice=\"{}\" Properties=species:S:1:pos:R:3\n", lattice.join(" "));
         for i in 0..4000u64 {
-            let f = [0, 1, 2].map(|k| particlegs_pipeline::math::Random::new(8, k, i).uniform());
+            let f = [0, 1, 2].map(|k| particlegs_core::math::Random::new(8, k, i).uniform());
             let x = [0, 1, 2].map(|k| (0..3).map(|a| f[a] * drawn[a][k]).sum::<f64>().to_string());
             text += &format!("Ar {}\n", x.join(" "));
         }
@@ -215,7 +215,7 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
         [(1550, 40.0, 10.0, 1), (300, 42.0, 0.2, 1), (150, 46.0, 0.2, 1), (1000, 0.0, 100.0, 4096)]
     {
         for i in 0..n {
-            let x = [0, 1, 2].map(|k| at + size * particlegs_pipeline::math::Random::new(at as u64, k, i).uniform());
+            let x = [0, 1, 2].map(|k| at + size * particlegs_core::math::Random::new(at as u64, k, i).uniform());
             text += &format!("{},{},{},{mass}\n", x[0], x[1], x[2]);
         }
     }
@@ -276,7 +276,7 @@ fn moving() -> TestFolder {
     let places: Vec<f32> = dir.bytes("thin/xx.f32").as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     let wave = |i: usize| (std::f64::consts::TAU * f64::from(places[i]) / 25.0).sin();
     for (k, name) in ["vx", "vy", "vz"].iter().enumerate() {
-        let random = |i: usize| particlegs_pipeline::math::Random::new(4, k as u32, i as u64).normal();
+        let random = |i: usize| particlegs_core::math::Random::new(4, k as u32, i as u64).normal();
         let flow = if k == 0 { 300.0 } else { 0.0 };
         let values = (0..places.len()).flat_map(|i| ((flow * wave(i) + 60.0 * random(i)) as f32).to_le_bytes());
         dir.write(&format!("thin/{name}.f32"), values.collect::<Vec<u8>>());

@@ -1,7 +1,7 @@
 //! Targets of quality: reached and recorded, unreachable, or refused.
 
 use crate::common::{TestFolder, recertified, snapshot};
-use particlegs_pipeline::codec;
+use particlegs_core::codec;
 use serde_json::Value;
 
 const COMPRESS: &str = "compress SAMPLE -o m.pgs --effort fast";

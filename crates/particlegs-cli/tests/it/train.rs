@@ -184,7 +184,7 @@ fn blocks_and_fine_tuning() {
     let tuned = unbroken(&dir, tune);
     assert!(tuned.len() <= direct.len() && tuned.len() + 500 > direct.len(), "{} bytes", tuned.len());
     assert!(tuned == unbroken(&dir, &format!("{tune} --threads 1")));
-    let model = particlegs_pipeline::codec::decode(&tuned, "tuned.pgs").unwrap();
+    let model = particlegs_core::codec::decode(&tuned, "tuned.pgs").unwrap();
     let recipe = &model.metadata.recipe;
     assert!(recipe.to_string().starts_with("finetune --seed 42") && recipe.fitted().is_none());
     let ranges = model.vizmapper().unwrap().ranges;
@@ -192,7 +192,7 @@ fn blocks_and_fine_tuning() {
     dir.runs("verify tuned.pgs -q");
 
     // By number, at the nominal precision, but never fewer than before.
-    let own = particlegs_pipeline::codec::decode(&direct, "m.pgs").unwrap().gaussians();
+    let own = particlegs_core::codec::decode(&direct, "m.pgs").unwrap().gaussians();
     let said = dir.says(&format!("{tune} --gaussians {} -q", 2 * own));
     assert_eq!(said["step_factor"], 1.0);
     assert!(said["gaussians"].as_u64().unwrap() <= 2 * own as u64);

@@ -1,7 +1,7 @@
 //! A useless model gets a warning, and a forged certificate is refused.
 
 use crate::common::{TestFolder, recertified, snapshot};
-use particlegs_pipeline::model::{Certificate, PictureScore};
+use particlegs_core::model::{Certificate, PictureScore};
 
 /// A cubic crystal of 16^3 atoms, which no smaller mixture can represent.
 #[test]

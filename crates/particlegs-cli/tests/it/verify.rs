@@ -2,9 +2,10 @@
 
 use crate::common::TestFolder;
 use crate::forged::{file_of, sections};
-use particlegs_pipeline::codec::{self, CodedFrame, FieldPrecision, FrameCoding, SeriesClock, SeriesFile};
-use particlegs_pipeline::math::Random;
-use particlegs_pipeline::model::{FieldMoments, Metadata};
+use particlegs_core::codec;
+use particlegs_core::codec::{CodedFrame, FieldPrecision, FrameCoding, SeriesClock, SeriesFile};
+use particlegs_core::math::Random;
+use particlegs_core::model::{FieldMoments, Metadata};
 use std::path::Path;
 
 const COUNT: usize = 3000;

@@ -3,11 +3,11 @@
 
 use super::blocks::AsdfBlock;
 use super::tree::TreeValue;
+use particlegs_core::model::{Cosmology, Epoch, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Result, parallel};
 use particlegs_files::memory;
-use particlegs_pipeline::model::{Cosmology, Epoch, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Result, parallel};
+use particlegs_particles::SnapshotMeta;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! The files of a snapshot: `slab000.L0.pack9.asdf`, `slab001.L0.pack9.asdf`, ... or `field_rv_A_000.asdf`, ...
 
 use super::AsdfFile;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// More files than any snapshot has.

@@ -3,10 +3,10 @@
 use super::guess::Guess;
 use super::names::{ColumnName, positions};
 use crate::text::split::{number_with, shown, tokens};
+use particlegs_core::Error;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Dimension, Unit, UnitSystem, Units};
 use particlegs_files::input::{Begins, Form, name_of, read_whole};
-use particlegs_pipeline::Error;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Dimension, Unit, UnitSystem, Units};
 use std::path::Path;
 
 /// A million centres.
@@ -52,7 +52,7 @@ impl Catalogue {
     ///
     /// # Errors
     /// [`Error::Input`]: the file cannot be read, or is no list of centres.
-    pub fn read(path: &Path, context: &Context<'_>) -> particlegs_pipeline::Result<Catalogue> {
+    pub fn read(path: &Path, context: &Context<'_>) -> particlegs_core::Result<Catalogue> {
         let bytes = read_whole(path, FORM, context)?;
         let hint = "put names above the columns, such as `# id x y z radius`";
         Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))

@@ -18,9 +18,9 @@ use crate::text::table::TableBuilder;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use guess::Guess;
 use names::ColumnName;
-use particlegs_pipeline::model::Units;
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::Units;
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format { name: "csv", title: "Text table", detect, open };

@@ -3,7 +3,7 @@ use crate::format::FileHead;
 use crate::testing::{SpeciesParticles, read, scratch};
 use crate::{Choice, Description, SpeciesMass};
 
-fn open(text: &[u8]) -> particlegs_pipeline::Result<(Description, SpeciesParticles)> {
+fn open(text: &[u8]) -> particlegs_core::Result<(Description, SpeciesParticles)> {
     let file = scratch(text);
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default())?;
     Ok((snapshot.description().clone(), read(&*snapshot, 0, &Choice::default())?))

@@ -4,7 +4,7 @@ use super::header::{GadgetHeader, HEADER, TYPES};
 use super::order;
 use super::records::{GadgetRecord, Records};
 use crate::numbers::{Bytes, NumberType, StridedColumn};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Numbers of some types of particles, one type after the other.

@@ -2,10 +2,10 @@
 
 use crate::numbers::NumberType;
 use crate::physical::{SAME_MOMENT, VelocityConvention, is_isolated};
-use particlegs_pipeline::model::{Cosmology, Epoch, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::{Cosmology, Epoch, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::Path;
 
 pub const HEADER: usize = 256;

@@ -17,9 +17,9 @@ use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use blocks::GadgetFile;
 use header::TYPES;
-use particlegs_pipeline::model::species_aliases;
-use particlegs_pipeline::particles::SnapshotReader;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::species_aliases;
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotReader;
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format {

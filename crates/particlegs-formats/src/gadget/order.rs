@@ -3,7 +3,7 @@
 use super::header::{GadgetHeader, TYPES};
 use super::records::{GadgetRecord, Records};
 use crate::numbers::NumberType;
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::{Error, Hint, Result};
 use std::path::Path;
 
 /// Numbers of a block that are looked at.

@@ -3,7 +3,7 @@
 use super::blocks::GadgetFile;
 use super::header::TYPES;
 use crate::Choice;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// More files than any snapshot has.

@@ -2,7 +2,7 @@
 
 use crate::codecs::crc64;
 use crate::numbers::{Bytes, NumberType};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Bytes of a checksum behind the header and behind every column.

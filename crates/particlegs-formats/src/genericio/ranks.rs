@@ -9,8 +9,8 @@ use crate::cache::ChunkCache;
 use crate::codecs::crc64;
 use crate::numbers::{NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use particlegs_pipeline::particles::InPlace;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
+use particlegs_particles::InPlace;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 

@@ -2,7 +2,7 @@
 
 use super::header::GenericIoFile;
 use crate::numbers::NumberType;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

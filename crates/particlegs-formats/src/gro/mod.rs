@@ -12,10 +12,10 @@ use crate::text::split::{FixedColumns, Separator, shown, tokens};
 use crate::text::table::{TableBuilder, TextTable};
 use crate::topology::{AtomRow, Topology};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, TextResult};
-use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::{Dimension, Epoch, Unit, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::{Path, PathBuf};
 
 pub const FORMAT: Format = Format { name: "gro", title: "GROMACS structure (GRO)", detect, open };

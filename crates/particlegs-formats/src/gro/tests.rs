@@ -8,7 +8,7 @@ const WATER: &str = "Water t= 2.5 step= 5\n    3\n    1SOL     OW    1   0.126  
     \u{20}   2NA      NA    3   0.177   1.568   1.613 -0.9045 -2.6469  1.3180\n   1.86206   1.86206   1.86206\n";
 
 /// With the file, which is read later.
-fn open(text: &str, frame: Option<i64>) -> particlegs_pipeline::Result<(NamedTempFile, Box<dyn Snapshot>)> {
+fn open(text: &str, frame: Option<i64>) -> particlegs_core::Result<(NamedTempFile, Box<dyn Snapshot>)> {
     let file = scratch(text.as_bytes());
     let snapshot = Choice { frame, ..Choice::default() }.open(&[file.path().to_path_buf()])?;
     Ok((file, snapshot))

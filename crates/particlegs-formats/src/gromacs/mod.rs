@@ -6,10 +6,10 @@ pub mod trr;
 pub mod xtc;
 
 use crate::atoms::widened;
+use particlegs_core::model::{Dimension, Unit, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
 use particlegs_files::input::open_file;
-use particlegs_pipeline::model::{Dimension, Unit, Units};
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};

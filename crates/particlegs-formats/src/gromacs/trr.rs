@@ -8,10 +8,10 @@ use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::topology::snapshot::NO_NAMES;
 use crate::{AbsentField, Choice, Description, Format, Snapshot, TextResult};
-use particlegs_pipeline::model::Epoch;
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::model::Epoch;
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Hint, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 
 pub const FORMAT: Format =

@@ -9,11 +9,11 @@ use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::topology::snapshot::NO_NAMES;
 use crate::{Choice, Description, Format, Snapshot, TextResult};
+use particlegs_core::Result;
+use particlegs_core::model::Epoch;
+use particlegs_core::space::Cell;
 use particlegs_files::memory;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::Epoch;
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::space::Cell;
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -4,9 +4,9 @@ use super::storage::{Chunks, DataSetStorage, NumberTable};
 use crate::cache::ChunkCache;
 use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::MappedFile;
-use particlegs_pipeline::particles::InPlace;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::InPlace;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -6,7 +6,7 @@
 //! and everything since reads. Chunks lie one after the other, so that a data set is one stretch of the file.
 
 use hdf5_reader::checksum::jenkins_lookup3;
-use particlegs_pipeline::particles::Number;
+use particlegs_particles::Number;
 
 /// Rows of a chunk.
 pub const CHUNK_ROWS: u64 = 1 << 16;

@@ -1,6 +1,6 @@
 //! The files of a snapshot: found from one of them, and in order.
 
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// More files than any snapshot has.

@@ -6,7 +6,7 @@ use flate2::{Decompress, FlushDecompress, Status};
 use hdf5_reader::checksum::fletcher32;
 use hdf5_reader::filters::{FILTER_DEFLATE, FILTER_FLETCHER32, FILTER_SHUFFLE, apply_pipeline_with_limit};
 use hdf5_reader::messages::filter_pipeline::FilterDescription;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::borrow::Cow;
 use std::ops::Range;
 

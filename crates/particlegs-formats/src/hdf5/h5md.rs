@@ -13,11 +13,11 @@ use crate::snapshot::named;
 use crate::{
     AbsentField, Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, wrapping,
 };
+use particlegs_core::model::{Dimension, Epoch, Unit, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
 use particlegs_files::memory;
-use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
-use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{SnapshotMeta, SnapshotReader};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -376,7 +376,7 @@ impl H5mdSnapshot {
             let mut types = Vec::new();
             let choice = Choice { positions: Some("species,species,species".into()), ..Choice::default() };
             let reader = self.reader(0, &choice)?;
-            let runs = reader.count().div_ceil(particlegs_pipeline::particles::RUN as u64);
+            let runs = reader.count().div_ceil(particlegs_particles::RUN as u64);
             reader.read_wide(0..runs, &mut |_, [x, ..]| {
                 types.extend(x.iter().map(|&v| v as i64));
                 Ok(())

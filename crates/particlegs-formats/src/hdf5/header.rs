@@ -4,9 +4,9 @@ use super::attributes::Attributes;
 use super::container::Container;
 use super::units;
 use crate::physical::{SAME_MOMENT, VelocityConvention, is_isolated};
-use particlegs_pipeline::model::Cosmology;
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::Cosmology;
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
 
 /// Types of particles that are looked for; SWIFT has 7, other codes 6.
 pub const TYPES: usize = 16;

@@ -9,10 +9,10 @@ use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::{Choice, Description, Species, SpeciesField};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::MappedFile;
 use particlegs_files::memory;
-use particlegs_pipeline::particles::{RUN, SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{RUN, SnapshotMeta, SnapshotReader};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
@@ -168,7 +168,7 @@ pub fn assemble(
     shown: impl Fn(Box<dyn ParticlePiece>) -> Box<dyn ParticlePiece>,
 ) -> Result<Box<dyn SnapshotReader>> {
     let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-    let threads = particlegs_pipeline::parallel::threads() as u64;
+    let threads = particlegs_core::parallel::threads() as u64;
     let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
     // Those that are kept, and one in two stages of its decoding.
     memory::require("decoding the chunks of this HDF5 file", (together + 3).saturating_mul(bytes))?;

@@ -1,19 +1,16 @@
 //! A snapshot's files, opened: species, fields, units, box.
 
 use super::container::{Container, DataSet};
-use super::files;
-use super::h5md;
 use super::header::{Hdf5Header, TYPES};
 use super::reader::{self, FilePart, GroupSource};
-use super::tables;
 use super::units::{self, Simulation};
-use super::virtual_sets;
+use super::{files, h5md, tables, virtual_sets};
 use crate::physical::{UNDECIDED, VelocityConvention};
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs_pipeline::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
-use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader, SourceField};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
+use particlegs_core::{Error, Result};
+use particlegs_particles::{SnapshotMeta, SnapshotReader, SourceField};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -16,7 +16,7 @@ use hdf5_reader::fixed_array::collect_fixed_array_chunk_entries_storage;
 use hdf5_reader::io::Cursor;
 use hdf5_reader::messages::HdfMessage;
 use hdf5_reader::messages::layout::{ChunkIndexing, DataLayout};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 /// The largest chunk that is read, decoded. Larger ones would have to be held in memory whole.
 const MAX_CHUNK: u64 = 1 << 30;

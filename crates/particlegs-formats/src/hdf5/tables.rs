@@ -11,10 +11,10 @@ use crate::frames::{self, ChosenFrame};
 use crate::npy::layout::{mass_named, positions_named};
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
-use particlegs_pipeline::model::{Cosmology, Dimension, Units};
-use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader, SourceField};
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_core::model::{Cosmology, Dimension, Units};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Hint, Result};
+use particlegs_particles::{SnapshotMeta, SnapshotReader, SourceField};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

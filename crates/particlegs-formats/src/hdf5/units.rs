@@ -3,7 +3,7 @@
 use super::attributes::Attributes;
 use super::header::HeaderGroups;
 use crate::physical::SWIFT_CGS;
-use particlegs_pipeline::model::{Dimension, Si, Unit};
+use particlegs_core::model::{Dimension, Si, Unit};
 
 /// Names that lengths get, the smallest first.
 const LENGTHS: [&str; 9] = ["cm", "m", "km", "Rsun", "AU", "pc", "kpc", "Mpc", "Gpc"];

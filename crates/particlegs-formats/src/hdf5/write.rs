@@ -4,12 +4,11 @@ use super::encode::{self, Attribute, OutDataSet, OutGroup, OutValue};
 use super::units;
 use crate::fields::{OutField, StandardField, outputs};
 use crate::physical::{VelocityConvention, physical};
+use particlegs_core::context::Context;
+use particlegs_core::model::{Dimension, Layer, Mass, Unit, species_aliases};
+use particlegs_core::{Error, Hint, Result, parallel};
 use particlegs_files::output::PlacedFile;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Dimension, Layer, Mass, Unit, species_aliases};
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
-use particlegs_pipeline::{Error, Hint, Result};
+use particlegs_particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
 use std::ops::Range;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use crate::text::snapshot::header_number;
 use crate::text::split::{Separator, tokens};
-use particlegs_pipeline::space::Cell;
+use particlegs_core::space::Cell;
 
 #[derive(Clone, Debug, Default)]
 pub struct LammpsBox {

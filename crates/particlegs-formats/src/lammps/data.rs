@@ -13,10 +13,10 @@ use crate::text::split::{Separator, number, shown, tokens};
 use crate::text::table::MOST_SPECIES;
 use crate::topology::{AtomRow, Topology};
 use crate::{Choice, Description, Format, Snapshot, SpeciesMass, TextResult};
+use particlegs_core::model::{Dimension, Epoch, Unit, Units};
+use particlegs_core::{Error, Result};
 use particlegs_files::memory;
-use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 

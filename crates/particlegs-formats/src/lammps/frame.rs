@@ -7,7 +7,7 @@ use crate::text::lines::{LineReader, of_block};
 use crate::text::parse::{RowRule, TableLayout, itself};
 use crate::text::split::{Separator, shown};
 use crate::text::table::TableBuilder;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 /// Most columns that an atom may have.
 const MOST_COLUMNS: usize = 1 << 10;

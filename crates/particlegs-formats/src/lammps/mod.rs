@@ -13,9 +13,9 @@ use crate::text::parse::Scaling;
 use crate::text::snapshot::{self, TextSnapshot, kinds};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use frame::{LammpsFrameHead, units_of};
-use particlegs_pipeline::model::{Dimension, Epoch, Unit, Units};
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::{Dimension, Epoch, Unit, Units};
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format { name: "lammps", title: "LAMMPS text dump", detect, open };

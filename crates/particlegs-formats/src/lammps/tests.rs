@@ -1,23 +1,23 @@
 use super::FORMAT;
 use crate::testing::{SpeciesParticles, gzip, read, scratch, written};
 use crate::{Choice, Snapshot, SpeciesMass, Weights};
-use particlegs_pipeline::model::Units;
-use particlegs_pipeline::particles::{Column, Particles};
-use particlegs_pipeline::space::Cell;
+use particlegs_core::model::Units;
+use particlegs_core::space::Cell;
+use particlegs_particles::{Column, Particles};
 
 const HEAD: &str = "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp ff ps\n-1 9\n0 10\n0 10\n";
 
-fn open(text: &str) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
+fn open(text: &str) -> particlegs_core::Result<Box<dyn Snapshot>> {
     open_frame(text, None)
 }
 
-fn open_frame(text: &str, frame: Option<i64>) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
+fn open_frame(text: &str, frame: Option<i64>) -> particlegs_core::Result<Box<dyn Snapshot>> {
     let file = scratch(text.as_bytes());
     (FORMAT.open)(&[file.path().to_path_buf()], &Choice { frame, ..Choice::default() })
 }
 
 /// Opens and reads species 0 while the file is there.
-fn all(text: &str, choice: &Choice) -> particlegs_pipeline::Result<Vec<SpeciesParticles>> {
+fn all(text: &str, choice: &Choice) -> particlegs_core::Result<Vec<SpeciesParticles>> {
     let file = scratch(text.as_bytes());
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default())?;
     (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, choice)).collect()
@@ -117,7 +117,7 @@ fn unwrapped_positions_are_wrapped_or_kept() {
     let keep = |text: &str| {
         let (file, choice) = (scratch(text.as_bytes()), Choice { keep_unwrapped: true, ..Choice::default() });
         let snapshot = choice.open(&[file.path().to_path_buf()])?;
-        Ok::<_, particlegs_pipeline::Error>((snapshot.description().meta.cell, read(&*snapshot, 0, &choice)?.positions))
+        Ok::<_, particlegs_core::Error>((snapshot.description().meta.cell, read(&*snapshot, 0, &choice)?.positions))
     };
     assert_eq!(keep(&file(tilted, "xu yu zu", "25 12 5")).unwrap(), (None, vec![[25.0, 12.0, 5.0]]));
     assert!(keep(&file(slab, "xu yu zu", "25 12 5")).is_err());

@@ -1,14 +1,13 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
 use crate::fields::{OutField, StandardField};
+use particlegs_core::context::Context;
+use particlegs_core::model::Mass;
+use particlegs_core::space::Cell;
+use particlegs_core::text::one_line;
+use particlegs_core::{Error, Result, parallel};
 use particlegs_files::output;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::Mass;
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::particles::{Number, Run, SelectedParticles};
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::text::one_line;
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{Number, Run, SelectedParticles};
 use std::fmt::Write as _;
 use std::path::Path;
 

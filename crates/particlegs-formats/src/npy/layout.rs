@@ -3,7 +3,7 @@
 use super::header::{NpyElement, NpyHeader, NpyScalar};
 use crate::SpeciesField;
 use crate::columns::ColumnarField;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 /// Columns that are listed one by one, where an array has more than three.
 const MOST_COLUMNS: u64 = 64;

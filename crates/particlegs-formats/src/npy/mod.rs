@@ -12,7 +12,7 @@ use crate::snapshot::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot};
 use header::{MAGIC, NpyElement, NpyHeader};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format {

@@ -4,7 +4,6 @@
 
 mod zip;
 
-use crate::TextResult;
 use crate::affine::Affine;
 use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::npy::header::{NpyElement, NpyHeader};
@@ -12,9 +11,9 @@ use crate::npy::layout;
 use crate::numbers::Bytes;
 use crate::snapshot::{named, only};
 use crate::stored_bytes::StoredBytes;
-use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass};
-use particlegs_pipeline::space::Cell;
-use particlegs_pipeline::{Error, Result};
+use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass, TextResult};
+use particlegs_core::space::Cell;
+use particlegs_core::{Error, Result};
 use std::io::Read;
 use std::path::PathBuf;
 

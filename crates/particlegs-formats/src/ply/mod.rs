@@ -6,17 +6,16 @@ mod header;
 mod rows;
 
 use crate::affine::Affine;
-use crate::axes;
 use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::npy::layout;
 use crate::numbers::Bytes;
 use crate::pieces::PieceReader;
 use crate::snapshot::{named, only};
 use crate::stored_bytes::StoredBytes;
-use crate::{Choice, Description, Format, Snapshot, TextResult};
+use crate::{Choice, Description, Format, Snapshot, TextResult, axes};
 use header::{Encoding, PlyElement, PlyHeader};
-use particlegs_pipeline::particles::SnapshotReader;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotReader;
 use rows::{RowFormat, VariableLengthRows, VertexStart};
 use std::path::PathBuf;
 

@@ -7,7 +7,7 @@ use crate::numbers::Bytes;
 use crate::pieces::{ParticlePiece, RowBuffer};
 use crate::text::number::number_at;
 use crate::text::split::shown;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::ops::Range;
 use std::sync::OnceLock;
 

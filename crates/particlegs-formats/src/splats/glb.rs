@@ -1,16 +1,14 @@
 //! Binary glTF: primitives of points, and of `KHR_gaussian_splatting`, in their places of the scene.
 
 use super::gltf::{Accessor, GltfDocument, Primitive};
-use crate::TextResult;
 use crate::affine::Affine;
-use crate::axes;
 use crate::format::FileHead;
 use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::snapshot::{named, only};
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs_pipeline::particles::SnapshotReader;
-use particlegs_pipeline::{Error, Result};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult, axes};
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotReader;
 use std::ops::Range;
 use std::path::PathBuf;
 

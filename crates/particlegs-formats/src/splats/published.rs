@@ -2,11 +2,11 @@
 //! splatting with spherical harmonics of degree 0, 17 float32 a Gaussian, three of them always 0
 //! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; docs/law/published.md, "Evaluation").
 
+use particlegs_core::camera::Normalisation;
+use particlegs_core::context::Context;
+use particlegs_core::model::{AlphaBlend, LawKind, Mixture, Model};
+use particlegs_core::{Error, Hint, Result};
 use particlegs_files::output::{check_space_in, write_atomic};
-use particlegs_pipeline::camera::Normalisation;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{AlphaBlend, LawKind, Mixture, Model};
-use particlegs_pipeline::{Error, Hint, Result};
 use std::io::Write;
 use std::path::Path;
 
@@ -112,11 +112,11 @@ fn write_one(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::math::{Random, Sym3};
-    use particlegs_pipeline::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
-    use particlegs_pipeline::particles::Storage;
-    use particlegs_pipeline::space::Bounds;
+    use particlegs_core::context::Context;
+    use particlegs_core::math::{Random, Sym3};
+    use particlegs_core::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
+    use particlegs_core::space::Bounds;
+    use particlegs_particles::Storage;
 
     fn model(n: usize) -> Model {
         let mut g = Mixture::default();

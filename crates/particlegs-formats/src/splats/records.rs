@@ -7,7 +7,7 @@ use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Snapshot};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::PathBuf;
 
 const RECORD: usize = 32;

@@ -2,15 +2,14 @@
 //! the other, then the other attributes. Versions 1 to 3 are one gzip stream; version 4 has a plain
 //! header and a Zstandard stream an attribute.
 
-use crate::TextResult;
 use crate::affine::Affine;
 use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::format::FileHead;
 use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::stored_bytes::{StoredBytes, StreamCoding};
-use crate::{Choice, Description, Snapshot};
-use particlegs_pipeline::{Error, Result};
+use crate::{Choice, Description, Snapshot, TextResult};
+use particlegs_core::{Error, Result};
 use std::io::Read;
 use std::path::PathBuf;
 

@@ -15,7 +15,7 @@ fn glb(json: &str, data: &[u8]) -> Vec<u8> {
     out
 }
 
-fn rows(name: &str, bytes: &[u8]) -> particlegs_pipeline::Result<Vec<[f64; 4]>> {
+fn rows(name: &str, bytes: &[u8]) -> particlegs_core::Result<Vec<[f64; 4]>> {
     let snapshot = open_bytes(name, bytes)?;
     crate::testing::rows(&*snapshot, 0, &Choice::default())
 }

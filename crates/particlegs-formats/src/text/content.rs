@@ -1,8 +1,8 @@
 //! The content of a file of text, decompressed where it is compressed.
 
 use crate::compression::{FileCompression, open_stream};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::open_file;
-use particlegs_pipeline::{Error, Result};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};

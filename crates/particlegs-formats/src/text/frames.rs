@@ -5,7 +5,7 @@ use super::lines::LineReader;
 use super::table::{TableBuilder, TextTable};
 use crate::TrajectoryFrames;
 use crate::frames::choose;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 pub struct TextFrame<'c, H> {
     pub head: H,

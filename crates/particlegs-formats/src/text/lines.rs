@@ -1,7 +1,7 @@
 //! The lines of a stream, a window at a time, in bounded memory.
 
 use super::content::{TextContent, TextPosition};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::io::Read;
 
 /// Longest line accepted, in bytes: what is longer is no table of particles.

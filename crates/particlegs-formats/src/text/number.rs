@@ -108,7 +108,7 @@ fn eight_digits(bytes: &[u8], at: usize) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::math::Random;
+    use particlegs_core::math::Random;
 
     fn both(text: &str) {
         let expected = fast_float2::parse_partial::<f64, _>(text).ok();

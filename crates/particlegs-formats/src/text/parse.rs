@@ -4,7 +4,7 @@ use super::lines::without_end;
 use super::number::number_at;
 use super::split::{FixedColumns, Separator, first_byte, is_blank, number, number_with, shown, tokens};
 use crate::ascii::whole_bits;
-use particlegs_pipeline::space::PeriodicCell;
+use particlegs_core::space::PeriodicCell;
 
 /// Which lines are rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

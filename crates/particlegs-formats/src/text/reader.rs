@@ -4,10 +4,9 @@ use super::lines::LineReader;
 use super::parse::{LineError, ParticleColumns, RowParser, RowPlan, RowRule, TableNumber};
 use super::table::TextTable;
 use crate::pieces::origin_of;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result, parallel};
+use particlegs_particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use std::ops::Range;
 use std::sync::Arc;
 

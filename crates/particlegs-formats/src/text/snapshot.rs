@@ -7,11 +7,10 @@ use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, TextTable};
 use crate::axes::axis;
 use crate::fields::number_of;
-use crate::wrapping;
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult};
-use particlegs_pipeline::particles::{Number, SnapshotReader};
-use particlegs_pipeline::space::PeriodicCell;
-use particlegs_pipeline::{Error, Hint, Result};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult, wrapping};
+use particlegs_core::space::PeriodicCell;
+use particlegs_core::{Error, Hint, Result};
+use particlegs_particles::{Number, SnapshotReader};
 use std::sync::Arc;
 
 pub struct TextSnapshot {

@@ -3,8 +3,7 @@
 use super::content::{TextContent, TextPosition};
 use super::lines::{LineReader, of_block};
 use super::parse::{RowRule, TableLayout, same};
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result, parallel};
 
 /// Most species that a column of types may tell apart.
 pub const MOST_SPECIES: usize = 64;

@@ -5,7 +5,7 @@ use crate::Choice;
 use crate::testing::{SpeciesParticles, gzip, read, scratch};
 use std::io::Write;
 
-fn open(content: &[u8], format: &str) -> particlegs_pipeline::Result<Vec<SpeciesParticles>> {
+fn open(content: &[u8], format: &str) -> particlegs_core::Result<Vec<SpeciesParticles>> {
     let file = scratch(content);
     let options = Choice { format: Some(format.into()), frame: None, ..Choice::default() };
     let snapshot = options.open(&[file.path().to_path_buf()])?;

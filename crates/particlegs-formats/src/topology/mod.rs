@@ -9,8 +9,8 @@ pub mod snapshot;
 use crate::format::FileHead;
 use crate::open::detect;
 use crate::{Choice, gro, lammps, pdb};
+use particlegs_core::{Error, Result};
 use particlegs_files::memory;
-use particlegs_pipeline::{Error, Result};
 use std::collections::HashMap;
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use crate::gro::substance;
 use crate::text::content::{TextContent, TextPosition};
 use crate::text::lines::LineReader;
 use crate::text::split::{Separator, number, shown, tokens};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::Path;
 
 pub fn is_psf(head: &FileHead) -> bool {

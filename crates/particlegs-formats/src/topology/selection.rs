@@ -3,7 +3,7 @@
 use super::{Topology, WordColumn};
 use crate::TextResult;
 use crate::gro::substance;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 /// A selection of atoms, as its text says.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +26,7 @@ enum AtomTest {
     Or(Vec<AtomTest>),
 }
 
-particlegs_pipeline::named_values! {
+particlegs_core::named_values! {
     /// What is said of an atom, by its word.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     enum AtomProperty {

@@ -4,14 +4,14 @@ use super::Topology;
 use crate::pieces::RowBuffer;
 use crate::text::table::MOST_SPECIES;
 use crate::{
-    Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights, axes, dcd, gro, gromacs, hdf5,
+    Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights, axes, dcd, gro, gromacs, hdf5, lammps,
+    pdb,
 };
-use crate::{lammps, pdb};
+use particlegs_core::context::Context;
+use particlegs_core::model::{Dimension, Unit};
+use particlegs_core::{Error, Hint, Result, parallel};
 use particlegs_files::memory;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Dimension, Unit};
-use particlegs_pipeline::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Hint, Result, parallel};
+use particlegs_particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;

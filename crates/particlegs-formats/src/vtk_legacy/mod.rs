@@ -2,7 +2,6 @@
 
 mod scan;
 
-use crate::axes;
 use crate::numbers::Bytes;
 use crate::pieces::PieceReader;
 use crate::snapshot::named;
@@ -10,10 +9,10 @@ use crate::vtk_xml::mass_of;
 use crate::vtk_xml::points::PiecePoints;
 use crate::vtk_xml::source::{ArraySource, VtkArray, open_columns};
 use crate::vtk_xml::stream::Stream;
-use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField};
-use particlegs_pipeline::model::Epoch;
-use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
-use particlegs_pipeline::{Error, Result};
+use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, axes};
+use particlegs_core::model::Epoch;
+use particlegs_core::{Error, Result};
+use particlegs_particles::{SnapshotMeta, SnapshotReader};
 use scan::{ArrayData, LegacyArray, LegacyContents};
 use std::path::PathBuf;
 

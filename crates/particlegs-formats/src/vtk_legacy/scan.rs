@@ -2,7 +2,7 @@
 
 use crate::ascii::{Ascii, shown};
 use crate::numbers::NumberType;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
 

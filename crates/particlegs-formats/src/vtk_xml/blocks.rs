@@ -3,7 +3,7 @@
 use super::stream::Stream;
 use crate::cache::ChunkCache;
 use crate::codecs;
-use particlegs_pipeline::Error;
+use particlegs_core::Error;
 use std::ops::Range;
 use std::sync::Arc;
 

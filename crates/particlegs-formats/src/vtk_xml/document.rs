@@ -4,7 +4,7 @@ use super::blocks::Compressor;
 use crate::TextResult;
 use crate::ascii::shown;
 use crate::numbers::NumberType;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::ops::Range;

@@ -8,7 +8,7 @@ use crate::TextResult;
 use crate::ascii::Ascii;
 use crate::cache::ChunkCache;
 use crate::numbers::Bytes;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -2,10 +2,9 @@
 
 use super::document::CollectionEntry;
 use super::file::VtkXmlFile;
-use crate::TrajectoryFrames;
 use crate::ascii::shown;
-use crate::frames;
-use particlegs_pipeline::{Error, Result};
+use crate::{TrajectoryFrames, frames};
+use particlegs_core::{Error, Result};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 

@@ -3,8 +3,8 @@
 use super::source::{ArrayColumns, VtkArray};
 use crate::numbers::{Bytes, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use particlegs_pipeline::particles::InPlace;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
+use particlegs_particles::InPlace;
 use std::ops::Range;
 
 /// The arrays that are read of a piece.

@@ -61,8 +61,8 @@ pub type ArrayColumns = (Vec<VtkArray>, Vec<(usize, u32)>);
 /// The arrays that hold `columns`, each opened once.
 pub fn open_columns(
     columns: &[FieldComponent],
-    mut open: impl FnMut(&str) -> particlegs_pipeline::Result<VtkArray>,
-) -> particlegs_pipeline::Result<ArrayColumns> {
+    mut open: impl FnMut(&str) -> particlegs_core::Result<VtkArray>,
+) -> particlegs_core::Result<ArrayColumns> {
     let (mut arrays, mut names, mut places) = (Vec::new(), Vec::<&str>::new(), Vec::new());
     for FieldComponent { field, component } in columns {
         let index = match names.iter().position(|n| n == field) {

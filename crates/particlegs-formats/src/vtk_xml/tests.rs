@@ -3,9 +3,9 @@
 use super::*;
 use crate::testing::written;
 use crate::{Choice, Weights};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Layer, Mass as LayerMass, Units};
-use particlegs_pipeline::particles::{Column, Particles, Storage};
+use particlegs_core::context::Context;
+use particlegs_core::model::{Layer, Mass as LayerMass, Units};
+use particlegs_particles::{Column, Particles, Storage};
 
 fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f64; 4]>)> {
     let snapshot = choice.open(&[path.to_path_buf()])?;
@@ -122,7 +122,7 @@ fn collections_and_blocks_are_read() {
     lists(folder.path());
     let of = |name: &str, frame| {
         let (d, rows) = rows(&folder.path().join(name), &Choice { frame, ..Choice::default() })?;
-        Ok::<_, particlegs_pipeline::Error>((d, rows.iter().map(|r| r[0]).collect::<Vec<_>>()))
+        Ok::<_, particlegs_core::Error>((d, rows.iter().map(|r| r[0]).collect::<Vec<_>>()))
     };
     let (d, x) = of("run.pvd", None).unwrap();
     assert_eq!((x, d.meta.epoch.time, d.meta.epoch.frame), (vec![1.0, 2.0], Some(0.5), Some(1)));

@@ -5,13 +5,12 @@
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
 use crate::fields::OutField;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Layer, Mass};
+use particlegs_core::text::{one_line, xml as within_xml};
+use particlegs_core::{Error, Result, parallel};
 use particlegs_files::output::PlacedFile;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{Layer, Mass};
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::particles::{Number, Run, SelectedParticles};
-use particlegs_pipeline::text::{one_line, xml as within_xml};
-use particlegs_pipeline::{Error, Result};
+use particlegs_particles::{Number, Run, SelectedParticles};
 use std::fmt::Write;
 use std::ops::Range;
 use std::path::Path;

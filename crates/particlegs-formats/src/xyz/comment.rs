@@ -3,7 +3,7 @@
 use crate::SpeciesField;
 use crate::text::snapshot::header_number;
 use crate::text::split::shown;
-use particlegs_pipeline::space::Cell;
+use particlegs_core::space::Cell;
 
 /// Most columns that a line may have.
 pub const MOST_COLUMNS: usize = 1 << 10;

@@ -15,9 +15,9 @@ use crate::text::split::{Separator, number, shown, tokens};
 use crate::text::table::{TableBuilder, TextTable};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use comment::{Comment, MOST_COLUMNS};
-use particlegs_pipeline::model::Epoch;
-use particlegs_pipeline::particles::SnapshotMeta;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::Epoch;
+use particlegs_core::{Error, Result};
+use particlegs_particles::SnapshotMeta;
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format { name: "xyz", title: "XYZ", detect, open };

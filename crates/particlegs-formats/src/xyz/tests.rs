@@ -6,12 +6,12 @@ fn open(
     text: &str,
     frame: Option<i64>,
     choice: &Choice,
-) -> particlegs_pipeline::Result<(Description, Vec<SpeciesParticles>)> {
+) -> particlegs_core::Result<(Description, Vec<SpeciesParticles>)> {
     let file = scratch(text.as_bytes());
     let options = Choice { frame, ..choice.clone() };
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &options)?;
     let d = snapshot.description().clone();
-    let got = (0..d.species.len()).map(|s| read(&*snapshot, s, choice)).collect::<particlegs_pipeline::Result<_>>()?;
+    let got = (0..d.species.len()).map(|s| read(&*snapshot, s, choice)).collect::<particlegs_core::Result<_>>()?;
     Ok((d, got))
 }
 

@@ -2,9 +2,9 @@
 // Each suite uses its part.
 #![allow(dead_code)]
 
+use particlegs_core::context::Context;
 use particlegs_formats::{Choice, PathKind, Snapshot};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::{RUN, SnapshotReader};
+use particlegs_particles::{RUN, SnapshotReader};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -123,14 +123,14 @@ pub fn format_of(path: &Path) -> Option<&'static str> {
 }
 
 /// Opens a file, optionally with a format and a frame.
-pub fn open(path: &Path, format: Option<&str>, frame: Option<i64>) -> particlegs_pipeline::Result<Box<dyn Snapshot>> {
+pub fn open(path: &Path, format: Option<&str>, frame: Option<i64>) -> particlegs_core::Result<Box<dyn Snapshot>> {
     let options = Choice { format: format.map(String::from), frame, ..Choice::default() };
     options.open(&[path.to_path_buf()])
 }
 
 /// Opens a file and reads every particle of every species; NaN and infinity are errors, as they
 /// are for those who load particles. Gives the number of particles.
-pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs_pipeline::Result<u64> {
+pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs_core::Result<u64> {
     let snapshot = open(path, format, None)?;
     let mut total = 0;
     for species in 0..snapshot.description().species.len() {
@@ -139,7 +139,7 @@ pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs_pipeline
         reader.read(0..runs, &Context::SILENT, &|_, chunk| {
             let columns = chunk.position.iter().chain(&chunk.weight);
             match columns.flat_map(|c| c.iter()).find(|v| !v.is_finite()) {
-                Some(v) => Err(particlegs_pipeline::Error::input(path, format!("a particle lies at {v}"))),
+                Some(v) => Err(particlegs_core::Error::input(path, format!("a particle lies at {v}"))),
                 None => Ok(()),
             }
         })?;
@@ -150,7 +150,7 @@ pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs_pipeline
 }
 
 /// All positions of a reader, and its weights, in order.
-pub fn positions(reader: &dyn SnapshotReader) -> particlegs_pipeline::Result<(Vec<[f64; 3]>, Vec<f32>)> {
+pub fn positions(reader: &dyn SnapshotReader) -> particlegs_core::Result<(Vec<[f64; 3]>, Vec<f32>)> {
     let origin = reader.origin();
     let count = reader.count() as usize;
     let weights = if reader.has_weights() { count } else { 0 };
@@ -170,11 +170,7 @@ pub fn positions(reader: &dyn SnapshotReader) -> particlegs_pipeline::Result<(Ve
 }
 
 /// The particles of a species: position and weight, 0 without weights.
-pub fn particles(
-    snapshot: &dyn Snapshot,
-    species: usize,
-    choice: &Choice,
-) -> particlegs_pipeline::Result<Vec<[f64; 4]>> {
+pub fn particles(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> particlegs_core::Result<Vec<[f64; 4]>> {
     let (positions, weights) = positions(&*snapshot.reader(species, choice)?)?;
     let weight = |i: usize| weights.get(i).map_or(0.0, |w| f64::from(*w));
     Ok(positions.iter().enumerate().map(|(i, &[x, y, z])| [x, y, z, weight(i)]).collect())

@@ -17,10 +17,9 @@ mod view;
 pub use pictures::ParticlePictures;
 pub use source::{ParticleSource, ParticleStream};
 
-use crate::Device;
-use crate::groups;
 use crate::kernel::{BufferUse, Kernel};
 use crate::render::{FrameRecord, PlaneLayout, Tone, ToneMapper, TonePlane};
+use crate::{Device, groups};
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::splat::{CUT_SIGMA, ToneStyle, erf};

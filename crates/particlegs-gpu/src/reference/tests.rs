@@ -3,8 +3,8 @@
 use super::*;
 use crate::tests::{columns, device, particles, view};
 use particlegs_core::camera::clipping_range;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::reference;
+use particlegs_core::context::Context;
+use particlegs_reference as reference;
 
 /// Splats below a pixel, of some pixels, large and turned; faint and opaque; in one piece and in several.
 #[test]

@@ -39,7 +39,7 @@ impl ViewRecord {
             [r[0] as f32, r[1] as f32, r[2] as f32, shift as f32]
         };
         let t = (0.5 * fov_deg.to_radians()).tan();
-        // In the order of `particlegs_pipeline::reference::project`, whose bits these are.
+        // In the order of `particlegs_reference::project`, whose bits these are.
         let p00 = 1.0 / (t * size.width as f64 / size.height as f64);
         let projection = [p00, 1.0 / t, -(far + near) / (far - near), -2.0 * far * near / (far - near)];
         // The most that one splat adds to a pixel is less than 2^32 of the units.

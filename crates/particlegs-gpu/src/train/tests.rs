@@ -304,12 +304,12 @@ fn more_gaussians_than_it_holds_are_refused() {
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn slow_a_short_run_reaches_the_cpus_score() {
-    use particlegs_pipeline::checkpoint::NoCheckpoints;
-    use particlegs_pipeline::compress::{Options, Target, compress};
-    use particlegs_pipeline::train::{Config, Limits, Preset, Start};
+    use particlegs_compress::{Options, Target, compress};
+    use particlegs_core::checkpoint::NoCheckpoints;
+    use particlegs_train::{Config, Limits, Preset, Start};
     let device = device();
     let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
-    let fast = Config::preset(Preset::Fast, particlegs_pipeline::model::LawKind::OpticalDepth);
+    let fast = Config::preset(Preset::Fast, particlegs_core::model::LawKind::OpticalDepth);
     let config = Config {
         start: Start::Random,
         target: ToneStyle::Expected,

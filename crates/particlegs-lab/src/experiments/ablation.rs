@@ -7,9 +7,9 @@ use crate::results::{ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult};
 use crate::views::{ReferenceViews, Score};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::Metadata;
-use particlegs_pipeline::train::Config;
+use particlegs_core::Result;
+use particlegs_core::model::Metadata;
+use particlegs_train::Config;
 
 /// Factor from the settings' views per orbit to views per group.
 const FRAMES: usize = 4;

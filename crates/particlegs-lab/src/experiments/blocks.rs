@@ -1,16 +1,15 @@
 //! Models in several blocks, each fitted on its own, at the same file size (paper, table and figure of blocks).
 
-use super::Experiment;
 use super::distances::{self, DISTANCES, ScoreCurve, at_distances};
 use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
-use super::published as paper;
 use super::seeds::{describe_seeds, each_seed};
 use super::shared::rates::COMPARED as RATIO;
+use super::{Experiment, published as paper};
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score};
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "blocks",

@@ -1,19 +1,18 @@
 //! The published recipe with one component removed at a time, and our law at the same bytes (paper, table of
 //! components).
 
-use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
 use super::groups::{self, ViewGroup, masked, mean_over};
-use super::published as paper;
 use super::shared::published_models::{of_seeds, whole};
+use super::{Experiment, published as paper};
 use crate::lab::Lab;
 use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, TrainingTask, ours_at, recipe, scale, scaled, single_resolution, trained};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::train::{Config, Norm, Start};
+use particlegs_core::Result;
+use particlegs_core::model::LawKind;
+use particlegs_core::splat::ToneStyle;
+use particlegs_train::{Config, Norm, Start};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "core-ablation",

@@ -8,9 +8,9 @@ use crate::method::CompressionMethod;
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, identical_note, mean, psnr, ssim};
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::stats::{HaloProfiles, Measure, StatsOptions, Subject, compare};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::model::Model;
+use particlegs_core::{Error, Result};
+use particlegs_measure::stats::{HaloProfiles, Measure, StatsOptions, Subject, compare};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "datasets",
@@ -219,9 +219,9 @@ fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {
 mod tests {
     use super::*;
     use crate::settings::Settings;
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::model::Units;
-    use particlegs_pipeline::picture::Size;
+    use particlegs_core::context::Context;
+    use particlegs_core::model::Units;
+    use particlegs_core::picture::Size;
 
     #[test]
     fn a_data_set_that_is_too_small_does_not_stop_the_others() {

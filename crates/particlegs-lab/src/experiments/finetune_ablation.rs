@@ -1,17 +1,15 @@
 //! The published fine-tuning of a merged model of eight blocks, also with another loss or without density control
 //! (paper, table of fine-tuning).
 
-use super::Experiment;
 use super::ablation::{self, StageEvaluator};
-use super::groups;
-use super::published as paper;
 use super::shared::published_models::{fine_tuning, merged, whole};
+use super::{Experiment, groups, published as paper};
 use crate::lab::Lab;
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, scale, tuned};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::train::Config;
+use particlegs_core::Result;
+use particlegs_train::Config;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "finetune-ablation",

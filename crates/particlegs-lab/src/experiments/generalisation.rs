@@ -1,21 +1,20 @@
 //! One model at distances, radii and opacities that it was not made for (paper, table of generalisation).
 
-use super::Experiment;
 use super::ablation::frames as trained_frames;
 use super::groups::{self, ViewGroup, in_pixels};
-use super::published as paper;
 use super::seeds::{describe_seeds, each_seed};
 use super::shared::published_models::{of_seeds, whole};
 use super::shared::rates::COMPARED as RATIO;
 use super::sweep::{Sweep, SweepModel, SweepStep};
+use super::{Experiment, published as paper};
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingTask};
 use crate::views::{ReferenceViews, Score};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::Metadata;
-use particlegs_pipeline::picture::Size;
+use particlegs_core::Result;
+use particlegs_core::model::Metadata;
+use particlegs_core::picture::Size;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "generalisation",

@@ -8,11 +8,11 @@ use crate::lab::{Lab, ModelBuild, Style};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, cache_key, mean_of_values};
 pub(super) use crate::views::{masked, psnr, ssim};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{View, base_distance, spiral};
-use particlegs_pipeline::math::{Purpose, Random};
-use particlegs_pipeline::model::Metadata;
-use particlegs_pipeline::picture::Size;
+use particlegs_core::Result;
+use particlegs_core::camera::{View, base_distance, spiral};
+use particlegs_core::math::{Purpose, Random};
+use particlegs_core::model::Metadata;
+use particlegs_core::picture::Size;
 
 /// Smallest and largest factor of the default radius and opacity in training and scoring (paper, section IV-A).
 pub(super) const RANGE: [f64; 2] = [0.25, 1.75];
@@ -115,11 +115,11 @@ pub(super) fn in_pixels(size: Size) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::checkpoint::NoCheckpoints;
-    use particlegs_pipeline::compress::{Options, Target, compress};
-    use particlegs_pipeline::context::Context;
-    use particlegs_pipeline::model::CertificateLevel;
-    use particlegs_pipeline::particles::Particles;
+    use particlegs_compress::{Options, Target, compress};
+    use particlegs_core::checkpoint::NoCheckpoints;
+    use particlegs_core::context::Context;
+    use particlegs_core::model::CertificateLevel;
+    use particlegs_particles::Particles;
 
     fn metadata() -> Metadata {
         let column = |k: u32| (0..500u32).map(|i| (i * (k + 7) % 97) as f32).collect::<Vec<f32>>();

@@ -25,7 +25,7 @@ mod sweep;
 use crate::lab::Lab;
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 pub struct Experiment {
     /// Name on the command line.

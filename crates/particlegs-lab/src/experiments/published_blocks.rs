@@ -11,8 +11,8 @@ use crate::lab::Lab;
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, scale, tuned};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::train::Config;
+use particlegs_core::Result;
+use particlegs_train::Config;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "published-blocks",

@@ -1,17 +1,16 @@
 //! One long run of the published recipe. It pauses after some minutes, and the same command continues it.
 
-use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
 use super::groups::{self, in_pixels};
-use super::published as paper;
+use super::{Experiment, published as paper};
 use crate::lab::Lab;
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingScore, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, mean};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::train::{Config, Defaults, Preset};
+use particlegs_core::Result;
+use particlegs_core::model::LawKind;
+use particlegs_train::{Config, Defaults, Preset};
 use std::time::Duration;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {

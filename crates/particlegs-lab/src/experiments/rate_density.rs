@@ -6,7 +6,7 @@ use crate::lab::Lab;
 use crate::method::CompressionMethod;
 use crate::results::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::Result;
+use particlegs_core::Result;
 
 pub(super) type MethodDensity = (CompressionMethod, f64, DensityMeasures);
 

@@ -11,8 +11,8 @@ use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spre
 use crate::snapshot::Snapshot;
 use crate::training;
 use crate::views::{ReferenceViews, Score, identical_note, masked, mean, mean_of, psnr, ssim};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::score::evaluation_views;
+use particlegs_core::Result;
+use particlegs_measure::score::evaluation_views;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "rate-distortion",

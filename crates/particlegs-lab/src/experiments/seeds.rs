@@ -1,8 +1,8 @@
 //! Models for several seeds, if the seed makes a difference.
 
 use crate::lab::Lab;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::Model;
+use particlegs_core::Result;
+use particlegs_core::model::Model;
 
 /// Makes one for each seed, but only one if the second gives the same Gaussians: fits of small snapshots are not
 /// random, since no cell has more particles than its sample.
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
     use crate::lab::{ModelBuild, ModelSettings};
     use crate::settings::Settings;
-    use particlegs_pipeline::context::Context;
+    use particlegs_core::context::Context;
 
     #[test]
     fn seeds_that_change_nothing_count_once() {

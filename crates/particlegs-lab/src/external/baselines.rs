@@ -2,7 +2,7 @@
 
 use super::External;
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, morton};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 
 /// Order of the columns.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ pub use baselines::{ColumnOrder, CompressionLibrary, LibraryBaseline};
 
 use crate::{Baseline, packed};
 use child::{Child, ChildReply};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing::{clustered, odd};
 use crate::{PositionColumns, largest_error, rate};
-use particlegs_pipeline::context::Context;
+use particlegs_core::context::Context;
 use std::ffi::OsString;
 
 /// A Python with the packages, from `PARTICLEGS_LAB_PYTHON`.

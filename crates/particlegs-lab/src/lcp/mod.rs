@@ -12,7 +12,7 @@ mod stream;
 use crate::bins::{BinGrid, ParticleBins};
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound};
 use blocks::LcpStreams;
-use particlegs_pipeline::{Error, Result, parallel};
+use particlegs_core::{Error, Result, parallel};
 use zstd_rs::{CompressionConfig, Compressor, Decompressor};
 
 /// Largest range of an axis that can be cut into bins, data units.

@@ -3,7 +3,7 @@ use crate::lcp::Lcp;
 use crate::quantised::QuantisedCoder;
 use crate::testing::{clustered, odd};
 use crate::{CompressedParticles, check_bound};
-use particlegs_pipeline::context::Context;
+use particlegs_core::context::Context;
 
 /// Coordinates rounded to powers of two, as ZFP does; `wrong` adds an error.
 struct RoundingBaseline {

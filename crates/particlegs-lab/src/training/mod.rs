@@ -4,14 +4,14 @@ mod recording;
 
 use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::checkpoint::CheckpointStore;
-use particlegs_pipeline::compress::{Checkpoint, CompressedModel, FineTuning, Options, Target, compress, finetune};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::model::{CertificateLevel, LawKind};
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::train::{Config, Densify, Limits, Preset, Stage};
-use particlegs_pipeline::{Error, Result};
+use particlegs_compress::{Checkpoint, CompressedModel, FineTuning, Options, Target, compress, finetune};
+use particlegs_core::checkpoint::CheckpointStore;
+use particlegs_core::context::Context;
+use particlegs_core::model::{CertificateLevel, LawKind};
+use particlegs_core::picture::Size;
+use particlegs_core::{Error, Result};
+use particlegs_particles::Particles;
+use particlegs_train::{Config, Densify, Limits, Preset, Stage};
 use recording::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -248,7 +248,7 @@ fn kept(
 mod tests {
     use super::*;
     use crate::settings::Settings;
-    use particlegs_pipeline::context::Context;
+    use particlegs_core::context::Context;
 
     fn small() -> Config {
         Config { evaluate_every: 20, ..scaled(recipe(), 0.004).unwrap() }

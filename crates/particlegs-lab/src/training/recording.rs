@@ -1,10 +1,10 @@
 //! Keeps the curve and the seconds of a training run with its state.
 
 use super::TrainingScore;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::checkpoint::CheckpointStore;
-use particlegs_pipeline::compress::Checkpoint;
-use particlegs_pipeline::context::{ProgressEvent, ProgressSink};
+use particlegs_compress::Checkpoint;
+use particlegs_core::Result;
+use particlegs_core::checkpoint::CheckpointStore;
+use particlegs_core::context::{ProgressEvent, ProgressSink};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 

@@ -14,8 +14,8 @@ use particlegs_core::picture::{Gray8, Plane, Size, masked_psnr};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::reference::Reference;
+use particlegs_particles::Particles;
+use particlegs_reference::Reference;
 
 fn scale(bounds: &Bounds, particles: u64) -> TrainingScale {
     TrainingScale {
@@ -332,7 +332,7 @@ fn models_hold_what_was_trained() {
 /// A mixture of the optical-depth law is a far better start than particles at random.
 #[test]
 fn a_mixture_is_a_start() {
-    use particlegs_pipeline::fit::{Effort, FitOptions, fit};
+    use particlegs_fit::{Effort, FitOptions, fit};
     let lesson = lesson(QUICK, 2);
     let scale = scale(&lesson.bounds, lesson.particles.len() as u64);
     let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(600, scale.radius) };

@@ -1,17 +1,15 @@
 //! One picture forward and back: what every parameter wants.
 
 use super::chain::{Slopes, chain};
-use super::network;
 use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
-use super::raster;
-use particlegs_core::Result;
+use super::{network, raster};
 use particlegs_core::context::{Context, Level};
 use particlegs_core::model::VizRanges;
-use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::render::alpha::network::{Adaptation, Network, Setting, inputs, outputs};
 use particlegs_core::render::alpha::raster::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
+use particlegs_core::{Result, parallel};
 
 const RUN: usize = 2048;
 

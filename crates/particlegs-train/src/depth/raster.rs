@@ -3,11 +3,9 @@
 use super::adjoint::{GaussianGradient, PieceDepth};
 use super::gather::{gather, of_footprint};
 use crate::Crop;
-use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::context::{Context, Level as SimdLevel};
 use particlegs_core::model::Mixture;
-use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::render::Scratch;
 use particlegs_core::render::bin::{Binner, PlacedFootprint, StrokeBins, place};
@@ -17,6 +15,7 @@ use particlegs_core::render::project::slices::pieces_with_slopes;
 use particlegs_core::render::project::{CameraGaussian, Footprint};
 use particlegs_core::render::raster::pyramid::{self, Level, PAD};
 use particlegs_core::space::Bounds;
+use particlegs_core::{Result, parallel};
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
 const RUN: usize = 512;

@@ -8,10 +8,9 @@ use super::raster::Tape;
 use crate::adam::Adam;
 use crate::learner::{NonFiniteGradient, StepReport, TrainingSample};
 use crate::loss::Loss;
-use particlegs_core::Result;
-use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::render::Scratch;
+use particlegs_core::{Result, parallel};
 
 const PIXELS: usize = 1 << 14;
 /// What is added to the root in Adam's division at least.

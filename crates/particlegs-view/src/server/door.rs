@@ -1,6 +1,6 @@
 //! The secret in the address.
 
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::sync::{Mutex, PoisonError};
 
 /// Minimum length of a token chosen by the user.

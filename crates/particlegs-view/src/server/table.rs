@@ -11,7 +11,7 @@ use flate2::write::GzEncoder;
 use hyper::body::Bytes;
 use hyper::header::{self, HeaderMap, HeaderValue};
 use hyper::{Method, StatusCode};
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::{Error, Result};
 use std::io::{Read, Write};
 use std::sync::Arc;
 use tokio::sync::watch;

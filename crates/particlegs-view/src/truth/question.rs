@@ -1,12 +1,12 @@
 //! The page's requests: camera, style and size, as JSON.
 
-use particlegs_pipeline::camera::{Camera, DensityView, Projection, View};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::picture::{Plane, Size};
-use particlegs_pipeline::reference::Reference;
-use particlegs_pipeline::render::tone;
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::{Camera, DensityView, Projection, View};
+use particlegs_core::context::Context;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::render::tone;
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, Result};
+use particlegs_reference::Reference;
 use serde::Deserialize;
 
 /// Maximum width and height, pixels.

@@ -1,10 +1,10 @@
 //! The queue of the thread that draws. A new request cancels the one before.
 
 use super::{RenderRequest, smoothed};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::{Particles, Selection, Storage};
-use particlegs_pipeline::reference::Reference;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
+use particlegs_particles::{Particles, Selection, Storage};
+use particlegs_reference::Reference;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};

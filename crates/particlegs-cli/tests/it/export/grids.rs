@@ -2,7 +2,7 @@
 
 use super::{exported, folder};
 use crate::common::{TestFolder, snapshot};
-use particlegs_pipeline::model::LawKind;
+use particlegs_core::model::LawKind;
 
 /// Numbers after the header of a NumPy array.
 fn npy(bytes: &[u8]) -> Vec<f32> {

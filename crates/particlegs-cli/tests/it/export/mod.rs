@@ -7,7 +7,7 @@ mod tables;
 
 use crate::common::TestFolder;
 use crate::models::tiny;
-use particlegs_pipeline::model::LawKind;
+use particlegs_core::model::LawKind;
 use serde_json::Value;
 
 const KINDS: [&str; 10] = ["ply", "glb", "gltf", "npy", "vti", "fits", "dx", "mrc", "npz", "csv"];

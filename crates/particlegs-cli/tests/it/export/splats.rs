@@ -1,11 +1,12 @@
 //! Splats: PLY and glTF.
 
 use super::{exported, folder, layers};
-use particlegs_pipeline::camera::Normalisation;
-use particlegs_pipeline::codec::{self, Precision};
-use particlegs_pipeline::math::Sym3;
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::particles::Particles;
+use particlegs_core::camera::Normalisation;
+use particlegs_core::codec;
+use particlegs_core::codec::Precision;
+use particlegs_core::math::Sym3;
+use particlegs_core::model::LawKind;
+use particlegs_particles::Particles;
 use serde_json::Value;
 
 /// The document of a binary glTF, and its data.

@@ -1,8 +1,8 @@
 //! Tables of Gaussians: NPZ and CSV.
 
 use super::layers;
-use particlegs_pipeline::model::Mixture;
-use particlegs_pipeline::particles::Particles;
+use particlegs_core::model::Mixture;
+use particlegs_particles::Particles;
 
 #[test]
 fn tables_hold_the_gaussians_to_the_last_digit() {

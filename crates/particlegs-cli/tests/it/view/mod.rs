@@ -5,7 +5,7 @@ mod serving;
 mod truth;
 
 use crate::common::{TestFolder, fails, spiral, waited};
-use particlegs_pipeline::picture::{Plane, Size};
+use particlegs_core::picture::{Plane, Size};
 use serde_json::{Value, json};
 use serving::TestServer;
 
@@ -87,7 +87,7 @@ fn a_large_model_has_a_poster() {
     let poster = serving.get("poster");
     assert_eq!((poster.status, poster.header("content-type")), (200, Some("image/png")));
     dir.write("served.png", poster.body);
-    let pixels = |name: &str| particlegs_pipeline::picture::read_png(&dir.at(name)).unwrap();
+    let pixels = |name: &str| particlegs_files::png::read_png(&dir.at(name)).unwrap();
     assert!(pixels("served.png") == pixels("large.png"));
 }
 

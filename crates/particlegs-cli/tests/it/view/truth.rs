@@ -36,7 +36,7 @@ fn pictures_of_all_particles_are_those_of_reference() {
         reference(&format!("--views views.json --style {look} -o {look}.png"));
         let answer = serving.truth(&question(look));
         assert_eq!(answer.status, 200, "{}", answer.text());
-        let truth = particlegs_pipeline::picture::read_png(&dir.at(&format!("{look}.png"))).unwrap().data;
+        let truth = particlegs_files::png::read_png(&dir.at(&format!("{look}.png"))).unwrap().data;
         assert!(truth.iter().any(|&v| v > 20) && answer.body == truth, "{look}");
     }
     reference("--views views.json --style density --smooth 32 --raw -o sigma");

@@ -1,7 +1,7 @@
 use crate::testing::{fault, fixture, gzip, open_bytes, read, vectors, written};
 use crate::{Choice, SpeciesMass};
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::particles::Storage;
+use particlegs_core::context::Context;
+use particlegs_particles::Storage;
 
 const FULL: &str = "LAMMPS data file via write_data, version 2 Aug 2023, timestep = 100, units = real\n\n3 atoms\n2 atom types\n\n\
     0 30 xlo xhi\n0 20 ylo yhi\n-5 5 zlo zhi\n3 0 0 xy xz yz\n\nAtom Type Labels\n\n1 C\n2 O\n\nMasses\n\n1 12.011 # C\n2 15.999\n\n\

@@ -3,9 +3,9 @@
 use super::*;
 use crate::reference::source::ParticleStream;
 use crate::tests::{self, device, particles};
+use particlegs_core::context::Context;
 use particlegs_core::splat::ToneStyle;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::reference;
+use particlegs_reference as reference;
 
 const SIZE: Size = Size { width: 320, height: 180 };
 const FAR: [f64; 3] = [1.0, 2.0, 6.0];

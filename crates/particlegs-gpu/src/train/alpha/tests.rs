@@ -4,18 +4,17 @@ use super::*;
 use crate::GpuAccelerator;
 use crate::tests::{clumps, device, target, view};
 use crate::train::Trainer;
+use particlegs_compress::{Options, Target, compress};
 use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::context::Context;
 use particlegs_core::math::Random;
+use particlegs_core::model::LawKind;
 use particlegs_core::picture::Size;
 use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::space::Bounds;
-use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::compress::{Options, Target, compress};
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::train::{Config, Limits, Preset};
 use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, TrainingScale};
-use particlegs_train::{Accelerator, Averages, Crop, Norm};
+use particlegs_train::{Accelerator, Averages, Config, Crop, Limits, Norm, Preset};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 /// Default radius and opacity.

@@ -1,6 +1,6 @@
 //! Crops of pictures, enlarged and brightened for figures.
 
-use particlegs_pipeline::picture::{Gray8, Rgb8, Size};
+use particlegs_core::picture::{Gray8, Rgb8, Size};
 
 /// Share of width and height in the paper's close-ups.
 const SHARE: f64 = 0.3;

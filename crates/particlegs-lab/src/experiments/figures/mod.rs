@@ -16,10 +16,10 @@ use crate::views::{
 };
 use crops::{BRIGHTENED, close_up, whole};
 use others::MethodPictures;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::picture::{Gray8, Rgb8};
-use particlegs_pipeline::score::evaluation_views;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Gray8, Rgb8};
+use particlegs_measure::score::evaluation_views;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "figures",
@@ -157,7 +157,7 @@ fn same_size(panels: &mut [(String, Rgb8)]) {
         let (left, top) = ((across - width) / 2, (down - height) / 2);
         let row = |j: usize| &picture.data[(top + j) * across + left..][..width];
         let data = (0..height).flat_map(row).copied().collect();
-        *picture = Rgb8 { size: particlegs_pipeline::picture::Size { width, height }, data };
+        *picture = Rgb8 { size: particlegs_core::picture::Size { width, height }, data };
     }
 }
 
@@ -207,7 +207,7 @@ fn notes(made: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::picture::Size;
+    use particlegs_core::picture::Size;
 
     fn other(name: &str, masked: f64) -> MethodPictures {
         let score = Score { view: "far_00".into(), psnr: None, masked: Some(masked), ssim: None };

@@ -4,9 +4,9 @@ use crate::lab::{Lab, Style, or_made};
 use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, cache_key, kept_picture, masked, mean};
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::picture::Gray8;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::camera::View;
+use particlegs_core::picture::Gray8;
+use particlegs_core::{Error, Result};
 
 /// A method at one size, with its pictures.
 pub(super) struct MethodPictures {

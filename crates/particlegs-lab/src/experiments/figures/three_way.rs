@@ -6,10 +6,10 @@ use crate::lab::{Lab, ModelBuild, Style, or_made};
 use crate::results::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{self, ReferenceViews, Score, cache_key, kept_picture, mean_of_values, orbit};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::picture::Gray8;
-use particlegs_pipeline::recover::Method;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::picture::Gray8;
+use particlegs_fit::recover::Method;
 
 /// The paper's means over its frames, dB (\ThreeWayGsAvg, \ThreeWayRecAvg).
 const PAPER: [(&str, f64); 2] = [("model", 27.56), ("count", 16.95)];
@@ -172,7 +172,7 @@ fn note(ways: &[RendererScores], truth: &ReferenceViews) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::picture::Size;
+    use particlegs_core::picture::Size;
 
     fn way(name: &str, values: &[(&str, f64)]) -> RendererScores {
         let score = |(view, v): &(&str, f64)| Score { view: (*view).into(), psnr: None, masked: Some(*v), ssim: None };

@@ -4,14 +4,14 @@ use super::scenes::{OPACITY, TiledScene, views};
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{GpuBench, GpuTables, LIMIT, pixels};
 use crate::results::TableCell;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::model::LawKind;
+use particlegs_core::picture::Size;
+use particlegs_core::render::Scene;
+use particlegs_core::splat::ToneStyle;
 use particlegs_gpu::alpha::{self, AlphaRenderer};
 use particlegs_gpu::render::{DepthRenderer, DepthTiles, Gaussians};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::render::Scene;
-use particlegs_pipeline::splat::ToneStyle;
 use std::time::Instant;
 
 /// Number of frames, without and with reading back.

@@ -4,12 +4,12 @@ use super::scenes::{TiledScene, views};
 use super::work::WorkBound;
 use super::{GpuBench, GpuTables, LIMIT, pixels};
 use crate::results::TableCell;
+use particlegs_core::Result;
+use particlegs_core::picture::Size;
+use particlegs_core::render::Renderer;
+use particlegs_core::splat::ToneStyle;
 use particlegs_gpu::reference::{MOST, ParticlePictures};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::render::Renderer;
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::train::ParticleInput;
+use particlegs_train::ParticleInput;
 use std::ops::Range;
 use std::time::Instant;
 

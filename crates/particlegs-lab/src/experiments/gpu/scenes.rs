@@ -1,12 +1,12 @@
 //! Built-in scenes.
 
-use particlegs_pipeline::camera::{Camera, View, base_distance, spiral};
-use particlegs_pipeline::math::{Random, Sym3, each_axis};
-use particlegs_pipeline::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::space::Bounds;
-use particlegs_pipeline::splat::opacity_integral;
-use particlegs_pipeline::{Result, codec, parallel};
+use particlegs_core::camera::{Camera, View, base_distance, spiral};
+use particlegs_core::math::{Random, Sym3, each_axis};
+use particlegs_core::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
+use particlegs_core::picture::Size;
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::opacity_integral;
+use particlegs_core::{Result, codec, parallel};
 use std::f64::consts::PI;
 use std::sync::Arc;
 

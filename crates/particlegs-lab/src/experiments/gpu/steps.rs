@@ -4,17 +4,17 @@ use super::scenes::{OPACITY, TiledScene, views};
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{GpuBench, GpuTables, LIMIT, pixels};
 use crate::results::TableCell;
+use particlegs_core::Result;
+use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::model::LawKind;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::render::{Renderer, Scene};
+use particlegs_core::splat::ToneStyle;
 use particlegs_gpu::GpuAccelerator;
 use particlegs_gpu::render::ScenePictures;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::{Normalisation, View};
-use particlegs_pipeline::model::LawKind;
-use particlegs_pipeline::picture::{Plane, Size};
-use particlegs_pipeline::render::{Renderer, Scene};
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::train::alpha::{self, TrainingScale};
-use particlegs_pipeline::train::depth::{Parameters, StepSize};
-use particlegs_pipeline::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
+use particlegs_train::alpha::TrainingScale;
+use particlegs_train::depth::{Parameters, StepSize};
+use particlegs_train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample, alpha};
 use std::time::Instant;
 
 /// Number of steps after two: the last uses the first picture again.

@@ -5,19 +5,18 @@
 //! of two counts as one.
 
 use super::scenes::{OPACITY, TiledScene};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::parallel;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::render::Scene;
-use particlegs_pipeline::render::alpha::project::Splat;
-use particlegs_pipeline::render::alpha::{CutOffs, Eye, Plan, TILE};
-use particlegs_pipeline::render::bin::place;
-use particlegs_pipeline::render::lens::Lens;
-use particlegs_pipeline::render::project::CameraGaussian;
-use particlegs_pipeline::render::project::slices::pieces;
-use particlegs_pipeline::render::raster::pyramid::{PAD, levels};
+use particlegs_core::camera::View;
+use particlegs_core::context::Context;
+use particlegs_core::picture::Size;
+use particlegs_core::render::Scene;
+use particlegs_core::render::alpha::project::Splat;
+use particlegs_core::render::alpha::{CutOffs, Eye, Plan, TILE};
+use particlegs_core::render::bin::place;
+use particlegs_core::render::lens::Lens;
+use particlegs_core::render::project::CameraGaussian;
+use particlegs_core::render::project::slices::pieces;
+use particlegs_core::render::raster::pyramid::{PAD, levels};
+use particlegs_core::{Result, parallel};
 use std::f64::consts::PI;
 
 /// Least work of a picture or step.

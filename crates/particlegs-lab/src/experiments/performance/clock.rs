@@ -2,7 +2,7 @@
 
 use crate::report::line_of;
 use crate::results::{Spread, TableCell};
-use particlegs_pipeline::{Result, parallel};
+use particlegs_core::{Result, parallel};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Instant;

@@ -2,8 +2,8 @@
 
 use super::clock::{digits, load};
 use crate::results::TableCell;
-use particlegs_pipeline::context::Context;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::context::Context;
+use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::path::Path;
@@ -130,7 +130,7 @@ fn of_children(stat: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_pipeline::context::Context;
+    use particlegs_core::context::Context;
 
     #[test]
     fn system_files_are_parsed() {

@@ -8,8 +8,8 @@ use super::raw::RawCopy;
 use crate::lab::{Lab, ModelBuild};
 use crate::results::{ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::picture::Size;
+use particlegs_core::{Error, Result};
 use std::process::Command;
 
 const TIMES: usize = 3;

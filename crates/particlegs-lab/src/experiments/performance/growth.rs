@@ -7,8 +7,8 @@ use crate::experiments::shared::rates::COMPARED;
 use crate::lab::Lab;
 use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::particles::{Selection, Tiling};
+use particlegs_core::Result;
+use particlegs_particles::{Selection, Tiling};
 use serde::{Deserialize, Serialize};
 use std::process::Command;
 

@@ -5,17 +5,17 @@ use super::views::TimingViews;
 use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
+use particlegs_compress::compress;
+use particlegs_core::camera::View;
+use particlegs_core::checkpoint::NoCheckpoints;
+use particlegs_core::picture::{Gray8, Pixels, Size};
+use particlegs_core::render::{Scene, Scratch, draw_into};
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Result, codec};
+use particlegs_fit::Effort;
 use particlegs_formats::Choice;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::compress::compress;
-use particlegs_pipeline::fit::Effort;
-use particlegs_pipeline::particles::Storage;
-use particlegs_pipeline::picture::{Gray8, Pixels, Size};
-use particlegs_pipeline::reference::Reference;
-use particlegs_pipeline::render::{Scene, Scratch, draw_into};
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Result, codec};
+use particlegs_particles::Storage;
+use particlegs_reference::Reference;
 use serde::{Deserialize, Serialize};
 
 /// Repetitions of short work.

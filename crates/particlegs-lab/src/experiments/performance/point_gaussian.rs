@@ -7,9 +7,9 @@ use super::raw::RawCopy;
 use super::views::TimingViews;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::picture::{Gray8, Size, masked_psnr, psnr};
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Error, Result};
+use particlegs_core::picture::{Gray8, Size, masked_psnr, psnr};
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -162,7 +162,7 @@ mod tests {
     use crate::lab::ModelSettings;
     use crate::settings::Settings;
     use crate::testing::lattice;
-    use particlegs_pipeline::context::Context;
+    use particlegs_core::context::Context;
     use std::path::PathBuf;
 
     const SIZE: Size = Size { width: 160, height: 90 };

@@ -2,9 +2,9 @@
 
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
+use particlegs_core::Result;
 use particlegs_files::output::FileSet;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::particles::{RawForm, SelectedParticles, Selection, Tiling};
+use particlegs_particles::{RawForm, SelectedParticles, Selection, Tiling};
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 

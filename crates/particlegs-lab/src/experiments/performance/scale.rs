@@ -6,17 +6,17 @@ use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelSettings};
 use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::checkpoint::NoCheckpoints;
-use particlegs_pipeline::compress::{Target, compress};
-use particlegs_pipeline::fit::Effort;
-use particlegs_pipeline::particles::{Selection, Storage};
-use particlegs_pipeline::picture::{Size, masked_psnr};
-use particlegs_pipeline::reference::Reference;
-use particlegs_pipeline::render::{Scene, draw};
-use particlegs_pipeline::score::evaluation_views;
-use particlegs_pipeline::space::Bounds;
-use particlegs_pipeline::splat::ToneStyle;
-use particlegs_pipeline::{Error, Result};
+use particlegs_compress::{Target, compress};
+use particlegs_core::checkpoint::NoCheckpoints;
+use particlegs_core::picture::{Size, masked_psnr};
+use particlegs_core::render::{Scene, draw};
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, Result};
+use particlegs_fit::Effort;
+use particlegs_measure::score::evaluation_views;
+use particlegs_particles::{Selection, Storage};
+use particlegs_reference::Reference;
 use serde::{Deserialize, Serialize};
 
 /// Number of halvings, smallest blocks first.

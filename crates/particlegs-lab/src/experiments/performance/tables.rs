@@ -6,7 +6,7 @@ use super::ours::{FrameTimings, Phases};
 use super::paper;
 use super::point_gaussian::PointGaussian;
 use crate::results::{ResultTable, TableCell};
-use particlegs_pipeline::picture::Size;
+use particlegs_core::picture::Size;
 
 /// All times at one picture size.
 pub(super) struct SizeTimings {

@@ -2,10 +2,10 @@
 
 use crate::lab::Lab;
 use crate::views::cache_key;
-use particlegs_pipeline::camera::View;
-use particlegs_pipeline::model::Metadata;
-use particlegs_pipeline::picture::Size;
-use particlegs_pipeline::score::evaluation_views;
+use particlegs_core::camera::View;
+use particlegs_core::model::Metadata;
+use particlegs_core::picture::Size;
+use particlegs_measure::score::evaluation_views;
 
 pub(super) struct TimingViews {
     pub size: Size,

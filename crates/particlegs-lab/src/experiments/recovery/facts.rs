@@ -1,6 +1,6 @@
 //! The numbers of a comparison that are cached.
 
-use particlegs_pipeline::stats::{PairCounts, Shell, SizeClass, Statistics, XiByTransform};
+use particlegs_measure::stats::{PairCounts, Shell, SizeClass, Statistics, XiByTransform};
 use serde::{Deserialize, Serialize};
 
 /// Numbers of a comparison for tables and plots; unmeasured ones are empty. Pairs are truth, then other.
@@ -91,7 +91,7 @@ impl GroupCounts {
 impl Facts {
     pub fn from_statistics(s: &Statistics) -> Facts {
         let y = &s.summary;
-        let groups = |list: fn(&particlegs_pipeline::stats::GroupReport) -> &Vec<SizeClass>| {
+        let groups = |list: fn(&particlegs_measure::stats::GroupReport) -> &Vec<SizeClass>| {
             s.groups.iter().flat_map(|g| list(g).iter().map(GroupCounts::from_class)).collect()
         };
         Facts {

@@ -4,11 +4,11 @@ use super::facts::Facts;
 use super::paper;
 use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::Result;
-use particlegs_pipeline::model::Model;
-use particlegs_pipeline::particles::Particles;
-use particlegs_pipeline::recover::Method;
-use particlegs_pipeline::stats::{Convention, Measure, StatsOptions, Subject, compare};
+use particlegs_core::Result;
+use particlegs_core::model::Model;
+use particlegs_fit::recover::Method;
+use particlegs_measure::stats::{Convention, Measure, StatsOptions, Subject, compare};
+use particlegs_particles::Particles;
 
 /// Recovery methods: the library's own, then the published ones.
 pub(super) const METHODS: [Method; 6] =

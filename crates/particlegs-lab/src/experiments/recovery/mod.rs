@@ -17,9 +17,9 @@ use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use facts::Facts;
 use measure::{METHODS, MeasurementScope, RecoverySource};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::fit::Effort;
-use particlegs_pipeline::recover::Method;
+use particlegs_core::Result;
+use particlegs_fit::Effort;
+use particlegs_fit::recover::Method;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "recovery",

@@ -4,7 +4,7 @@ use super::measure::{MeasurementScope, cells};
 use super::{RATIO, RecoveryMeasurements, paper};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use particlegs_pipeline::recover::Method;
+use particlegs_fit::recover::Method;
 
 /// How it was measured, and what differs from the paper and why.
 pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) -> Vec<String> {

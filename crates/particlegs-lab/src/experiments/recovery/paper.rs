@@ -1,7 +1,7 @@
 //! The paper's numbers on recovery, from its \newcommand lines (particlegs-sc26.tex): 281 million HACC particles in a
 //! box of 256 Mpc/h, an alpha-blend model of 8 blocks at ratio 65 trained on pictures.
 
-use particlegs_pipeline::recover::Method;
+use particlegs_fit::recover::Method;
 
 /// A row of a table of the paper.
 pub(super) struct PublishedRecovery {

@@ -3,10 +3,11 @@
 use super::RATIO;
 use super::measure::RecoverySource;
 use crate::results::{Colours, Pictures};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::picture::{Colormap, Rgb8, Size};
-use particlegs_pipeline::recover::Method;
-use particlegs_pipeline::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
+use particlegs_core::Result;
+use particlegs_core::picture::{Colormap, Rgb8, Size};
+use particlegs_fit::recover::Method;
+use particlegs_measure::stats::{Assignment, Field, Grid, Subject, deposit};
+use particlegs_particles::Domain;
 
 /// Mean number of particles in a column of the slab.
 const PLANES: usize = 16;

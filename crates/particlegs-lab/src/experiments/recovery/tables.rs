@@ -3,7 +3,7 @@
 use super::facts::Facts;
 use super::{BlocksRecovery, MethodRecovery, RATIO, RecoveryMeasurements, SizeRecovery, paper};
 use crate::results::{ResultTable, TableCell};
-use particlegs_pipeline::recover::Method;
+use particlegs_fit::recover::Method;
 
 pub(super) fn all(m: &RecoveryMeasurements) -> Vec<ResultTable> {
     vec![of_methods_as_published(m), spectra_of_methods(m), groups_of_methods(m), of_blocks(m)]

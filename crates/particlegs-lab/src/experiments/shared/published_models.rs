@@ -4,8 +4,8 @@ use crate::experiments::seeds::each_seed;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, TrainingTask, recipe, scale, scaled, trained};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::train::Config;
+use particlegs_core::Result;
+use particlegs_train::Config;
 
 /// The published recipe at the laboratory's scale.
 pub(crate) fn whole(lab: &Lab<'_>) -> Result<Config> {

@@ -5,8 +5,8 @@ use crate::method::{CompressionMethod, MethodMeasurement};
 use crate::results::{Point, Series, Spread};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, masked, mean};
-use particlegs_pipeline::Result;
-use particlegs_pipeline::score;
+use particlegs_core::Result;
+use particlegs_measure::score;
 use serde::{Deserialize, Serialize};
 
 /// Ratio at which methods are compared: that of the published single-block model (paper, table "Rate-distortion").

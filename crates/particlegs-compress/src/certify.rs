@@ -1,0 +1,97 @@
+//! A file decoded again, measured, and put together with what was found.
+
+use super::clock::Clock;
+use super::cross_validation::held_out;
+use particlegs_core::context::Context;
+use particlegs_core::model::{Certificate, CertificateLevel, Goal, GoalResult, Metadata, Model};
+use particlegs_core::{Error, Result, codec};
+use particlegs_measure::score::{CertificateInput, GoalMetric};
+use particlegs_particles::Particles;
+
+/// The name of a file in the making, in errors.
+const PLACE: &str = "the file just coded";
+
+/// Measures `model` against the snapshot that it was made from, as files of that level are measured when they are
+/// made, and what they say was asked for; the same seed measures the same. The model is best the decoded one; `bytes` are
+/// those of its file without a certificate, which are given to a subset of the particles, too.
+pub fn certify(
+    model: &Model,
+    bytes: u64,
+    particles: &Particles,
+    seed: u64,
+    level: CertificateLevel,
+    context: &Context<'_>,
+) -> Result<Certificate> {
+    particles.check_files()?;
+    let reached = match model.certificate.and_then(|c| c.goal) {
+        Some(stored) => reached_again(stored.goal, model, particles, seed, context)?,
+        None => None,
+    };
+    complete(&CertificateInput { particles, seed, level, memory: None, reached }, model, bytes, context)
+}
+
+/// Bytes of the file of a model when its certificate is measured: without a certificate and fields.
+pub fn measured_bytes(bytes: &[u8], model: &Model, place: &str) -> Result<u64> {
+    let mut layers = codec::coded_layers(bytes, place)?;
+    for block in layers.iter_mut().flat_map(|l| &mut l.content) {
+        block.sections.retain(|s| ![codec::FIELD, codec::CORRELATION].contains(&s.tag));
+    }
+    let metadata = Metadata { fields: Vec::new(), fields_hash: None, ..codec::read_metadata(bytes, place)? };
+    let network = model.vizmapper().map(|network| &**network);
+    Ok(codec::assemble_with(&metadata, network, None, layers)?.len() as u64)
+}
+
+/// What one model's particles say of it, and where all is asked for what halves of them do.
+fn complete(measure: &CertificateInput<'_>, model: &Model, bytes: u64, context: &Context<'_>) -> Result<Certificate> {
+    let certificate = measure.certificate(model, bytes, context)?;
+    let held_out = match measure.level {
+        CertificateLevel::Full => held_out(model, measure.particles, measure.seed, context)?,
+        _ => None,
+    };
+    Ok(Certificate { held_out, ..certificate })
+}
+
+/// `None` for a goal that cannot be measured of these particles: no file of theirs was made for it.
+fn reached_again(
+    goal: Goal,
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    context: &Context<'_>,
+) -> Result<Option<GoalResult>> {
+    match GoalMetric::new(goal, particles, &model.metadata, seed, context) {
+        Ok(gauge) => gauge.measure(model, context).map(Some),
+        Err(Error::Argument { .. }) => Ok(None),
+        Err(other) => Err(other),
+    }
+}
+
+/// A file and the model in it; where it is to be measured, with its certificate.
+pub(crate) struct DecodedFile {
+    pub bytes: Vec<u8>,
+    pub model: Model,
+    pub clock: Clock,
+}
+
+impl DecodedFile {
+    /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
+    pub fn new(
+        file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
+        measure: Option<CertificateInput<'_>>,
+        context: &Context<'_>,
+    ) -> Result<DecodedFile> {
+        let mut clock = Clock::default();
+        let mut bytes = file(None)?;
+        let mut model = clock.time("decode", || codec::decode_with(&bytes, PLACE, context))?;
+        if let Some(measure) = measure {
+            // The model and what is drawn of it take the rest of the memory.
+            let measure = CertificateInput { memory: measure.memory.map(|m| m / 5), ..measure };
+            let without = bytes.len() as u64;
+            let certificate = clock.time("certificate", || complete(&measure, &model, without, context))?;
+            bytes = file(Some(&certificate))?;
+            // What is told is what the file holds, rounded as it is there.
+            model.certificate = codec::read_info(&bytes, PLACE)?.certificate;
+        }
+        Ok(DecodedFile { bytes, model, clock })
+    }
+}

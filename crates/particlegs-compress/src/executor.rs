@@ -1,0 +1,61 @@
+//! The one way in which blocks are done: read, fitted, coded, kept. Where their particles wait and where
+//! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::in_memory`]) or the folder of
+//! a job ([`crate::job`]).
+
+use super::block::{BlockParticles, CodedBlock};
+use super::clock::Clock;
+use super::setup::{BlockSetup, StopPolicy};
+use particlegs_core::Result;
+use particlegs_core::checkpoint::{CheckpointStore, PrefixedCheckpoints};
+use particlegs_core::context::Context;
+use particlegs_core::model::Target;
+
+/// Where the particles of a job's blocks wait, and its coded blocks are kept.
+pub(crate) trait BlockStore {
+    fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles>;
+
+    fn keep(&mut self, block: u32, coded: CodedBlock, context: &Context<'_>) -> Result<()>;
+}
+
+/// Does one block: its share of what `target` asks of the whole.
+pub(crate) fn do_block(
+    store: &mut dyn BlockStore,
+    block: u32,
+    target: Target,
+    setup: BlockSetup<'_>,
+    pieces: &mut dyn CheckpointStore,
+) -> Result<()> {
+    let mut clock = Clock::default();
+    let particles = clock.time("read", || store.particles(block, setup.context))?;
+    let coded = particles.code(setup.plan.share(target, &particles)?, setup, pieces)?;
+    clock.append(coded.clock);
+    store.keep(block, CodedBlock { clock, ..coded }, setup.context)
+}
+
+/// Does all blocks, one after the other: a fit itself uses all threads. Limits are those of all together;
+/// what becomes of training that is stopped holds for the last block, as a file wants every block.
+pub(crate) fn do_blocks(
+    store: &mut dyn BlockStore,
+    target: Target,
+    setup: BlockSetup<'_>,
+    pieces: &mut dyn CheckpointStore,
+) -> Result<()> {
+    let blocks = setup.plan.recipe().blocks;
+    for block in 0..blocks {
+        let left = blocks - block;
+        let mut limits = setup.limits.share(left as usize);
+        if blocks > 1 {
+            limits.run = format!("block {block}");
+        }
+        let on_stop = if left > 1 { StopPolicy::GiveUp } else { setup.on_stop };
+        let setup = BlockSetup { limits: &limits, on_stop, ..setup };
+        do_block(
+            store,
+            block,
+            target,
+            setup,
+            &mut PrefixedCheckpoints { pieces: &mut *pieces, prefix: block.to_string() },
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! The whole job: a snapshot, a target, an effort in; a model file's bytes out.
+//!
+//! [`Target`] says what is asked for, `describe` what is known about the snapshot, [`compress`]
+//! chooses how many Gaussians at how many bits, fits, codes, decodes and measures; [`simplify()`]
+//! makes a file smaller without the particles, [`finetune()`] trains a merged file on the whole snapshot.
+
+mod block;
+mod budget;
+mod certify;
+mod checkpoint;
+mod clock;
+mod cross_validation;
+mod describe;
+mod executor;
+mod field_agreement;
+mod fields;
+mod finetune;
+mod in_memory;
+pub mod job;
+mod joined_fields;
+mod layer;
+mod memory;
+mod options;
+mod plan;
+mod run;
+mod search;
+pub mod series;
+mod setup;
+mod shared_species;
+mod sharing_trial;
+mod simplify;
+mod size;
+mod thickness;
+mod total_size;
+pub mod verify;
+
+pub(crate) use block::{BlockParticles, CodedBlock};
+pub(crate) use certify::DecodedFile;
+pub use certify::{certify, measured_bytes};
+pub use checkpoint::Checkpoint;
+pub use describe::{differences_from, source_difference};
+pub(crate) use executor::{BlockStore, do_block};
+pub(crate) use fields::FieldPlan;
+pub use fields::{FieldSelection, MOST_FIELDS};
+pub use finetune::{FineTuning, finetune};
+pub(crate) use memory::MemoryLoad;
+pub use options::Options;
+pub use particlegs_core::model::Target;
+pub(crate) use plan::{CompressionPlan, near_pixel};
+pub use run::{CompressedModel, Compression, compress};
+pub(crate) use setup::{BlockSetup, StopPolicy};
+pub use shared_species::SharingPolicy;
+pub use simplify::simplify;
+pub(crate) use size::SizeOutcome;
+pub use total_size::compress_to_total;

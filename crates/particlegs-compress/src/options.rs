@@ -1,0 +1,116 @@
+//! What a model is to be.
+
+use super::memory::MemoryLoad;
+use super::shared_species::{self, SharingPolicy};
+use particlegs_core::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
+use particlegs_core::{Error, Result};
+use particlegs_particles::{Particles, Storage};
+use particlegs_train::{Config, Limits};
+use std::collections::BTreeMap;
+
+/// What is asked for. The default is the default of the command: the default size, a refined fit, no training,
+/// measured.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Size, ratio, number or quality.
+    pub target: Target,
+    /// Time for quality.
+    pub effort: Effort,
+    /// Default particle radius to store, world units (`None` = 0.0406 of the mean spacing).
+    pub radius: Option<f64>,
+    /// Default opacity to store (`None` = 0.05).
+    pub opacity: Option<f64>,
+    /// Blocks that are fitted on their own, 1 or more; `None` = as many as the memory asks for.
+    pub blocks: Option<u32>,
+    /// Memory to stay within, bytes; `None` = what the work takes in one block.
+    pub memory: Option<u64>,
+    /// Where the particles of blocks are put while they wait.
+    pub storage: Storage,
+    /// How the fit is trained further; `None` = not.
+    pub training: Option<Config>,
+    /// How far training goes.
+    pub limits: Limits,
+    /// Seed of the fit and the views.
+    pub seed: u64,
+    /// How much of the decoded model is measured and stored.
+    pub certificate: CertificateLevel,
+    /// Do species share Gaussians?
+    pub sharing: SharingPolicy,
+    /// Will the model get fields? Their moments are of one species each, so that species cannot share Gaussians.
+    pub fields: bool,
+    /// What is read of the snapshot, for the file's [`Recipe::read`].
+    pub read: BTreeMap<String, String>,
+}
+
+impl Options {
+    /// A file so many times smaller than the positions in float32.
+    pub fn ratio(ratio: f64) -> Self {
+        Options { target: Target::Ratio(ratio), ..Options::default() }
+    }
+
+    /// So many Gaussians.
+    pub fn gaussians(number: u64) -> Self {
+        Options { target: Target::Gaussians(number), ..Options::default() }
+    }
+
+    /// How Gaussians become pictures.
+    pub fn law(&self) -> LawKind {
+        self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
+    }
+
+    /// What makes a model in `blocks` blocks, as its file says it.
+    pub fn recipe(&self, blocks: u32) -> Recipe {
+        let mut read = self.read.clone();
+        if self.sharing != SharingPolicy::Automatic {
+            read.insert(shared_species::OPTION.into(), self.sharing.to_string());
+        }
+        Recipe {
+            target: self.target,
+            effort: self.effort,
+            seed: self.seed,
+            law: self.law(),
+            training: self.training.as_ref().map(Config::recipe),
+            read,
+            radius: self.radius,
+            opacity: self.opacity,
+            blocks,
+            ..Recipe::default()
+        }
+    }
+
+    /// May species share Gaussians where nothing is said about it? Blocks are fitted as those of a job, whose tasks cannot
+    /// tell.
+    pub(super) fn may_share(&self) -> bool {
+        !self.fields && self.training.is_none() && self.blocks.is_none() && self.memory.is_none()
+    }
+
+    /// The number of blocks in which `particles` are fitted in this process.
+    pub fn blocks_of(&self, particles: &Particles) -> Result<u32> {
+        let Some(bound_bytes) = self.memory else { return Ok(self.blocks.unwrap_or(1)) };
+        let load = self.load(particles.len() as u64, particles.raw_bytes(), 1);
+        let Some(blocks) = self.blocks else { return load.blocks_within(bound_bytes) };
+        within(bound_bytes, load.block_bytes(u64::from(blocks)), blocks)
+    }
+
+    /// The number of blocks in which particles are fitted by tasks of their own, each within the memory, or
+    /// within `default` bytes.
+    pub(crate) fn tasks_of(&self, load: &MemoryLoad, default: u64) -> Result<u32> {
+        let Some(blocks) = self.blocks else { return load.tasks_within(self.memory.unwrap_or(default)) };
+        within(self.memory.unwrap_or(u64::MAX), load.task_bytes(u64::from(blocks)), blocks)
+    }
+
+    /// What decides the memory of `count` particles of `raw_bytes`; a process holds so many `copies` of a
+    /// block's.
+    pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> MemoryLoad {
+        let measuring = self.certificate == CertificateLevel::Blocks;
+        MemoryLoad { count, raw_bytes, target: self.target, effort: self.effort, copies, measuring, fields: 0 }
+    }
+}
+
+/// `blocks`, if each takes no more than the bound.
+fn within(bound_bytes: u64, need_bytes: u64, blocks: u32) -> Result<u32> {
+    if need_bytes <= bound_bytes {
+        return Ok(blocks);
+    }
+    Err(Error::Bound { what: format!("a fit in {blocks} blocks"), need_bytes, bound_bytes })
+}

@@ -1,0 +1,162 @@
+//! From particles to a measured file, in one process.
+
+use super::block::CodedBlock;
+use super::certify::DecodedFile;
+use super::clock::Clock;
+use super::executor::do_blocks;
+use super::in_memory::InMemoryBlocks;
+use super::options::Options;
+use super::plan::CompressionPlan;
+use super::search;
+use super::setup::{BlockSetup, StopPolicy};
+use super::shared_species::SharedLayer;
+use super::thickness::Thickness;
+#[cfg(doc)]
+use particlegs_core::Error;
+use particlegs_core::Result;
+use particlegs_core::checkpoint::CheckpointStore;
+use particlegs_core::context::Context;
+use particlegs_core::model::{GoalResult, Metadata, Model};
+use particlegs_core::space::Bounds;
+use particlegs_files::memory::require;
+use particlegs_files::output;
+use particlegs_fit::memory_needed;
+use particlegs_measure::score::{CertificateInput, GoalMetric};
+use particlegs_particles::blocks::SnapshotScan;
+use particlegs_particles::{LayeredParticles, Particles, Storage};
+use particlegs_train::TrainedRun;
+
+/// A file and how it came to be.
+pub struct CompressedModel {
+    /// The file, whole.
+    pub bytes: Vec<u8>,
+    /// The file decoded again.
+    pub model: Model,
+    /// What was asked for in the terms of the data, and what the file reaches.
+    pub reached: Option<GoalResult>,
+    /// Multiple of the nominal quantisation steps.
+    pub step_factor: f64,
+    /// How each training run went: one for a layer of a block.
+    pub trained: Vec<TrainedRun>,
+    /// Was training stopped, and this is the best so far?
+    pub stopped: bool,
+    /// What a user should know, a sentence each: those of [`Compression::notes`], then how the
+    /// target is met, and how thick the model of a flat box is.
+    pub notes: Vec<String>,
+    /// Wall-clock seconds by phase, in order.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Compresses a snapshot; `pieces` keeps what an interrupted run can go on from.
+pub fn compress(
+    particles: &Particles,
+    options: &Options,
+    pieces: &mut dyn CheckpointStore,
+    context: &Context<'_>,
+) -> Result<CompressedModel> {
+    Compression::plan(particles, options, context)?.run(pieces, context)
+}
+
+/// A compression that is planned: the snapshot was read once, and no block is fitted yet.
+pub struct Compression<'a> {
+    particles: &'a Particles,
+    options: &'a Options,
+    plan: CompressionPlan,
+    layer_bounds: Vec<Bounds>,
+    /// Where species share Gaussians.
+    shared: Option<SharedLayer>,
+    clock: Clock,
+}
+
+impl<'a> Compression<'a> {
+    /// Reads the particles once: bounds, hash, and where they are to be cut.
+    pub fn plan(particles: &'a Particles, options: &'a Options, context: &Context<'_>) -> Result<Self> {
+        particles.check_files()?;
+        let blocks = options.blocks_of(particles)?;
+        require("the fit", memory_needed(particles) / u64::from(blocks.max(1)))?;
+        if let (Storage::Disk(folder), true) = (&options.storage, blocks > 1) {
+            output::check_space_in(folder, particles.raw_bytes())?;
+        }
+        let mut clock = Clock::default();
+        let source = LayeredParticles::from_particles(particles);
+        let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, context))?;
+        let mut plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
+        let mut layer_bounds = scan.layer_bounds(&source);
+        let trial = (plan.gaussians(), plan.metadata.default_radius);
+        let shared = clock.time("fit", || SharedLayer::chosen(particles, options, trial, context))?;
+        if let Some(shared) = &shared {
+            plan.layers = vec![shared.layer()];
+            plan.metadata.shared_species.clone_from(&shared.species);
+            layer_bounds = vec![scan.bounds];
+            plan.notes.push("the particle types share Gaussians".into());
+        }
+        Ok(Compression { particles, options, plan, layer_bounds, shared, clock })
+    }
+
+    /// What the file will say; its mass comes from the blocks.
+    pub(crate) fn metadata(&self) -> &Metadata {
+        &self.plan.metadata
+    }
+
+    /// What a user should know before blocks are fitted, a sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.plan.notes
+    }
+
+    /// 32 bytes that name the work: a hash of all that decides the model's bytes. What was kept of other
+    /// work is of no use.
+    pub fn id(&self) -> [u8; 32] {
+        self.plan.id()
+    }
+
+    /// Fits and codes the blocks, puts the file together and measures it.
+    pub fn run(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
+        let Compression { particles, options, plan, layer_bounds, shared, mut clock } = self;
+        let mut trained = Vec::new();
+        // What cannot be measured is refused before anything is fitted.
+        let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, context);
+        let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
+        let (blocks, reached) = {
+            let fitted = shared.as_ref().map_or(particles, |s| &s.particles);
+            let divide = || InMemoryBlocks::new(fitted, &plan.tree, &layer_bounds, options, context);
+            let mut store = clock.time("divide", divide)?;
+            let setup = BlockSetup { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, context };
+            let mut code = |target| -> Result<Vec<CodedBlock>> {
+                let mut fit = |target| {
+                    do_blocks(&mut store, target, setup, pieces)?;
+                    Ok(store.take_coded())
+                };
+                let mut coded = match &shared {
+                    None => fit(target)?,
+                    Some(shared) => plan.with_shares(target, shared, &mut fit, context)?,
+                };
+                for block in &mut coded {
+                    clock.append(std::mem::take(&mut block.clock));
+                    trained.append(&mut block.trained);
+                }
+                Ok(coded)
+            };
+            match &gauge {
+                Some(gauge) => {
+                    search::reach(gauge, &plan, &mut code, context).map(|(b, reached)| (b, Some(reached)))?
+                }
+                None => (code(plan.recipe().target)?, None),
+            }
+            // The store goes: the particles of blocks may be half of all that is in memory.
+        };
+        let met = plan.judge(&blocks)?;
+        let stopped = blocks.iter().any(|b| b.stopped);
+        let (level, memory) = (plan.certificate, options.memory);
+        let measured = level.measures() && !stopped;
+        let measure =
+            measured.then_some(CertificateInput { particles, seed: plan.recipe().seed, level, memory, reached });
+        let done = DecodedFile::new(|certificate| plan.file(&blocks, certificate), measure, context)?;
+        clock.append(done.clock);
+        let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
+        let seconds = clock.seconds();
+        let DecodedFile { bytes, model, .. } = done;
+        let thick = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
+        let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
+        Ok(CompressedModel { bytes, model, reached, step_factor, trained, stopped, notes, seconds })
+    }
+}

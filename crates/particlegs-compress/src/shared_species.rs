@@ -1,0 +1,191 @@
+//! Species that share Gaussians: fitted together as one layer, each with a share of every Gaussian (docs/format.md,
+//! section 15).
+
+use super::Options;
+use super::block::CodedBlock;
+use super::sharing_trial::SharingTrial;
+use particlegs_core::codec::{CodedLayer, FieldPrecision, SHARE, StoredSection};
+use particlegs_core::context::Context;
+use particlegs_core::model::{Block, Layer, Mass, Quantity, Recipe, SharedSpecies};
+use particlegs_core::{Error, Hint, Result, codec};
+use particlegs_fit::{BlockField, FieldShape, gather};
+use particlegs_particles::{Particles, RUN};
+use std::fmt;
+use std::ops::Range;
+
+/// Do the species of a snapshot share Gaussians?
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SharingPolicy {
+    /// Where that describes them better in as many bytes.
+    #[default]
+    Automatic,
+    /// They do.
+    Yes,
+    /// Each has Gaussians of its own.
+    No,
+}
+
+/// Its name in recipes.
+pub(super) const OPTION: &str = "share-gaussians";
+
+impl SharingPolicy {
+    /// The one that made a model.
+    pub(super) fn of_recipe(recipe: &Recipe) -> Self {
+        recipe.read.get(OPTION).and_then(|text| text.parse().ok()).unwrap_or_default()
+    }
+
+    const NAMES: [(&str, SharingPolicy); 3] =
+        [("auto", SharingPolicy::Automatic), ("yes", SharingPolicy::Yes), ("no", SharingPolicy::No)];
+}
+
+impl fmt::Display for SharingPolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(Self::NAMES[*self as usize].0)
+    }
+}
+
+impl std::str::FromStr for SharingPolicy {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let found = Self::NAMES.iter().find(|(name, _)| *name == text);
+        found.map(|f| f.1).ok_or_else(|| "use `auto`, `yes` or `no`".into())
+    }
+}
+
+/// Bytes that a Gaussian and a share of it take about.
+const GAUSSIAN: f64 = 3.85;
+const SHARE_BYTES: f64 = 0.2;
+
+/// All species of a snapshot as one layer.
+pub(super) struct SharedLayer {
+    /// The particles as that layer.
+    pub particles: Particles,
+    pub species: Vec<SharedSpecies>,
+    /// Where the particles of each lie.
+    ranges: Vec<Range<usize>>,
+    /// The part of a file's bytes that is for the Gaussians; the rest is for the shares.
+    pub gaussians: f64,
+}
+
+impl SharedLayer {
+    /// Species that can share Gaussians: 2 to 16, whose particles have no masses of their own.
+    pub fn new(particles: &Particles) -> Result<SharedLayer> {
+        let layers = particles.layers();
+        let refused = |what: &str| {
+            let hint = Hint::from("leave out ").option("share-gaussians", "yes");
+            Error::argument_with(format!("the particle types cannot share Gaussians: {what}"), hint)
+        };
+        if !(2..=SharedSpecies::MOST).contains(&layers.len()) {
+            let there = if layers.len() == 1 { "one type".into() } else { format!("{} types", layers.len()) };
+            return Err(refused(&format!("{there} instead of 2 to {}", SharedSpecies::MOST)));
+        }
+        if let Some(layer) = layers.iter().find(|l| l.mass.is_weighted()) {
+            return Err(refused(&format!("those of type `{}` have individual masses", layer.name)));
+        }
+        let species = |l: &Layer<Range<usize>>| SharedSpecies {
+            name: l.name.clone(),
+            count: l.content.len() as u64,
+            mass: l.mass.unit(),
+        };
+        let mut own: Vec<(SharedSpecies, Range<usize>)> =
+            layers.iter().map(|l| (species(l), l.content.clone())).collect();
+        own.sort_by(|a, b| a.0.name.cmp(&b.0.name));
+        let (species, ranges): (Vec<_>, Vec<_>) = own.into_iter().unzip();
+        let name = SharedSpecies::layer_name(&species);
+        if name.len() > 255 {
+            return Err(refused("the names of the types have more than 255 characters together"));
+        }
+        let layer = Layer { name, mass: Mass::Unknown, content: 0..particles.len() };
+        let particles = particles.of_layer(&layer);
+        let gaussians = GAUSSIAN / (GAUSSIAN + SHARE_BYTES * (species.len() - 1) as f64);
+        Ok(SharedLayer { particles, species, ranges, gaussians })
+    }
+
+    /// As asked for, of particles whose model will have so many `gaussians` and a default particle `radius`. A trial decides
+    /// where nothing is asked for.
+    pub fn chosen(
+        particles: &Particles,
+        options: &Options,
+        gaussians_and_radius: (f64, f64),
+        context: &Context<'_>,
+    ) -> Result<Option<SharedLayer>> {
+        if options.fields && options.sharing == SharingPolicy::Yes {
+            return Err(Error::argument_with(
+                "particle types that share Gaussians cannot have fields",
+                "choose one particle type, or leave the fields out",
+            ));
+        }
+        match (options.sharing, SharedLayer::new(particles)) {
+            (SharingPolicy::Automatic, _) if !options.may_share() => Ok(None),
+            (SharingPolicy::No, _) | (SharingPolicy::Automatic, Err(_)) => Ok(None),
+            (SharingPolicy::Yes, shared) => shared.map(Some),
+            (SharingPolicy::Automatic, Ok(shared)) => {
+                let found =
+                    SharingTrial::new(particles, gaussians_and_radius, context)?.filter(SharingTrial::is_better);
+                Ok(found.map(|t| SharedLayer { gaussians: t.gaussians.min(1.0), ..shared }))
+            }
+        }
+    }
+
+    /// The layer, and its number of particles.
+    pub fn layer(&self) -> Layer<u64> {
+        let layer = &self.particles.layers()[0];
+        layer.with(layer.content.len() as u64)
+    }
+
+    /// Adds the shares of the species to all coded blocks of the layer, in steps so fine that the blocks take `most` bytes
+    /// where that is possible. Gives the part of the bytes that the Gaussians take with the finest shares, if these do not fit.
+    pub fn add_shares(
+        &self,
+        blocks: &mut [CodedBlock],
+        most: Option<u64>,
+        context: &Context<'_>,
+    ) -> Result<Option<f64>> {
+        let mut stored: Vec<&mut codec::StoredBlock> =
+            blocks.iter_mut().flat_map(|b| &mut b.layers).flat_map(|l: &mut CodedLayer| &mut l.content).collect();
+        let decoded = stored.iter().map(|b| codec::decode_block(&b.bytes, "the block just coded"));
+        let decoded = decoded.collect::<Result<Vec<Block>>>()?;
+        let quantities: Vec<Quantity> = self.species.iter().map(SharedSpecies::quantity).collect();
+        let coded = &quantities[..quantities.len() - 1];
+        let shapes: Vec<FieldShape<'_>> = coded.iter().map(FieldShape::new).collect();
+        let read = |run: u64, out: &mut Vec<Vec<f64>>| {
+            let first = run as usize * RUN;
+            let run = first..self.particles.len().min(first + RUN);
+            let is_of = |k: usize, i: usize| f64::from(u8::from(self.ranges[k].contains(&i)));
+            out.extend((0..coded.len()).map(|k| run.clone().map(|i| is_of(k, i)).collect()));
+            Ok(())
+        };
+        let gathered = gather(&decoded, &self.particles, &shapes, &read, context)?;
+        let beside: usize = stored.iter().map(|b| codec::stored_bytes(&b.bytes)).sum();
+        let code = |coarser: f32| -> Vec<Vec<StoredSection>> {
+            let own = FieldPrecision::default();
+            let precision = FieldPrecision { shares: own.shares.map(|s| s * coarser), ..own };
+            let section = |block: &Block, (k, f): (usize, &BlockField)| {
+                let of = (k as u8, &coded[k]);
+                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision, None);
+                StoredSection { tag: SHARE, bytes }
+            };
+            let of_block = |(block, fields): (&Block, &Vec<BlockField>)| {
+                fields.iter().enumerate().map(|f| section(block, f)).collect()
+            };
+            decoded.iter().zip(&gathered).map(of_block).collect()
+        };
+        let bytes =
+            |sections: &[Vec<StoredSection>]| -> usize { sections.iter().flatten().map(StoredSection::size).sum() };
+        let mut sections = code(1.0);
+        let whole = beside + bytes(&sections);
+        let too_small = most.filter(|most| whole as u64 > *most).map(|_| beside as f64 / whole as f64);
+        for coarser in COARSER {
+            if most.is_none_or(|most| (beside + bytes(&sections)) as u64 <= most) {
+                break;
+            }
+            sections = code(coarser);
+        }
+        stored.iter_mut().zip(sections).for_each(|(b, s)| b.sections = s);
+        Ok(too_small)
+    }
+}
+
+/// Multiples of the steps of shares that are tried in turn until they fit.
+const COARSER: [f32; 4] = [1.5, 2.5, 4.0, 8.0];

@@ -1,0 +1,291 @@
+//! Floor 7: what a file says of its snapshot, against the snapshot: decided here, told by the command and by Python.
+
+mod fields;
+mod figures;
+mod series;
+mod source;
+
+use crate::{FieldSelection, certify, differences_from, measured_bytes};
+use fields::FieldComparison;
+pub use figures::StatedFigure;
+use particlegs_core::codec::{FrameCoding, SeriesDecoder, TrackedModel};
+use particlegs_core::context::Context;
+use particlegs_core::model::{Certificate, CertificateLevel, Model, Quantity};
+use particlegs_core::{Error, Result, codec};
+use particlegs_files::model_file::is_of_several;
+use particlegs_measure::score::Assessment;
+use particlegs_particles::{LayerFields, Particles};
+pub use series::SeriesVerification;
+pub use source::check_source;
+
+/// A decoded model with what its file says of it: of a file, or of a frame of a series.
+pub struct StoredModel {
+    /// The model.
+    pub model: Model,
+    /// Its name in errors.
+    pub place: String,
+    /// Merged from several snapshots?
+    pub of_several: bool,
+    bytes: u64,
+    /// Of what its certificate was measured on.
+    measured_bytes: u64,
+    /// Of a frame of changes: the frame before it, and itself.
+    frames: Option<[TrackedModel; 2]>,
+    /// Was a frame of a series coded anew?
+    extracted: bool,
+    /// What it lacks of the fields that it lists.
+    lacking: Vec<String>,
+}
+
+/// What was verified of a model.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Verification {
+    /// Bytes of its file, or of its frame in the file.
+    pub model_bytes: u64,
+    /// Its law.
+    pub law: &'static str,
+    /// Gaussians.
+    pub gaussians: usize,
+    /// Particles that they stand for.
+    pub particles: u64,
+    /// Are these as many as the metadata say?
+    pub counts_sum_to_particles: bool,
+    /// Relative error of the Gaussians' mass.
+    pub mass_error: f64,
+    /// Is the snapshot its source? `None` without a snapshot, and of a merge of several.
+    pub source_matches: Option<bool>,
+    /// What was done about its certificate.
+    pub certificate: &'static str,
+    /// Its certificate.
+    pub stored: Option<Certificate>,
+    /// The same, measured on the snapshot.
+    pub measured_again: Option<Certificate>,
+    /// Every number of these, and what the model says of its fields.
+    pub figures: Vec<StatedFigure>,
+    /// Metadata that differs from the snapshot: name, stored, found.
+    pub source_differences: Vec<[String; 3]>,
+    /// What cannot be: such a file was altered, or another program wrote it.
+    pub contradictions: Vec<String>,
+    /// What is possible, but not likely.
+    pub doubts: Vec<String>,
+    /// What the model is good for.
+    pub verdict: Vec<Assessment>,
+}
+
+impl StoredModel {
+    /// A model and the file that it was decoded from.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`]: its Gaussians do not stand for its particles and mass.
+    pub fn new(model: Model, bytes: &[u8], place: &str) -> Result<StoredModel> {
+        let info = codec::read_info(bytes, place)?;
+        StoredModel {
+            of_several: is_of_several(bytes, &model.metadata, place)?,
+            measured_bytes: measured_bytes(bytes, &model, place)?,
+            bytes: bytes.len() as u64,
+            extracted: info.is_extracted(),
+            lacking: info.lacking_fields,
+            frames: None,
+            place: place.into(),
+            model,
+        }
+        .checked()
+    }
+
+    /// A frame of a series, as it was decoded when its certificate was measured.
+    pub fn of_frame(decoder: &mut SeriesDecoder<'_>, frame: usize, context: &Context<'_>) -> Result<StoredModel> {
+        let (place, bytes) = (decoder.series().name(frame), decoder.series().frame_bytes(frame)?.to_vec());
+        if decoder.series().frames[frame].kind == FrameCoding::Keyframe {
+            return StoredModel::new(decoder.frame(frame, context)?.clone().into_model(), &bytes, &place);
+        }
+        let measured_bytes = decoder.series().measured_bytes(frame)?;
+        let earlier = decoder.series().frames[..frame].iter().rposition(|f| f.kind != FrameCoding::Missing);
+        let earlier = decoder.frame(earlier.unwrap_or_default(), context)?.clone();
+        let own = decoder.frame(frame, context)?.clone();
+        StoredModel {
+            model: own.clone().into_model(),
+            of_several: false,
+            measured_bytes,
+            bytes: bytes.len() as u64,
+            extracted: false,
+            lacking: own.lacking_fields(),
+            frames: Some([earlier, own]),
+            place,
+        }
+        .checked()
+    }
+
+    fn checked(self) -> Result<StoredModel> {
+        let m = &self.model.metadata;
+        let (counts, mass_error) = sums(&self.model);
+        if counts != m.count || mass_error.is_nan() || mass_error > 1e-9 {
+            let what = format!(
+                "its Gaussians stand for {counts} of {} particles, and their mass is off by {mass_error:e}",
+                m.count
+            );
+            return Err(Error::corrupt(&self.place, what));
+        }
+        Ok(self)
+    }
+
+    /// Looks for contradictions, and with a snapshot and the fields of its layers measures again what the file says:
+    /// all that a certificate can have if it is to be `full`. Without the layers' fields, those of the model are not
+    /// compared. `seed` is that of views where the file has none.
+    ///
+    /// # Errors
+    /// [`Error::Input`]: the snapshot is not the model's source.
+    pub fn verify(
+        &self,
+        snapshot: Option<(&Particles, &[LayerFields])>,
+        (full, seed): (bool, u64),
+        context: &Context<'_>,
+    ) -> Result<Verification> {
+        let (model, stored) = (&self.model, self.model.certificate);
+        let (particles, mass_error) = sums(model);
+        let mut contradictions = stored.map_or_else(Vec::new, |c| figures::contradictions(&c, &model.metadata));
+        contradictions.extend(self.lacking.iter().cloned());
+        let mut found = Verification {
+            model_bytes: self.bytes,
+            law: model.metadata.law.name(),
+            gaussians: model.gaussians(),
+            particles,
+            counts_sum_to_particles: true,
+            mass_error,
+            source_matches: None,
+            certificate: if stored.is_some() { "not measured again" } else { "none in the file" },
+            stored,
+            measured_again: None,
+            figures: Vec::new(),
+            source_differences: Vec::new(),
+            contradictions,
+            doubts: stored.as_ref().map_or_else(Vec::new, figures::doubts),
+            verdict: Assessment::unverified(),
+        };
+        if let Some((particles, sources)) = snapshot {
+            check_source(model, self.of_several, particles, &particles.meta.name, &self.place)?;
+            found.source_matches = (!self.of_several).then_some(true);
+            self.measure(particles, sources, (full, seed), &mut found, context)?;
+        }
+        Ok(found)
+    }
+
+    /// The fields of the snapshot that the model lists.
+    fn fields<'a>(&self, particles: &'a Particles, sources: &'a [LayerFields]) -> Result<FieldSelection<'a>> {
+        let m = &self.model.metadata;
+        let names: Vec<String> = m.fields.iter().map(|q| q.name.clone()).collect();
+        let star_forming = m.recipe.read.get("star-forming").and_then(|text| text.parse().ok());
+        let fields = FieldSelection::new(&names, star_forming.unwrap_or_default(), particles, sources, m.law);
+        let fields = fields.map_err(|e| match e {
+            Error::Argument { what, .. } => Error::Differs {
+                place: self.place.clone(),
+                what: format!("its fields are not those of the snapshot: {what}"),
+                hint: "the file was altered, or the snapshot was".into(),
+            },
+            other => other,
+        })?;
+        // A part of a merge may be described otherwise than the whole would be.
+        let fields = if self.of_several { fields.with_scales(&m.fields) } else { fields };
+        if m.fields_hash.is_some() { fields.hashed() } else { Ok(fields) }
+    }
+
+    fn measure(
+        &self,
+        particles: &Particles,
+        sources: &[LayerFields],
+        (full, seed): (bool, u64),
+        found: &mut Verification,
+        context: &Context<'_>,
+    ) -> Result<()> {
+        let (model, m) = (&self.model, &self.model.metadata);
+        let compares_fields = !m.fields.is_empty() && !sources.is_empty();
+        let stored = model.certificate.map(|c| Certificate { fields: c.fields.filter(|_| compares_fields), ..c });
+        let fields = if compares_fields { Some(self.fields(particles, sources)?) } else { None };
+        found.source_differences = differences_from(particles, model, self.of_several);
+        found.source_differences.extend(fields.iter().flat_map(|f| listed_otherwise(&m.fields, f.quantities())));
+        let hashes = m.fields_hash.zip(fields.as_ref().and_then(FieldSelection::hash));
+        if let Some((stored, now)) = hashes.filter(|(stored, now)| stored != now) {
+            let digits = |hash: [u8; 16]| hash.iter().map(|byte| format!("{byte:02x}")).collect();
+            found.source_differences.push(["hash of the fields' values".into(), digits(stored), digits(now)]);
+        }
+        if !found.source_differences.is_empty() {
+            return Ok(());
+        }
+        context.message("this is the snapshot that the file was made from; measuring");
+        let seed = stored.map_or(seed, |c| c.views.seed);
+        let level = stored.as_ref().map_or(CertificateLevel::Quick, figures::level_of);
+        let asked = if full { CertificateLevel::Full } else { level };
+        let mut measured = certify(model, self.measured_bytes, particles, seed, asked, context)?;
+        let comparison = match &fields {
+            Some(fields) => Some(FieldComparison::new(self, fields, seed, context)?),
+            None => None,
+        };
+        if let Some(comparison) = &comparison {
+            found.figures.extend(comparison.figures.iter().cloned());
+            // Models of joined fields have none.
+            let has_own = stored.is_none_or(|c| c.fields.is_some() || asked != level);
+            measured.fields = comparison.gathered.filter(|_| has_own);
+        }
+        // As a file has it.
+        let measured = codec::rounded(&measured);
+        if let Some(stored) = &stored {
+            let completes = figures::level_of(&measured) != level;
+            // Each block's sum is rounded on its own.
+            let exact = stored.blocks.is_none() && m.tool_version == env!("CARGO_PKG_VERSION");
+            found.figures.splice(0..0, figures::side_by_side(stored, &measured, completes, exact));
+        }
+        let told = Certificate { fields: comparison.map(|c| c.of_model), ..measured };
+        found.certificate = if stored.is_some() { "measured again" } else { "none in the file; measured now" };
+        found.measured_again = Some(measured);
+        found.verdict = Assessment::verdict(Some(&told), m);
+        Ok(())
+    }
+}
+
+/// Fields that a file lists otherwise than the snapshot has them: name, stored, found.
+fn listed_otherwise(stored: &[Quantity], found: &[Quantity]) -> Vec<[String; 3]> {
+    let describe = |q: Option<&Quantity>| match q {
+        None => "absent".to_string(),
+        Some(q) => {
+            let unit = q.unit.as_ref().map_or("none", |u| &u.text);
+            let by = if q.by_mass { "mass" } else { "count" };
+            format!("a {}, weighted by {by}, unit {unit}, {} bytes a particle", q.describe_kind(), q.bytes)
+        }
+    };
+    let name = |i: usize| &stored.get(i).or(found.get(i)).expect("one is there").name;
+    let differing = (0..stored.len().max(found.len())).filter(|&i| stored.get(i) != found.get(i));
+    differing.map(|i| [format!("field `{}`", name(i)), describe(stored.get(i)), describe(found.get(i))]).collect()
+}
+
+impl Verification {
+    /// [`Error::Differs`], of the model at `place`, if what it says differs from what was measured, or contradicts itself.
+    pub fn judge(&self, place: &str) -> Result<()> {
+        let differs = |what: String, hint: &str| Error::Differs { place: place.into(), what, hint: hint.into() };
+        let altered = "the file was altered, or another version of the program measured it: do not trust it before you know which";
+        if !self.contradictions.is_empty() {
+            return Err(differs(format!("it contradicts itself: {}", self.contradictions.join("; ")), altered));
+        }
+        if let Some([name, stored, found]) = self.source_differences.first() {
+            let hint = "give the options that the model was made with (`info` shows them); if they are the same, its metadata was altered";
+            return Err(differs(format!("its {name} is {stored} in the file and {found} in the snapshot"), hint));
+        }
+        let off: Vec<&StatedFigure> = self.figures.iter().filter(|f| f.differs).collect();
+        let Some(f) = off.first() else { return Ok(()) };
+        let first = format!("{} is stored as {} and measured as {}", f.name, f.stored, f.measured);
+        Err(differs(format!("{} of {} of its values differ: {first}", off.len(), self.figures.len()), altered))
+    }
+}
+
+/// The particles that the Gaussians stand for, and the relative error of their mass.
+fn sums(model: &Model) -> (u64, f64) {
+    let mut counts = 0u64;
+    let mut mass = 0.0;
+    for block in model.blocks() {
+        let g = &block.gaussians;
+        counts += g.count.iter().map(|&c| c as u64).sum::<u64>();
+        mass += match g.masses() {
+            Some(m) => m.iter().sum::<f64>(),
+            None => block.mass,
+        };
+    }
+    (counts, (mass / model.metadata.mass - 1.0).abs())
+}

@@ -1,0 +1,283 @@
+//! Correlations between the scalar fields of a decoded model's Gaussians, about their means at each place: one more pass
+//! over the particles, after that of [`super::gather`].
+
+use super::assignment::SoftAssignment;
+use super::field_moments::{BlockField, FieldShape, ReadValues, block_of};
+use particlegs_core::context::Context;
+use particlegs_core::math::each_axis;
+use particlegs_core::model::{Block, FieldMoments};
+use particlegs_core::space::Bounds;
+use particlegs_core::{Result, parallel};
+use particlegs_files::memory::require;
+use particlegs_particles::{ChunkBuffer, Particles, RUN};
+
+/// Scalar fields between which correlations are known: the first.
+const MOST: usize = 8;
+/// Particles that the block's own correlation counts as.
+const PRIOR: f64 = 5.0;
+/// Runs of particles that wait together, and Gaussians that one task adds to.
+const RUNS: usize = 16;
+const RANGE: usize = 256;
+/// Values are weighed by a spread of no less than this part of the range.
+const LEAST_SPREAD: f64 = 1e-6;
+
+/// The correlations of two fields, by their places in the list.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldCorrelation {
+    /// The two fields.
+    pub fields: [usize; 2],
+    /// One for each Gaussian.
+    pub values: Vec<f64>,
+}
+
+/// The covariance of two fields, by their places in the list, among the particles that one stands for.
+pub type WithinParticle<'a> = dyn Fn(usize, [usize; 2]) -> f64 + Sync + 'a;
+
+/// Of a pair of fields: number and weight; weighted sums of what both differ by from their means, and of the products.
+type PairSums = [f64; 7];
+
+/// Gathers the correlations of all pairs of scalars among `fields`, whose moments [`super::gather`] gave for these `blocks`
+/// and particles. Gives those of each block. `within` is for particles that stand for several.
+pub fn correlations(
+    blocks: &[Block],
+    particles: &Particles,
+    (fields, moments): (&[FieldShape<'_>], &[Vec<BlockField>]),
+    read: &ReadValues<'_>,
+    within: Option<&WithinParticle<'_>>,
+    context: &Context<'_>,
+) -> Result<Vec<Vec<FieldCorrelation>>> {
+    let scalars: Vec<usize> =
+        (0..fields.len()).filter(|&f| fields[f].components == 1 && !fields[f].share).take(MOST).collect();
+    let pairs: Vec<[usize; 2]> =
+        (0..scalars.len()).flat_map(|b| (0..b).map(move |a| [a, b])).map(|p| p.map(|k| scalars[k])).collect();
+    if pairs.is_empty() {
+        return Ok(vec![Vec::new(); blocks.len()]);
+    }
+    let gaussians: usize = blocks.iter().map(|b| b.gaussians.len()).sum();
+    require("correlations of fields", (gaussians * pairs.len() * size_of::<PairSums>()) as u64)?;
+    let mut first = 0;
+    let mut columns = Vec::with_capacity(fields.len());
+    for field in fields {
+        columns.push(first);
+        first += field.columns();
+    }
+    let pass = CorrelationPass {
+        blocks,
+        bounds: blocks.iter().map(|b| b.bounds).collect(),
+        assignments: blocks.iter().map(|b| SoftAssignment::new(&b.gaussians)).collect(),
+        moments,
+        scalars: scalars.iter().map(|&f| (f, columns[f])).collect(),
+        number: first,
+    };
+    let mut sums: Vec<Vec<PairSums>> =
+        blocks.iter().map(|b| vec![PairSums::default(); pairs.len() * b.gaussians.len()]).collect();
+    let runs = particles.len().div_ceil(RUN);
+    context.begin("correlations of fields", particles.len() as u64);
+    for start in (0..runs).step_by(RUNS) {
+        let batch: Vec<RunResiduals> = parallel::try_map(start..runs.min(start + RUNS), |run| {
+            context.check()?;
+            let mut values = Vec::new();
+            read(run as u64, &mut values)?;
+            Ok::<_, particlegs_core::Error>(pass.residuals(particles, run, &values))
+        })?;
+        for (block, sums) in sums.iter_mut().enumerate() {
+            parallel::for_each_chunk(sums, pairs.len() * RANGE, |task, rows| {
+                let first = (task * RANGE) as u32;
+                let last = first + (rows.len() / pairs.len()) as u32;
+                batch
+                    .iter()
+                    .for_each(|run| run.add_to(rows, &pairs, (block as u32, first..last), (fields.len(), within)));
+            });
+        }
+        context.advance(batch.iter().map(|r| r.particles as u64).sum());
+    }
+    context.end();
+    Ok(sums.iter().map(|sums| finished(sums, &pairs)).collect())
+}
+
+/// What residuals are found by.
+struct CorrelationPass<'a> {
+    blocks: &'a [Block],
+    bounds: Vec<Bounds>,
+    assignments: Vec<SoftAssignment>,
+    moments: &'a [Vec<BlockField>],
+    /// The scalars' places in the list, and their columns.
+    scalars: Vec<(usize, usize)>,
+    /// The column of how many particles each stands for.
+    number: usize,
+}
+
+/// Shares of a run's particles, sorted by block and Gaussian.
+struct RunResiduals {
+    particles: usize,
+    shares: Vec<ParticleShare>,
+    /// For each share, what each field differs by from its mean; NaN where there is no value.
+    residuals: Vec<f64>,
+}
+
+/// The share of a particle in a Gaussian.
+struct ParticleShare {
+    block: u32,
+    gaussian: u32,
+    particle: usize,
+    /// The place of its residuals.
+    place: usize,
+    number: f64,
+    weight: f64,
+}
+
+impl CorrelationPass<'_> {
+    fn residuals(&self, particles: &Particles, run: usize, values: &[Vec<f64>]) -> RunResiduals {
+        let mut buffer = ChunkBuffer::default();
+        let start = run * RUN;
+        let chunk = particles.chunk(start..particles.len().min(start + RUN), &mut buffer);
+        let fields = self.moments.first().map_or(0, Vec::len);
+        let (mut out, mut own) = (Vec::with_capacity(3 * chunk.len()), Vec::new());
+        let mut residuals = Vec::with_capacity(3 * chunk.len() * fields);
+        for i in 0..chunk.len() {
+            let x: [f64; 3] = each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
+            let block = block_of(&self.bounds, x);
+            self.assignments[block].shares(x, &mut own);
+            let g = &self.blocks[block].gaussians;
+            let first = residuals.len();
+            for (gaussian, share) in &mut own {
+                let j = *gaussian as usize;
+                let d: [f64; 3] = each_axis(|k| x[k] - g.mean[k][j]);
+                let begin = residuals.len();
+                residuals.resize(begin + fields, f64::NAN);
+                *share = share.ln();
+                for &(field, column) in &self.scalars {
+                    let moments = &self.moments[block][field].moments;
+                    let off = values[column][i] - moments.mean_at(0, j, d);
+                    residuals[begin + field] = off;
+                    if !off.is_nan() {
+                        *share += log_density(moments, j, off);
+                    }
+                }
+            }
+            let largest = own.iter().fold(f64::NEG_INFINITY, |l, s| l.max(s.1));
+            own.iter_mut().for_each(|s| s.1 = (s.1 - largest).exp());
+            let total: f64 = own.iter().map(|s| s.1).sum();
+            let number = values.get(self.number).map_or(1.0, |n| n[i]);
+            let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+            out.extend(own.iter().enumerate().map(|(k, &(gaussian, share))| ParticleShare {
+                block: block as u32,
+                gaussian,
+                particle: start + i,
+                place: first + k * fields,
+                number: share / total * number,
+                weight: share / total * weight,
+            }));
+        }
+        out.sort_by_key(|s| (s.block, s.gaussian));
+        RunResiduals { particles: chunk.len(), shares: out, residuals }
+    }
+}
+
+/// The logarithm of a scalar's density where it differs so much from the mean; 0 of a field that is the same everywhere.
+fn log_density(moments: &FieldMoments, i: usize, off: f64) -> f64 {
+    let [least, largest] = moments.range[0];
+    let floor = (LEAST_SPREAD * (largest - least)).powi(2);
+    if floor.is_nan() || floor <= 0.0 {
+        return 0.0;
+    }
+    let variance = moments.spread[0][i].max(floor);
+    -0.5 * (variance.ln() + off * off / variance)
+}
+
+impl RunResiduals {
+    /// Adds to the rows of some Gaussians of a block.
+    fn add_to(
+        &self,
+        rows: &mut [PairSums],
+        pairs: &[[usize; 2]],
+        (block, range): (u32, std::ops::Range<u32>),
+        (fields, within): (usize, Option<&WithinParticle<'_>>),
+    ) {
+        let place = |gaussian: u32| self.shares.partition_point(|s| (s.block, s.gaussian) < (block, gaussian));
+        for share in &self.shares[place(range.start)..place(range.end)] {
+            let own = &self.residuals[share.place..][..fields];
+            let rows = &mut rows[(share.gaussian - range.start) as usize * pairs.len()..][..pairs.len()];
+            for (row, &[a, b]) in rows.iter_mut().zip(pairs) {
+                let (x, y) = (own[a], own[b]);
+                if x.is_nan() || y.is_nan() {
+                    continue;
+                }
+                let inside = |p, q| within.map_or(0.0, |of| of(share.particle, [p, q]));
+                let products = [x * x + inside(a, a), y * y + inside(b, b), x * y + inside(a, b)];
+                let (n, w) = (share.number, share.weight);
+                let terms = [n, w, w * x, w * y, w * products[0], w * products[1], w * products[2]];
+                row.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+            }
+        }
+    }
+}
+
+/// Variances and covariance about the means.
+fn covariance(s: &PairSums) -> [f64; 3] {
+    let [_, w, x, y, xx, yy, xy] = *s;
+    if w > 0.0 { [xx / w - x / w * (x / w), yy / w - y / w * (y / w), xy / w - x / w * (y / w)] } else { [0.0; 3] }
+}
+
+fn correlation([xx, yy, xy]: [f64; 3]) -> f64 {
+    let r = xy / (xx * yy).sqrt();
+    if r.is_finite() { r.clamp(-1.0, 1.0) } else { 0.0 }
+}
+
+/// The correlations of a block's Gaussians: those of few particles are near that of all.
+fn finished(sums: &[PairSums], pairs: &[[usize; 2]]) -> Vec<FieldCorrelation> {
+    let of_pair = |(place, &fields): (usize, &[usize; 2])| {
+        let own = || sums.iter().skip(place).step_by(pairs.len());
+        let pooled = own().fold([0.0; 3], |all, s| {
+            let own = covariance(s);
+            [0, 1, 2].map(|k| all[k] + s[1] * own[k])
+        });
+        let prior = correlation(pooled);
+        let value = |s: &PairSums| (s[0] * correlation(covariance(s)) + PRIOR * prior) / (s[0] + PRIOR);
+        FieldCorrelation { fields, values: own().map(value).collect() }
+    };
+    pairs.iter().enumerate().map(of_pair).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gather;
+    use particlegs_core::math::{Random, Sym3};
+    use particlegs_core::model::Mixture;
+
+    /// Two clouds; in one the fields rise together, in the other one falls as the other rises.
+    #[test]
+    fn what_slopes_leave_correlates_as_the_particles_do() {
+        const COUNT: usize = 20_000;
+        let mut g = Mixture::new(false);
+        g.push([0.0; 3], Sym3::scaled_identity(1.0), COUNT as f64 / 2.0, 0.0);
+        g.push([20.0, 0.0, 0.0], Sym3::scaled_identity(1.0), COUNT as f64 / 2.0, 0.0);
+        let (mut place, mut a, mut b) = ([const { Vec::new() }; 3], Vec::new(), Vec::new());
+        for i in 0..COUNT as u64 {
+            let mut r = Random::new(3, 0, i);
+            let x = [r.normal() + 20.0 * (i % 2) as f64, r.normal(), r.normal()];
+            let rho: f64 = if i % 2 == 0 { 0.8 } else { -0.5 };
+            let (u, v) = (r.normal(), r.normal());
+            a.push(5.0 + 3.0 * x[1] + u);
+            b.push(2.0 - 7.0 * x[1] + 4.0 * (rho * u + (1.0 - rho * rho).sqrt() * v));
+            (0..3).for_each(|k| place[k].push(x[k] as f32));
+        }
+        let [x, y, z] = place;
+        let particles = Particles::from_columns(x, y, z);
+        let bounds = Bounds { min: [-50.0; 3], max: [50.0; 3] };
+        let blocks = [Block { bounds, count: COUNT as u64, mass: COUNT as f64, gaussians: g }];
+        let shape = |name| FieldShape { name, components: 1, logarithmic: false, may_lack: false, share: false };
+        let shapes = [shape("a"), shape("b")];
+        let read = |run: u64, out: &mut Vec<Vec<f64>>| {
+            let range = run as usize * RUN..COUNT.min((run as usize + 1) * RUN);
+            out.extend([&a, &b].map(|v| v[range.clone()].to_vec()));
+            Ok(())
+        };
+        let moments = gather(&blocks, &particles, &shapes, &read, &Context::SILENT).unwrap();
+        let found = correlations(&blocks, &particles, (&shapes, &moments), &read, None, &Context::SILENT).unwrap();
+        let [one] = &found[0][..] else { panic!("one pair") };
+        assert_eq!(one.fields, [0, 1]);
+        assert!((one.values[0] - 0.8).abs() < 0.01 && (one.values[1] + 0.5).abs() < 0.02, "{:?}", one.values);
+    }
+}

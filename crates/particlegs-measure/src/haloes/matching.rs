@@ -1,0 +1,159 @@
+//! One catalogue against another: which haloes are in both, and how their masses compare.
+
+use super::table::HaloCatalogue;
+use crate::stats::{PointGrid, quantile};
+use particlegs_core::{Error, Result};
+use particlegs_particles::Domain;
+
+/// Particles within R200m of a halo that must be found again, and of one that it may be found as.
+const LEAST: f64 = 300.0;
+const LEAST_COUNTERPART: f64 = 200.0;
+/// Masses of the same halo differ by at most this factor.
+const FACTOR: f64 = 2.0;
+
+/// How the haloes of a catalogue are found in another.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct HaloMatch {
+    /// Haloes of the truth with 300 particles and more within R200m.
+    pub truth: u64,
+    /// Those of the other.
+    pub other: u64,
+    /// Share of the truth's that the other has: within R200m, in mass within a factor of 2, with 200 particles and more.
+    pub completeness: Option<f64>,
+    /// Share of the other's that the truth has.
+    pub purity: Option<f64>,
+    /// Median of other / truth of M200m, of the truth's haloes that are found.
+    pub mass_median: Option<f64>,
+    /// Half the distance between its 16th and 84th percentiles.
+    pub mass_scatter: Option<f64>,
+}
+
+/// What is compared of a halo.
+struct ComparedHaloes {
+    centers: Vec<[f64; 3]>,
+    mass: Vec<f64>,
+    radius: Vec<f64>,
+    count: Vec<f64>,
+}
+
+impl ComparedHaloes {
+    fn new(catalogue: &HaloCatalogue, domain: &Domain) -> Option<Self> {
+        let column = |name: &str| catalogue.column(name).map(<[f64]>::to_vec);
+        let (mass, _) = catalogue.masses()?;
+        let centers = catalogue.centers.iter().map(|c| domain.local(*c)).collect();
+        Some(ComparedHaloes { centers, mass, radius: column("r200m")?, count: column("n200m")? })
+    }
+
+    fn is_large(&self, i: usize, least: f64) -> bool {
+        self.count[i] >= least && self.mass[i] > 0.0 && self.radius[i] > 0.0
+    }
+}
+
+impl HaloMatch {
+    /// Compares catalogues in one box and the same unit of length; `None` where one has no masses.
+    ///
+    /// # Errors
+    /// Masses in different units, or of one in particles.
+    pub fn new([truth, other]: [&HaloCatalogue; 2], domain: &Domain) -> Result<Option<HaloMatch>> {
+        let units = [truth, other].map(|c| c.masses().map(|(_, unit)| unit));
+        if let [Some(of_truth), Some(own)] = units
+            && of_truth != own
+        {
+            let what = format!("its masses are in {own}, those of the truth in {of_truth}: they cannot be compared");
+            return Err(Error::input_with("the catalogue", what, "state masses and their unit for both"));
+        }
+        let both = [truth, other].map(|c| ComparedHaloes::new(c, domain));
+        let [Some(truth), Some(other)] = both else { return Ok(None) };
+        let (number, found, ratios) = found_in(&truth, &other, domain)?;
+        let (number_of_other, found_of_other, _) = found_in(&other, &truth, domain)?;
+        let share = |found: u64, all: u64| (all > 0).then(|| found as f64 / all as f64);
+        let at = |p: f64| quantile(&ratios, p);
+        Ok(Some(HaloMatch {
+            truth: number,
+            other: number_of_other,
+            completeness: share(found, number),
+            purity: share(found_of_other, number_of_other),
+            mass_median: at(0.5),
+            mass_scatter: at(0.16).zip(at(0.84)).map(|(low, high)| 0.5 * (high - low)),
+        }))
+    }
+}
+
+/// Large haloes of one, how many of them another has, and their ratios of mass, ascending. The heaviest choose first, each
+/// the nearest.
+fn found_in(of: &ComparedHaloes, other: &ComparedHaloes, domain: &Domain) -> Result<(u64, u64, Vec<f64>)> {
+    let mut order: Vec<usize> = (0..of.mass.len()).filter(|i| of.is_large(*i, LEAST)).collect();
+    order.sort_by(|a, b| of.mass[*b].total_cmp(&of.mass[*a]).then(a.cmp(b)));
+    let points = PointGrid::new(&other.centers, domain, 0.0)?;
+    let mut taken = vec![false; other.mass.len()];
+    let mut ratios = Vec::new();
+    for &i in &order {
+        let (center, radius) = (of.centers[i], of.radius[i]);
+        let mut nearest: Option<(f64, usize)> = None;
+        points.near(points.cell_of(center), radius, |run, shift| {
+            for at in run {
+                let j = points.index[at] as usize;
+                let square: f64 = (0..3).map(|k| points.position[at][k] + shift[k] - center[k]).map(|d| d * d).sum();
+                let ratio = other.mass[j] / of.mass[i];
+                let alike = (1.0 / FACTOR..=FACTOR).contains(&ratio) && other.is_large(j, LEAST_COUNTERPART);
+                if alike && !taken[j] && square <= radius * radius && nearest.is_none_or(|n| (square, j) < n) {
+                    nearest = Some((square, j));
+                }
+            }
+        });
+        if let Some((_, j)) = nearest {
+            taken[j] = true;
+            ratios.push(other.mass[j] / of.mass[i]);
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    Ok((order.len() as u64, ratios.len() as u64, ratios))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::haloes::HaloColumn;
+
+    fn catalogue(haloes: &[([f64; 3], f64, f64)]) -> HaloCatalogue {
+        let column = |name: &str, of: &dyn Fn(usize) -> f64| HaloColumn {
+            name: name.into(),
+            values: (0..haloes.len()).map(of).collect(),
+            ..HaloColumn::default()
+        };
+        HaloCatalogue {
+            columns: vec![
+                column("n200m", &|i| haloes[i].1),
+                column("m200m", &|i| haloes[i].1),
+                column("r200m", &|i| haloes[i].2),
+            ],
+            centers: haloes.iter().map(|h| h.0).collect(),
+            ..HaloCatalogue::default()
+        }
+    }
+
+    #[test]
+    fn haloes_are_found_again_within_their_radius_and_a_factor_of_two() {
+        let domain = Domain::upright([0.0; 3], [10.0; 3], [true; 3]);
+        let truth = catalogue(&[
+            ([9.9, 5.0, 5.0], 1000.0, 0.5),
+            ([2.0; 3], 400.0, 0.4),
+            ([4.0; 3], 500.0, 0.4),
+            ([7.0; 3], 299.0, 0.4),
+            ([8.0; 3], f64::NAN, f64::NAN),
+        ]);
+        let other = catalogue(&[
+            ([0.1, 5.0, 5.0], 1100.0, 0.5),
+            ([2.0, 2.0, 2.3], 250.0, 0.4),
+            ([4.0, 4.5, 4.0], 500.0, 0.4),
+            ([7.0; 3], 310.0, 0.4),
+        ]);
+        let found = HaloMatch::new([&truth, &other], &domain).unwrap().unwrap();
+        assert_eq!((found.truth, found.other), (3, 3));
+        assert_eq!((found.completeness, found.purity), (Some(2.0 / 3.0), Some(2.0 / 3.0)));
+        assert!((found.mass_median.unwrap() - 0.5 * (1.1 + 0.625)).abs() < 1e-12);
+        let itself = HaloMatch::new([&truth, &truth], &domain).unwrap().unwrap();
+        assert_eq!((itself.completeness, itself.mass_median, itself.mass_scatter), (Some(1.0), Some(1.0), Some(0.0)));
+        assert_eq!(HaloMatch::new([&truth, &HaloCatalogue::default()], &domain).unwrap(), None);
+    }
+}

@@ -1,0 +1,191 @@
+//! Groups of linked particles, what is attached to them, and where they are densest.
+
+use crate::stats::{
+    LinkedParticles, PointGrid, find_groups, gathered, group_offsets, longest_link, mean_place, shrunk_center,
+};
+use particlegs_core::context::Context;
+use particlegs_core::math::each_axis;
+use particlegs_core::model::is_species;
+use particlegs_core::{Error, Result, parallel};
+use particlegs_particles::{Domain, Particles};
+use std::f64::consts::PI;
+use std::ops::Range;
+
+/// A cell in which the density peak is looked for, as a share of the radius of a sphere of 200 times the mean density.
+const CELL: f64 = 0.25;
+/// From where spheres shrink, in cells.
+const SHRINK_FROM: f64 = 1.5;
+/// Layers of dark matter.
+const DARK_MATTER: &str = "dm";
+
+/// Groups, the largest first.
+pub struct LinkedHaloes {
+    pub linking_length: f64,
+    /// Linked particles of each, by their number among all.
+    pub members: Vec<Vec<u32>>,
+    /// Mean number density of linked particles, in the region where they lie.
+    pub number_density: f64,
+    /// Mass of each: linked particles and those attached to them.
+    pub masses: Vec<f64>,
+    /// Particles of other species attached to each; `None` where all are linked.
+    pub attached: Option<Vec<u64>>,
+    /// Which particles are of the finest of a zoom; `None` in other boxes.
+    pub fine: Option<Vec<bool>>,
+    /// What is linked, in words.
+    pub note: Option<String>,
+}
+
+/// What is linked.
+pub struct LinkOptions<'a> {
+    /// Particles of the source, of which all are there or the dense part.
+    pub number: u64,
+    /// Linking length in mean spacings of the linked particles.
+    pub linking: f64,
+    pub smallest: usize,
+    /// Layers that are linked; by default those of dark matter where there are some, else all.
+    pub linked: &'a [String],
+}
+
+impl LinkedHaloes {
+    pub fn find(
+        p: &Particles,
+        positions: &[[f64; 3]],
+        domain: &Domain,
+        o: &LinkOptions<'_>,
+        mass: &(impl Fn(u32) -> f64 + Sync),
+        context: &Context<'_>,
+    ) -> Result<LinkedHaloes> {
+        let chosen = linked_layers(p, o.linked)?;
+        let finest = LinkedParticles::new(p, positions, domain);
+        let fine = finest.index().map(|index| {
+            let mut fine = vec![false; p.len()];
+            index.iter().for_each(|i| fine[*i as usize] = true);
+            fine
+        });
+        let linked = match &chosen {
+            Some(layers) => finest.only(&ranges(p, layers), p.len()),
+            None => finest,
+        };
+        let spacing = linked.spacing * (p.len() as f64 / o.number as f64).cbrt();
+        let length = o.linking * spacing;
+        if length > longest_link(domain) {
+            let what =
+                format!("the linking length {length:.4} is more than a third of the box: there are too few particles");
+            return Err(Error::argument(what));
+        }
+        let groups = match linked.index() {
+            None => find_groups(positions, domain, length, o.smallest, context)?.members,
+            Some(index) => {
+                let mut groups = find_groups(&gathered(positions, index), domain, length, o.smallest, context)?.members;
+                parallel::for_each(&mut groups, |m| m.iter_mut().for_each(|i| *i = index[*i as usize]));
+                groups
+            }
+        };
+        let number_density = spacing.powi(-3);
+        let mut found = LinkedHaloes {
+            linking_length: length,
+            masses: parallel::map(&groups, |members| members.iter().map(|i| mass(*i)).sum()),
+            members: groups,
+            number_density,
+            attached: None,
+            fine,
+            note: chosen.as_ref().map(|layers| format!("linked: {}; others are attached", layers.join(", "))),
+        };
+        if let (Some(_), Some(index)) = (&chosen, linked.index()) {
+            found.attach(p, positions, (domain, index), mass, context)?;
+        }
+        Ok(found)
+    }
+
+    /// Adds each particle that is not linked, and not one of a zoom's coarse ones, to the group of the nearest linked one
+    /// within the linking length.
+    fn attach(
+        &mut self,
+        p: &Particles,
+        positions: &[[f64; 3]],
+        (domain, linked): (&Domain, &[u32]),
+        mass: &(impl Fn(u32) -> f64 + Sync),
+        context: &Context<'_>,
+    ) -> Result<()> {
+        let mut group = vec![u32::MAX; p.len()];
+        let mut is_linked = vec![false; p.len()];
+        linked.iter().for_each(|i| is_linked[*i as usize] = true);
+        for (number, members) in self.members.iter().enumerate() {
+            members.iter().for_each(|i| group[*i as usize] = number as u32);
+        }
+        let points = PointGrid::new(&gathered(positions, linked), domain, self.linking_length)?;
+        let others: Vec<u32> = (0..p.len() as u32)
+            .filter(|i| !is_linked[*i as usize] && self.fine.as_ref().is_none_or(|fine| fine[*i as usize]))
+            .collect();
+        let nearest = parallel::try_map(&others, |i| {
+            context.check()?;
+            let x = positions[*i as usize];
+            let mut best = (self.linking_length * self.linking_length, u32::MAX);
+            points.near(points.cell_of(x), self.linking_length, |run, shift| {
+                for at in run {
+                    let square = (0..3).map(|k| points.position[at][k] + shift[k] - x[k]).map(|d| d * d).sum::<f64>();
+                    // Of equal distances the first particle.
+                    let number = linked[points.index[at] as usize];
+                    if square < best.0 || square == best.0 && number < best.1 {
+                        best = (square, number);
+                    }
+                }
+            });
+            Ok::<u32, Error>(group.get(best.1 as usize).copied().unwrap_or(u32::MAX))
+        })?;
+        let mut attached = vec![0; self.members.len()];
+        for (i, number) in others.iter().zip(nearest).filter(|(_, number)| *number != u32::MAX) {
+            attached[number as usize] += 1;
+            self.masses[number as usize] += mass(*i);
+        }
+        self.attached = Some(attached);
+        Ok(())
+    }
+}
+
+/// Names of the layers that are linked, where these are not all.
+fn linked_layers(p: &Particles, asked: &[String]) -> Result<Option<Vec<String>>> {
+    let names = || p.layers().iter().map(|l| &l.name);
+    if let Some(missing) = asked.iter().find(|asked| !names().any(|name| is_species(name, asked))) {
+        let all: Vec<&str> = names().map(String::as_str).collect();
+        return Err(Error::argument(format!(
+            "there is no particle type `{missing}` to link; there are {}",
+            all.join(", ")
+        )));
+    }
+    let is_meant = |name: &&String| match asked {
+        [] => is_species(name, DARK_MATTER),
+        _ => asked.iter().any(|asked| is_species(name, asked)),
+    };
+    let chosen: Vec<String> = names().filter(is_meant).cloned().collect();
+    Ok((!chosen.is_empty() && chosen.len() < p.layers().len()).then_some(chosen))
+}
+
+fn ranges(p: &Particles, layers: &[String]) -> Vec<Range<usize>> {
+    p.layers().iter().filter(|l| layers.contains(&l.name)).map(|l| l.content.clone()).collect()
+}
+
+/// Where members of a group are densest, relative to the domain's corner: the cells with the most members, and from there spheres that shrink.
+pub fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, number_density: f64) -> [f64; 3] {
+    let Some((first, all)) = group_offsets(positions, members, domain) else { return [0.0; 3] };
+    let side = CELL * (members.len() as f64 / (800.0 / 3.0 * PI * number_density)).cbrt();
+    let cell = |x: &[f64; 3]| -> [i32; 3] { each_axis(|k| (x[k] / side).floor() as i32) };
+    let mut cells: Vec<[i32; 3]> = all.iter().map(cell).collect();
+    cells.sort_unstable();
+    let counts: Vec<([i32; 3], usize)> = cells.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect();
+    // Rows of cells about one, each from the first that the last one's neighbours began with: all are sorted alike.
+    let mut rows: Vec<(i32, i32, usize)> = (0..9).map(|i| (i / 3 - 1, i % 3 - 1, 0)).collect();
+    let mut around = |[x, y, z]: [i32; 3]| -> usize {
+        let in_row = |(i, j, first): &mut (i32, i32, usize)| {
+            *first += counts[*first..].iter().take_while(|c| c.0 < [x + *i, y + *j, z - 1]).count();
+            let row = counts[*first..].iter().take_while(|c| c.0 <= [x + *i, y + *j, z + 1]);
+            row.map(|c| c.1).sum::<usize>()
+        };
+        rows.iter_mut().map(in_row).sum()
+    };
+    let densest = counts.iter().map(|c| (around(c.0), c.0)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+    let near = |x: &&[f64; 3]| densest.is_some_and(|(_, center)| (0..3).all(|k| (cell(x)[k] - center[k]).abs() <= 1));
+    let start = mean_place(&all.iter().filter(near).copied().collect::<Vec<_>>());
+    let center = shrunk_center(all, start, SHRINK_FROM * side);
+    domain.local(each_axis(|k| domain.min[k] + first[k] + center[k]))
+}

@@ -1,0 +1,271 @@
+//! What a certificate can be added up of: sums over a part of the particles and its Gaussians.
+//!
+//! Optical depths, masses in cells and the weights that shot noise follows from add up; ParaView's pictures, whose splats
+//! hide each other, do not, nor do groups and neighbours across parts. A [`MeasurementFrame`] says what all parts share. Sections are
+//! little-endian, of a fixed order and independent of threads; rows of zeros are left out.
+
+use super::cells::finest;
+use super::density::{DensityGrid, GRID};
+use super::evaluate::clipped;
+use super::field_sums::FieldCells;
+use super::science::spectrum_options;
+use super::views::{SIZE, certificate_views};
+use crate::stats::{Assignment, Field, Grid, SpectrumOptions, Subject, deposit};
+use particlegs_core::camera::View;
+use particlegs_core::context::Context;
+use particlegs_core::model::{CERTIFIED_FIELDS, Metadata, Model};
+use particlegs_core::render::Scene;
+use particlegs_core::{Result, render};
+use particlegs_particles::{Domain, Particles};
+use particlegs_reference::Reference;
+
+/// A section of a part's sums: of the particles (0) or of the Gaussians (1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SumsSection {
+    /// The particles' mass and the sum of its squares.
+    Weights,
+    /// Mass in the cells of the certificate's coarse grid.
+    Density(usize),
+    /// Mass in the smallest cells.
+    Cells(usize),
+    /// The spectrum's field, as it is (0) and moved by half a cell (1).
+    Spectrum(usize, usize),
+    /// Optical depth in a view.
+    View(usize, usize),
+    /// A field in its cells ([`super::field_section`]), empty where there is none.
+    Field(usize),
+}
+
+impl SumsSection {
+    /// All, in the order of a part.
+    pub const ALL: [SumsSection; 15 + CERTIFIED_FIELDS] = {
+        use SumsSection::{Cells, Density, Field, Spectrum, View, Weights};
+        [
+            Weights,
+            Density(0),
+            Density(1),
+            Cells(0),
+            Cells(1),
+            Spectrum(0, 0),
+            Spectrum(0, 1),
+            Spectrum(1, 0),
+            Spectrum(1, 1),
+            View(0, 0),
+            View(0, 1),
+            View(0, 2),
+            View(1, 0),
+            View(1, 1),
+            View(1, 2),
+            Field(0),
+            Field(1),
+            Field(2),
+            Field(3),
+            Field(4),
+            Field(5),
+            Field(6),
+            Field(7),
+        ]
+    };
+}
+
+/// What all parts of a snapshot are measured by: it follows from what is known of the whole.
+pub struct MeasurementFrame {
+    /// Metadata of the whole.
+    pub metadata: Metadata,
+    /// Box of the whole.
+    pub domain: Domain,
+    /// The certificate's views, with the whole's clipping ranges.
+    pub views: Vec<View>,
+    /// Cells of the certificate's density.
+    pub density: DensityGrid,
+    /// The smallest cells, where there are enough.
+    pub cells: Option<Grid>,
+    /// How P(k) is measured.
+    pub spectrum: SpectrumOptions,
+    /// Cells in which fields are compared.
+    pub fields: FieldCells,
+}
+
+impl MeasurementFrame {
+    /// The frame of a snapshot of this metadata, in views that `seed` turns.
+    pub fn new(metadata: &Metadata, seed: u64) -> MeasurementFrame {
+        let domain = Domain::new(&metadata.bounds, metadata.cell.as_ref());
+        let views = certificate_views(metadata, SIZE, seed);
+        let count = metadata.count as usize;
+        MeasurementFrame {
+            domain,
+            views: views.iter().map(|v| clipped(v, &metadata.bounds)).collect(),
+            density: DensityGrid::new(&metadata.bounds, metadata.cell.as_ref(), GRID),
+            cells: finest(&domain, count),
+            // Parts do not know how many Gaussians there are of all.
+            spectrum: SpectrumOptions { assignment: Assignment::Cic, ..spectrum_options(&domain, count) },
+            fields: FieldCells::new(metadata, seed),
+            metadata: metadata.clone(),
+        }
+    }
+
+    /// The grid that P(k) is measured on.
+    pub fn spectrum_grid(&self) -> Grid {
+        Grid::new(&self.domain, self.spectrum.cells)
+    }
+
+    /// Numbers that a section adds up, and how many of them are a row.
+    pub fn shape(&self, section: SumsSection) -> [usize; 2] {
+        let of = |g: &Grid| [g.len(), g.cells[2]];
+        match section {
+            SumsSection::Weights => [2, 2],
+            SumsSection::Density(_) => of(self.density.grid()),
+            SumsSection::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
+            SumsSection::Spectrum(..) => of(&self.spectrum_grid()),
+            SumsSection::View(..) => [SIZE.pixels(), SIZE.width],
+            SumsSection::Field(_) => [0, 1],
+        }
+    }
+
+    /// One section of a part: `particles` and the `model` made of them. Those of fields are measured elsewhere.
+    pub fn measure(
+        &self,
+        section: SumsSection,
+        model: &Model,
+        particles: &Particles,
+        context: &Context<'_>,
+    ) -> Result<Vec<u8>> {
+        let part = PartWithModel { frame: self, layers: layers_of(particles), model, context };
+        let [_, width] = self.shape(section);
+        Ok(match section {
+            SumsSection::Weights => part.weights().into_iter().flat_map(f64::to_le_bytes).collect(),
+            SumsSection::Density(side) => rows(&part.density(side)?, width),
+            SumsSection::Cells(side) => match &self.cells {
+                Some(grid) => rows(&part.field(side, grid, Assignment::Ngp, 0.0)?, width),
+                None => Vec::new(),
+            },
+            SumsSection::Spectrum(side, moved) => {
+                rows(&part.field(side, &self.spectrum_grid(), self.spectrum.assignment, 0.5 * moved as f64)?, width)
+            }
+            SumsSection::View(side, view) => rows(&part.optical_depth(side, &self.views[view])?, width),
+            SumsSection::Field(_) => Vec::new(),
+        })
+    }
+}
+
+/// Each layer on its own: its mass is then its own, wherever the particles come from.
+fn layers_of(particles: &Particles) -> Vec<Particles> {
+    particles.layers().iter().map(|l| particles.of_layer(l)).filter(|l| !l.is_empty()).collect()
+}
+
+struct PartWithModel<'a> {
+    frame: &'a MeasurementFrame,
+    layers: Vec<Particles>,
+    model: &'a Model,
+    context: &'a Context<'a>,
+}
+
+impl PartWithModel<'_> {
+    fn weights(&self) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for p in &self.layers {
+            let unit = p.meta.particle_mass.unwrap_or(1.0);
+            let own = match p.weights() {
+                None => [p.len() as f64; 2],
+                Some(w) => w.iter().fold([0.0; 2], |s, &w| [s[0] + f64::from(w), s[1] + f64::from(w) * f64::from(w)]),
+            };
+            (sums[0], sums[1]) = (sums[0] + unit * own[0], sums[1] + unit * unit * own[1]);
+        }
+        sums
+    }
+
+    fn density(&self, side: usize) -> Result<Vec<f32>> {
+        let grid = &self.frame.density;
+        let mut sum = vec![0.0f64; grid.grid().len()];
+        let mut add = |own: Vec<f64>| sum.iter_mut().zip(own).for_each(|(s, v)| *s += v);
+        match side {
+            0 => self.layers.iter().try_for_each(|p| grid.of_particles(p, self.context).map(&mut add))?,
+            _ => add(grid.of_model(self.model, self.context)?),
+        }
+        Ok(sum.into_iter().map(|v| v as f32).collect())
+    }
+
+    fn field(&self, side: usize, grid: &Grid, scheme: Assignment, shift: f64) -> Result<Vec<f32>> {
+        let of = |subject| deposit(subject, grid, scheme, shift, self.context).map(|f: Field| f.mass);
+        if side == 1 {
+            return of(Subject::Model(self.model));
+        }
+        let mut sum: Vec<f32> = Vec::new();
+        for p in &self.layers {
+            let own = of(Subject::Particles(p))?;
+            match sum.is_empty() {
+                true => sum = own,
+                false => sum.iter_mut().zip(own).for_each(|(s, v)| *s += v),
+            }
+        }
+        Ok(sum)
+    }
+
+    fn optical_depth(&self, side: usize, view: &View) -> Result<Vec<f32>> {
+        let size = SIZE;
+        if side == 1 {
+            return Ok(render::optical_depth(&Scene::new(self.model), view, size, self.context)?.data);
+        }
+        let mut sum = vec![0.0f32; size.pixels()];
+        for p in &self.layers {
+            let own = Reference::with_bounds(p, self.frame.metadata.bounds).optical_depth(view, size, self.context)?;
+            sum.iter_mut().zip(own.data).for_each(|(s, v)| *s += v);
+        }
+        Ok(sum)
+    }
+}
+
+/// The rows of `values` that hold anything: u32 number, u32 first and u32 count of the values from the first to the last
+/// that is not 0, and these as f32.
+fn rows(values: &[f32], width: usize) -> Vec<u8> {
+    let mut out = Vec::new();
+    for (number, row) in values.chunks(width).enumerate() {
+        let Some(first) = row.iter().position(|v| *v != 0.0) else { continue };
+        let last = row.iter().rposition(|v| *v != 0.0).unwrap_or(first);
+        [number, first, last + 1 - first].iter().for_each(|n| out.extend((*n as u32).to_le_bytes()));
+        row[first..=last].iter().for_each(|v| out.extend(v.to_le_bytes()));
+    }
+    out
+}
+
+/// Adds the rows of a section; `None` where they are none of these.
+pub(super) fn add_rows(sum: &mut [f32], width: usize, mut bytes: &[u8]) -> Option<()> {
+    while !bytes.is_empty() {
+        let (head, rest) = bytes.split_at_checked(12)?;
+        let [number, first, count] =
+            [0, 4, 8].map(|at| u32::from_le_bytes(std::array::from_fn(|b| head[at + b])) as usize);
+        let (values, rest) = rest.split_at_checked(count.checked_mul(4)?)?;
+        let row = sum.get_mut(number.checked_mul(width)?..)?;
+        let row = row.get_mut(first..first.checked_add(count).filter(|end| *end <= width)?)?;
+        for (s, v) in row.iter_mut().zip(values.chunks_exact(4)) {
+            *s += f32::from_le_bytes(std::array::from_fn(|b| v[b]));
+        }
+        bytes = rest;
+    }
+    Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_come_back_and_contradictions_do_not() {
+        let mut values = vec![0.0f32; 20];
+        (values[3], values[11], values[14]) = (1.5, -2.0, 7.0);
+        let bytes = rows(&values, 5);
+        assert_eq!(bytes.len(), 12 + 4 + 12 + 4 * 4);
+        let mut sum = vec![1.0f32; 20];
+        add_rows(&mut sum, 5, &bytes).unwrap();
+        assert!(sum.iter().zip(&values).all(|(s, v)| *s == v + 1.0));
+        for cut in [1, 11, 13, bytes.len() - 1] {
+            assert!(add_rows(&mut sum, 5, &bytes[..cut]).is_none(), "{cut}");
+        }
+        for (at, value) in [(0, 4u32), (4, 5), (8, u32::MAX)] {
+            let mut bad = bytes.clone();
+            bad[at..at + 4].copy_from_slice(&value.to_le_bytes());
+            assert!(add_rows(&mut sum, 5, &bad).is_none(), "{at}");
+        }
+        assert!(add_rows(&mut sum[..10], 5, &bytes).is_none());
+    }
+}

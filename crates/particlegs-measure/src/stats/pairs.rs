@@ -1,0 +1,344 @@
+//! xi(r) by pair counts: whole numbers, the same for any threads and instruction set.
+//!
+//! Every pair of a primary and another particle is put into a bin of its separation. Where all
+//! pairs would be too many, primaries are a seeded sample; their partners are always all. The count
+//! expected of a uniform distribution is in closed form, so no random catalogue is needed:
+//! 4 pi r^2 dr per volume, less what an open box's edges cut off.
+
+use super::Domain;
+use super::points::PointGrid;
+use particlegs_core::context::Context;
+use particlegs_core::math::{Purpose, Random, each_axis};
+use particlegs_core::{Error, Result, parallel};
+use std::f64::consts::PI;
+
+/// Primaries in one step of parallel work.
+const STEP: usize = 256;
+/// Parts of the square of a distance that are told apart before edges are compared.
+const PARTS: usize = 1024;
+
+/// Pair counts of one set of particles.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct PairCounts {
+    /// Edges of the bins, world units: a pair is in a bin where low <= r < high.
+    pub edges: Vec<f64>,
+    /// Pairs in each bin, primary and other (a pair of two primaries counts twice).
+    pub pairs: Vec<u64>,
+    /// Primaries in each bin's band: all particles, or a sample.
+    pub primaries: Vec<u64>,
+    /// Pairs expected of a uniform distribution.
+    pub expected: Vec<f64>,
+    /// pairs / expected - 1.
+    pub xi: Vec<f64>,
+    /// Number of particles.
+    pub particles: u64,
+}
+
+impl PairCounts {
+    /// Some band of separations counts the pairs of a sample only.
+    pub(super) fn sampled(&self) -> bool {
+        self.primaries.iter().any(|p| *p < self.particles)
+    }
+}
+
+pub struct PairOptions {
+    /// Edges of the bins, ascending.
+    pub edges: Vec<f64>,
+    /// Largest over smallest separation of a band, but for what one bin spans.
+    pub band: f64,
+    /// Distances that may be taken, about; above it, primaries are a sample.
+    pub budget: u64,
+    pub seed: u64,
+}
+
+/// Bins of equal ratio, `per_decade` of them.
+pub fn logarithmic_edges(low: f64, high: f64, per_decade: usize) -> Vec<f64> {
+    let bins = ((high / low).log10() * per_decade as f64).round().max(1.0) as usize;
+    (0..=bins).map(|i| low * (high / low).powf(i as f64 / bins as f64)).collect()
+}
+
+/// The mean over directions of the share of a box that a displacement of length `r` keeps inside:
+/// 1 for a periodic box, the isotropised set covariance of an open one (valid for r up to its
+/// shortest open edge).
+fn kept(domain: &Domain, r: f64) -> f64 {
+    // Means of |x|, |x y| and |x y z| over the unit sphere: 1/2, 2/(3 pi), 1/(4 pi).
+    let a: [f64; 3] = each_axis(|k| if domain.periodic[k] { 0.0 } else { r / domain.length[k] });
+    1.0 - 0.5 * (a[0] + a[1] + a[2]) + 2.0 / (3.0 * PI) * (a[0] * a[1] + a[1] * a[2] + a[2] * a[0])
+        - a[0] * a[1] * a[2] / (4.0 * PI)
+}
+
+/// The volume of a shell, weighted with [`kept`]: the integrand is a polynomial of degree 5, which
+/// three points of Gauss and Legendre take exactly.
+fn shell_volume(domain: &Domain, low: f64, high: f64) -> f64 {
+    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+    let node = (0.6f64).sqrt();
+    [(-node, 5.0 / 9.0), (0.0, 8.0 / 9.0), (node, 5.0 / 9.0)]
+        .iter()
+        .map(|(x, w)| {
+            let r = middle + half * x;
+            w * half * 4.0 * PI * r * r * kept(domain, r)
+        })
+        .sum()
+}
+
+/// The longest separation that can be counted: half of the shortest edge that repeats, or the
+/// shortest open one.
+pub fn longest_separation(domain: &Domain) -> f64 {
+    (0..3).map(|k| domain.length[k] * if domain.periodic[k] { 0.5 } else { 1.0 }).fold(f64::INFINITY, f64::min)
+}
+
+/// Counts pairs. Bins are worked in bands of at most a factor of `band` in separation, each with its own
+/// grid and, where it must be, its own sample of primaries.
+pub fn count_pairs(
+    positions: &[[f64; 3]],
+    domain: &Domain,
+    o: &PairOptions,
+    context: &Context<'_>,
+) -> Result<PairCounts> {
+    let (edges, bins) = (&o.edges, o.edges.len().saturating_sub(1));
+    let ascending = edges.windows(2).all(|e| e[0] < e[1]) && edges.first().is_some_and(|e| *e >= 0.0);
+    if bins == 0 || !ascending || edges[bins] > longest_separation(domain) * (1.0 + 1e-9) {
+        return Err(Error::argument(format!(
+            "separations must be in ascending order, from 0 or more to at most {:.6}",
+            longest_separation(domain)
+        )));
+    }
+    let n = positions.len() as u64;
+    let mut counts = PairCounts {
+        edges: edges.clone(),
+        pairs: vec![0; bins],
+        primaries: vec![0; bins],
+        expected: vec![0.0; bins],
+        xi: vec![0.0; bins],
+        particles: n,
+    };
+    let mut first = 0;
+    while first < bins {
+        let last =
+            (first + 1..=bins).take_while(|b| edges[*b] <= o.band * edges[first + 1]).last().unwrap_or(first + 1);
+        let band = &edges[first..=last];
+        let points = PointGrid::new(positions, domain, 0.5 * band[band.len() - 1])?;
+        context.check()?;
+        let primaries = choose(&points, band[band.len() - 1], o, first as u64);
+        let pairs = count_band(&points, &primaries, band, context)?;
+        for b in first..last {
+            counts.pairs[b] = pairs[b - first];
+            counts.primaries[b] = primaries.len() as u64;
+            let density = n.saturating_sub(1) as f64 / domain.volume();
+            counts.expected[b] = primaries.len() as f64 * density * shell_volume(domain, edges[b], edges[b + 1]);
+            counts.xi[b] =
+                if counts.expected[b] > 0.0 { pairs[b - first] as f64 / counts.expected[b] - 1.0 } else { 0.0 };
+        }
+        first = last;
+    }
+    Ok(counts)
+}
+
+/// The primaries of a band, as places in the sorted points: all, or as many as the budget allows.
+fn choose(points: &PointGrid, reach: f64, o: &PairOptions, band: u64) -> Vec<u32> {
+    let n = points.position.len();
+    // Work of all, from a few thousand of them.
+    let probe = n.clamp(1, 4096);
+    let work = parallel::map_range(probe.min(n), |i| {
+        let at = points.position[(i as u64 * n as u64 / probe as u64) as usize];
+        let mut near = 0;
+        points.near(points.cell_of(at), reach, |run, _| near += run.len() as u64);
+        near
+    });
+    let work: u64 = work.into_iter().sum();
+    let each = work as f64 / probe as f64;
+    let most = (o.budget as f64 / each.max(1.0)).max(1000.0);
+    if most >= n as f64 {
+        return (0..n as u32).collect();
+    }
+    // Each particle on its own: by its index in the snapshot, so that the sample is of particles.
+    let share = most / n as f64;
+    let seed = Random::from_purpose(Purpose::PairSample, o.seed, band).bits();
+    (0..n as u32).filter(|i| uniform(seed, points.index[*i as usize]) < share).collect()
+}
+
+/// A cheap hash of an index under a seed, in [0, 1) (SplitMix64's mixer).
+fn uniform(seed: u64, index: u32) -> f64 {
+    let mut z = seed.wrapping_add((u64::from(index) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+}
+
+/// Bins by the square of a distance.
+struct DistanceBins {
+    squares: Vec<f64>,
+    /// Square of the last edge.
+    end: f64,
+    /// Edges at or below the beginning of each of [`PARTS`] parts of the whole.
+    below: Vec<u32>,
+    parts_per: f64,
+}
+
+impl DistanceBins {
+    fn new(edges: &[f64]) -> Self {
+        let squares: Vec<f64> = edges.iter().map(|e| e * e).collect();
+        let end = squares[squares.len() - 1];
+        // A little lower, so that rounding passes over no edge.
+        let begins = |part: usize| (part as f64 - 1e-6) * (end / PARTS as f64);
+        let below = (0..=PARTS).map(|p| squares.iter().take_while(|s| **s <= begins(p)).count() as u32).collect();
+        DistanceBins { squares, end, below, parts_per: PARTS as f64 / end }
+    }
+
+    /// 1 + the bin that holds the square of a distance below the last edge; 0 below the first.
+    #[inline]
+    fn bin(&self, square: f64) -> usize {
+        // Squares of the tiniest distances have parts without end.
+        let part = ((square * self.parts_per) as usize).min(PARTS);
+        let mut bin = if self.parts_per.is_finite() { self.below[part] as usize } else { 0 };
+        while square >= self.squares[bin] {
+            bin += 1;
+        }
+        bin
+    }
+}
+
+fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], context: &Context<'_>) -> Result<Vec<u64>> {
+    let bins = DistanceBins::new(edges);
+    let reach = edges[edges.len() - 1];
+    context.begin("pair counts", primaries.len() as u64);
+    let parts = parallel::try_map(primaries.chunks(STEP), |run| {
+        // One more bin before the first takes what is nearer.
+        let mut counts = vec![0u64; edges.len()];
+        for &i in run {
+            context.check()?;
+            let at = points.position[i as usize];
+            points.near(points.cell_of(at), reach, |others, shift| {
+                let origin: [f64; 3] = each_axis(|k| at[k] - shift[k]);
+                for o in &points.position[others] {
+                    let d = [o[0] - origin[0], o[1] - origin[1], o[2] - origin[2]];
+                    let r = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                    if r < bins.end {
+                        counts[bins.bin(r)] += 1;
+                    }
+                }
+            });
+            // The primary itself, unless its square of a distance was no less than the last edge's, 0.
+            if bins.end > 0.0 {
+                counts[bins.bin(0.0)] -= 1;
+            }
+        }
+        context.advance(run.len() as u64);
+        Ok(counts)
+    })?;
+    context.end();
+    let mut pairs = vec![0; edges.len() - 1];
+    parts.iter().for_each(|p| pairs.iter_mut().zip(&p[1..]).for_each(|(s, v)| *s += v));
+    Ok(pairs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::local_positions;
+    use particlegs_core::context::Context;
+    use particlegs_particles::testing::{gas, on_threads, random_points, square_between, tilted_cells};
+
+    fn random(n: usize, length: [f64; 3], seed: u64) -> Vec<[f64; 3]> {
+        random_points(n, seed, |_, r| length.map(|l| f64::from((r.uniform() * l) as f32)))
+    }
+
+    fn plain(x: &[[f64; 3]], domain: &Domain, edges: &[f64]) -> Vec<u64> {
+        let mut out = vec![0; edges.len() - 1];
+        for i in 0..x.len() {
+            for j in (0..x.len()).filter(|j| *j != i) {
+                let r = square_between(domain, x[i], x[j]);
+                (0..out.len())
+                    .filter(|b| r >= edges[*b].powi(2) && r < edges[*b + 1].powi(2))
+                    .for_each(|b| out[b] += 1);
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn counts_are_those_of_all_pairs_in_any_box() {
+        for (length, periodic, n) in [
+            ([5.0, 5.0, 5.0], [true; 3], 700),
+            ([2.0, 9.0, 6.0], [true, true, false], 500),
+            ([3.0, 4.0, 5.0], [false; 3], 400),
+            ([1.0, 1.0, 1.0], [true; 3], 3),
+        ] {
+            let domain = Domain::upright([0.0; 3], length, periodic);
+            let x = random(n, length, 3);
+            let mut edges = logarithmic_edges(0.02, 0.98 * longest_separation(&domain), 6);
+            edges.insert(0, 0.0);
+            let o = PairOptions { edges: edges.clone(), band: 3.0, budget: u64::MAX, seed: 1 };
+            let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
+            assert_eq!(c.pairs, plain(&x, &domain, &edges), "{length:?}");
+            assert!(c.primaries.iter().all(|p| *p == n as u64));
+        }
+    }
+
+    #[test]
+    fn counts_in_tilted_boxes_are_those_of_all_pairs_and_a_gas_has_no_correlation() {
+        for cell in tilted_cells() {
+            let p = gas(500, &cell, 2);
+            let domain = Domain::from_particles(&p);
+            let x = local_positions(&p, &domain);
+            let longest = longest_separation(&domain);
+            let edges: Vec<f64> = (0..=6).map(|i| longest * f64::from(i) / 6.0).collect();
+            let o = PairOptions { edges: edges.clone(), band: 10.0, budget: u64::MAX, seed: 1 };
+            let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
+            assert_eq!(c.pairs, plain(&x, &domain, &edges), "{cell:?}");
+            for b in 0..6 {
+                let sigma = (2.0 / c.expected[b]).sqrt();
+                assert!(c.xi[b].abs() < 3.0 * sigma + 0.01, "{cell:?} {b}: {} {sigma}", c.xi[b]);
+            }
+        }
+    }
+
+    #[test]
+    fn threads_change_no_count() {
+        let domain = Domain::upright([0.0; 3], [4.0; 3], [true; 3]);
+        let x = random(20_000, [4.0; 3], 5);
+        let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), band: 3.0, budget: 2_000_000, seed: 1 };
+        let run = |threads| on_threads(threads, || count_pairs(&x, &domain, &o, &Context::SILENT).unwrap());
+        let (one, many) = (run(1), run(6));
+        assert_eq!(one, many);
+        assert!(one.primaries[0] > one.primaries[one.primaries.len() - 1], "{:?}", one.primaries);
+    }
+
+    /// Uniform points have no correlation, in an open slab neither: its edges are accounted for.
+    #[test]
+    fn uniform_points_have_no_correlation() {
+        for periodic in [[true; 3], [false; 3], [false, true, true]] {
+            let domain = Domain::upright([0.0; 3], [1.0, 3.0, 2.0], periodic);
+            let x = random(6000, domain.length, 9);
+            let o = PairOptions { edges: vec![0.1, 0.2, 0.3, 0.4, 0.5], band: 3.0, budget: u64::MAX, seed: 1 };
+            let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
+            for b in 0..4 {
+                let sigma = (2.0 / c.expected[b]).sqrt();
+                assert!(c.xi[b].abs() < 4.0 * sigma + 0.006, "{periodic:?} {b}: {} {sigma}", c.xi[b]);
+            }
+        }
+    }
+
+    /// A lattice: 6 neighbours at 1, 12 at sqrt 2, 8 at sqrt 3, none between.
+    #[test]
+    fn a_lattice_has_its_shells() {
+        let x: Vec<[f64; 3]> = (0..512).map(|i| [i / 64, i / 8 % 8, i % 8].map(|v| v as f64)).collect();
+        let domain = Domain::upright([0.0; 3], [8.0; 3], [true; 3]);
+        let o = PairOptions { edges: vec![0.5, 0.9, 1.1, 1.3, 1.5, 1.6, 1.8], band: 3.0, budget: u64::MAX, seed: 1 };
+        let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
+        assert_eq!(c.pairs, [0, 6 * 512, 0, 12 * 512, 0, 8 * 512]);
+        assert_eq!(c.xi[0], -1.0);
+    }
+
+    #[test]
+    fn separations_beyond_the_box_are_refused() {
+        let domain = Domain::upright([0.0; 3], [1.0, 2.0, 2.0], [true; 3]);
+        for edges in [vec![0.1, 0.6], vec![0.2, 0.1], vec![0.1], vec![]] {
+            let o = PairOptions { edges, band: 3.0, budget: 1, seed: 1 };
+            assert!(matches!(
+                count_pairs(&[[0.5; 3]; 2], &domain, &o, &Context::SILENT).unwrap_err(),
+                particlegs_core::Error::Argument { .. }
+            ));
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! g(r), the radial distribution function of molecular dynamics: pair counts in linear bins over those of an
+//! ideal gas.
+
+use super::PairCounts;
+
+const BINS: usize = 200;
+/// A peak stands out from what is before and behind it by this share of its height, at least ...
+const PROMINENCE: f64 = 0.1;
+/// ... and by so many standard deviations of its pairs' number: 200 bins of noise span about six.
+const SIGMAS: f64 = 8.0;
+/// Pairs of an ideal gas below which a bin's g says nothing: one pair alone makes a peak.
+const FEWEST_PAIRS: f64 = 100.0;
+
+/// Edges of the bins, from 0 to `longest`.
+pub(super) fn rdf_edges(longest: f64) -> Vec<f64> {
+    (0..=BINS).map(|i| longest * i as f64 / BINS as f64).collect()
+}
+
+impl PairCounts {
+    /// g(r) = xi(r) + 1 of each bin.
+    pub fn g(&self) -> Vec<f64> {
+        self.xi.iter().map(|xi| xi + 1.0).collect()
+    }
+
+    /// Middle of the bin and g(r) of the first peak: the first maximum with lower values on either side, a tenth of
+    /// its height and more below it and by more than noise. `None` of a gas, and where g(r) only falls.
+    pub fn first_peak(&self) -> Option<[f64; 2]> {
+        let g = self.g();
+        let least = |i: usize| {
+            let deviation = (2.0 * self.pairs[i] as f64).sqrt() / self.expected[i].max(f64::MIN_POSITIVE);
+            (PROMINENCE * g[i]).max(SIGMAS * deviation)
+        };
+        let (mut lowest, mut top) = (f64::INFINITY, None);
+        for i in 0..g.len() {
+            match top {
+                None if g[i] > 0.0 && g[i] >= lowest + least(i) => top = Some(i),
+                None => lowest = lowest.min(g[i]),
+                Some(t) if g[i] > g[t] => top = Some(i),
+                Some(t) if g[i] <= g[t] - least(t) => return Some([0.5 * (self.edges[t] + self.edges[t + 1]), g[t]]),
+                Some(_) => {}
+            }
+        }
+        None
+    }
+}
+
+/// Middle of the bin and the difference of g(r), other - truth, where it is largest; bins in which an ideal gas
+/// would have fewer than 100 pairs are not looked at.
+pub(super) fn largest_difference([truth, other]: &[PairCounts; 2]) -> Option<[f64; 2]> {
+    let judged = |i: &usize| truth.expected[*i].min(other.expected[*i]) >= FEWEST_PAIRS;
+    let at = |i: usize| [0.5 * (truth.edges[i] + truth.edges[i + 1]), other.xi[i] - truth.xi[i]];
+    (0..truth.xi.len()).filter(judged).map(at).max_by(|a, b| a[1].abs().total_cmp(&b[1].abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Domain;
+    use super::super::pairs::{PairOptions, count_pairs};
+    use super::*;
+    use particlegs_core::context::Context;
+    use particlegs_core::math::Random;
+
+    fn counted(x: &[[f64; 3]], length: f64, longest: f64) -> PairCounts {
+        let domain = Domain::upright([0.0; 3], [length; 3], [true; 3]);
+        let o = PairOptions { edges: rdf_edges(longest), band: 10.0, budget: u64::MAX, seed: 1 };
+        count_pairs(x, &domain, &o, &Context::SILENT).unwrap()
+    }
+
+    fn uniform(n: usize, length: f64, seed: u64) -> Vec<[f64; 3]> {
+        let mut r = Random::new(seed, 0, 0);
+        (0..n).map(|_| [0; 3].map(|_| length * r.uniform())).collect()
+    }
+
+    /// A simple cubic lattice: 6 neighbours at 1, 12 at sqrt 2, 8 at sqrt 3, and nothing between.
+    #[test]
+    fn a_lattice_peaks_at_its_shells() {
+        let x: Vec<[f64; 3]> = (0..1000).map(|i| [i / 100, i / 10 % 10, i % 10].map(f64::from)).collect();
+        let c = counted(&x, 10.0, 2.01);
+        let g = c.g();
+        let full: Vec<usize> = (0..g.len()).filter(|i| g[*i] > 0.0).collect();
+        let shells = [1.0, 2.0f64.sqrt(), 3.0f64.sqrt(), 2.0].map(|r| (r / 2.01 * 200.0) as usize);
+        assert_eq!(full, shells);
+        let [at, height] = c.first_peak().unwrap();
+        let shell = 4.0 / 3.0 * std::f64::consts::PI * (c.edges[shells[0] + 1].powi(3) - c.edges[shells[0]].powi(3));
+        assert!((at - 1.0).abs() < 0.011 && (height * shell * 0.999 / 6.0 - 1.0).abs() < 1e-9, "{at} {height}");
+    }
+
+    #[test]
+    fn an_ideal_gas_is_flat_and_has_no_peak() {
+        let c = counted(&uniform(20_000, 10.0, 4), 10.0, 1.5);
+        for (i, g) in c.g().iter().enumerate() {
+            let deviation = (2.0 / c.expected[i]).sqrt();
+            assert!(c.expected[i] < 100.0 || (g - 1.0).abs() < 5.0 * deviation, "{i}: {g} {deviation}");
+        }
+        assert_eq!(c.first_peak(), None);
+    }
+
+    /// Pairs of points at a distance of about 0.3, in a gas of them.
+    #[test]
+    fn molecules_have_the_length_of_their_bond() {
+        let mut x = uniform(5000, 10.0, 4);
+        for i in 0..5000u64 {
+            let mut r = Random::new(9, 1, i);
+            let turned = [r.normal(), r.normal(), r.normal()];
+            let scale = (0.3 + 0.01 * r.normal()) / turned.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let at = x[i as usize];
+            x.push([0, 1, 2].map(|k: usize| (at[k] + scale * turned[k]).rem_euclid(10.0)));
+        }
+        let c = counted(&x, 10.0, 1.5);
+        let [at, height] = c.first_peak().unwrap();
+        assert!((at - 0.3).abs() < 0.012 && height > 4.0, "{at} {height}");
+        let gas = counted(&uniform(10_000, 10.0, 5), 10.0, 1.5);
+        let [r, difference] = largest_difference(&[c, gas]).unwrap();
+        assert!((r - 0.3).abs() < 0.012 && difference < -3.0, "{r} {difference}");
+    }
+}

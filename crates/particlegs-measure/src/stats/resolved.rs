@@ -1,0 +1,165 @@
+//! A Gaussian that the grid resolves, or cells of a half, a quarter or an eighth: its density at their centres.
+//!
+//! A cell's integral smooths by a box of variance 1/12; a Gaussian wider by that is the same to a few
+//! parts in ten thousand where its smallest deviation is near a cell or above. Along a row the
+//! exponent is a parabola, so that each cell costs two products. Where the grid is too coarse its cells are
+//! divided, and what the parts hold is added up.
+
+use super::Grid;
+use super::field_cells::CellQuantity;
+use super::slab::Slab;
+use particlegs_core::math::{Sym3, each_axis};
+use std::ops::Range;
+
+/// Smallest deviation in cells: sums over cells then keep mass to 1e-6.
+const FINEST: f64 = 0.8;
+/// Gaussians end here, in deviations; ...
+const REACH: f64 = 5.0;
+/// ... where this share of their mass is inside.
+const INSIDE: f64 = 0.999_984_559_501_709;
+
+/// Cells are divided into at most so many along each axis, as a power of two.
+const MOST_HALVINGS: u32 = 3;
+/// Parts of cells that a Gaussian may reach: more are for coarser means.
+const MOST_PARTS: f64 = 4e6;
+
+/// A Gaussian in units of cells, or of the parts that they are divided into.
+pub(super) struct ResolvedGaussian<Q> {
+    /// The grid of the parts.
+    fine: Grid,
+    /// Parts of a cell along an axis, as a power of two.
+    halvings: u32,
+    mean: [f64; 3],
+    /// Inverse of the covariance with the cells' variance.
+    inverse: Sym3,
+    /// The exponent's least value along z, of x and y: xx, xy, yy.
+    projected: [f64; 3],
+    /// The exponent's least value along y and z, a form of x.
+    line: f64,
+    /// Half its extent along x.
+    half: f64,
+    peak: f64,
+    /// Ratios of neighbours along z have this ratio from one cell to the next.
+    step: f64,
+    /// What its mass carries, by distances in parts.
+    quantity: Q,
+}
+
+impl<Q: CellQuantity> ResolvedGaussian<Q> {
+    /// `None` where the smallest parts are too coarse for it, or it is many boxes wide.
+    pub fn new(grid: &Grid, mean: [f64; 3], cov: &Sym3, smallest: f64, (mass, quantity): (f64, &Q)) -> Option<Self> {
+        let coarsest = grid.side[0].max(grid.side[1]).max(grid.side[2]);
+        let enough = |h: &u32| smallest * f64::from(1u32 << h) >= FINEST * coarsest * (1.0 - 1e-9);
+        let halvings = (0..=MOST_HALVINGS).find(enough)?;
+        let parts = f64::from(1u32 << halvings);
+        let fine = Grid { side: grid.side.map(|s| s / parts), cells: grid.cells.map(|n| n << halvings), ..*grid };
+        let g = &fine;
+        let [a, b, c] = g.side.map(f64::recip);
+        let v = &cov.0;
+        let within = 1.0 / 12.0;
+        let wide = Sym3([
+            v[0] * a * a + within,
+            v[1] * a * b,
+            v[2] * a * c,
+            v[3] * b * b + within,
+            v[4] * b * c,
+            v[5] * c * c + within,
+        ]);
+        let half = [wide.0[0], wide.0[3], wide.0[5]].map(|v| REACH * v.sqrt());
+        let mut middle: [f64; 3] = each_axis(|k| (mean[k] - g.min[k]) / g.side[k]);
+        for k in 0..3 {
+            let n = g.cells[k] as f64;
+            if g.periodic[k] {
+                middle[k] = middle[k].rem_euclid(n);
+            }
+            // Wider than the box it is folded many times, which is not for here. Neither is what is no number.
+            if !(half[k] <= n * Q::WIDEST && middle[k].abs() < 1e9) {
+                return None;
+            }
+        }
+        let (inverse, det) = (wide.inverse()?, wide.det());
+        let peak = mass / INSIDE * (2.0 * std::f64::consts::PI).powf(-1.5) / det.sqrt();
+        let [xx, xy, xz, yy, yz, zz] = inverse.0;
+        // The parabola's least value along z is a form of x and y, and along y then one of x.
+        let projected = [xx - xz * xz / zz, xy - xz * yz / zz, yy - yz * yz / zz];
+        let line = projected[0] - projected[1] * projected[1] / projected[2];
+        let sound = zz > 0.0 && projected[2] > 0.0 && line > 0.0 && peak.is_finite();
+        // The ellipsoid's volume, 4/3 pi times its half-axes.
+        let few = halvings == 0 || 4.2 * REACH.powi(3) * det.sqrt() <= MOST_PARTS;
+        (sound && few).then_some(ResolvedGaussian {
+            fine,
+            halvings,
+            mean: middle,
+            inverse,
+            projected,
+            line,
+            half: half[0],
+            peak,
+            step: (-zz).exp(),
+            quantity: quantity.widened(&inverse, g.side),
+        })
+    }
+
+    /// Adds what lies in a slab.
+    pub fn add_to(&self, slab: &mut Slab<'_, Q::Sum>) {
+        let (g, planes, held) = (&self.fine, &slab.planes, &mut *slab.cells);
+        let [.., xz, _, yz, zz] = self.inverse.0;
+        let [pxx, pxy, pyy] = self.projected;
+        let most = REACH * REACH;
+        for i in cells(self.mean[0], self.half) {
+            let plane = place(g, 0, i).map(|p| p >> self.halvings);
+            let Some(plane) = plane.filter(|p| planes.contains(p)) else { continue };
+            let dx = i as f64 + 0.5 - self.mean[0];
+            let left = most - self.line * dx * dx;
+            if left <= 0.0 {
+                continue;
+            }
+            for j in cells(self.mean[1] - pxy / pyy * dx, (left / pyy).sqrt()) {
+                let Some(line) = place(g, 1, j) else { continue };
+                let dy = j as f64 + 0.5 - self.mean[1];
+                let least = pxx * dx * dx + 2.0 * pxy * dx * dy + pyy * dy * dy;
+                if least >= most {
+                    continue;
+                }
+                let middle = self.mean[2] - (xz * dx + yz * dy) / zz;
+                let row = slab.grid.index([plane - planes.start, line >> self.halvings, 0]);
+                let row = &mut held[row..row + slab.grid.cells[2]];
+                self.add_row(row, [dx, dy, middle], ((most - least) / zz).sqrt(), least);
+            }
+        }
+    }
+
+    /// One row along z, `dx` and `dy` from the mean, about `middle`, where the exponent is -`least` / 2.
+    fn add_row(&self, row: &mut [Q::Sum], [dx, dy, middle]: [f64; 3], half: f64, least: f64) {
+        let (zz, count) = (self.inverse.0[5], self.fine.cells[2]);
+        let (run, n) = (cells(middle, half), count as i64);
+        let run = if self.fine.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
+        if run.is_empty() {
+            return;
+        }
+        let dz = run.start as f64 + 0.5 - middle;
+        let mut value = self.peak * (-0.5 * (least + zz * dz * dz)).exp();
+        let mut ratio = (-zz * (dz + 0.5)).exp();
+        let mut k = run.start.rem_euclid(n) as usize;
+        for part in run {
+            let from_mean = [dx, dy, part as f64 + 0.5 - self.mean[2]];
+            self.quantity.add(&mut row[k >> self.halvings], value, from_mean);
+            (value, ratio) = (value * ratio, ratio * self.step);
+            k = if k + 1 == count { 0 } else { k + 1 };
+        }
+    }
+}
+
+/// Cells whose centres lie within `half` of `middle`.
+fn cells(middle: f64, half: f64) -> Range<i64> {
+    (middle - half - 0.5).ceil() as i64..(middle + half - 0.5).floor() as i64 + 1
+}
+
+/// The stored cell, or `None` beyond an open edge.
+fn place(g: &Grid, axis: usize, i: i64) -> Option<usize> {
+    let n = g.cells[axis] as i64;
+    if (0..n).contains(&i) {
+        return Some(i as usize);
+    }
+    g.periodic[axis].then(|| i.rem_euclid(n) as usize)
+}

@@ -1,0 +1,368 @@
+//! Power spectra: P(k) of each field, their cross power and its correlation coefficient r(k).
+//!
+//! A field is deposited twice, the second time half a cell moved, and the two transforms averaged
+//! with the phase taken back: odd aliases cancel (interlacing; Sefusatti et al. 2016, eq. 21). The
+//! assignment's window, a power of sinc on each axis, is divided out, and the shot noise
+//! V sum w^2 / (sum w)^2 subtracted.
+
+use super::density::mean_mass;
+use super::deposit::deposit_again;
+use super::transform::{Modes, transform, transform_bytes};
+use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
+use particlegs_core::context::Context;
+use particlegs_core::math::each_axis;
+use particlegs_core::{Result, parallel};
+use realfft::num_complex::Complex64;
+use std::f64::consts::PI;
+
+/// How power spectra are measured.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct SpectrumOptions {
+    /// Cells along the longest edge.
+    pub cells: usize,
+    /// Mass assignment of particles (a model's Gaussians are integrated over cells).
+    pub assignment: Assignment,
+    /// The spectra of a grid moved by half a cell are averaged in.
+    pub interlaced: bool,
+    /// The assignment's window is divided out.
+    pub deconvolved: bool,
+    /// The shot noise of particles is subtracted.
+    pub shot_noise_subtracted: bool,
+    /// Largest wave number; at most the grid's Nyquist frequency.
+    pub k_max: f64,
+}
+
+/// One shell of wave numbers.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Shell {
+    /// Lowest and highest wave number.
+    pub edges: [f64; 2],
+    /// Mean wave number of its modes.
+    pub k: f64,
+    /// Modes, of which half are independent.
+    pub modes: u64,
+    /// Power of each field, volume units, shot noise subtracted where the options say so.
+    pub power: [f64; 2],
+    /// Cross power, volume units.
+    pub cross: f64,
+    /// Power of the second over the first.
+    pub ratio: Option<f64>,
+    /// Correlation coefficient of the fields as they are, noise included: at most 1.
+    pub r: Option<f64>,
+    /// The same with the shot noise subtracted from both powers.
+    pub r_without_noise: Option<f64>,
+}
+
+/// Spectra of two fields.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Spectra {
+    /// How they were taken: what [`Statistics::options`](super::Statistics) come to.
+    pub(super) options: SpectrumOptions,
+    /// Cells along each axis.
+    pub cells: [usize; 3],
+    /// Shot noise of each, volume units; 0 for a mixture.
+    pub shot_noise: [f64; 2],
+    /// Shells of width 2 pi over the longest edge.
+    pub shells: Vec<Shell>,
+}
+
+/// Interlaced, deconvolved modes of a subject's delta, and what the window left; in units of `mean`, a cell's mean, or of
+/// its own.
+pub(super) fn modes_of(
+    subject: Subject<'_>,
+    mean: Option<f64>,
+    grid: &Grid,
+    most: [usize; 3],
+    o: &SpectrumOptions,
+    context: &Context<'_>,
+) -> Result<Modes> {
+    let scheme = if subject.particles().is_some() { o.assignment } else { Assignment::Ngp };
+    let field = |moved: usize, spare: Option<Field>| match spare {
+        Some(field) => deposit_again(subject, field, scheme, 0.5 * moved as f64, context),
+        None => deposit(subject, grid, scheme, 0.5 * moved as f64, context),
+    };
+    modes_of_fields(&field, (scheme, mean), most, o, context)
+}
+
+/// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1), which may take the first one's
+/// memory.
+fn modes_of_fields(
+    field: &dyn Fn(usize, Option<Field>) -> Result<Field>,
+    (scheme, mean): (Assignment, Option<f64>),
+    most: [usize; 3],
+    o: &SpectrumOptions,
+    context: &Context<'_>,
+) -> Result<Modes> {
+    let first = field(0, None)?;
+    let grid = first.grid;
+    let modes_of = |f: &Field| transform(f, mean.unwrap_or_else(|| mean_mass(f)), most, context);
+    let mut modes = modes_of(&first)?;
+    let second = if o.interlaced { Some(modes_of(&field(1, Some(first))?)?) } else { None };
+    let (columns, depth) = modes.plane();
+    let n = grid.cells.map(|n| n as f64);
+    let window: [Vec<f64>; 3] = each_axis(|k| {
+        let power = if o.deconvolved { scheme.order() as i32 } else { 0 };
+        (0..=most[k]).map(|m| sinc(PI * m as f64 / n[k]).powi(power)).collect()
+    });
+    parallel::for_each_chunk(&mut modes.value, columns * depth, |i, plane| {
+        let mx = i as i64 - most[0] as i64;
+        for (at, value) in plane.iter_mut().enumerate() {
+            let (my, mz) = ((at / depth) as i64 - most[1] as i64, at % depth);
+            if let Some(second) = &second {
+                let moved = PI * (mx as f64 / n[0] + my as f64 / n[1] + mz as f64 / n[2]);
+                let other = second.value[i * columns * depth + at] * Complex64::from_polar(1.0, moved);
+                *value = 0.5 * (*value + other);
+            }
+            *value /= window[0][mx.unsigned_abs() as usize] * window[1][my.unsigned_abs() as usize] * window[2][mz];
+        }
+    });
+    Ok(modes)
+}
+
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { x.sin() / x }
+}
+
+/// The largest mode number of each axis up to `k_max`, below half the axis's cells: the mode at
+/// exactly half is its own alias.
+pub(super) fn mode_limits(grid: &Grid, domain: &Domain, k_max: f64) -> [usize; 3] {
+    each_axis(|k| {
+        let wanted = (k_max * domain.length[k] / (2.0 * PI) * (1.0 + 1e-12)).floor() as usize;
+        wanted.min((grid.cells[k] - 1) / 2)
+    })
+}
+
+/// Place, wave vector, wave number and weight of every mode kept, plane by plane of x.
+pub(super) fn visit_plane(
+    modes: &Modes,
+    domain: &Domain,
+    i: usize,
+    k_max: f64,
+    context: &Context<'_>,
+    mut visit: impl FnMut(usize, [f64; 3], f64, u64),
+) -> Result<()> {
+    let (columns, depth) = modes.plane();
+    let base: [f64; 3] = domain.length.map(|l| 2.0 * PI / l);
+    let kx = base[0] * (i as f64 - modes.most[0] as f64);
+    for j in 0..columns {
+        context.check()?;
+        let ky = base[1] * (j as f64 - modes.most[1] as f64);
+        for c in 0..depth {
+            let kz = base[2] * c as f64;
+            let [kx, ky, kz] = domain.tilt.as_ref().map_or([kx, ky, kz], |t| t.wave([kx, ky, kz]));
+            let k = (kx * kx + ky * ky + kz * kz).sqrt();
+            if k > 0.0 && k <= k_max {
+                // The half with negative z is not stored.
+                visit((i * columns + j) * depth + c, [kx, ky, kz], k, if c == 0 { 1 } else { 2 });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Transforms of both subjects, kept for what else is made of them.
+pub(super) struct TransformPair {
+    /// Modes of the first and the second.
+    pub modes: [Modes; 2],
+    /// Shot noise of each.
+    pub shot_noise: [f64; 2],
+    pub grid: Grid,
+}
+
+/// Transforms both, each in units of a cell's mean that is given, or of its own. `domain` gives the wave numbers of the
+/// grid's modes.
+pub(super) fn transform_pair(
+    [a, b]: [Subject<'_>; 2],
+    means: [Option<f64>; 2],
+    grid: &Grid,
+    domain: &Domain,
+    o: &SpectrumOptions,
+    context: &Context<'_>,
+) -> Result<TransformPair> {
+    let most = mode_limits(grid, domain, o.k_max);
+    particlegs_files::memory::require(
+        "the power spectrum's grid",
+        deposit_bytes(grid, [a, b].iter().filter_map(|s| s.particles()).map(|p| p.len() as u64).max().unwrap_or(0))
+            + transform_bytes(grid.cells, most)
+            + 3 * Modes::bytes(most),
+    )?;
+    let passes = if o.interlaced { 2 } else { 1 };
+    let steps = [a, b].iter().map(|s| deposit_steps(*s, grid) + grid.len() as u64).sum::<u64>();
+    context.begin("power spectra", passes * steps);
+    let first = modes_of(a, means[0], grid, most, o, context)?;
+    let second = modes_of(b, means[1], grid, most, o, context)?;
+    context.end();
+    Ok(TransformPair { modes: [first, second], shot_noise: [a.shot_noise(domain), b.shot_noise(domain)], grid: *grid })
+}
+
+/// Sums over the modes of each shell of width 2 pi / longest edge; shell s is centred at s + 1 widths.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ShellSums {
+    width: f64,
+    count: Vec<u64>,
+    /// Wave number, weight, and weighted powers of the first field, the second and both.
+    terms: Vec<[f64; 5]>,
+}
+
+impl ShellSums {
+    /// Sums over the modes of a pair, whose powers count by the weights that their wave vectors and numbers have.
+    pub fn new(
+        pair: &TransformPair,
+        domain: &Domain,
+        k_max: f64,
+        weight: impl Fn([f64; 3], f64) -> f64 + Sync,
+        context: &Context<'_>,
+    ) -> Result<Self> {
+        let width = 2.0 * PI / domain.longest();
+        let bins = ((k_max / width + 0.5).floor() as usize).max(1);
+        let zero = ShellSums { width, count: vec![0; bins], terms: vec![[0.0; 5]; bins] };
+        let [a, b] = &pair.modes;
+        let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
+            let mut own = zero.clone();
+            visit_plane(a, domain, i, k_max, context, |at, wave, k, times| {
+                let bin = (k / width - 0.5).max(0.0) as usize;
+                if bin < bins {
+                    let (x, y, n, w) = (a.value[at], b.value[at], times as f64, weight(wave, k));
+                    own.count[bin] += times;
+                    let terms = [k, w, w * x.norm_sqr(), w * y.norm_sqr(), w * (x * y.conj()).re];
+                    (0..5).for_each(|t| own.terms[bin][t] += n * terms[t]);
+                }
+            })?;
+            Ok(own)
+        })?;
+        let mut all = zero;
+        planes.iter().for_each(|p| all.add(p));
+        Ok(all)
+    }
+
+    fn add(&mut self, other: &ShellSums) {
+        self.count.iter_mut().zip(&other.count).for_each(|(a, b)| *a += b);
+        self.terms.iter_mut().zip(&other.terms).for_each(|(a, b)| (0..5).for_each(|t| a[t] += b[t]));
+    }
+
+    /// Adds weights and powers of other fields on the same modes.
+    pub fn add_power(&mut self, other: &ShellSums) {
+        self.terms.iter_mut().zip(&other.terms).for_each(|(a, b)| (1..5).for_each(|t| a[t] += b[t]));
+    }
+
+    /// Those shells that have modes: edges, number of modes, and means of the terms over them.
+    pub fn means(&self) -> impl Iterator<Item = ([f64; 2], u64, [f64; 5])> {
+        (0..self.count.len()).filter(|bin| self.count[*bin] > 0).map(|bin| {
+            let low = if bin == 0 { 0.0 } else { (bin as f64 + 0.5) * self.width };
+            let edges = [low, (bin as f64 + 1.5) * self.width];
+            (edges, self.count[bin], self.terms[bin].map(|v| v / self.count[bin] as f64))
+        })
+    }
+}
+
+/// P(k), cross power and r(k) of a pair, in shells of width 2 pi / longest edge.
+pub(super) fn spectra(
+    pair: &TransformPair,
+    domain: &Domain,
+    o: &SpectrumOptions,
+    context: &Context<'_>,
+) -> Result<Spectra> {
+    let sums = ShellSums::new(pair, domain, o.k_max, |_, _| 1.0, context)?;
+    Ok(spectra_of_sums(&sums, pair.shot_noise, &pair.grid, domain, o))
+}
+
+/// The same of sums over modes.
+pub(super) fn spectra_of_sums(
+    sums: &ShellSums,
+    shot_noise: [f64; 2],
+    grid: &Grid,
+    domain: &Domain,
+    o: &SpectrumOptions,
+) -> Spectra {
+    let noise = if o.shot_noise_subtracted { shot_noise } else { [0.0; 2] };
+    let shells = sums
+        .means()
+        .map(|(edges, modes, [k, _, xx, yy, xy])| {
+            let (raw, cross) = ([xx, yy].map(|v| v * domain.volume()), xy * domain.volume());
+            let clean: [f64; 2] = std::array::from_fn(|s| raw[s] - shot_noise[s]);
+            let power: [f64; 2] = std::array::from_fn(|s| raw[s] - noise[s]);
+            let over = |p: [f64; 2]| (p[0] > 0.0 && p[1] > 0.0).then(|| cross / (p[0].sqrt() * p[1].sqrt()));
+            Shell {
+                edges,
+                k,
+                modes,
+                power,
+                cross,
+                ratio: (power[0] > 0.0).then(|| power[1] / power[0]),
+                r: over(raw),
+                r_without_noise: over(clean),
+            }
+        })
+        .collect();
+    Spectra { options: *o, cells: grid.cells, shot_noise, shells }
+}
+
+/// Spectra of two subjects over a domain. Axes that do not repeat are taken as if they did.
+pub fn power_spectra(
+    subjects: [Subject<'_>; 2],
+    domain: &Domain,
+    o: &SpectrumOptions,
+    context: &Context<'_>,
+) -> Result<Spectra> {
+    let grid = Grid::new(domain, o.cells);
+    spectra(&transform_pair(subjects, [None; 2], &grid, domain, o, context)?, domain, o, context)
+}
+
+/// One subject's transform, kept to be compared with one other after the other.
+pub(crate) struct CachedTransform {
+    domain: Domain,
+    grid: Grid,
+    options: SpectrumOptions,
+    modes: Modes,
+    shot_noise: f64,
+}
+
+impl CachedTransform {
+    /// Transforms a subject over a domain.
+    pub fn new(subject: Subject<'_>, domain: &Domain, o: &SpectrumOptions, context: &Context<'_>) -> Result<Self> {
+        let grid = Grid::new(domain, o.cells);
+        let most = mode_limits(&grid, domain, o.k_max);
+        let particles = subject.particles().map_or(0, |p| p.len() as u64);
+        let bytes = deposit_bytes(&grid, particles) + transform_bytes(grid.cells, most) + 3 * Modes::bytes(most);
+        particlegs_files::memory::require("the power spectrum's grid", bytes)?;
+        let passes = if o.interlaced { 2 } else { 1 };
+        context.begin("power spectrum", passes * (deposit_steps(subject, &grid) + grid.len() as u64));
+        let modes = modes_of(subject, None, &grid, most, o, context)?;
+        context.end();
+        Ok(CachedTransform { domain: *domain, grid, options: *o, modes, shot_noise: subject.shot_noise(domain) })
+    }
+
+    /// The spectra of this and another, taken in the same way.
+    pub fn against(&self, other: Subject<'_>, context: &Context<'_>) -> Result<Spectra> {
+        let other = Self::new(other, &self.domain, &self.options, context)?;
+        self.pair([other.modes, self.modes.clone()], other.shot_noise, context)
+    }
+
+    /// The spectra of this and itself.
+    pub fn against_itself(&self, context: &Context<'_>) -> Result<Spectra> {
+        self.pair([self.modes.clone(), self.modes.clone()], self.shot_noise, context)
+    }
+
+    fn pair(&self, [other, own]: [Modes; 2], shot_noise: f64, context: &Context<'_>) -> Result<Spectra> {
+        let pair = TransformPair { modes: [own, other], shot_noise: [self.shot_noise, shot_noise], grid: self.grid };
+        spectra(&pair, &self.domain, &self.options, context)
+    }
+}
+
+/// Spectra of a mixture and particles whose fields were added up: `field` gives that of the particles (0) or the mixture
+/// (1), as it is (0) or moved by half a cell (1); `noise` is the particles' shot noise.
+pub(crate) fn spectra_of(
+    field: &dyn Fn(usize, usize) -> Result<Field>,
+    noise: f64,
+    domain: &Domain,
+    o: &SpectrumOptions,
+    context: &Context<'_>,
+) -> Result<Spectra> {
+    let grid = Grid::new(domain, o.cells);
+    let most = mode_limits(&grid, domain, o.k_max);
+    let modes = |side: usize| {
+        let scheme = if side == 0 { o.assignment } else { Assignment::Ngp };
+        modes_of_fields(&|moved, _| field(side, moved), (scheme, None), most, o, context)
+    };
+    spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, context)
+}

@@ -1,0 +1,132 @@
+//! Spectra of what is known: noise, a wave, a Gaussian.
+
+use super::spectrum::{SpectrumOptions, power_spectra, spectra, transform_pair};
+use super::xi_transform::xi_of_modes;
+use super::{Assignment, Domain, Grid, Subject};
+use particlegs_core::context::Context;
+use particlegs_core::math::Sym3;
+use particlegs_particles::testing::{from_points, gas, model_of, poisson, tilted_cells};
+use std::f64::consts::PI;
+
+fn options(cells: usize, k_max: f64) -> SpectrumOptions {
+    SpectrumOptions {
+        cells,
+        assignment: Assignment::Tsc,
+        interlaced: true,
+        deconvolved: true,
+        shot_noise_subtracted: true,
+        k_max,
+    }
+}
+
+fn domain(length: [f64; 3]) -> Domain {
+    Domain::upright([0.0; 3], length, [true; 3])
+}
+
+/// Poisson points have the power V / N at every k, on a slab too; two sets do not correlate.
+#[test]
+fn poisson_points_are_shot_noise_up_to_the_nyquist_frequency() {
+    let length = [2.0, 8.0, 6.0];
+    let (a, b) = (poisson(40_000, length, 1), poisson(30_000, length, 2));
+    let k_max = PI * 32.0 / 8.0 * 0.98;
+    let o = SpectrumOptions { shot_noise_subtracted: false, ..options(32, k_max) };
+    let s =
+        power_spectra([Subject::Particles(&a), Subject::Particles(&b)], &domain(length), &o, &Context::SILENT).unwrap();
+    assert_eq!(s.cells, [8, 32, 24]);
+    assert!((s.shot_noise[0] - 96.0 / 40_000.0).abs() < 1e-12);
+    for shell in &s.shells {
+        // Half of the modes are independent, each exponentially distributed.
+        let sigma = (2.0 / shell.modes as f64).sqrt();
+        for side in 0..2 {
+            let off = shell.power[side] / s.shot_noise[side] - 1.0;
+            assert!(off.abs() < 5.0 * sigma + 0.02, "{shell:?}");
+        }
+        assert!(shell.r.unwrap().abs() < 4.0 * sigma + 1e-3);
+    }
+    let total: u64 = s.shells.iter().map(|s| s.modes).sum();
+    let whole = 4.0 / 3.0 * PI * k_max.powi(3) * 96.0 / (2.0 * PI).powi(3);
+    assert!((total as f64 / whole - 1.0).abs() < 0.1, "{total} {whole}");
+}
+
+/// A displaced lattice: x = q + A sin(2 pi m q / L) has power A^2 k^2 / 4 x V in two modes.
+#[test]
+fn a_wave_has_its_power_and_its_place() {
+    let (n, amplitude, m) = (32, 1e-3, 3.0);
+    let length = [1.0, 1.0, 2.0];
+    let wave = 2.0 * PI * m / length[2];
+    let p = from_points((0..n * n * n).map(|i| {
+        let q = [i / (n * n), i / n % n, i % n].map(|v| (v as f64 + 0.5) / n as f64);
+        let z = q[2] * length[2];
+        [q[0], q[1], z + amplitude * (wave * z).sin()]
+    }));
+    let o = SpectrumOptions { shot_noise_subtracted: false, ..options(32, 0.9 * PI * 16.0) };
+    let subject = Subject::Particles(&p);
+    let s = power_spectra([subject, subject], &domain(length), &o, &Context::SILENT).unwrap();
+    let total: f64 = s.shells.iter().map(|h| h.modes as f64 * h.power[0]).sum();
+    let expected = 2.0 * (amplitude * wave).powi(2) / 4.0 * 2.0;
+    // A lattice of one point a cell along z leaves even aliases of about a hundredth.
+    assert!((total / expected - 1.0).abs() < 0.02, "{total} {expected}");
+    let top = s.shells.iter().max_by(|a, b| (a.power[0] * a.modes as f64).total_cmp(&(b.power[0] * b.modes as f64)));
+    assert!((top.unwrap().k - wave).abs() < 0.5 * PI);
+    assert!(s.shells.iter().filter_map(|h| h.r).all(|r| (r - 1.0).abs() < 1e-9));
+}
+
+/// One Gaussian of deviation s in a box has P(k) = V exp(-k^2 s^2), and its xi follows.
+#[test]
+fn one_gaussian_has_its_power_and_its_xi() {
+    let (length, deviation) = ([4.0; 3], 0.25);
+    let model = model_of(&[([1.3, 2.0, 3.9], Sym3::scaled_identity(deviation * deviation), 1000.0)], length);
+    let o = options(64, 20.0);
+    let subject = Subject::Model(&model);
+    let pair =
+        transform_pair([subject; 2], [None; 2], &Grid::new(&domain(length), 64), &domain(length), &o, &Context::SILENT)
+            .unwrap();
+    let s = spectra(&pair, &domain(length), &o, &Context::SILENT).unwrap();
+    assert_eq!(s.shot_noise, [0.0, 0.0]);
+    for h in s.shells.iter().filter(|h| h.k * deviation < 2.5) {
+        // The shell's mean of exp(-k^2 s^2) is close to the value at its mean k for narrow shells.
+        let expected = 64.0 * (-(h.k * deviation).powi(2)).exp();
+        assert!((h.power[0] / expected - 1.0).abs() < 0.12, "{h:?} {expected}");
+    }
+    // xi(r) = V / (4 pi s^2)^(3/2) exp(-r^2 / 4 s^2) - 1.
+    let edges = [0.4, 0.42, 0.6, 0.62, 0.9, 0.92];
+    let [xi, _] = xi_of_modes(&pair, &domain(length), &o, &edges, &Context::SILENT).unwrap();
+    for (i, r) in [(0, 0.41f64), (2, 0.61), (4, 0.91)] {
+        let expected =
+            64.0 / (4.0 * PI * deviation * deviation).powf(1.5) * (-r * r / (4.0 * deviation * deviation)).exp() - 1.0;
+        assert!((xi[i] / expected - 1.0).abs() < 0.02, "{r}: {} {expected}", xi[i]);
+    }
+}
+
+/// A gas is shot noise, and the mixture's P(k) is V exp(-k^2 s^2), on the modes of a tilted box.
+#[test]
+fn tilted_boxes_have_their_own_modes() {
+    for cell in &tilted_cells()[..3] {
+        let particles = gas(20_000, cell, 4);
+        let domain = Domain::from_particles(&particles);
+        let k_max = 0.9 * PI * 24.0 / domain.longest();
+        let o = SpectrumOptions { shot_noise_subtracted: false, ..options(24, k_max) };
+        let s = power_spectra([Subject::Particles(&particles); 2], &domain, &o, &Context::SILENT).unwrap();
+        for shell in &s.shells {
+            let off = shell.power[0] / s.shot_noise[0] - 1.0;
+            assert!(off.abs() < 4.0 * (2.0 / shell.modes as f64).sqrt() + 0.02, "{cell:?}: {shell:?}");
+        }
+        let total: u64 = s.shells.iter().map(|s| s.modes).sum();
+        let whole = 4.0 / 3.0 * PI * k_max.powi(3) * domain.volume() / (2.0 * PI).powi(3);
+        assert!((total as f64 / whole - 1.0).abs() < 0.1, "{total} {whole}");
+        // A turned Gaussian at a corner, so that it lies in all images.
+        let (a, b) = (0.5f64, 0.3f64);
+        let mut model = model_of(&[(cell.origin, Sym3([a * a, 0.0, 0.0, b * b, 0.0, a * a]), 1000.0)], [1.0; 3]);
+        model.metadata.cell = Some(*cell);
+        let s = power_spectra([Subject::Model(&model); 2], &domain, &options(48, 2.5), &Context::SILENT).unwrap();
+        for shell in &s.shells {
+            // The mean over directions of exp(-k^2 (a^2 + (b^2 - a^2) mu^2)).
+            let n = 2000;
+            let mu = |i: usize| (i as f64 + 0.5) / n as f64;
+            let at = |i: usize| (-shell.k.powi(2) * (a * a + (b * b - a * a) * mu(i).powi(2))).exp();
+            let expected = domain.volume() * (0..n).map(at).sum::<f64>() / n as f64;
+            let few = 0.5 / (shell.modes as f64).sqrt();
+            assert!((shell.power[0] / expected - 1.0).abs() < 0.15 + few, "{cell:?}: {shell:?} {expected}");
+        }
+    }
+}

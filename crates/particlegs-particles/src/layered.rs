@@ -1,0 +1,145 @@
+//! The layers of a snapshot, read run by run as if they were in memory.
+
+use super::{Chunk, ChunkBuffer, LayerFields, Particles, RUN, SnapshotMeta, SnapshotReader};
+use particlegs_core::context::Context;
+use particlegs_core::math::each_axis;
+use particlegs_core::model::{Layer, Mass};
+use particlegs_core::{Error, Result};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Layers of one snapshot, about one origin. Where one layer has weights, or the masses of their
+/// particles differ, particles have masses, if all are known; else none is used.
+pub struct LayeredParticles {
+    /// What the snapshot says.
+    pub meta: SnapshotMeta,
+    /// What positions are relative to.
+    pub origin: [f64; 3],
+    /// The layers, none of them empty.
+    pub layers: Vec<ReadLayer>,
+    /// Their fields, where they were asked for and can be read.
+    pub fields: Vec<LayerFields>,
+}
+
+/// A layer, and what reads its particles.
+pub struct ReadLayer {
+    /// Name, masses, and number of particles.
+    pub layer: Layer<u64>,
+    reader: Arc<dyn SnapshotReader>,
+}
+
+impl LayeredParticles {
+    /// Layers as their readers give them: a name, and a reader whose metadata says the mass of a particle.
+    pub fn new(sources: Vec<(String, Arc<dyn SnapshotReader>)>) -> Result<Self> {
+        let (_, first) = sources.first().ok_or_else(|| Error::argument("no layer was chosen"))?;
+        let mass = |reader: &Arc<dyn SnapshotReader>| reader.meta().particle_mass;
+        let one = first.meta().particle_mass;
+        let known = sources.iter().all(|(_, r)| r.has_weights() || mass(r).is_some());
+        let same = sources.iter().all(|(_, r)| !r.has_weights() && mass(r) == one);
+        let meta = SnapshotMeta { particle_mass: one.filter(|_| known && same), ..first.meta().clone() };
+        // One origin for all: 0 unless every layer lies far from it.
+        let far = |k: usize| sources.iter().all(|(_, r)| r.origin()[k] != 0.0);
+        let origin = [0, 1, 2].map(|k| if far(k) { first.origin()[k] } else { 0.0 });
+        let layers = sources.into_iter().map(|(name, reader)| {
+            let weighted = known && reader.has_weights();
+            // A weight of its own is the mass; the layer's is in the weights too, for who reads all.
+            let particle_mass = reader.meta().particle_mass.filter(|_| known && !weighted);
+            let layer = Layer { name, mass: Mass::new(weighted, particle_mass), content: reader.count() };
+            ReadLayer { layer, reader }
+        });
+        Ok(LayeredParticles { meta, origin, layers: layers.collect(), fields: Vec::new() })
+    }
+
+    /// Particles in memory or mapped.
+    pub fn from_particles(particles: &Particles) -> Self {
+        let layer = |l: &Layer<Range<usize>>| ReadLayer {
+            layer: l.with(l.content.len() as u64),
+            reader: Arc::new(particles.of_layer(l)),
+        };
+        let layers = particles.layers().iter().map(layer).filter(|l| l.layer.content > 0).collect();
+        LayeredParticles { meta: particles.meta.clone(), origin: particles.origin, layers, fields: Vec::new() }
+    }
+
+    /// With the fields of each layer; empty where they cannot be read.
+    pub fn with_fields(self, fields: Vec<LayerFields>) -> Self {
+        LayeredParticles { fields, ..self }
+    }
+
+    /// Number of particles.
+    pub fn count(&self) -> u64 {
+        self.layers.iter().fold(0, |n, l| n.saturating_add(l.layer.content))
+    }
+
+    /// Bytes of the particles as float32 columns: 12 each, 16 where their layer is weighted.
+    pub fn raw_bytes(&self) -> u64 {
+        self.layers.iter().map(|l| l.layer.content * l.layer.mass.particle_bytes()).sum()
+    }
+
+    /// Are there weights in the columns of all?
+    pub fn has_weights(&self) -> bool {
+        let mass = |l: &ReadLayer| l.layer.mass;
+        self.layers.iter().any(|l| mass(l).is_weighted() || mass(l).unit() != mass(&self.layers[0]).unit())
+    }
+
+    /// Can runs be read in any order at no more than their own cost?
+    pub fn random_access(&self) -> bool {
+        self.layers.iter().all(|l| l.reader.random_access())
+    }
+
+    /// The layer that lies in a file as it would lie in memory, where it is the only one.
+    pub(super) fn in_place(&self) -> Option<super::InPlace> {
+        match &self.layers[..] {
+            [one] => one.reader.in_place(),
+            _ => None,
+        }
+    }
+
+    /// Drops the weights of layer `index`: all its particles weigh `weight`.
+    pub(crate) fn settle(&mut self, index: usize, weight: f32) {
+        let mass = &mut self.layers[index].layer.mass;
+        *mass = mass.all_of_weight(weight);
+    }
+}
+
+impl ReadLayer {
+    /// Number of runs of at most [`RUN`] particles.
+    pub fn runs(&self) -> u64 {
+        self.layer.content.div_ceil(RUN as u64)
+    }
+
+    /// Hands over the runs of `runs` in any order, about `origin`, with weights where the layer has
+    /// them.
+    pub fn read(
+        &self,
+        origin: [f64; 3],
+        runs: Range<u64>,
+        context: &Context<'_>,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
+        let reader = &*self.reader;
+        let shift: [f64; 3] = each_axis(|k| reader.origin()[k] - origin[k]);
+        let wrong = |what: String| Error::input(&self.layer.name, what);
+        reader.read(runs.clone(), context, &|run, chunk| {
+            if !runs.contains(&run) {
+                return Err(wrong(format!("the reader returned data chunk {run}, which was not requested")));
+            }
+            let told = (self.layer.content - run * RUN as u64).min(RUN as u64);
+            if chunk.len() as u64 != told || self.layer.mass.is_weighted() && chunk.weight.is_none() {
+                return Err(wrong(format!("data chunk {run} has {} particles instead of {told}", chunk.len())));
+            }
+            let weight = chunk.weight.filter(|_| self.layer.mass.is_weighted());
+            if shift == [0.0; 3] {
+                return sink(run, Chunk { position: chunk.position, weight });
+            }
+            let mut buffer = ChunkBuffer::default();
+            for k in 0..3 {
+                buffer.position[k].extend(chunk.position[k].iter().map(|&v| match shift[k] {
+                    0.0 => v,
+                    s => (f64::from(v) + s) as f32,
+                }));
+            }
+            let [x, y, z] = &buffer.position;
+            sink(run, Chunk { position: [x, y, z], weight })
+        })
+    }
+}

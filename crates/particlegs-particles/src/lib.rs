@@ -1,0 +1,59 @@
+//! Particles in memory or mapped, where they come from, and what is known about them.
+//!
+//! A [`SnapshotReader`] tells its [`SnapshotMeta`] first and then hands over its particles run by
+//! run; [`Particles`] is a snapshot opened whole, mapped where the file's layout allows it.
+//! Positions are `origin + local` with f32 locals, so that a box far from the origin keeps its
+//! precision; raw float32 files have the origin 0 and are never copied. [`SelectedParticles`] is what is
+//! left of a snapshot when it is tiled, cropped and thinned, to be written by any format.
+
+mod align;
+pub mod blocks;
+mod box_check;
+mod chunk;
+mod convert;
+mod domain;
+mod fields;
+mod hash;
+mod images;
+mod layer;
+mod layered;
+mod load;
+mod masses;
+mod meta;
+mod neighbours;
+mod open;
+mod scratch;
+mod select;
+mod sidecar;
+mod source;
+mod storage;
+#[cfg(any(test, feature = "testing"))]
+#[doc(hidden)]
+pub mod testing;
+mod tile;
+mod units;
+mod write;
+
+pub use align::{AlignedFrame, Alignment};
+pub use box_check::ParticlesOutsideBox;
+pub use box_check::{check_box, check_particles};
+pub use chunk::{Chunk, ChunkBuffer, RUN};
+pub use domain::{Domain, Tilt};
+pub use fields::{
+    FieldColumns, GasTemperature, KM_S, LayerFields, Number, PhysicalUnit, SourceField, StarFormingGas, StoredNumber,
+};
+pub(crate) use hash::hash_of_runs;
+pub use hash::{RunHash, hash_run};
+pub use layered::LayeredParticles;
+pub use layered::ReadLayer;
+pub use masses::mass_classes;
+pub use meta::SnapshotMeta;
+pub use neighbours::{Neighbours, cubic_spline, distances_to, places_of};
+pub use open::InvalidParticles;
+pub use open::invalid;
+pub use scratch::{ColumnBuffer, Storage};
+pub use select::{Run, SelectedParticles, Selection};
+pub use source::{InPlace, SnapshotReader};
+pub use storage::{CHUNK, Column, Particles, Positions};
+pub use tile::Tiling;
+pub use write::{RawForm, SnapshotDescription, SnapshotLayout, SnapshotWriter};

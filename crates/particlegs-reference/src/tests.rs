@@ -1,0 +1,137 @@
+//! Tests that hold the module's files together.
+
+use super::{Reference, fxaa, twin};
+use particlegs_core::camera::{View, base_distance, clipping_range, spherical_camera};
+use particlegs_core::context::Context;
+use particlegs_core::math::Random;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::splat::ToneStyle;
+use particlegs_particles::Particles;
+use particlegs_particles::testing::{from_points, on_threads};
+
+const SIZE: Size = Size { width: 240, height: 136 };
+
+/// Particles in a unit cube, half of them in a clump.
+fn cube(n: usize, seed: u64) -> Particles {
+    from_points((0..n as u64).map(|i| {
+        let mut random = Random::new(seed, 1, i);
+        [0; 3].map(|_| if i % 2 == 0 { 0.3 + 0.05 * random.normal() } else { random.uniform() })
+    }))
+}
+
+/// A view of the cube whose splats have `radius_px` at the centre.
+fn view(particles: &Particles, distance: f64, radius_px: f64, opacity: f64) -> View {
+    let bounds = particles.bounds();
+    let camera = spherical_camera(bounds.center(), 35.0, 20.0, distance * base_distance(&bounds, SIZE));
+    let radius = radius_px * camera.distance() / camera.focal_pixels(SIZE);
+    View { name: "test".into(), camera, radius, opacity }
+}
+
+/// The largest difference of 1 - exp(-tau).
+fn largest_difference(a: &Plane, b: &Plane) -> f64 {
+    let shade = |t: f32| -(-f64::from(t)).exp_m1();
+    a.data.iter().zip(&b.data).map(|(&x, &y)| (shade(x) - shade(y)).abs()).fold(0.0, f64::max)
+}
+
+fn against_twin(particles: &Particles, view: &View) -> f64 {
+    let reference = Reference::new(particles);
+    let fast = reference.optical_depth(view, SIZE, &Context::SILENT).unwrap();
+    let range = clipping_range(reference.bounds(), &view.camera);
+    largest_difference(&fast, &twin::optical_depth(particles, view, SIZE, range))
+}
+
+#[test]
+fn optical_depth_agrees_with_brute_force() {
+    for (n, radius_px) in
+        [(20_000, 0.1), (20_000, 0.3), (10_000, 0.7), (2000, 2.5), (500, 6.0), (600, 15.0), (200, 40.0)]
+    {
+        for opacity in [0.05, 0.5] {
+            if opacity > 0.1 && radius_px > 10.0 {
+                continue; // The twin takes minutes; few splats of high opacity are tested below.
+            }
+            let particles = cube(n, 5);
+            let d = against_twin(&particles, &view(&particles, 1.0, radius_px, opacity));
+            println!("n {n} r {radius_px} px a {opacity}: {d:.2e}");
+            assert!(d < 1e-3, "n {n}, {radius_px} px, opacity {opacity}: {d:.2e}");
+        }
+    }
+}
+
+#[test]
+fn optical_depth_is_right_for_few_splats_and_inside() {
+    for radius_px in [0.1, 0.5, 1.0, 3.0, 5.0, 9.0, 20.0, 40.0] {
+        let few = cube(3, 9);
+        let d = against_twin(&few, &view(&few, 0.8, radius_px, 0.9));
+        println!("few {radius_px}: {d:.2e}");
+        assert!(d < 1e-3, "few, {radius_px} px: {d:.2e}");
+        let many = cube(1000, 3);
+        let d = against_twin(&many, &view(&many, 0.12, radius_px.min(4.0), 0.05));
+        println!("inside {radius_px}: {d:.2e}");
+        assert!(d < 1e-3, "inside, {radius_px} px: {d:.2e}");
+    }
+}
+
+/// Coarse planes blur the steps at the squares' edges; a clump's edges lie together.
+#[test]
+fn coarse_planes_agree_with_full_resolution() {
+    for (n, radius_px, distance) in [(3000, 6.0, 1.0), (600, 15.0, 1.0), (600, 40.0, 1.0), (2000, 10.0, 0.3)] {
+        let particles = cube(n, 5);
+        let reference = Reference::new(&particles);
+        let view = view(&particles, distance, radius_px, 0.05);
+        let fine = reference.optical_depth_within(&view, SIZE, f64::INFINITY, &Context::SILENT).unwrap();
+        let coarse = reference.optical_depth_within(&view, SIZE, 0.0, &Context::SILENT).unwrap();
+        let d = largest_difference(&fine, &coarse);
+        println!("coarse, n {n} r {radius_px} px: {d:.2e}");
+        assert!(d < 2e-3, "n {n}, {radius_px} px: {d:.2e}");
+    }
+}
+
+#[test]
+fn threads_and_vectors_change_no_bit() {
+    let particles = cube(200_000, 7);
+    let reference = Reference::new(&particles);
+    for (radius_px, distance) in [(0.2, 1.0), (3.0, 0.4)] {
+        let view = view(&particles, distance, radius_px, 0.05);
+        let draw = |how: &Context<'_>| {
+            let tau = reference.optical_depth(&view, SIZE, how).unwrap();
+            let exact = reference.draw(&view, SIZE, ToneStyle::Paraview, how).unwrap();
+            (tau.data.iter().map(|t| t.to_bits()).collect::<Vec<_>>(), exact)
+        };
+        let many = draw(&Context::SILENT);
+        let one = on_threads(1, || draw(&Context::SILENT));
+        assert!(many == one, "threads change the picture");
+        let plain = draw(&Context::scalar());
+        assert!(many == plain, "vector instructions change the picture");
+    }
+}
+
+#[test]
+fn an_origin_moves_nothing() {
+    let particles = cube(3000, 4);
+    let mut far = particles.clone();
+    far.origin = [1e6, -2e6, 3e6];
+    let (a, b) = (Reference::new(&particles), Reference::new(&far));
+    let (here, mut there) = (view(&particles, 1.0, 1.0, 0.05), view(&far, 1.0, 1.0, 0.05));
+    there.radius = here.radius;
+    let x = a.optical_depth(&here, SIZE, &Context::SILENT).unwrap();
+    let y = b.optical_depth(&there, SIZE, &Context::SILENT).unwrap();
+    assert!(largest_difference(&x, &y) < 1e-3);
+}
+
+#[test]
+fn degenerate_snapshots_draw() {
+    for particles in [cube(1, 1), Particles::from_columns(vec![2.0; 9], vec![2.0; 9], vec![2.0; 9])] {
+        let v = view(&particles, 1.0, 2.0, 0.5);
+        let reference = Reference::new(&particles);
+        for look in ToneStyle::ALL {
+            assert!(reference.draw(&v, SIZE, look, &Context::SILENT).unwrap().data.iter().any(|&p| p > 0), "{look:?}");
+        }
+    }
+}
+
+#[test]
+fn fxaa_leaves_smooth_pictures_alone() {
+    let data = (0..SIZE.pixels()).map(|i| (i % SIZE.width) as u8).collect();
+    let ramp = particlegs_core::picture::Gray8 { size: SIZE, data };
+    assert_eq!(fxaa(&ramp), ramp);
+}
