@@ -24,7 +24,7 @@ InputError, ModelError, UnreachableError; and the built-in MemoryError, OSError,
 
 from ._arrays import Grid, Map
 from ._camera import Camera
-from ._compress import compress
+from ._compress import compress, compress_series
 from ._gaussians import Gaussians
 from ._haloes import haloes
 from ._model import Model, read
@@ -48,6 +48,7 @@ __all__ = [
     "UnreachableError",
     "__version__",
     "compress",
+    "compress_series",
     "formats",
     "haloes",
     "open",

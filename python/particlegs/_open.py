@@ -108,6 +108,63 @@ def open(  # noqa: A001
     """
     if isinstance(paths, (str, os.PathLike)) and is_series(paths):
         return cast(Snapshot, Series(paths, threads=threads))
+    asked = options(
+        species=species,
+        format=format,
+        positions=positions,
+        mass_field=mass_field,
+        frame=frame,
+        topology=topology,
+        select=select,
+        layers_by=layers_by,
+        box=box,
+        units=units,
+        mass_units=mass_units,
+        skip_invalid=skip_invalid,
+        strict=strict,
+        unwrapped=unwrapped,
+        blocks=blocks,
+        region=region,
+        center=center,
+        width=width,
+        every=every,
+        sample=sample,
+        left_out=left_out,
+        seed=seed,
+        weights=weights,
+    )
+    folder = None if scratch is None else os.fspath(scratch)
+    native = _particlegs.open(_coerce.paths(paths), asked, folder, memory, threads, _coerce.progress(progress))
+    return Snapshot._of(native)
+
+
+def options(
+    *,
+    species: Union[str, int, Sequence[Union[str, int]], None] = None,
+    format: Optional[str] = None,  # noqa: A002
+    positions: Optional[str] = None,
+    mass_field: Optional[str] = "auto",
+    frame: Optional[int] = None,
+    topology: Optional[Path] = None,
+    select: Optional[str] = None,
+    layers_by: Literal["species", "mass"] = "species",
+    box: Any = None,
+    units: Optional[str] = None,
+    mass_units: Optional[str] = None,
+    skip_invalid: bool = False,
+    strict: bool = False,
+    unwrapped: Literal["wrap", "keep"] = "wrap",
+    blocks: Union[str, Sequence[str], None] = None,
+    region: Optional[Sequence[float]] = None,
+    center: Optional[ArrayLike] = None,
+    width: Optional[ArrayLike] = None,
+    every: int = 1,
+    sample: Optional[int] = None,
+    left_out: bool = False,
+    seed: int = 42,
+    weights: Optional[str] = "auto",
+) -> dict[str, Any]:
+    """What `open` reads, and how, as the native module takes it."""
     if (center is None) != (width is None):
         raise InputError("a window needs both center and width")
     if region is not None and center is not None:
@@ -120,7 +177,7 @@ def open(  # noqa: A001
         raise InputError(f'layers_by must be "species" or "mass", not "{layers_by}"')
     if unwrapped not in ("wrap", "keep"):
         raise InputError(f'unwrapped must be "wrap" or "keep", not "{unwrapped}"')
-    asked = {
+    return {
         "format": format,
         "species": _coerce.texts(species),
         "positions": positions,
@@ -144,9 +201,6 @@ def open(  # noqa: A001
         "left_out": left_out,
         "seed": seed,
     }
-    folder = None if scratch is None else os.fspath(scratch)
-    native = _particlegs.open(_coerce.paths(paths), asked, folder, memory, threads, _coerce.progress(progress))
-    return Snapshot._of(native)
 
 
 def formats() -> list[str]:

@@ -220,6 +220,15 @@ def compress(
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> Model: ...
+def make_series(
+    snapshots: Sequence[str],
+    output: _Path,
+    read: _Asked,
+    compress: _Asked,
+    frames: _Asked,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> str: ...
 def stats(
     truth: Union[Snapshot, Model],
     other: Union[Snapshot, Model],

@@ -3,10 +3,10 @@
 use crate::errors::IntoPyResult;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_formats::{AtomSelection, Choice, Weights};
 use particlegs_core::model::{Dimension, Unit};
-use particlegs_particles::{Selection, Storage};
 use particlegs_core::space::Bounds;
+use particlegs_formats::{AtomSelection, Choice, Weights};
+use particlegs_particles::{Selection, Storage};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -40,7 +40,7 @@ pub struct ReadOptions {
 }
 
 impl ReadOptions {
-    fn choice(self) -> particlegs_core::Result<Choice> {
+    pub fn choice(self) -> particlegs_core::Result<Choice> {
         let kept = match (self.region, self.center, self.width) {
             (Some([x0, x1, y0, y1, z0, z1]), ..) => {
                 Selection { crop: Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }), ..Selection::all() }
@@ -94,7 +94,8 @@ pub fn open(
         let particles = choice.read(&paths, &storage, progress)?;
         if memory { particles.in_memory() } else { Ok(particles) }
     })?;
-    Ok(Snapshot::of(particles, choice.options()))
+    let snapshot = Snapshot::of(particles, choice.options());
+    Ok(Snapshot { files: Some((paths, choice)), ..snapshot })
 }
 
 /// Splits a unit of dimension `length` or `mass`: factor, name, size in SI, exponents of a and h; `None` if unknown.

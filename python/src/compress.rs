@@ -5,8 +5,8 @@ use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use particlegs_compress::{Compression, Options, Target};
 use particlegs_core::checkpoint::NoCheckpoints;
-use particlegs_compress::{FieldSelection, Options, Target, compress as run};
 use particlegs_core::model::{CertificateLevel, Goal, GoalKind, LawKind, Layer};
 use particlegs_particles::{LayerFields, Number, Particles, SourceField, Storage};
 use particlegs_train::{Config, Preset};
@@ -35,6 +35,9 @@ pub struct CompressOptions {
     memory: Option<u64>,
     blocks: Option<u32>,
     share_gaussians: String,
+    /// Names of fields of the snapshot's files.
+    pub fields: Vec<String>,
+    size_with_fields: bool,
     seed: u64,
 }
 
@@ -67,12 +70,12 @@ impl CompressOptions {
         Ok(Some(Config::preset(preset, law.unwrap_or_default())))
     }
 
-    fn options(&self, read: &BTreeMap<String, String>) -> PyResult<Options> {
+    pub fn options(&self, read: &BTreeMap<String, String>) -> PyResult<Options> {
         let options = Options {
             target: self.target()?,
             effort: named("effort", &self.effort)?,
-            radius: positive("radius", self.radius)?,
-            opacity: positive("opacity", self.opacity)?,
+            radius: self.radius,
+            opacity: self.opacity,
             training: self.training()?,
             seed: self.seed,
             blocks: self.blocks,
@@ -87,12 +90,12 @@ impl CompressOptions {
                 }
                 level => level,
             },
+            fields: self.fields.clone(),
+            size_with_fields: self.size_with_fields,
             read: read.clone(),
             ..Options::default()
         };
-        if options.opacity.is_some_and(|a| a > 1.0) {
-            return Err(InputError::new_err("opacity must be above 0 and at most 1"));
-        }
+        options.check().or_raise()?;
         Ok(options)
     }
 }
@@ -105,13 +108,6 @@ fn goal(kind: &str, asked: f64, at: f64) -> PyResult<Target> {
         other => return Err(InputError::new_err(format!("there is no goal \"{other}\""))),
     };
     Ok(Target::Goal(Goal { kind, asked, at }))
-}
-
-fn positive(name: &str, value: Option<f64>) -> PyResult<Option<f64>> {
-    match value {
-        Some(v) if !(v > 0.0 && v.is_finite()) => Err(InputError::new_err(format!("{name} must be positive"))),
-        value => Ok(value),
-    }
 }
 
 /// A field as an array: name, unit, values of shape (n,) or (n, 3).
@@ -147,41 +143,30 @@ pub fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResul
     Ok(particles.layers().iter().map(of).collect())
 }
 
-/// Compresses a snapshot, and adds fields.
+/// Compresses a snapshot with fields: arrays, or those of its files that the options name.
 #[pyfunction]
 #[pyo3(signature = (snapshot, asked, scratch=None, fields=Vec::new(), threads=None, progress=None))]
 pub fn compress(
     py: Python<'_>,
     snapshot: &Snapshot,
-    asked: CompressOptions,
+    mut asked: CompressOptions,
     scratch: Option<PathBuf>,
     fields: Vec<FieldArray<'_>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
-    let mut read = snapshot.read.clone();
-    let names: Vec<String> = fields.iter().map(|f| f.0.clone()).collect();
-    if !names.is_empty() {
-        read.insert("fields".into(), names.join(","));
-    }
-    let mut options = asked.options(&read)?;
-    options.fields = !names.is_empty();
+    let from_files = !asked.fields.is_empty();
+    asked.fields.extend(fields.iter().map(|f| f.0.clone()));
+    let mut options = asked.options(&snapshot.read)?;
     if let (Some(folder), Some(_)) = (scratch, options.memory) {
         options.storage = Storage::Disk(folder);
     }
     let particles = snapshot.checked()?;
     let name = particles.meta.name.clone();
-    let sources = layer_fields(particles, &fields)?;
-    let made = WorkOptions { threads, progress }.run(py, |progress| {
-        let selection = match names.is_empty() {
-            true => None,
-            false => Some(FieldSelection::new(&names, Default::default(), particles, &sources, options.law())?),
-        };
-        let made = run(particles, &options, &mut NoCheckpoints, progress)?;
-        match selection {
-            None => Ok(made),
-            Some(selection) => selection.add_to_model(made, progress),
-        }
+    let arrays = layer_fields(particles, &fields)?;
+    let made = WorkOptions { threads, progress }.run(py, |context| {
+        let sources = if from_files { snapshot.layer_fields(context)? } else { arrays };
+        Compression::plan(particles, &sources, &options, context)?.run(&mut NoCheckpoints, context)
     })?;
     // The warning points to the line that calls the package.
     const CALLER: i32 = 2;

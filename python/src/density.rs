@@ -5,10 +5,11 @@ use crate::errors::InputError;
 use crate::work::WorkOptions;
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs_export::{Cells, Density};
 use particlegs_core::model::{LawKind, Mass, Model};
-use particlegs_particles::Domain;
+use particlegs_export::{Cells, Density};
+use particlegs_measure::stats;
 use particlegs_measure::stats::field_in_cells;
+use particlegs_particles::Domain;
 use pyo3::prelude::*;
 
 /// How many cells a grid has.
@@ -92,7 +93,7 @@ pub fn field_at<'py>(
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let points = arrays::points(points)?;
     let found = WorkOptions::quietly(threads)
-        .run(py, |progress| field_at(&Domain::from_model(model), model, field, &points, progress))?;
+        .run(py, |progress| stats::field_at(&Domain::from_model(model), model, field, &points, progress))?;
     let columns = if dispersion { found.dispersion } else { found.mean };
     let rows: Vec<f64> = (0..points.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
     let shape = if columns.len() == 1 { vec![points.len()] } else { vec![points.len(), columns.len()] };
@@ -110,7 +111,7 @@ pub fn at<'py>(
     refuse_without_masses(model, &vec![true; model.layers.len()])?;
     let points = arrays::points(points)?;
     let values = WorkOptions::quietly(threads)
-        .run(py, |progress| density_at(&Domain::from_model(model), model, &points, progress))?;
+        .run(py, |progress| stats::density_at(&Domain::from_model(model), model, &points, progress))?;
     let array = ArrayD::from_shape_vec(IxDyn(&[values.len()]), values);
     Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
 }

@@ -2,8 +2,8 @@
 
 use crate::snapshot::view;
 use numpy::PyArrayDyn;
-use particlegs_export::{FieldNumbers, all_gaussians};
 use particlegs_core::model::{Mixture, Model, Quantity};
+use particlegs_export::{FieldNumbers, all_gaussians};
 use pyo3::prelude::*;
 
 /// Columns of all Gaussians, layer by layer and block by block.

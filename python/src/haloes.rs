@@ -6,8 +6,8 @@ use crate::stats::StatsSource;
 use crate::work::WorkOptions;
 use numpy::{IntoPyArray, PyArray1};
 use particlegs_measure::haloes::{HaloOptions, HaloSource, find_haloes, stated_cosmology};
-use particlegs_particles::Particles;
 use particlegs_measure::stats::{ParticleFields, Subject};
+use particlegs_particles::Particles;
 use pyo3::prelude::*;
 
 /// How to find haloes; the names are those of the command.

@@ -33,6 +33,7 @@ fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(choice::formats, m)?)?;
     m.add_function(wrap_pyfunction!(choice::unit_parts, m)?)?;
     m.add_function(wrap_pyfunction!(compress::compress, m)?)?;
+    m.add_function(wrap_pyfunction!(series::make_series, m)?)?;
     m.add_function(wrap_pyfunction!(pictures::camera_around, m)?)?;
     m.add_function(wrap_pyfunction!(pictures::density_range, m)?)?;
     m.add_function(wrap_pyfunction!(stats::stats, m)?)?;

@@ -1,6 +1,5 @@
 //! A model: its bytes, its Gaussians, pictures and densities.
 
-use particlegs_files::model_file;
 use crate::density::{self, CellNumbers};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::gaussians::Gaussians;
@@ -8,19 +7,23 @@ use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs_export::density_unit;
-use particlegs_files::output;
+use particlegs_compress::verify::StoredModel;
 use particlegs_core::camera::{Camera, Projection, View};
 use particlegs_core::codec::SeriesDecoder;
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Layer, Mass, Metadata, Quantity};
-use particlegs_particles::RawForm;
 use particlegs_core::picture::{Gray8, Pixels, Plane, Size};
-use particlegs_fit::recover::Options;
-use particlegs_core::render::{FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into, surface_density};
-use particlegs_measure::score::Assessment;
-use particlegs_compress::verify::StoredModel;
+use particlegs_core::render::{
+    FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into,
+    surface_density,
+};
 use particlegs_core::{Result, codec, parallel};
+use particlegs_export::density_unit;
+use particlegs_files::model_file;
+use particlegs_files::output;
+use particlegs_fit::recover::Options;
+use particlegs_measure::score::Assessment;
+use particlegs_particles::RawForm;
 use particlegs_view::page::{ModelFile, PageOpening, offline};
 use particlegs_view::poster;
 use pyo3::prelude::*;

@@ -1,14 +1,17 @@
 //! A series: its index, and its models by number and by moment.
 
-use particlegs_files::model_file;
+use crate::choice::ReadOptions;
+use crate::compress::CompressOptions;
 use crate::errors::IntoPyResult;
 use crate::model::{Model, SeriesFrame};
 use crate::work::WorkOptions;
-use particlegs_files::input::Source;
-use particlegs_core::{Result, codec};
+use particlegs::SeriesOptions;
+use particlegs_compress::verify::SeriesVerification;
 use particlegs_core::codec::{FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
-use particlegs_compress::verify::SeriesVerification;
+use particlegs_core::{Result, codec};
+use particlegs_files::input::Source;
+use particlegs_files::model_file;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -132,4 +135,40 @@ impl ModelSeries {
         let name = format!("{}, {} {time}", self.name, self.clock);
         self.model(py, name, None, threads, move |decoder, context| decoder.extract_at(time, context))
     }
+}
+
+/// How the frames of a series are made; the names are those of the command.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct FrameOptions {
+    keyframe_interval: usize,
+    frames: Option<String>,
+    align: Option<String>,
+    force: bool,
+}
+
+/// Makes a series, or goes on with one; the summary as JSON.
+#[pyfunction]
+#[pyo3(signature = (snapshots, output, read, compress, frames, threads=None, progress=None))]
+pub fn make_series(
+    py: Python<'_>,
+    snapshots: Vec<PathBuf>,
+    output: PathBuf,
+    read: ReadOptions,
+    compress: CompressOptions,
+    frames: FrameOptions,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let choice = read.choice().or_raise()?;
+    let options = SeriesOptions {
+        compress: compress.options(&choice.options())?,
+        keyframe_interval: frames.keyframe_interval,
+        frames: frames.frames.map(|text| text.parse()).transpose().or_raise()?,
+        align: frames.align,
+        replace: frames.force,
+    };
+    let made = WorkOptions { threads, progress }
+        .run(py, |context| particlegs::make_series(&snapshots, &choice, &output, &options, context))?;
+    Ok(serde_json::to_string(&made).expect("plain data"))
 }

@@ -6,13 +6,17 @@ use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::work::WorkOptions;
 use numpy::ndarray::{ArrayD, ArrayView, IxDyn};
 use numpy::{IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
-use particlegs_formats::Writer;
+use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Layer, Units, is_species};
-use particlegs_particles::{LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling};
 use particlegs_core::picture::Size;
-use particlegs_reference::Reference;
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::splat::DEFAULT_OPACITY;
+use particlegs_formats::{Choice, Writer};
+use particlegs_particles::{
+    LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage,
+    Tiling,
+};
+use particlegs_reference::Reference;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::collections::BTreeMap;
@@ -29,12 +33,27 @@ pub struct Snapshot {
     pub drawn: Option<String>,
     /// Fields of each layer that were drawn with the particles; none of others.
     pub fields: Vec<LayerFields>,
+    /// The files that the particles were read from, and how.
+    pub files: Option<(Vec<PathBuf>, Choice)>,
 }
 
 impl Snapshot {
     /// Particles from files.
     pub fn of(particles: Particles, read: BTreeMap<String, String>) -> Self {
-        Snapshot { particles: Arc::new(particles), read, drawn: None, fields: Vec::new() }
+        Snapshot { particles: Arc::new(particles), read, drawn: None, fields: Vec::new(), files: None }
+    }
+
+    /// Fields of each layer: those of the files that the particles were read from, or those that were drawn with them.
+    pub fn layer_fields(&self, context: &Context<'_>) -> particlegs_core::Result<Vec<LayerFields>> {
+        let Some((paths, choice)) = &self.files else { return Ok(self.fields.clone()) };
+        let (particles, fields) = choice.clone().read_fields(paths, &Storage::Memory, context)?;
+        if particles.source_hash() != self.particles.source_hash() {
+            return Err(particlegs_core::Error::input(
+                &self.particles.meta.name,
+                "its files have changed since they were opened",
+            ));
+        }
+        Ok(fields)
     }
 
     /// The particles, to be read: refused where their file has become shorter.

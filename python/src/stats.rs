@@ -7,8 +7,8 @@ use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use particlegs_core::Result;
 use particlegs_core::context::Context;
-use particlegs_particles::LayerFields;
 use particlegs_measure::stats::{Measure, ParticleFields, StatsOptions, StatsSide, Subject, compare};
+use particlegs_particles::LayerFields;
 use pyo3::prelude::*;
 
 /// What to measure; the names are those of the command.

@@ -1,17 +1,20 @@
 //! The subcommands for models: `simplify`, `merge`, `eval`, `verify`, `export`.
 
-use particlegs_files::model_file;
 use crate::compress::{FieldArray, layer_fields};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density, write_gaussians};
-use particlegs_files::output::write_bytes;
 use particlegs_core::codec;
 use particlegs_core::codec::Merge;
-use particlegs_compress::simplify;
+use particlegs_core::model::Target;
 use particlegs_core::picture::Size;
+use particlegs_export::{
+    Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density,
+    write_gaussians,
+};
+use particlegs_files::model_file;
+use particlegs_files::output::write_bytes;
 use particlegs_measure::score;
 use particlegs_view::page::{ModelFile, PageOpening, offline};
 use pyo3::prelude::*;
@@ -38,7 +41,7 @@ pub fn simplify(
     };
     let (whole, bytes) = (model.inner().clone(), model.bytes().len() as u64);
     made(py, model.called(), WorkOptions { threads, progress }, |progress| {
-        simplify(whole, bytes, target, progress)
+        particlegs_compress::simplify(whole, bytes, target, progress)
     })
 }
 
@@ -97,7 +100,7 @@ pub fn evaluate(
     let particles = snapshot.checked()?;
     let scores = WorkOptions { threads, progress }.run(py, |progress| {
         let of_several = model_file::is_of_several(model.bytes(), &whole.metadata, model.called())?;
-        let matches = source_difference(&particles, whole, of_several).is_none();
+        let matches = particlegs_compress::source_difference(&particles, whole, of_several).is_none();
         let mut scores = json!(score::evaluate(whole, particles, &views, size, None, progress)?);
         scores["source_matches"] = matches.into();
         Ok(scores)

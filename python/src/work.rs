@@ -1,9 +1,9 @@
 //! Long work: in its own threads, without the interpreter's lock, with progress, stopped by Ctrl-C.
 
 use crate::errors::{InputError, exception};
-use particlegs_files::memory;
 use particlegs_core::context::{Context, ProgressEvent, ProgressSink};
 use particlegs_core::{Error, Result, parallel};
+use particlegs_files::memory;
 use pyo3::prelude::*;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -116,7 +116,7 @@ impl Common {
             .with_simd(simd)
             .with_memory(&memory::available_bytes)
             .with_cancel(&|| STOP.load(Ordering::SeqCst) || SOON.load(Ordering::SeqCst));
-        let outputs = Mutex::new(Outputs::new(false, ""));
+        let outputs = Mutex::new(Outputs::new(false));
         Ok(CommandContext { common: self, context, display, outputs, files: Mutex::default() })
     }
 }
@@ -178,13 +178,7 @@ impl CommandContext {
     }
 
     pub fn notes(&self, notes: &[String]) {
-        notes.iter().for_each(|note| self.message(&format!("note: {note}")));
-    }
-
-    /// Prints what a user must know even with --quiet.
-    pub fn warn(&self, text: &str) {
-        let text = format!("warning: {text}");
-        if self.common.quiet { to_stderr(&one_line(&text)) } else { self.message(&text) }
+        notes.iter().for_each(|note| self.note(note));
     }
 
     /// Prints the result: JSON if requested, and the text on stdout, or on stderr if stdout has an output; with --quiet
@@ -256,7 +250,12 @@ impl ProgressSink for CommandDisplay {
         if text.starts_with("note: ") && (self.told_before.load(Ordering::Relaxed) || !is_new()) {
             return;
         }
-        lock(&self.meter).iter().for_each(|m| m.message(&one_line(text)));
+        match &*lock(&self.meter) {
+            Some(meter) => meter.message(&one_line(text)),
+            // What a user must know even with --quiet.
+            None if text.starts_with("warning: ") => to_stderr(&one_line(text)),
+            None => {}
+        }
     }
 }
 

@@ -19,13 +19,6 @@ pub fn exit_code(error: &Error) -> u8 {
     }
 }
 
-pub fn option_error(option: &str, error: Error) -> Error {
-    match error {
-        Error::Argument { what, hint } => Error::Argument { what: format!("{option}: {what}"), hint },
-        other => other,
-    }
-}
-
 pub fn hint_text(hint: &Hint) -> String {
     let typed = |name: String, more: &str| format!("`{}`", [&name, more].join(" ").trim_end());
     hint.spell(|name, value| typed(format!("--{name}"), value), |name, more| typed(format!("particlegs {name}"), more))

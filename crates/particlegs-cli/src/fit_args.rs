@@ -7,7 +7,7 @@ use crate::train_args::TrainArgs;
 use clap::Args;
 use particlegs_compress::Options;
 use particlegs_core::model::CertificateLevel;
-use particlegs_core::{Error, Result};
+use particlegs_core::Result;
 use particlegs_fit::Effort;
 use particlegs_particles::StarFormingGas;
 
@@ -62,26 +62,12 @@ impl FitArgs {
 
     /// The library's options for one block in memory, with the seed of the selection.
     pub fn options(&self, particles: &ParticleArgs, seed: u64) -> Result<Options> {
-        for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
-            if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
-                return Err(Error::argument(format!("{name} must be positive")));
-            }
-        }
-        if self.opacity.is_some_and(|a| a > 1.0) {
-            return Err(Error::argument("--opacity must be above 0 and at most 1"));
-        }
         let target = match self.goal.target()? {
             Some(goal) => goal,
             None => self.target.target()?,
         };
-        let mut read = particles.choice(seed)?.options();
-        if !self.fields.is_empty() {
-            read.insert("fields".into(), self.fields.join(","));
-        }
-        if self.star_forming != StarFormingGas::Keep {
-            read.insert("star-forming".into(), self.star_forming.to_string());
-        }
-        Ok(Options {
+        let read = particles.choice(seed)?.options();
+        let options = Options {
             target,
             effort: self.effort,
             radius: self.radius,
@@ -90,8 +76,10 @@ impl FitArgs {
             seed,
             certificate: self.certificate,
             read,
-            fields: !self.fields.is_empty(),
+            fields: self.fields.clone(),
+            star_forming: self.star_forming,
             ..Options::default()
-        })
+        };
+        options.check().map(|()| options)
     }
 }

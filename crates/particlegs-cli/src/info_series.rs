@@ -13,12 +13,6 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Mean masked PSNR of `expected` over the orbits, dB.
-pub fn mean_psnr(certificate: &Certificate) -> Option<f64> {
-    let scores: Vec<f64> = certificate.views.orbits.iter().filter_map(|o| o.expected.model?.masked_psnr).collect();
-    (!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64)
-}
-
 /// A line for each frame: its number, what the clock shows, what it is, its bytes and its score.
 pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> {
     let series = SeriesFile::read(bytes, &name_of(path))?;
@@ -35,7 +29,7 @@ pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> 
             rows.push(FrameRow::Missing { frame: number, kind });
             continue;
         }
-        let masked_psnr = series.certificate(number)?.as_ref().and_then(mean_psnr);
+        let masked_psnr = series.certificate(number)?.as_ref().and_then(Certificate::mean_psnr);
         let (time, bytes) = (frame.time, frame.place.len());
         let shown = masked_psnr.map_or(String::new(), |v| format!("{v:.2}"));
         let _ = write!(text, "\n{number:>6} {time:>13.6} {kind:>9} {bytes:>9} {shown:>9}");

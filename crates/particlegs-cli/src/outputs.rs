@@ -14,9 +14,6 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Hint for an existing output.
-const ADVICE: &str = "name another output, or replace it with --force";
-
 /// Most files of a folder that are listed by name.
 const MOST_NAMED: usize = 12;
 
@@ -34,9 +31,6 @@ const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
 
 /// A model file: kept without --force.
 const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
-
-/// A series, which does not replace a single model.
-pub const SERIES: Kind = Kind { name: "a series of models", kept: true, is: |_, head| codec::is_series(head) };
 
 pub const PNG: Kind = replaced("a PNG", |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n"));
 pub const SVG: Kind =
@@ -125,13 +119,13 @@ impl CommandContext {
     /// Declares the `inputs` of a command and its first output, `--json`; `force` replaces kept outputs.
     pub fn reads<'a>(&self, inputs: impl IntoIterator<Item = &'a Path>, force: bool) -> Result<()> {
         let inputs = inputs.into_iter().map(|path| Input::Data(path.to_path_buf()));
-        self.plan(Outputs::new(force, ADVICE), inputs)
+        self.plan(Outputs::new(force), inputs)
     }
 
     /// [`CommandContext::reads`] for a job folder and its snapshot.
     pub fn reads_job(&self, job: &Path, snapshot: &[PathBuf], force: bool) -> Result<()> {
         let inputs = snapshot.iter().map(|path| Input::Data(path.clone()));
-        self.plan(Outputs::new(force, ADVICE), inputs.chain([Input::Whole(job.to_path_buf())]))
+        self.plan(Outputs::new(force), inputs.chain([Input::Whole(job.to_path_buf())]))
     }
 
     fn plan(&self, mut outputs: Outputs, inputs: impl Iterator<Item = Input>) -> Result<()> {

@@ -1,6 +1,5 @@
 //! Target of a model: size or quality. Commands add their default.
 
-use crate::error_text::option_error;
 use clap::{Arg, Args};
 use particlegs_compress::Target;
 use particlegs_core::model::{Goal, GoalKind};
@@ -118,7 +117,7 @@ impl GoalArgs {
         ];
         let given = |(kind, name, asked, at)| {
             let (asked, at) = (Option::<f64>::zip(asked, at))?;
-            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| option_error(name, e)))
+            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| e.at(name)))
         };
         goals.into_iter().find_map(given).transpose()
     }

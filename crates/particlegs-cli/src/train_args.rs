@@ -1,7 +1,6 @@
 //! Options of training: presets, a configuration file, limits. Shared by `compress` and `plan`.
 
 use crate::common::{OrNone, named, named_or};
-use crate::error_text;
 use crate::inputs::WaitNotice;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs_core::context::Context;
@@ -116,10 +115,10 @@ impl TuneArgs {
             }
         }
         if let Some(scale) = self.scale {
-            config = config.scaled(scale).map_err(|e| error_text::option_error("--scale", e))?;
+            config = config.scaled(scale).map_err(|e| e.at("--scale"))?;
         }
         if let Some(n) = self.iterations {
-            config = config.with_iterations(n).map_err(|e| error_text::option_error("--iterations", e))?;
+            config = config.with_iterations(n).map_err(|e| e.at("--iterations"))?;
         }
         config.check()?;
         Ok(config)

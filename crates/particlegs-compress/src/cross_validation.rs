@@ -47,8 +47,11 @@ fn of_scope(
         radius: (m.default_radius != default_radius).then_some(m.default_radius),
         certificate: CertificateLevel::None,
         seed,
-        sharing: SharingPolicy::of_recipe(&m.recipe),
-        fields: m.recipe.read.contains_key("fields"),
+        // Species of a model with fields share nothing.
+        sharing: match m.recipe.read.contains_key("fields") {
+            true => SharingPolicy::No,
+            false => SharingPolicy::of_recipe(&m.recipe),
+        },
         ..Options::default()
     };
     let model_of = |half: &Particles| {

@@ -52,4 +52,3 @@ pub(crate) use setup::{BlockSetup, StopPolicy};
 pub use shared_species::SharingPolicy;
 pub use simplify::simplify;
 pub(crate) use size::SizeOutcome;
-pub use total_size::compress_to_total;

@@ -4,7 +4,7 @@ use super::memory::MemoryLoad;
 use super::shared_species::{self, SharingPolicy};
 use particlegs_core::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
 use particlegs_core::{Error, Result};
-use particlegs_particles::{Particles, Storage};
+use particlegs_particles::{Particles, StarFormingGas, Storage};
 use particlegs_train::{Config, Limits};
 use std::collections::BTreeMap;
 
@@ -36,8 +36,13 @@ pub struct Options {
     pub certificate: CertificateLevel,
     /// Do species share Gaussians?
     pub sharing: SharingPolicy,
-    /// Will the model get fields? Their moments are of one species each, so that species cannot share Gaussians.
-    pub fields: bool,
+    /// Names of fields to store as well, case aside; `all` stands for every field of real numbers. Species of a model
+    /// with fields cannot share Gaussians.
+    pub fields: Vec<String>,
+    /// Temperature of star-forming gas, where a field of it is computed from internal energy.
+    pub star_forming: StarFormingGas,
+    /// Whether a target of a size counts the fields too, and not positions and masses alone. Up to six fits are made.
+    pub size_with_fields: bool,
     /// What is read of the snapshot, for the file's [`Recipe::read`].
     pub read: BTreeMap<String, String>,
 }
@@ -53,6 +58,34 @@ impl Options {
         Options { target: Target::Gaussians(number), ..Options::default() }
     }
 
+    /// Checks the options on their own, before a snapshot is read.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a number out of range, and options that contradict each other.
+    pub fn check(&self) -> Result<()> {
+        if let Some(radius) = self.radius.filter(|r| !(*r > 0.0 && r.is_finite())) {
+            return Err(Error::argument(format!("the particle radius must be positive, not {radius}")));
+        }
+        if let Some(opacity) = self.opacity.filter(|a| !(*a > 0.0 && *a <= 1.0)) {
+            return Err(Error::argument(format!("the opacity must be above 0 and at most 1, not {opacity}")));
+        }
+        if self.blocks == Some(0) {
+            return Err(Error::argument("the number of blocks must be at least 1"));
+        }
+        if self.size_with_fields {
+            let why = match self.target {
+                _ if self.training.is_some() => Some("a model that is trained is trained at one size"),
+                Target::Size(_) if self.fields.is_empty() => Some("no field is stored"),
+                Target::Size(_) => None,
+                _ => Some("the target is not a size"),
+            };
+            if let Some(why) = why {
+                return Err(Error::argument(format!("the size of a file with its fields cannot be the target: {why}")));
+            }
+        }
+        self.target.check().map(drop)
+    }
+
     /// How Gaussians become pictures.
     pub fn law(&self) -> LawKind {
         self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
@@ -61,6 +94,12 @@ impl Options {
     /// What makes a model in `blocks` blocks, as its file says it.
     pub fn recipe(&self, blocks: u32) -> Recipe {
         let mut read = self.read.clone();
+        if !self.fields.is_empty() {
+            read.insert("fields".into(), self.fields.join(","));
+        }
+        if self.star_forming != StarFormingGas::Keep {
+            read.insert("star-forming".into(), self.star_forming.to_string());
+        }
         if self.sharing != SharingPolicy::Automatic {
             read.insert(shared_species::OPTION.into(), self.sharing.to_string());
         }
@@ -81,7 +120,7 @@ impl Options {
     /// May species share Gaussians where nothing is said about it? Blocks are fitted as those of a job, whose tasks cannot
     /// tell.
     pub(super) fn may_share(&self) -> bool {
-        !self.fields && self.training.is_none() && self.blocks.is_none() && self.memory.is_none()
+        self.fields.is_empty() && self.training.is_none() && self.blocks.is_none() && self.memory.is_none()
     }
 
     /// The number of blocks in which `particles` are fitted in this process.

@@ -11,6 +11,8 @@ use super::search;
 use super::setup::{BlockSetup, StopPolicy};
 use super::shared_species::SharedLayer;
 use super::thickness::Thickness;
+use super::total_size::compress_to_total;
+use super::FieldSelection;
 #[cfg(doc)]
 use particlegs_core::Error;
 use particlegs_core::Result;
@@ -23,7 +25,7 @@ use particlegs_files::output;
 use particlegs_fit::memory_needed;
 use particlegs_measure::score::{CertificateInput, GoalMetric};
 use particlegs_particles::blocks::SnapshotScan;
-use particlegs_particles::{LayeredParticles, Particles, Storage};
+use particlegs_particles::{LayerFields, LayeredParticles, Particles, Storage};
 use particlegs_train::TrainedRun;
 
 /// A file and how it came to be.
@@ -54,13 +56,14 @@ pub fn compress(
     pieces: &mut dyn CheckpointStore,
     context: &Context<'_>,
 ) -> Result<CompressedModel> {
-    Compression::plan(particles, options, context)?.run(pieces, context)
+    Compression::plan(particles, &[], options, context)?.run(pieces, context)
 }
 
 /// A compression that is planned: the snapshot was read once, and no block is fitted yet.
 pub struct Compression<'a> {
     particles: &'a Particles,
     options: &'a Options,
+    fields: Option<FieldSelection<'a>>,
     plan: CompressionPlan,
     layer_bounds: Vec<Bounds>,
     /// Where species share Gaussians.
@@ -69,8 +72,33 @@ pub struct Compression<'a> {
 }
 
 impl<'a> Compression<'a> {
-    /// Reads the particles once: bounds, hash, and where they are to be cut.
-    pub fn plan(particles: &'a Particles, options: &'a Options, context: &Context<'_>) -> Result<Self> {
+    /// Checks the options, finds the fields that they name among `sources`, those of each layer (none are needed where
+    /// no field is named), and reads the particles once: bounds, hash, and where they are to be cut.
+    pub fn plan(
+        particles: &'a Particles,
+        sources: &'a [LayerFields],
+        options: &'a Options,
+        context: &Context<'_>,
+    ) -> Result<Self> {
+        options.check()?;
+        let Options { fields, star_forming, .. } = options;
+        if fields.is_empty() {
+            return Compression::of_positions(particles, &particles.meta.fields, options, context);
+        }
+        let chosen = FieldSelection::new(fields, *star_forming, particles, sources, options.law())?;
+        let mut planned = Compression::of_positions(particles, chosen.omitted(), options, context)?;
+        planned.plan.notes.splice(0..0, chosen.notes().iter().cloned());
+        planned.fields = Some(chosen);
+        Ok(planned)
+    }
+
+    /// Plans the model without fields; `omitted` are the names of the snapshot's fields that it will not have.
+    pub(super) fn of_positions(
+        particles: &'a Particles,
+        omitted: &[String],
+        options: &'a Options,
+        context: &Context<'_>,
+    ) -> Result<Self> {
         particles.check_files()?;
         let blocks = options.blocks_of(particles)?;
         require("the fit", memory_needed(particles) / u64::from(blocks.max(1)))?;
@@ -78,7 +106,8 @@ impl<'a> Compression<'a> {
             output::check_space_in(folder, particles.raw_bytes())?;
         }
         let mut clock = Clock::default();
-        let source = LayeredParticles::from_particles(particles);
+        let mut source = LayeredParticles::from_particles(particles);
+        source.meta.fields = omitted.to_vec();
         let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, context))?;
         let mut plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
         let mut layer_bounds = scan.layer_bounds(&source);
@@ -90,7 +119,7 @@ impl<'a> Compression<'a> {
             layer_bounds = vec![scan.bounds];
             plan.notes.push("the particle types share Gaussians".into());
         }
-        Ok(Compression { particles, options, plan, layer_bounds, shared, clock })
+        Ok(Compression { particles, options, fields: None, plan, layer_bounds, shared, clock })
     }
 
     /// What the file will say; its mass comes from the blocks.
@@ -110,8 +139,19 @@ impl<'a> Compression<'a> {
     }
 
     /// Fits and codes the blocks, puts the file together and measures it.
-    pub fn run(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
-        let Compression { particles, options, plan, layer_bounds, shared, mut clock } = self;
+    pub fn run(mut self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
+        match self.fields.take() {
+            None => self.fit(pieces, context),
+            Some(fields) if self.options.size_with_fields => {
+                compress_to_total(self.particles, self.options, &fields, context)
+            }
+            Some(fields) => fields.add_to_model(self.fit(pieces, context)?, context),
+        }
+    }
+
+    /// The model without fields.
+    pub(super) fn fit(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
+        let Compression { particles, options, fields: _, plan, layer_bounds, shared, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
         let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, context);

@@ -110,7 +110,7 @@ impl SharedLayer {
         gaussians_and_radius: (f64, f64),
         context: &Context<'_>,
     ) -> Result<Option<SharedLayer>> {
-        if options.fields && options.sharing == SharingPolicy::Yes {
+        if !options.fields.is_empty() && options.sharing == SharingPolicy::Yes {
             return Err(Error::argument_with(
                 "particle types that share Gaussians cannot have fields",
                 "choose one particle type, or leave the fields out",

@@ -1,7 +1,7 @@
 //! A size that positions and fields meet together: what fields take is known once a model is fitted, so the fit is
 //! repeated.
 
-use super::{CompressedModel, FieldSelection, Options, compress};
+use super::{CompressedModel, Compression, FieldSelection, Options};
 use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::context::Context;
 use particlegs_core::model::Target;
@@ -17,27 +17,29 @@ const AIM: f64 = 0.99;
 const GAUSSIAN: f64 = 5.0;
 const NUMBER: f64 = 3.0;
 
-/// Compresses particles to a file of at most `total` bytes with its fields. The recipe of the file has the size that
+/// Compresses particles to a file that has at most the size of the target with its fields. The recipe of the file has the size that
 /// positions and masses got.
 ///
 /// # Errors
-/// [`Error::Unreachable`] where no fit gives such a file; those of [`compress`].
-pub fn compress_to_total(
+/// [`Error::Unreachable`] where no fit gives such a file; those of a compression.
+pub(super) fn compress_to_total(
     particles: &Particles,
     options: &Options,
     fields: &FieldSelection<'_>,
-    total: u64,
     context: &Context<'_>,
 ) -> Result<CompressedModel> {
+    let Target::Size(total) = options.target else { return Err(Error::argument("the target is not a size")) };
     let numbers: usize = fields.quantities().iter().map(|q| q.component_names().len()).sum();
     let mut size = (total as f64 * GAUSSIAN / (GAUSSIAN + NUMBER * numbers as f64)) as u64;
     let (mut best, mut fits) = (None::<CompressedModel>, Vec::new());
     for _ in 0..FITS {
         let options = Options { target: Target::Size(size.max(1)), ..options.clone() };
-        let done = match compress(particles, &options, &mut NoCheckpoints, context) {
+        let planned = Compression::of_positions(particles, fields.omitted(), &options, context);
+        let mut done = match planned.and_then(|planned| planned.fit(&mut NoCheckpoints, context)) {
             Err(Error::Unreachable { .. }) => break,
             done => done?,
         };
+        done.notes.splice(0..0, fields.notes().iter().cloned());
         let filled = done.bytes.len() as f64 > FILLED * size as f64;
         let done = fields.add_to_model(done, context)?;
         let whole = done.bytes.len() as u64;

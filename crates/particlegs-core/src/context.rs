@@ -135,6 +135,16 @@ impl<'a> Context<'a> {
         self.sink.message(text);
     }
 
+    /// Reports what a user should know of the work: a message that begins with `note: `.
+    pub fn note(&self, text: &str) {
+        self.message(&format!("note: {text}"));
+    }
+
+    /// Reports what a user must know, even one who wants no progress: a message that begins with `warning: `.
+    pub fn warn(&self, text: &str) {
+        self.message(&format!("warning: {text}"));
+    }
+
     /// The sink, for another that stands before it.
     pub fn sink(&self) -> &'a dyn ProgressSink {
         self.sink

@@ -76,6 +76,15 @@ impl Error {
         Error::Argument { what: what.into(), hint: hint.into() }
     }
 
+    /// The same, where an argument is at fault: its place comes first.
+    #[must_use]
+    pub fn at(self, place: &str) -> Self {
+        match self {
+            Error::Argument { what, hint } => Error::Argument { what: format!("{place}: {what}"), hint },
+            other => other,
+        }
+    }
+
     /// A size or quality that cannot be reached and what would help.
     pub fn unreachable(what: impl Into<String>, hint: impl Into<Hint>) -> Self {
         Error::Unreachable { what: what.into(), hint: hint.into() }

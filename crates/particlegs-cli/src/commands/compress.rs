@@ -9,13 +9,11 @@ use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{HEADING, parse_bytes};
 use clap::{Args, ValueHint};
-use particlegs_compress::{
-    CompressedModel, Compression, FieldSelection, Options, SharingPolicy, Target, compress_to_total,
-};
+use particlegs_compress::{CompressedModel, Compression, Options, SharingPolicy, Target};
 use particlegs_core::checkpoint::CheckpointStore;
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
-use particlegs_core::{Error, Result, codec};
+use particlegs_core::{Result, codec};
 use particlegs_files::output;
 use particlegs_particles::{Particles, Storage};
 use serde_json::json;
@@ -110,13 +108,11 @@ pub fn run(a: Arguments) -> Result<()> {
     options.sharing = a.share_gaussians;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
-    let total = a.size_total.as_deref().map(parse_bytes).transpose()?;
-    if let Some(total) = total {
-        if options.training.is_some() {
-            return Err(Error::argument("--size-total has no effect with --train: a model is trained at one size"));
-        }
-        options.target = Target::Size(total).check()?;
+    if let Some(total) = a.size_total.as_deref().map(parse_bytes).transpose()? {
+        options.target = Target::Size(total);
+        options.size_with_fields = true;
     }
+    options.check()?;
     let context = a.common.clone().start()?;
     let start = Instant::now();
     options.limits = a.run.limits(start, a.scratch_folder())?;
@@ -126,16 +122,10 @@ pub fn run(a: Arguments) -> Result<()> {
         options.storage = Storage::Disk(a.scratch_folder());
     }
     let mut choice = a.particles.choice(a.common.seed)?;
-    let (mut particles, sources) = match a.fit.fields.is_empty() {
+    let (particles, sources) = match options.fields.is_empty() {
         true => (choice.read(&a.input, &options.storage, &context)?, Vec::new()),
         false => choice.read_fields(&a.input, &options.storage, &context)?,
     };
-    if !a.fit.fields.is_empty() {
-        let chosen = FieldSelection::new(&a.fit.fields, a.fit.star_forming, &particles, &sources, options.law())?;
-        context.notes(chosen.notes());
-        let omitted = chosen.omitted().to_vec();
-        particles.meta.fields = omitted;
-    }
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
@@ -143,22 +133,13 @@ pub fn run(a: Arguments) -> Result<()> {
     if kept {
         return there_already(&a, &options, &particles, &context);
     }
-    let planned = Compression::plan(&particles, &options, &context)?;
+    let planned = Compression::plan(&particles, &sources, &options, &context)?;
     context.notes(planned.notes());
     let checkpoint = match options.training {
         Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
-    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
-        if a.fit.fields.is_empty() {
-            return planned.run(pieces, context);
-        }
-        let fields = FieldSelection::new(&a.fit.fields, a.fit.star_forming, &particles, &sources, options.law())?;
-        match total {
-            None => fields.add_to_model(planned.run(pieces, context)?, context),
-            Some(total) => compress_to_total(&particles, &options, &fields, total, context),
-        }
-    };
+    let work = |checkpoints: &mut dyn CheckpointStore, context: &Context<'_>| planned.run(checkpoints, context);
     let done = a.run.run(a.output(), &context, checkpoint, work)?;
     let seconds = start.elapsed().as_secs_f64();
     report(&a, &context, &done, seconds)?;

@@ -23,7 +23,7 @@ pub struct Arguments {
 const PAGE: Kind = Kind { name: "a manual page", kept: false, is: |_, head| head.windows(4).any(|w| w == b".TH ") };
 
 pub fn run(a: &Arguments) -> Result<()> {
-    let mut outputs = Outputs::new(false, "");
+    let mut outputs = Outputs::new(false);
     outputs.make_folder(&a.folder)?;
     // The pages also describe options that only `--help` shows.
     let shown = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));

@@ -96,8 +96,6 @@ pub fn run(a: Arguments) -> Result<()> {
     let task = Task {
         reopened,
         options: &options,
-        fields: &a.fit.fields,
-        star_forming: a.fit.star_forming,
         snapshot: named,
         place: &snapshot.place(),
         replace: a.force.force,

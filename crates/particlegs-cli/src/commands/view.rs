@@ -1,7 +1,6 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
 use crate::common::{CommandContext, Common};
-use crate::error_text::option_error;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use crate::page_models::ModelFiles;
 use crate::progress::to_stderr;
@@ -141,7 +140,7 @@ fn token() -> Result<Token> {
     const VARIABLE: &str = "PARTICLEGS_TOKEN";
     match std::env::var_os(VARIABLE) {
         None => Token::random(),
-        Some(chosen) => Token::chosen(chosen.to_string_lossy().into_owned()).map_err(|e| option_error(VARIABLE, e)),
+        Some(chosen) => Token::chosen(chosen.to_string_lossy().into_owned()).map_err(|e| e.at(VARIABLE)),
     }
 }
 

@@ -10,7 +10,7 @@ use particlegs_core::{Error, Hint, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
 use particlegs_particles::blocks::{KdTree, SnapshotScan};
-use particlegs_particles::{LayeredParticles, StarFormingGas};
+use particlegs_particles::LayeredParticles;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -20,10 +20,6 @@ pub struct Task<'a> {
     pub reopened: bool,
     /// As for [`crate::compress`]; the memory is that of a task.
     pub options: &'a Options,
-    /// Fields that the file gets, by name.
-    pub fields: &'a [String],
-    /// Temperature of star-forming gas, where it is computed from energies.
-    pub star_forming: StarFormingGas,
     /// How the snapshot is opened again: the caller's own.
     pub snapshot: serde_json::Value,
     /// How errors name it.
@@ -45,6 +41,7 @@ impl Job {
     /// Plans a job in `folder`: reads the snapshot once, then writes the manifest, whole or not at all.
     /// The same plan again changes nothing.
     pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, context: &Context<'_>) -> Result<Job> {
+        task.options.check()?;
         if task.options.target.goal().is_some() {
             let hint = Hint::from("use a size, a ratio or a number of Gaussians; ").command("compress", "");
             let what = "a job cannot search for a quality, which depends on all blocks together";
@@ -52,9 +49,10 @@ impl Job {
         }
         check_folder(folder)?;
         let mut fields = FieldPlan::default();
-        if !task.fields.is_empty() {
+        let Options { fields: names, star_forming, .. } = task.options;
+        if !names.is_empty() {
             let counts: Vec<u64> = source.layers.iter().map(|l| l.layer.content).collect();
-            let (names, layers) = ((task.fields, task.star_forming), (&source.fields[..], &counts[..]));
+            let (names, layers) = ((&names[..], *star_forming), (&source.fields[..], &counts[..]));
             fields = FieldPlan::new(names, layers, &source.meta.fields, false, task.options.law())?;
             source.meta.fields.clone_from(&fields.omitted);
         }

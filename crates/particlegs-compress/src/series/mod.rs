@@ -8,15 +8,19 @@ pub use frame_store::FrameStore;
 
 use crate::{Compression, FieldSelection, MemoryLoad, Options, SharingPolicy, certify};
 use particlegs_core::checkpoint::NoCheckpoints;
-use particlegs_core::codec::{ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel};
+use particlegs_core::codec::{ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel, is_series};
 use particlegs_core::context::Context;
 use particlegs_core::model::{
     Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Mixture, Model, Quantity,
 };
 use particlegs_core::{Error, Result};
+use particlegs_files::output::Kind;
 use particlegs_fit::{FitOptions, MixtureAssignment, TrackingEffort, track_gaussians};
 use particlegs_particles::blocks::divide;
 use particlegs_particles::{Chunk, Particles};
+
+/// The file of a series, which does not replace a single model.
+pub const SERIES_FILE: Kind = Kind { name: "a series of models", kept: true, is: |_, head| is_series(head) };
 
 /// Frames from one keyframe to the next where nothing is said.
 pub const KEYFRAME_INTERVAL: usize = 16;
@@ -54,6 +58,7 @@ pub struct AddedFrame {
 impl SeriesBuilder {
     /// A series whose keyframes are compressed by `options`, one every `interval` frames.
     pub fn new(options: Options, interval: usize) -> Result<SeriesBuilder> {
+        options.check()?;
         if options.law() == LawKind::AlphaBlend || options.training.is_some() {
             return Err(Error::argument("a series holds optical-depth models that are fitted, not trained"));
         }
@@ -110,7 +115,9 @@ impl SeriesBuilder {
         let before = before.filter(|b| needed <= b.metadata.recipe.blocks);
         let blocks = before.map_or(needed, |b| b.metadata.recipe.blocks);
         let options = Options { blocks: Some(blocks), ..self.options.clone() };
-        let planned = Compression::plan(particles, &options, context)?;
+        // What is left out where fields are chosen was the user's choice.
+        let omitted = if fields.is_some() { &[][..] } else { &particles.meta.fields };
+        let planned = Compression::of_positions(particles, omitted, &options, context)?;
         let metadata = planned.metadata();
         let clock = *self.clock.get_or_insert_with(|| SeriesClock::of(metadata));
         let name = &particles.meta.name;

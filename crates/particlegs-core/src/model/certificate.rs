@@ -73,6 +73,12 @@ record! {
 }
 
 impl Certificate {
+    /// Mean masked PSNR of the noise-free pictures over the orbits, dB.
+    pub fn mean_psnr(&self) -> Option<f64> {
+        let scores: Vec<f64> = self.views.orbits.iter().filter_map(|o| o.expected.model?.masked_psnr).collect();
+        (!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64)
+    }
+
     fn groups_agree(&self) -> Result<(), String> {
         let by_blocks = self.blocks.is_some();
         for orbit in &self.views.orbits {

@@ -10,6 +10,7 @@ use super::state::PlannedOutput;
 use super::write::check_writable;
 use crate::context::Context;
 use crate::{Error, Result};
+use particlegs_core::Hint;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -32,17 +33,16 @@ pub struct Outputs {
     inputs: Vec<Input>,
     taken: Vec<Identity>,
     replaces: bool,
-    advice: &'static str,
     pipes: Vec<File>,
     made: Vec<PathBuf>,
     planned: Vec<PathBuf>,
 }
 
 impl Outputs {
-    /// Of a command that replaces what is kept if `replaces`, else gives `advice` where it is there.
-    pub fn new(replaces: bool, advice: &'static str) -> Outputs {
+    /// Of work that replaces what is kept if `replaces`.
+    pub fn new(replaces: bool) -> Outputs {
         let (inputs, taken, pipes, made, planned) = Default::default();
-        Outputs { inputs, taken, replaces, advice, pipes, made, planned }
+        Outputs { inputs, taken, replaces, pipes, made, planned }
     }
 
     pub fn reads(&mut self, input: Input) {
@@ -123,7 +123,8 @@ impl Outputs {
 
     /// The error for what is there and kept.
     pub fn refused(&self, path: &Path) -> Error {
-        Error::output(path, "exists already and is not replaced", self.advice)
+        let hint = Hint::from("name another output, or replace it with ").option("force", "");
+        Error::output(path, "exists already and is not replaced", hint)
     }
 
     /// Makes a folder where it is missing; it goes again if nothing comes into it. Refuses a name that means a file.
