@@ -161,7 +161,7 @@ def compress_series(
     frames: Optional[str] = None,
     keyframe_interval: int = 16,
     align: Optional[str] = None,
-    force: bool = False,
+    overwrite: bool = False,
     read: Optional[Mapping[str, Any]] = None,
     threads: Optional[int] = None,
     progress: Progress = None,
@@ -184,7 +184,7 @@ def compress_series(
     align : str, optional
         Atoms, such as ``"name CA"``, by which each frame is turned and moved onto the first. Aligned frames have no
         periodic box.
-    force : bool
+    overwrite : bool
         Replace a series that was made with other options, or of other snapshots.
     read : dict, optional
         Options of `open`, such as ``{"species": "dm"}``.
@@ -206,7 +206,7 @@ def compress_series(
     --------
     >>> run = pg.compress_series("output/snap_*.hdf5", "run.pgs", ratio=300, fields="velocity")  # doctest: +SKIP
     """
-    made = {"keyframe_interval": keyframe_interval, "frames": frames, "align": align, "force": force}
+    made = {"keyframe_interval": keyframe_interval, "frames": frames, "align": align, "overwrite": overwrite}
     _particlegs.make_series(
         _coerce.paths(snapshots),
         os.fspath(path),

@@ -144,7 +144,7 @@ pub struct FrameOptions {
     keyframe_interval: usize,
     frames: Option<String>,
     align: Option<String>,
-    force: bool,
+    overwrite: bool,
 }
 
 /// Makes a series, or goes on with one; the summary as JSON.
@@ -166,7 +166,7 @@ pub fn make_series(
         keyframe_interval: frames.keyframe_interval,
         frames: frames.frames.map(|text| text.parse()).transpose().or_raise()?,
         align: frames.align,
-        replace: frames.force,
+        replace: frames.overwrite,
     };
     let made = WorkOptions { threads, progress }
         .run(py, |context| particlegs::make_series(&snapshots, &choice, &output, &options, context))?;

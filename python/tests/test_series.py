@@ -3,6 +3,7 @@
 import pathlib
 import shutil
 import subprocess
+import warnings
 
 import numpy as np
 import pytest
@@ -37,9 +38,30 @@ def snapshots(tmp_path_factory):
 @pytest.fixture(scope="module")
 def run_path(snapshots, command):
     path = snapshots / "run.pgs"
-    files = sorted(map(str, snapshots.glob("snap_*.hdf5")))
-    subprocess.run([command, "series", *files, "-o", path, "--size", "4kB", "--quiet"], check=True)
+    files = sorted(snapshots.glob("snap_*.hdf5"))
+    for some in (files[:1], files):
+        run = pg.compress_series(some, path, size="4kB")
+        assert len(run) == len(some)
+    subprocess.run([command, "series", *files, "-o", snapshots / "same.pgs", "--size", "4kB", "--quiet"], check=True)
+    assert path.read_bytes() == (snapshots / "same.pgs").read_bytes()
     return path
+
+
+def test_a_series_that_cannot_be_made_is_refused(run_path, snapshots, tmp_path):
+    files, text = sorted(snapshots.glob("snap_*.hdf5")), tmp_path / "text.pgs"
+    text.write_text("not a series")
+    for path, options, error, match in [
+        (run_path, {"size": "5kB"}, FileExistsError, "overwrite=True"),
+        (text, {}, FileExistsError, "not a series"),
+        (tmp_path / "a.pgs", {"keyframe_interval": 0}, pg.InputError, "at least 1"),
+        (tmp_path / "a.pgs", {"frames": "5"}, pg.InputError, "FIRST:END"),
+        (tmp_path / "a.pgs", {"opacity": 2.0}, pg.InputError, "opacity must be above 0 and at most 1"),
+        (tmp_path / "a.pgs", {"read": {"species": "gas"}, "size": "4kB"}, pg.InputError, "gas"),
+    ]:
+        with warnings.catch_warnings(), pytest.raises(error, match=match):
+            warnings.simplefilter("ignore")
+            pg.compress_series(files, path, **options)
+    assert not (tmp_path / "a.pgs").exists()
 
 
 def test_a_series_has_frames(run_path):

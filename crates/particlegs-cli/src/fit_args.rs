@@ -6,8 +6,8 @@ use crate::target_args::{GoalArgs, TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::Args;
 use particlegs_compress::Options;
-use particlegs_core::model::CertificateLevel;
 use particlegs_core::Result;
+use particlegs_core::model::CertificateLevel;
 use particlegs_fit::Effort;
 use particlegs_particles::StarFormingGas;
 

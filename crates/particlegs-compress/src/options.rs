@@ -69,9 +69,6 @@ impl Options {
         if let Some(opacity) = self.opacity.filter(|a| !(*a > 0.0 && *a <= 1.0)) {
             return Err(Error::argument(format!("the opacity must be above 0 and at most 1, not {opacity}")));
         }
-        if self.blocks == Some(0) {
-            return Err(Error::argument("the number of blocks must be at least 1"));
-        }
         if self.size_with_fields {
             let why = match self.target {
                 _ if self.training.is_some() => Some("a model that is trained is trained at one size"),

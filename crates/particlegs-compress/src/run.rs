@@ -1,5 +1,6 @@
 //! From particles to a measured file, in one process.
 
+use super::FieldSelection;
 use super::block::CodedBlock;
 use super::certify::DecodedFile;
 use super::clock::Clock;
@@ -12,7 +13,6 @@ use super::setup::{BlockSetup, StopPolicy};
 use super::shared_species::SharedLayer;
 use super::thickness::Thickness;
 use super::total_size::compress_to_total;
-use super::FieldSelection;
 #[cfg(doc)]
 use particlegs_core::Error;
 use particlegs_core::Result;

@@ -96,7 +96,7 @@ fn cloud(scale: f32) -> Particles {
 /// work; where it is done, and how far training goes, is not.
 #[test]
 fn other_options_are_other_work() {
-    let id = |p: &Particles, o: &Options| Compression::plan(p, o, &Context::SILENT).unwrap().id();
+    let id = |p: &Particles, o: &Options| Compression::plan(p, &[], o, &Context::SILENT).unwrap().id();
     let base = Options { target: Target::Gaussians(8), ..Options::default() };
     let training = |law| Some(Config::preset(Preset::Fast, law));
     let options = [

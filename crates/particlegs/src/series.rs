@@ -125,12 +125,10 @@ pub fn make_series(
         old_frames = frames_of(output, &recipe, context)?.ok_or_else(|| outputs.refused(output))?;
     }
     let sources = work.sources(snapshots)?;
-    let old_frame = |number: usize, store: &FrameStore| {
-        old_frames.get(number).cloned().flatten().or_else(|| store.frame(number))
-    };
-    let is_absent = |(number, source): &(usize, &FrameSource)| {
-        !source.path.exists() && old_frame(*number, &store).is_none()
-    };
+    let old_frame =
+        |number: usize, store: &FrameStore| old_frames.get(number).cloned().flatten().or_else(|| store.frame(number));
+    let is_absent =
+        |(number, source): &(usize, &FrameSource)| !source.path.exists() && old_frame(*number, &store).is_none();
     if let Some((_, source)) = sources.iter().enumerate().find(is_absent) {
         let absent = std::io::Error::new(std::io::ErrorKind::NotFound, "there is no such file or folder");
         return Err(Error::io(&source.path, absent));
@@ -144,7 +142,7 @@ pub fn make_series(
         // A frame that is new changes those behind it.
         let old_frame = if all_kept { old_frame(number, &store) } else { None };
         let read = match work.read(source) {
-            Ok(read) => read,
+            Ok(read) => work.aligned(source, read)?,
             Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
             Err(e) => {
                 frames.push(work.keep_unread(number, old_frame, &e)?);
@@ -280,7 +278,7 @@ impl<'a> SeriesWork<'a> {
         Ok(frames.map(|frame| FrameSource { path: path.clone(), frame: Some(frame) }).collect())
     }
 
-    fn read(&mut self, source: &FrameSource) -> Result<FrameParticles> {
+    fn read(&self, source: &FrameSource) -> Result<FrameParticles> {
         let mut choice = Choice { frame: source.frame, ..self.choice.clone() };
         let path = std::slice::from_ref(&source.path);
         let Options { fields, storage, .. } = &self.compress;
@@ -288,11 +286,13 @@ impl<'a> SeriesWork<'a> {
             true => (choice.read(path, storage, self.context)?, Vec::new()),
             false => choice.read_fields(path, storage, self.context)?,
         };
-        let particles = match &mut self.aligner {
-            Some(aligner) => aligner.aligned(source, particles, self.context)?,
-            None => particles,
-        };
         Ok(FrameParticles { source: source.name(), particles, fields })
+    }
+
+    fn aligned(&mut self, source: &FrameSource, read: FrameParticles) -> Result<FrameParticles> {
+        let Some(aligner) = &mut self.aligner else { return Ok(read) };
+        let particles = aligner.aligned(source, read.particles, self.context)?;
+        Ok(FrameParticles { particles, ..read })
     }
 
     /// The fields of a frame that are stored.
@@ -333,12 +333,7 @@ impl<'a> SeriesWork<'a> {
     }
 
     /// Goes on behind a frame that was made before, where it was made from these particles; `None` where it is replaced.
-    fn keep(
-        &mut self,
-        number: usize,
-        read: &FrameParticles,
-        frame: CodedFrame,
-    ) -> Result<Option<CodedFrame>> {
+    fn keep(&mut self, number: usize, read: &FrameParticles, frame: CodedFrame) -> Result<Option<CodedFrame>> {
         let place = self.place(number);
         let tracked = self.builder.decode(&frame, &place, self.context)?;
         let model = tracked.clone().into_model();
@@ -441,4 +436,87 @@ fn ids(particles: &Particles, fields: &[LayerFields]) -> Result<Option<Vec<u64>>
         all.extend(fields.identities(number, layer.content.len())?);
     }
     Ok(Some(all).filter(|ids| !ids.is_empty()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use particlegs_core::codec::{self, SeriesDecoder};
+    use particlegs_core::model::CertificateLevel;
+
+    /// Snapshots of 300 particles that drift, each with its time.
+    fn snapshots(folder: &Path, number: usize) -> Vec<PathBuf> {
+        let snapshot = |n: usize| {
+            let row = |i: usize| {
+                let place = |k: usize| ((i * (k + 3) * 7919) % 1000) as f64 / 100.0;
+                format!("A {:.3} {:.3} {:.3} {}\n", (place(0) + 0.1 * n as f64) % 10.0, place(1), place(2), i % 7)
+            };
+            let head = r#"Lattice="10 0 0 0 10 0 0 0 10" Properties=species:S:1:pos:R:3:heat:R:1"#;
+            let path = folder.join(format!("snap_{n}.xyz"));
+            let rows: String = (0..300).map(row).collect();
+            std::fs::write(&path, format!("300\n{head} Time={n}\n{rows}")).unwrap();
+            path
+        };
+        (0..number).map(snapshot).collect()
+    }
+
+    fn options(gaussians: u64) -> SeriesOptions {
+        let compress = Options { certificate: CertificateLevel::None, ..Options::gaussians(gaussians) };
+        SeriesOptions { compress, ..SeriesOptions::default() }
+    }
+
+    #[test]
+    fn a_series_that_goes_on_is_the_series_made_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let (all, context) = (snapshots(dir.path(), 3), Context::default());
+        let make = |snapshots: &[PathBuf], name: &str| {
+            let output = dir.path().join(name);
+            let options = SeriesOptions { keyframe_interval: 2, ..options(5) };
+            let made = make_series(snapshots, &Choice::default(), &output, &options, &context).unwrap();
+            (made, std::fs::read(output).unwrap())
+        };
+        make(&all[..2], "run.pgs");
+        let (made, bytes) = make(&all, "run.pgs");
+        let keyframes: Vec<bool> = made.frames.iter().map(|f| f.keyframe).collect();
+        assert_eq!((keyframes, made.missing, made.series_bytes), (vec![true, false, true], Vec::new(), bytes.len()));
+        assert!(bytes == make(&all, "whole.pgs").1);
+    }
+
+    #[test]
+    fn a_series_is_replaced_only_where_that_is_asked_for() {
+        let dir = tempfile::tempdir().unwrap();
+        let (all, output) = (snapshots(dir.path(), 1), dir.path().join("run.pgs"));
+        let make = |options: &SeriesOptions| {
+            make_series(&all, &Choice::default(), &output, options, &Context::default()).map(|made| made.frames.len())
+        };
+        make(&options(5)).unwrap();
+        assert!(matches!(make(&options(6)), Err(Error::Output { .. })));
+        assert_eq!(make(&SeriesOptions { replace: true, ..options(6) }).unwrap(), 1);
+        assert!(matches!(make(&SeriesOptions { keyframe_interval: 0, ..options(6) }), Err(Error::Argument { .. })));
+    }
+
+    #[test]
+    fn frames_have_the_fields_that_are_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let (all, output) = (snapshots(dir.path(), 2), dir.path().join("run.pgs"));
+        let compress = Options { fields: vec!["heat".into()], ..options(5).compress };
+        let options = SeriesOptions { compress, ..SeriesOptions::default() };
+        make_series(&all, &Choice::default(), &output, &options, &Context::default()).unwrap();
+        let bytes = std::fs::read(output).unwrap();
+        let mut decoder = SeriesDecoder::of(SeriesFile::read(&bytes, "run.pgs").unwrap());
+        for number in 0..2 {
+            let frame = decoder.extract(number, &Context::default()).unwrap();
+            assert_eq!(codec::read_metadata(&frame, "frame").unwrap().fields[0].name, "heat", "frame {number}");
+        }
+    }
+
+    #[test]
+    fn ranges_of_frames_are_read_from_text() {
+        let range = |first, end, step| FrameRange { first, end, step };
+        assert_eq!("0:10".parse::<FrameRange>().unwrap(), range(0, 10, 1));
+        assert_eq!("5:100:10".parse::<FrameRange>().unwrap(), range(5, 100, 10));
+        for text in ["", "5", "a:b", "-1:5", "5:5", "0:10:0", "0:10:1:2", "0:99999999999"] {
+            assert!(text.parse::<FrameRange>().is_err(), "{text}");
+        }
+    }
 }

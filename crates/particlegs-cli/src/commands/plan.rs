@@ -93,13 +93,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
     let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), !a.fit.fields.is_empty(), &context)?;
-    let task = Task {
-        reopened,
-        options: &options,
-        snapshot: named,
-        place: &snapshot.place(),
-        replace: a.force.force,
-    };
+    let task = Task { reopened, options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
     let job = Job::plan(source, &task, &a.output, &context)?;
     context.notes(job.notes());
     let folder = a.output.display();

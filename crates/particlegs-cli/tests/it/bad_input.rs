@@ -38,9 +38,9 @@ fn invalid_particles_are_dropped_on_request() {
 fn arguments_out_of_range() {
     let dir = TestFolder::new();
     for (option, text) in [
-        ("--opacity=0", "--opacity"),
-        ("--opacity=1.5", "--opacity"),
-        ("--radius=-1", "--radius"),
+        ("--opacity=0", "the opacity must be above 0"),
+        ("--opacity=1.5", "the opacity must be above 0"),
+        ("--radius=-1", "the particle radius must be positive"),
         ("--ratio=0", "positive"),
         ("--ratio=nan", "positive"),
         ("--size=11 parsecs", "parsecs"),

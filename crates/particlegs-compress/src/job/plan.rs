@@ -9,8 +9,8 @@ use particlegs_core::context::Context;
 use particlegs_core::{Error, Hint, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
-use particlegs_particles::blocks::{KdTree, SnapshotScan};
 use particlegs_particles::LayeredParticles;
+use particlegs_particles::blocks::{KdTree, SnapshotScan};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 

@@ -8,7 +8,9 @@ pub use frame_store::FrameStore;
 
 use crate::{Compression, FieldSelection, MemoryLoad, Options, SharingPolicy, certify};
 use particlegs_core::checkpoint::NoCheckpoints;
-use particlegs_core::codec::{ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel, is_series};
+use particlegs_core::codec::{
+    ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel, is_series,
+};
 use particlegs_core::context::Context;
 use particlegs_core::model::{
     Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Mixture, Model, Quantity,

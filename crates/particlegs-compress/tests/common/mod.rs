@@ -159,15 +159,7 @@ pub fn damaged(bytes: &[u8], seed: u64, bits: impl Iterator<Item = usize>, rando
 /// A job that is planned in `folder`, and whose blocks cannot open the snapshot again; the seed is 3.
 pub fn planned(particles: &Particles, folder: &Path, options: Options) -> Job {
     let options = Options { seed: 3, ..options };
-    let task = Task {
-        options: &options,
-        fields: &[],
-        snapshot: "a sample".into(),
-        place: "here",
-        replace: false,
-        reopened: false,
-        star_forming: Default::default(),
-    };
+    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
     Job::plan(LayeredParticles::from_particles(particles), &task, folder, &Context::SILENT).unwrap()
 }
 
