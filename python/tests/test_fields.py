@@ -1,5 +1,7 @@
 """Fields of particles in models."""
 
+import subprocess
+
 import numpy as np
 import pytest
 
@@ -159,3 +161,30 @@ def test_joint_histograms_compare_two_fields():
     assert pg.stats(snap, model, only=["joint"]).joint == []
     with pytest.raises(pg.InputError, match="two different fields"):
         pg.stats(snap, model, only=["joint"], joint=["metals", "Metals"], fields=(given, None))
+
+
+def test_fields_of_files_are_stored_by_name(command, tmp_path):
+    rng = np.random.default_rng(4)
+    rows = np.hstack([rng.normal(5, 1, (500, 3)), rng.normal(0, 3, (500, 3))])
+    head = '500\nLattice="10 0 0 0 10 0 0 0 10" Properties=species:S:1:pos:R:3:velo:R:3\n'
+    file = tmp_path / "in.xyz"
+    file.write_text(head + "".join("A " + " ".join(f"{v:.5f}" for v in row) + "\n" for row in rows))
+    snap = pg.open(file)
+    model = pg.compress(snap, gaussians=20, fields=["velo"])
+    subprocess.run([command, "compress", file, "-o", tmp_path / "m.pgs", *"--gaussians 20 --fields velo -q".split()], check=True)
+    assert model.to_bytes() == (tmp_path / "m.pgs").read_bytes() and list(model.fields) == ["velo"]
+    assert np.allclose(model.at([[5.0, 5.0, 5.0]], "velo"), 0, atol=2)
+    small = pg.compress(snap, size_total="2kB", fields="all", certificate="none")
+    assert 1500 < len(small.to_bytes()) <= 2000
+    for options, match in [
+        ({"fields": ["heat"]}, "heat"),
+        ({"size_total": "2kB"}, "no field is stored"),
+        ({"size_total": "2kB", "size": "1kB", "fields": "all"}, "only one target"),
+    ]:
+        with pytest.raises(pg.InputError, match=match):
+            pg.compress(snap, **options)
+    with pytest.raises(pg.InputError, match="give arrays by name"):
+        pg.compress(rows[:, :3], gaussians=5, fields=["velo"])
+    file.write_text(head.replace("500", "1") + "A 1 2 3 4 5 6\n")
+    with pytest.raises(pg.InputError, match="changed"):
+        pg.compress(snap, gaussians=5, fields=["velo"])
