@@ -1,7 +1,7 @@
 //! What a model is to be.
 
 use super::memory::MemoryLoad;
-use super::shared_species::{self, SharingPolicy};
+use super::sharing_policy::{self, SharingPolicy};
 use particlegs_core::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
 use particlegs_core::{Error, Result};
 use particlegs_particles::{Particles, StarFormingGas, Storage};
@@ -98,7 +98,7 @@ impl Options {
             read.insert("star-forming".into(), self.star_forming.to_string());
         }
         if self.sharing != SharingPolicy::Automatic {
-            read.insert(shared_species::OPTION.into(), self.sharing.to_string());
+            read.insert(sharing_policy::OPTION.into(), self.sharing.to_string());
         }
         Recipe {
             target: self.target,

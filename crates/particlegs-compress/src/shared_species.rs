@@ -3,55 +3,15 @@
 
 use super::Options;
 use super::block::CodedBlock;
+use super::sharing_policy::SharingPolicy;
 use super::sharing_trial::SharingTrial;
 use particlegs_core::codec::{CodedLayer, FieldPrecision, SHARE, StoredSection};
 use particlegs_core::context::Context;
-use particlegs_core::model::{Block, Layer, Mass, Quantity, Recipe, SharedSpecies};
+use particlegs_core::model::{Block, Layer, Mass, Quantity, SharedSpecies};
 use particlegs_core::{Error, Hint, Result, codec};
 use particlegs_fit::{BlockField, FieldShape, gather};
 use particlegs_particles::{Particles, RUN};
-use std::fmt;
 use std::ops::Range;
-
-/// Do the species of a snapshot share Gaussians?
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum SharingPolicy {
-    /// Where that describes them better in as many bytes.
-    #[default]
-    Automatic,
-    /// They do.
-    Yes,
-    /// Each has Gaussians of its own.
-    No,
-}
-
-/// Its name in recipes.
-pub(super) const OPTION: &str = "share-gaussians";
-
-impl SharingPolicy {
-    /// The one that made a model.
-    pub(super) fn of_recipe(recipe: &Recipe) -> Self {
-        recipe.read.get(OPTION).and_then(|text| text.parse().ok()).unwrap_or_default()
-    }
-
-    const NAMES: [(&str, SharingPolicy); 3] =
-        [("auto", SharingPolicy::Automatic), ("yes", SharingPolicy::Yes), ("no", SharingPolicy::No)];
-}
-
-impl fmt::Display for SharingPolicy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(Self::NAMES[*self as usize].0)
-    }
-}
-
-impl std::str::FromStr for SharingPolicy {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let found = Self::NAMES.iter().find(|(name, _)| *name == text);
-        found.map(|f| f.1).ok_or_else(|| "use `auto`, `yes` or `no`".into())
-    }
-}
 
 /// Bytes that a Gaussian and a share of it take about.
 const GAUSSIAN: f64 = 3.85;

@@ -25,7 +25,7 @@ impl AngstromGrid {
             Some(_) => format!("this file: lengths in Angstrom, density in {what} / Angstrom^3"),
             None => format!("this file: lengths as they are, density in {}", density.unit),
         };
-        let lines = std::iter::once(super::notes::ascii(&own)).chain(notes.lines()).collect();
+        let lines = std::iter::once(super::ascii::ascii(&own)).chain(notes.lines()).collect();
         AngstromGrid { origin, side, by: length.powi(-3), lines }
     }
 }
@@ -42,7 +42,7 @@ fn scale(unit: Option<&str>) -> Option<f64> {
 /// What a file of this kind loses of lengths in this unit.
 pub fn lost_unit(kind: Kind, unit: Option<&str>) -> Option<String> {
     let is_lost = matches!(kind, Kind::Dx | Kind::Mrc) && scale(unit).is_none();
-    let unit = unit.map_or("an unstated unit".into(), super::notes::ascii);
+    let unit = unit.map_or("an unstated unit".into(), super::ascii::ascii);
     is_lost.then(|| format!("the unit of length: numbers are in {unit}, and viewers take them for Angstrom"))
 }
 

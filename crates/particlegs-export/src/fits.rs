@@ -1,7 +1,7 @@
 //! Density as a FITS cube (FITS Standard 4.0): a primary array of float32, x fastest, with linear world coordinates, and
 //! an image extension like it for the mean and the dispersion of each component of each field.
 
-use super::notes::ascii;
+use super::ascii::ascii;
 use super::{Density, Notes, written};
 use particlegs_core::Result;
 use particlegs_core::context::Context;

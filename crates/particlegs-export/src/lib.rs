@@ -5,6 +5,7 @@
 #![allow(missing_docs)]
 
 mod angstrom;
+mod ascii;
 mod colors;
 mod csv;
 mod dx;

@@ -1,6 +1,7 @@
 //! What an exported file says of itself: where it is from, and what is lost.
 
 use super::angstrom::lost_unit;
+use super::ascii::ascii;
 use super::{Group, Kind};
 use particlegs_core::camera::Normalisation;
 use particlegs_core::model::{LawKind, Model, Quantity};
@@ -118,12 +119,6 @@ fn words(model: &Model, name: &str) -> Vec<String> {
     }
     lines.extend(m.cell.as_ref().map(|cell| format!("box {cell}")));
     lines
-}
-
-/// On one line, with an escape for what is not ASCII: many heads hold nothing else.
-pub fn ascii(text: &str) -> String {
-    let plain = |c: char| c == ' ' || c.is_ascii_graphic();
-    text.chars().map(|c| if plain(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
 fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {

@@ -1,6 +1,6 @@
 //! Density and fields as VTK ImageData (VTI): cell data, appended raw.
 
-use super::notes::ascii;
+use super::ascii::ascii;
 use super::{Density, Notes, written};
 use particlegs_core::Result;
 use particlegs_core::context::Context;

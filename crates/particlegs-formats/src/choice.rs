@@ -1,6 +1,6 @@
 //! What a user chooses to read of a snapshot.
 
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::topology::selection::AtomSelection;
 use particlegs_files::input::SpoolFile;
 use particlegs_particles::Selection;

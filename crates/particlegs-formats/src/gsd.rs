@@ -5,7 +5,7 @@ use crate::atoms::{AtomField, AtomSnapshot, AtomSpecies, array, widened};
 use crate::compression::refuse;
 use crate::frames::{self, ChosenFrame};
 use crate::numbers::{Bytes, NumberType};
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::{AbsentField, Choice, Description, Format, Snapshot, SpeciesMass, TextResult, TrajectoryFrames};
 use particlegs_core::space::Cell;
 use particlegs_core::{Error, Result};

@@ -29,6 +29,7 @@ mod text;
 mod wrapping;
 
 mod choice;
+mod detect;
 mod fields;
 mod folder;
 mod foreign;
@@ -40,6 +41,8 @@ mod physical;
 mod raw;
 mod read;
 mod registry;
+mod residues;
+mod single_file;
 mod snapshot;
 mod snapshot_order;
 mod topology;

@@ -3,8 +3,9 @@
 
 use crate::atoms::cell_of;
 use crate::format::FileHead;
-use crate::gro::{MOST_NUMBERS, moment, substance};
-use crate::snapshot::{named, only};
+use crate::gro::{MOST_NUMBERS, moment};
+use crate::residues::substance;
+use crate::single_file::{named, only};
 use crate::text::content::TextContent;
 use crate::text::frames::{FrameScan, TextFrame, scan};
 use crate::text::lines::{LineReader, of_block};

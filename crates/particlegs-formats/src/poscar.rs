@@ -4,7 +4,7 @@
 use crate::atoms::{AtomSnapshot, AtomSpecies, FieldBuffer};
 use crate::format::{FileHead, is_whole};
 use crate::frames::choose;
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::text::content::{TextContent, TextPosition};
 use crate::text::lines::LineReader;
 use crate::text::snapshot::header_number;

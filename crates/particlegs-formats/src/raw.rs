@@ -26,7 +26,7 @@ struct RawSnapshot {
 pub fn is_raw(paths: &[PathBuf]) -> bool {
     match paths {
         [folder] => folder.join("xx.f32").exists(),
-        [x, ..] => (3..=4).contains(&paths.len()) && crate::open::detect(x).is_err(),
+        [x, ..] => (3..=4).contains(&paths.len()) && crate::detect::detect(x).is_err(),
         [] => false,
     }
 }

@@ -1,8 +1,8 @@
 //! From the files that a user names to the particles that a user chose.
 
+use crate::detect::spool;
 use crate::folder::resolved;
-use crate::open::spool;
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, fields, raw};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};

@@ -5,7 +5,7 @@ use crate::physical::VelocityConvention;
 use particlegs_core::model::{Epoch, WeightKind};
 use particlegs_core::{Error, Hint, Result};
 use particlegs_particles::{Particles, SnapshotMeta, SnapshotReader};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Files of one snapshot.
 pub trait Snapshot: Send + Sync {
@@ -65,24 +65,6 @@ impl Description {
             meta.particle_mass = Some(mass);
         }
         meta
-    }
-}
-
-/// Metadata of a file that says nothing but its name.
-pub(crate) fn named(path: &Path) -> SnapshotMeta {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    SnapshotMeta { name, ..SnapshotMeta::default() }
-}
-
-/// The one file of a format in single files.
-pub(crate) fn only(paths: &[PathBuf]) -> Result<&PathBuf> {
-    match paths {
-        [one] => Ok(one),
-        [] => Err(Error::argument("no file was named")),
-        [first, ..] => {
-            let what = format!("{} files were named, but this format uses one file per snapshot", paths.len());
-            Err(Error::input(first, what))
-        }
     }
 }
 

@@ -5,7 +5,7 @@ use crate::atoms::{AtomSnapshot, AtomSpecies};
 use crate::columns::ColumnarField;
 use crate::compression::refuse;
 use crate::numbers::{Bytes, NumberType};
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::{Choice, Description, Format, Snapshot};
 use particlegs_core::model::{Epoch, species_aliases};
 use particlegs_core::{Error, Result};

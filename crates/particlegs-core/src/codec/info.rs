@@ -3,9 +3,12 @@
 use super::Precision;
 use super::container::{CORRELATION, FIELD, SHARE};
 use super::file::{BlockPart, FileParts, parts};
-use super::series::EXTRACTED;
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, SharedSpecies, VizMapper};
+
+/// How finely a frame is coded as a model of its own ([`SeriesDecoder::extract`]): its steps add next to nothing to the errors
+/// of the series.
+pub(super) const EXTRACTED: f64 = 0.25;
 
 /// What a file says without its Gaussians being decoded. Of a file that lacks something ([`FileInfo::missing`]) nothing
 /// was measured: it has no certificate.

@@ -10,6 +10,7 @@ use super::decode::{Decoder, correlation_of, decode_block, fields_of};
 use super::field::{FieldPrecision, PreviousField, encode_field};
 use super::field_correlation::encode_correlation;
 use super::file::{self, CodedLayer, StoredBlock, StoredSection};
+use super::info::EXTRACTED;
 use super::merge::blocks_hash;
 use super::series_clock::SeriesClock;
 use super::sums::{compensated, whole_counts};
@@ -32,9 +33,6 @@ const ENTRY: usize = 1 + 8 + 8 + 8;
 pub const INDEX_FROM: usize = HEAD_BYTES + SECTION_BYTES;
 /// Bytes of the recipe at most.
 const RECIPE_TEXT: usize = 16_384;
-/// How finely a frame is coded as a model of its own ([`SeriesDecoder::extract`]): its steps add next to nothing to the errors
-/// of the series.
-pub(super) const EXTRACTED: f64 = 0.25;
 
 /// What there is of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use crate::compression::refuse;
 use crate::npy::layout::{mass_named, positions_named};
 use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader, RowBuffer};
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass, TextResult, axes};
 use abacus::{AbacusHeader, PACK9, Pack9};
 use blocks::{AsdfBlock, AsdfBlockHeader};

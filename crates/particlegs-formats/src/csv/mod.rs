@@ -10,7 +10,7 @@ pub use catalogue::Catalogue;
 use crate::fields::is_id;
 use crate::foreign::foreign_of;
 use crate::format::FileHead;
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::text::content::{TextContent, TextPosition};
 use crate::text::lines::LineReader;
 use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};

@@ -10,7 +10,7 @@ fn describe(name: &str, bytes: &[u8]) -> (String, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    let error = crate::open::detect(&path).err().expect("a format that is not read");
+    let error = crate::detect::detect(&path).err().expect("a format that is not read");
     let at = folder.path().display().to_string();
     (error.to_string().replace(&at, ""), error.hint().to_string().replace(&at, ""))
 }

@@ -13,7 +13,7 @@ use crate::axes::{self, FieldComponent};
 use crate::numbers::{StridedColumn, StridedParticles};
 use crate::physical::{UNDECIDED, VelocityConvention};
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use blocks::GadgetFile;
 use header::TYPES;

@@ -10,7 +10,7 @@ mod split;
 use crate::axes::{self, FieldComponent};
 use crate::cache::DEFAULT_BYTES;
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use header::GenericIoFile;
 use particlegs_core::space::Cell;

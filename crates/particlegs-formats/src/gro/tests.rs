@@ -37,8 +37,8 @@ fn residues_are_species_with_velocities_and_numbers() {
 
 #[test]
 fn residues_of_proteins_are_one_species() {
-    let names =
-        ["ALA", "NALA", "CGLY", "HISB", "SOL", "NA", "CLA", "POPC"].map(|name| super::substance(name.as_bytes()));
+    let names = ["ALA", "NALA", "CGLY", "HISB", "SOL", "NA", "CLA", "POPC"]
+        .map(|name| crate::residues::substance(name.as_bytes()));
     let wanted = ["protein", "protein", "protein", "protein", "water", "NA", "CLA", "POPC"].map(str::as_bytes);
     assert_eq!(names, wanted);
 }

@@ -9,7 +9,7 @@ use crate::cache::ChunkCache;
 use crate::frames::{self, ChosenFrame};
 use crate::npy::layout::positions_named;
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{
     AbsentField, Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, wrapping,
 };

@@ -6,7 +6,7 @@ use super::reader::{self, FilePart, GroupSource};
 use super::units::{self, Simulation};
 use super::{files, h5md, tables, virtual_sets};
 use crate::physical::{UNDECIDED, VelocityConvention};
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs_core::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
 use particlegs_core::{Error, Result};

@@ -9,7 +9,7 @@ use super::units::{self, Simulation};
 use crate::foreign::{YT, python};
 use crate::frames::{self, ChosenFrame};
 use crate::npy::layout::{mass_named, positions_named};
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 use particlegs_core::model::{Cosmology, Dimension, Units};
 use particlegs_core::space::Cell;

@@ -6,7 +6,7 @@ mod frame;
 pub mod write;
 
 use crate::format::FileHead;
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::text::content::TextContent;
 use crate::text::frames::{FrameScan, scan};
 use crate::text::parse::Scaling;

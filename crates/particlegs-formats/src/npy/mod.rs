@@ -8,7 +8,7 @@ mod literal;
 use crate::affine::Affine;
 use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::numbers::Bytes;
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot};
 use header::{MAGIC, NpyElement, NpyHeader};

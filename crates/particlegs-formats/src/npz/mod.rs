@@ -9,7 +9,7 @@ use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::npy::header::{NpyElement, NpyHeader};
 use crate::npy::layout;
 use crate::numbers::Bytes;
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass, TextResult};
 use particlegs_core::space::Cell;

@@ -10,7 +10,7 @@ use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::npy::layout;
 use crate::numbers::Bytes;
 use crate::pieces::PieceReader;
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot, TextResult, axes};
 use header::{Encoding, PlyElement, PlyHeader};

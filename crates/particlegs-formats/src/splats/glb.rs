@@ -5,7 +5,7 @@ use crate::affine::Affine;
 use crate::format::FileHead;
 use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult, axes};
 use particlegs_core::{Error, Result};
 use particlegs_particles::SnapshotReader;

@@ -4,7 +4,7 @@ use crate::affine::Affine;
 use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::format::FileHead;
 use crate::numbers::{Bytes, NumberType};
-use crate::snapshot::{named, only};
+use crate::single_file::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Snapshot};
 use particlegs_core::{Error, Result};

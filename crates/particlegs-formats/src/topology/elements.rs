@@ -1,6 +1,6 @@
 //! Elements: their standard atomic weights, and which one an atom is by its name.
 
-use crate::gro::substance;
+use crate::residues::substance;
 
 /// Standard atomic weights in daltons, to five digits (IUPAC 2016); of deuterium its own.
 const ELEMENTS: &str = "\

@@ -2,17 +2,18 @@
 //! elements, types, masses. Trajectories have none of it.
 
 pub mod elements;
+mod open;
 mod psf;
 pub mod selection;
 pub mod snapshot;
 
-use crate::format::FileHead;
-use crate::open::detect;
-use crate::{Choice, gro, lammps, pdb};
 use particlegs_core::{Error, Result};
 use particlegs_files::memory;
 use std::collections::HashMap;
 use std::path::Path;
+
+/// What a file says that has no names.
+pub const NO_NAMES: &str = "the file stores no names of atoms: all are one species";
 
 /// A word for each atom.
 #[derive(Default)]
@@ -81,35 +82,6 @@ pub struct AtomRow<'a> {
 }
 
 impl Topology {
-    /// Of a file that a user names, of its first frame.
-    pub fn read(path: &Path) -> Result<Topology> {
-        let head = FileHead::read(path)?;
-        if psf::is_psf(&head) {
-            return psf::read(path);
-        }
-        let format = detect(path)?.name;
-        let mut topology = Topology::of_format(format, path, Some(0), true)?.ok_or_else(|| {
-            let what = format!("a file of the format `{format}` holds no topology");
-            Error::input_with(path, what, "use a GRO, PDB, PSF or LAMMPS data file")
-        })?;
-        if topology.masses.len() < topology.count {
-            topology.weigh();
-        }
-        Ok(topology)
-    }
-
-    /// Of a file of a format that names atoms, at a frame: in the order of the file, or as trajectories have them
-    /// (`sorted`). `None` of other formats.
-    pub fn of_format(format: &str, path: &Path, frame: Option<i64>, sorted: bool) -> Result<Option<Topology>> {
-        let choice = Choice { frame, ..Choice::default() };
-        Ok(Some(match format {
-            f if f == gro::FORMAT.name => gro::topology(path, &choice)?,
-            f if f == pdb::FORMAT.name => pdb::topology(path, &choice)?,
-            f if f == lammps::data::FORMAT.name => lammps::data::topology(path, sorted)?,
-            _ => return Ok(None),
-        }))
-    }
-
     pub fn new(path: &Path) -> Topology {
         Topology { place: path.display().to_string(), ..Topology::default() }
     }

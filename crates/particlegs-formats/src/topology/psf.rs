@@ -3,7 +3,7 @@
 
 use super::{AtomRow, Topology};
 use crate::format::{FileHead, is_whole};
-use crate::gro::substance;
+use crate::residues::substance;
 use crate::text::content::{TextContent, TextPosition};
 use crate::text::lines::LineReader;
 use crate::text::split::{Separator, number, shown, tokens};

@@ -2,7 +2,7 @@
 
 use super::{Topology, WordColumn};
 use crate::TextResult;
-use crate::gro::substance;
+use crate::residues::substance;
 use particlegs_core::{Error, Result};
 
 /// A selection of atoms, as its text says.

@@ -62,7 +62,7 @@ pub fn named(inner: Box<dyn Snapshot>, format: &str, path: &Path, choice: &Choic
         return Err(Error::input_with(path, what, "name the topology of this system"));
     }
     let mut description = inner.description().clone();
-    description.notes.retain(|note| note != NO_NAMES);
+    description.notes.retain(|note| note != super::NO_NAMES);
     let mut atoms: Vec<u32> = match &choice.select {
         None => (0..topology.count as u32).collect(),
         Some(select) => {
@@ -94,9 +94,6 @@ pub fn named(inner: Box<dyn Snapshot>, format: &str, path: &Path, choice: &Choic
     let masses = if weighs { topology.masses.into() } else { Arc::default() };
     Ok(Box::new(TopologySnapshot { inner, place: path.display().to_string(), description, rows, masses }))
 }
-
-/// What a file says that has no names.
-pub const NO_NAMES: &str = "the file stores no names of atoms: all are one species";
 
 /// Where masses are from, or why there are none.
 fn about_masses(topology: &Topology, choice: &Choice, weighs: bool) -> Option<String> {

@@ -4,7 +4,7 @@ mod scan;
 
 use crate::numbers::Bytes;
 use crate::pieces::PieceReader;
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::vtk_xml::mass_of;
 use crate::vtk_xml::points::PiecePoints;
 use crate::vtk_xml::source::{ArraySource, VtkArray, open_columns};

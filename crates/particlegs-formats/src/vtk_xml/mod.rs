@@ -12,7 +12,7 @@ mod write;
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
 use crate::format::FileHead;
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass, axes};
 use document::ArrayDeclaration;
 use file::VtkXmlFile;

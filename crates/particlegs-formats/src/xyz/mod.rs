@@ -5,7 +5,7 @@
 mod comment;
 
 use crate::format::FileHead;
-use crate::snapshot::named;
+use crate::single_file::named;
 use crate::text::content::TextContent;
 use crate::text::frames::{TextFrame, scan};
 use crate::text::lines::{LineReader, without_end};
