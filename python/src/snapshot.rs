@@ -46,7 +46,8 @@ impl Snapshot {
     /// Fields of each layer: those of the files that the particles were read from, or those that were drawn with them.
     pub fn layer_fields(&self, context: &Context<'_>) -> particlegs_core::Result<Vec<LayerFields>> {
         let Some((paths, choice)) = &self.files else {
-            let none = || particlegs_core::Error::argument("the snapshot has no fields of its own: give arrays by name");
+            let none =
+                || particlegs_core::Error::argument("the snapshot has no fields of its own: give arrays by name");
             return if self.fields.is_empty() { Err(none()) } else { Ok(self.fields.clone()) };
         };
         let (particles, fields) = choice.clone().read_fields(paths, &Storage::Memory, context)?;

@@ -6,7 +6,7 @@ use super::file::{BlockPart, FileParts, parts};
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, SharedSpecies, VizMapper};
 
-/// How finely a frame is coded as a model of its own ([`SeriesDecoder::extract`]): its steps add next to nothing to the errors
+/// How finely a frame is coded as a model of its own ([`super::SeriesDecoder::extract`]): its steps add next to nothing to the errors
 /// of the series.
 pub(super) const EXTRACTED: f64 = 0.25;
 

@@ -3,14 +3,13 @@
 mod csv;
 mod html;
 mod markdown;
-mod provenance;
+pub(crate) mod provenance;
 mod text;
 
 pub use csv::csv;
 pub use html::html;
 pub use markdown::markdown;
 pub use provenance::Provenance;
-pub(crate) use provenance::line_of;
 pub use text::text;
 
 use crate::experiments::Experiment;
