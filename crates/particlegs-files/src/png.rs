@@ -10,7 +10,7 @@ use std::path::Path;
 const LARGEST_SIDE: u32 = 65_536;
 
 /// Writes an 8-bit PNG, whole or not at all: of grey levels, or of red, green and blue where there are three
-/// bytes a pixel (a [`Gray8`](super::Gray8)'s `data`, or an [`Rgb8`](super::Rgb8)'s `data.as_flattened()`). The
+/// bytes a pixel (a [`Gray8`]'s `data`, or an [`Rgb8`](particlegs_core::picture::Rgb8)'s `data.as_flattened()`). The
 /// top row is first.
 pub fn write_png(path: &Path, size: Size, bytes: &[u8]) -> Result<()> {
     let color = match bytes.len() {

@@ -96,7 +96,7 @@ impl SnapshotScan {
     }
 
     /// Drops the weights of layers in which they turned out to be all the same, here and in `source`, as
-    /// [`crate::settle_masses`] does of particles in memory.
+    /// `settle_masses` does of particles in memory.
     pub fn settle(&mut self, source: &mut LayeredParticles) {
         let mut from = 0;
         for (index, weight) in self.same_weight.iter_mut().enumerate() {
@@ -117,7 +117,7 @@ impl SnapshotScan {
         source.layers.iter().map(|l| l.runs()).map(of).collect()
     }
 
-    /// The snapshot's hash ([`hash_of_runs`]).
+    /// The snapshot's hash (`hash_of_runs`).
     pub fn hash(&self, origin: [f64; 3]) -> [u8; 32] {
         hash_of_runs(origin, self.runs.iter().map(|r| &r.hash))
     }
