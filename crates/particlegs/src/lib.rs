@@ -142,5 +142,5 @@ pub use particlegs_formats::{Choice, Description, Species, SpeciesField, Species
 pub use particlegs_measure::score::Evaluation;
 pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
 pub use picture::SavePng;
-pub use series::{FrameRange, FrameReport, SeriesOptions, SeriesReport, make_series};
+pub use series::{FrameRange, FrameResult, SeriesOptions, SeriesResult, make_series};
 pub use snapshot::Snapshot;

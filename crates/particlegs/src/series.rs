@@ -71,7 +71,7 @@ impl FromStr for FrameRange {
 
 /// A frame of a series that was made.
 #[derive(Clone, Debug, Serialize)]
-pub struct FrameReport {
+pub struct FrameResult {
     /// Its number, from 0.
     pub frame: usize,
     /// What the series' clock shows.
@@ -84,9 +84,9 @@ pub struct FrameReport {
 
 /// A series that was made.
 #[derive(Clone, Debug, Serialize)]
-pub struct SeriesReport {
+pub struct SeriesResult {
     /// The frames that the series holds, in the order of time.
-    pub frames: Vec<FrameReport>,
+    pub frames: Vec<FrameResult>,
     /// Numbers of the frames whose snapshots could not be read.
     pub missing: Vec<usize>,
     /// Bytes of the file.
@@ -112,7 +112,7 @@ pub fn make_series(
     output: &Path,
     options: &SeriesOptions,
     context: &Context<'_>,
-) -> Result<SeriesReport> {
+) -> Result<SeriesResult> {
     let mut outputs = Outputs::new(options.replace);
     snapshots.iter().chain(&choice.topology).for_each(|path| outputs.reads(Input::Data(path.clone())));
     let mut work = SeriesWork::new(choice, output, options, context)?;
@@ -175,9 +175,9 @@ pub fn make_series(
     let (is_missing, raw_bytes) = (|number: &usize| frames[*number].is_none(), work.raw_bytes);
     let listed = frames.iter().enumerate().filter_map(|(frame, coded)| {
         let CodedFrame { time, keyframe, bytes } = coded.as_ref()?;
-        Some(FrameReport { frame, time: *time, keyframe: *keyframe, bytes: bytes.len() })
+        Some(FrameResult { frame, time: *time, keyframe: *keyframe, bytes: bytes.len() })
     });
-    Ok(SeriesReport {
+    Ok(SeriesResult {
         frames: listed.collect(),
         missing: (0..frames.len()).filter(is_missing).collect(),
         series_bytes: bytes.len(),
