@@ -89,9 +89,9 @@ def compress(
     scratch : path, optional
         Folder for the scratch files of `memory`.
     fields : dict of array_like, or str or several, optional
-        Fields to store as well. Of a snapshot from files their names, such as ``["velocity"]`` or ``"all"``; else arrays
-        by name: shape (n,) for a scalar, (n, 3) for a vector. Arrays with units keep them. The target is met without
-        the fields, but for `size_total`.
+        Fields to store as well. For a snapshot from files their names, such as ``["velocity"]`` or ``"all"``; otherwise
+        arrays by name: shape (n,) for a scalar, (n, 3) for a vector. Arrays with units keep them. All targets but
+        `size_total` are met without the fields.
     box : optional
         As for `Snapshot`; only if `snapshot` is an array of positions.
     seed : int
@@ -191,7 +191,7 @@ def compress_series(
     threads, progress : optional
         As for `compress`.
     **options
-        Options of `compress`: a target, `effort`, `certificate`, `memory`, `blocks`, `seed`, and `fields` by their names.
+        Options of `compress`: a target, `effort`, `certificate`, `memory`, `blocks`, `seed`, and `fields` by name.
 
     Returns
     -------

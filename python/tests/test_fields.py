@@ -171,7 +171,8 @@ def test_fields_of_files_are_stored_by_name(command, tmp_path):
     file.write_text(head + "".join("A " + " ".join(f"{v:.5f}" for v in row) + "\n" for row in rows))
     snap = pg.open(file)
     model = pg.compress(snap, gaussians=20, fields=["velo"])
-    subprocess.run([command, "compress", file, "-o", tmp_path / "m.pgs", *"--gaussians 20 --fields velo -q".split()], check=True)
+    options = ["--gaussians", "20", "--fields", "velo", "--quiet"]
+    subprocess.run([command, "compress", file, "-o", tmp_path / "m.pgs", *options], check=True)
     assert model.to_bytes() == (tmp_path / "m.pgs").read_bytes() and list(model.fields) == ["velo"]
     assert np.allclose(model.at([[5.0, 5.0, 5.0]], "velo"), 0, atol=2)
     small = pg.compress(snap, size_total="2kB", fields="all", certificate="none")

@@ -3,7 +3,6 @@
 import pathlib
 import shutil
 import subprocess
-import warnings
 
 import numpy as np
 import pytest
@@ -47,6 +46,7 @@ def run_path(snapshots, command):
     return path
 
 
+@pytest.mark.filterwarnings("ignore")
 def test_a_series_that_cannot_be_made_is_refused(run_path, snapshots, tmp_path):
     files, text = sorted(snapshots.glob("snap_*.hdf5")), tmp_path / "text.pgs"
     text.write_text("not a series")
@@ -58,8 +58,7 @@ def test_a_series_that_cannot_be_made_is_refused(run_path, snapshots, tmp_path):
         (tmp_path / "a.pgs", {"opacity": 2.0}, pg.InputError, "opacity must be above 0 and at most 1"),
         (tmp_path / "a.pgs", {"read": {"species": "gas"}, "size": "4kB"}, pg.InputError, "gas"),
     ]:
-        with warnings.catch_warnings(), pytest.raises(error, match=match):
-            warnings.simplefilter("ignore")
+        with pytest.raises(error, match=match):
             pg.compress_series(files, path, **options)
     assert not (tmp_path / "a.pgs").exists()
 
