@@ -5,6 +5,7 @@ use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
 use crate::{
     Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, ToneStyle,
 };
+use particlegs_compress::Compression;
 use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::render::Scene;
 use particlegs_core::{codec, model, render};
@@ -24,16 +25,21 @@ pub struct Model {
     decoded: model::Model,
 }
 
-/// Compresses a snapshot; the same snapshot, options and seed give the same bytes, whatever the threads.
+/// Compresses a snapshot; the same snapshot, options and seed give the same bytes, whatever the threads. What a user should
+/// know of the model goes to the context's [`crate::ProgressSink`] as messages that begin with `note: `.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for particles that cannot be compressed; [`crate::Error::Argument`] for a target out of
 /// range; [`crate::Error::Memory`]; [`crate::Error::Cancelled`]; those of reading.
 pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Context<'_>) -> Result<Model> {
-    let particles = snapshot.particles(context)?;
+    let (particles, fields) = match options.fields.is_empty() {
+        true => (snapshot.particles(context)?, Vec::new()),
+        false => snapshot.particles_and_fields(context)?,
+    };
     let mut options = options.clone();
     options.read.extend(snapshot.options());
-    let made = particlegs_compress::compress(&particles, &options, &mut NoCheckpoints, context)?;
+    let made = Compression::plan(&particles, &fields, &options, context)?.run(&mut NoCheckpoints, context)?;
+    made.notes.iter().for_each(|note| context.note(note));
     Ok(Model { bytes: made.bytes, decoded: made.model })
 }
 

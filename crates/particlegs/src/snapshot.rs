@@ -3,6 +3,7 @@
 use crate::camera::View;
 use crate::{Choice, Context, Description, Error, Gray8, Particles, Result, Selection, Size, Storage, ToneStyle};
 use particlegs_files::input::is_stream;
+use particlegs_particles::LayerFields;
 use particlegs_reference::Reference;
 use std::path::{Path, PathBuf};
 
@@ -99,6 +100,14 @@ impl Snapshot {
         }
     }
 
+    /// The particles, and the fields of each layer.
+    pub(crate) fn particles_and_fields(&self, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
+        match &self.source {
+            SnapshotSource::Files(paths) => self.choice.clone().read_fields(paths, &Storage::Memory, context),
+            SnapshotSource::Memory(_) => Err(Error::argument("particles in memory have no fields to store")),
+        }
+    }
+
     /// Draws all particles, as ParaView's point Gaussians, to the last level.
     ///
     /// # Errors
@@ -117,5 +126,43 @@ impl Snapshot {
 impl From<Particles> for Snapshot {
     fn from(particles: Particles) -> Snapshot {
         Snapshot { source: SnapshotSource::Memory(particles.into()), choice: Choice::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CompressOptions, ProgressSink, compress};
+    use std::sync::Mutex;
+
+    #[derive(Default)]
+    struct Messages(Mutex<Vec<String>>);
+
+    impl ProgressSink for Messages {
+        fn message(&self, text: &str) {
+            self.0.lock().unwrap().push(text.into());
+        }
+    }
+
+    #[test]
+    fn fields_are_stored_by_name_and_notes_reach_the_caller() {
+        let dir = tempfile::tempdir().unwrap();
+        let rows: String = (0..200)
+            .map(|i| format!("A {} {} {} {}\n", i % 7, i % 11, i % 13, f64::from(i * 37 % 199) * 0.37))
+            .collect();
+        let path = dir.path().join("in.xyz");
+        std::fs::write(&path, format!("200\nProperties=species:S:1:pos:R:3:heat:R:1\n{rows}")).unwrap();
+        let options = CompressOptions { fields: vec!["heat".into()], ..CompressOptions::gaussians(5) };
+        let messages = Messages::default();
+        let context = Context::default().with_sink(&messages);
+        let model = compress(&Snapshot::open(&path).unwrap(), &options, &context).unwrap();
+        assert_eq!(model.metadata().fields[0].name, "heat");
+        let said = messages.0.lock().unwrap().join("\n");
+        assert!(said.contains("note: the snapshot states no periodic box"), "{said}");
+        let memory = Snapshot::from_columns([0.0, 1.0], [0.0, 1.0], [0.0, 1.0]).unwrap();
+        assert!(compress(&memory, &options, &context).is_err());
+        let opaque = CompressOptions { opacity: Some(2.0), ..CompressOptions::gaussians(1) };
+        let refused = compress(&memory, &opaque, &context).err().unwrap().to_string();
+        assert_eq!(refused, "the opacity must be above 0 and at most 1, not 2");
     }
 }
