@@ -1,4 +1,4 @@
-//! Floor 7: a compression as a folder, so that any engine can do its parts anywhere.
+//! A compression as a folder, so that any engine can do its parts anywhere.
 //!
 //! [`Job::plan`] passes over the snapshot once and writes a manifest: what is asked for, the cuts, the
 //! hash of every run of particles. Where runs lie scattered over the blocks, [`Job::scatter`] copies

@@ -1,4 +1,4 @@
-//! Floor 7: snapshots of one run to a series of models. The first frame of a group is a model of its own; the Gaussians of
+//! Snapshots of one run to a series of models. The first frame of a group is a model of its own; the Gaussians of
 //! the others are those of the frame before, moved to where they are expected and refined on the frame's particles. Where
 //! memory is bounded, a frame's blocks are sets of Gaussians with the particles that are likeliest theirs.
 

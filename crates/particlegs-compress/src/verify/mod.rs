@@ -1,4 +1,4 @@
-//! Floor 7: what a file says of its snapshot, against the snapshot: decided here, told by the command and by Python.
+//! What a file says of its snapshot, against the snapshot: decided here, told by the command and by Python.
 
 mod fields;
 mod figures;

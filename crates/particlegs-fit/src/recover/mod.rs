@@ -1,4 +1,4 @@
-//! Floor 4: a mixture becomes particles again: synthetic ones, drawn from it.
+//! A mixture becomes particles again: synthetic ones, drawn from it.
 //!
 //! A `plan` says how many particles each Gaussian gets (its own number, or a share of another
 //! total) and cuts each layer into runs of 65 536. A run's draws belong to (seed, layer, run), so

@@ -1,4 +1,4 @@
-//! Floor 5: haloes of particles or of a model.
+//! Haloes of particles or of a model.
 //!
 //! Dark matter is linked by friends of friends ([`crate::stats`]'s `groups`), the other species attached to it (`members`).
 //! Each group's density peak is the centre of spheres whose mean densities the cosmology gives (`overdensity`). What is

@@ -1,4 +1,4 @@
-//! Floor 5: how good a model is: pictures over views, the density on a grid, the certificate.
+//! How good a model is: pictures over views, the density on a grid, the certificate.
 //!
 //! [`evaluate`] draws every view of all particles and of the model in every look and puts the
 //! noise-free score, the floors and the gap beside each score (docs/law/scores.md). The certificate

@@ -1,4 +1,4 @@
-//! Floor 4: what recovered particles, or a mixture itself, are good for, in numbers.
+//! What recovered particles, or a mixture itself, are good for, in numbers.
 //!
 //! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a
 //! [`Grid`] (`deposit`, `gaussian`, `resolved`; fields by `field_cells`), compared cell by cell (`density`) and transformed (`transform`)

@@ -1,4 +1,4 @@
-//! Floor 4: a snapshot in blocks, each fitted on its own.
+//! A snapshot in blocks, each fitted on its own.
 //!
 //! A [`KdTree`] of balanced cuts says which block a position belongs to; it is made from a sample
 //! that is spread evenly over the snapshot, which a [`SnapshotScan`] takes in its one pass, so that whatever the
