@@ -1,5 +1,6 @@
 //! Fields of a model in the cells of a grid: means weighted by the mass that each Gaussian has in a cell.
 
+use super::cell_quantity::CellQuantity;
 use super::deposit::model_planes;
 use super::gaussian::DepositScratch;
 use super::likelihood::{field_parts, is_sum};
@@ -10,33 +11,6 @@ use particlegs_core::math::{Sym3, dot, each_axis};
 use particlegs_core::model::{FieldMoments, Mixture, Model};
 use particlegs_core::{Result, parallel};
 use std::f64::consts::LN_10;
-
-/// What the mass of a Gaussian carries into cells: nothing, or a field.
-pub(crate) trait CellQuantity {
-    /// What a cell adds up.
-    type Sum: Copy + Default + Send;
-    /// Boxes that half a resolved Gaussian may fill along an axis.
-    const WIDEST: f64;
-    /// As it is where the Gaussian's covariance is widened to one of this inverse, which counts lengths in `side`.
-    fn widened(&self, inverse: &Sym3, side: [f64; 3]) -> Self;
-    /// As a round part of the Gaussian has it, `from_mean` from the mean and of this deviation.
-    fn part(&self, from_mean: [f64; 3], deviation: f64) -> Self;
-    fn add(&self, sum: &mut Self::Sum, mass: f64, from_mean: [f64; 3]);
-}
-
-impl CellQuantity for () {
-    type Sum = f64;
-    const WIDEST: f64 = 1.0;
-
-    fn widened(&self, _: &Sym3, _: [f64; 3]) {}
-
-    fn part(&self, _: [f64; 3], _: f64) {}
-
-    #[inline(always)]
-    fn add(&self, sum: &mut f64, mass: f64, _: [f64; 3]) {
-        *sum += mass;
-    }
-}
 
 /// A Gaussian's field of N components: normal about `mean + slope . d`, d the way from the Gaussian's mean.
 struct GaussianField<const N: usize> {

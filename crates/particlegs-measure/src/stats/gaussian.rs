@@ -6,7 +6,7 @@
 //! grid resolves the Gaussian, the density at the cells' centres is closer and faster (`resolved`).
 
 use super::Grid;
-use super::field_cells::CellQuantity;
+use super::cell_quantity::CellQuantity;
 use super::resolved::ResolvedGaussian;
 use super::slab::{FLATTEST, SMALLEST, Slab};
 use particlegs_core::math::{Eigen, Sym3, each_axis, normal_share};

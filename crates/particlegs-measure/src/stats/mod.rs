@@ -14,6 +14,7 @@
 
 mod aperture;
 mod boxes;
+mod cell_quantity;
 mod compare;
 mod density;
 mod deposit;

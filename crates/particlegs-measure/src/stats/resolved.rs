@@ -6,7 +6,7 @@
 //! divided, and what the parts hold is added up.
 
 use super::Grid;
-use super::field_cells::CellQuantity;
+use super::cell_quantity::CellQuantity;
 use super::slab::Slab;
 use particlegs_core::math::{Sym3, each_axis};
 use std::ops::Range;
