@@ -100,7 +100,7 @@ pub fn evaluate(
     let particles = snapshot.checked()?;
     let scores = WorkOptions { threads, progress }.run(py, |progress| {
         let of_several = model_file::is_of_several(model.bytes(), &whole.metadata, model.called())?;
-        let matches = particlegs_compress::source_difference(&particles, whole, of_several).is_none();
+        let matches = particlegs_compress::source_difference(particles, whole, of_several).is_none();
         let mut scores = json!(score::evaluate(whole, particles, &views, size, None, progress)?);
         scores["source_matches"] = matches.into();
         Ok(scores)
