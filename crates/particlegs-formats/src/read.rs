@@ -21,9 +21,14 @@ impl Choice {
         meta.state(self.box_lengths, [self.length_unit.as_deref(), self.mass_unit.as_deref()])
     }
 
+    /// Whether numbers may be converted to units that the user states.
+    fn converts(&self) -> bool {
+        self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some())
+    }
+
     /// The particles in the units that the user states, where they are to be converted.
     fn converted(&self, particles: Particles, storage: &Storage) -> Result<Particles> {
-        if !self.convert_units {
+        if !self.converts() {
             return Ok(particles);
         }
         let said = &particles.meta.units;
@@ -100,7 +105,7 @@ impl Choice {
         let drop = self.skip_invalid.then_some(storage);
         let particles = particles.checked(&place(paths), drop)?.settle_masses();
         // Fields are as they lie in the files: not where numbers are converted.
-        if self.by_mass || self.convert_units || particles.len() != count {
+        if self.by_mass || self.converts() || particles.len() != count {
             fields.clear();
         }
         Ok((if self.by_mass { particles.layers_by_mass(storage)? } else { particles }, fields))
@@ -115,8 +120,7 @@ impl Choice {
         with_fields: bool,
         context: &Context<'_>,
     ) -> Result<Option<LayeredParticles>> {
-        let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
-        let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
+        let selected = self.skip_invalid || self.by_mass || self.converts() || self.kept().is_some();
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }

@@ -62,10 +62,20 @@ impl FromStr for FrameRange {
             [first, end, step] => (first, end, step),
             _ => return Err(wrong()),
         };
+        FrameRange { first, end, step }.check().map_err(|_| wrong())
+    }
+}
+
+impl FrameRange {
+    /// Refuses a range without frames, backwards, or of more frames than a series holds.
+    fn check(self) -> Result<FrameRange> {
+        let FrameRange { first, end, step } = self;
         if first < 0 || end <= first || step < 1 || (end - first) / step >= MOST_FRAMES as i64 {
-            return Err(wrong());
+            return Err(Error::argument(format!(
+                "there are no such frames: from {first} to before {end}, every {step}"
+            )));
         }
-        Ok(FrameRange { first, end, step })
+        Ok(self)
     }
 }
 
@@ -267,7 +277,7 @@ impl<'a> SeriesWork<'a> {
     }
 
     fn sources(&self, snapshots: &[PathBuf]) -> Result<Vec<FrameSource>> {
-        let Some(FrameRange { first, end, step }) = self.options.frames else {
+        let Some(FrameRange { first, end, step }) = self.options.frames.map(FrameRange::check).transpose()? else {
             let paths = run_snapshots(snapshots, self.choice, self.context)?;
             return Ok(paths.into_iter().map(|path| FrameSource { path, frame: self.choice.frame }).collect());
         };
@@ -493,6 +503,9 @@ mod tests {
         assert!(matches!(make(&options(6)), Err(Error::Output { .. })));
         assert_eq!(make(&SeriesOptions { replace: true, ..options(6) }).unwrap(), 1);
         assert!(matches!(make(&SeriesOptions { keyframe_interval: 0, ..options(6) }), Err(Error::Argument { .. })));
+        let frames = Some(FrameRange { first: 0, end: 5, step: 0 });
+        let refused = make(&SeriesOptions { frames, replace: true, ..options(6) });
+        assert!(matches!(refused, Err(Error::Argument { .. })));
     }
 
     #[test]
