@@ -21,7 +21,7 @@ pub fn folder(output: &Path, context: &CommandContext) -> Result<PathBuf> {
             return Err(Error::output(output, "contains other files and no results of `bench`", "name another folder"));
         }
     }
-    context.makes_folder(output)?;
+    context.outputs.make_folder(output)?;
     let kept = output.join("kept");
     std::fs::create_dir_all(&kept).map_err(|e| Error::io(&kept, e))?;
     Ok(kept)

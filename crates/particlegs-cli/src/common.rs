@@ -83,8 +83,7 @@ pub struct CommandContext {
     pub common: Common,
     context: Context<'static>,
     display: &'static CommandDisplay,
-    outputs: Mutex<Outputs>,
-    files: Mutex<Vec<PathBuf>>,
+    pub outputs: Outputs,
 }
 
 /// Progress; `None` with --quiet.
@@ -116,8 +115,7 @@ impl Common {
             .with_simd(simd)
             .with_memory(&memory::available_bytes)
             .with_cancel(&|| STOP.load(Ordering::SeqCst) || SOON.load(Ordering::SeqCst));
-        let outputs = Mutex::new(Outputs::new(false));
-        Ok(CommandContext { common: self, context, display, outputs, files: Mutex::default() })
+        Ok(CommandContext { common: self, context, display, outputs: Outputs::new(false) })
     }
 }
 
@@ -165,10 +163,6 @@ impl CommandContext {
         self
     }
 
-    pub fn outputs(&self) -> MutexGuard<'_, Outputs> {
-        lock(&self.outputs)
-    }
-
     /// Does work whose notes an earlier command has printed.
     pub fn told_before<T>(&self, work: impl FnOnce() -> T) -> T {
         self.display.told_before.store(true, Ordering::Relaxed);
@@ -190,19 +184,15 @@ impl CommandContext {
                 return Ok(());
             }
         }
-        if self.common.quiet && !self.outputs().is_empty() {
+        if self.common.quiet && !self.outputs.is_empty() {
             return Ok(());
         }
         self.line(&format!("{text}{}", self.names_files(text)))
     }
 
-    pub fn files(&self) -> MutexGuard<'_, Vec<PathBuf>> {
-        lock(&self.files)
-    }
-
     /// Prints a line of the result on stdout, or on stderr if stdout has an output.
     pub fn line(&self, text: &str) -> Result<()> {
-        if self.outputs().on_standard_output() {
+        if self.outputs.on_standard_output() {
             text.lines().for_each(|line| self.message(line));
             return Ok(());
         }

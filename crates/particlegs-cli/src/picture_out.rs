@@ -28,7 +28,7 @@ impl PictureOut {
         }
         if !is_picture {
             output::ending(out, &ENDINGS)?;
-            context.makes_folder(out)?;
+            context.outputs.make_folder(out)?;
             return Ok(PictureOut::Folder(out.to_path_buf()));
         }
         if raw {

@@ -123,7 +123,7 @@ pub fn make_series(
     options: &SeriesOptions,
     context: &Context<'_>,
 ) -> Result<SeriesResult> {
-    let mut outputs = Outputs::new(options.replace);
+    let outputs = Outputs::new(options.replace);
     snapshots.iter().chain(&choice.topology).for_each(|path| outputs.reads(Input::Data(path.clone())));
     let mut work = SeriesWork::new(choice, output, options, context)?;
     let goes_on = outputs.writes(output, &SERIES_FILE, context)?;

@@ -142,8 +142,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let work = |checkpoints: &mut dyn CheckpointStore, context: &Context<'_>| planned.run(checkpoints, context);
     let done = a.run.run(a.output(), &context, checkpoint, work)?;
     let seconds = start.elapsed().as_secs_f64();
-    report(&a, &context, &done, seconds)?;
-    a.write_pictures(&done.model, &particles, &context)
+    a.write_pictures(&done.model, &particles, &context)?;
+    report(&a, &context, &done, seconds)
 }
 
 impl Arguments {
@@ -163,12 +163,12 @@ impl Arguments {
         context.reads(inputs, self.force.force)?;
         if let Some(folder) = &self.pictures {
             // The model may go into the same folder.
-            context.makes_folder(folder)?;
+            context.outputs.make_folder(folder)?;
             crate::pictures::paths(folder)
                 .iter()
-                .try_for_each(|p| context.outputs().writes(p, &PNG, context).map(drop))?;
+                .try_for_each(|p| context.outputs.writes(p, &PNG, context).map(drop))?;
         }
-        let there = context.writes_model(self.output())?;
+        let there = context.outputs.writes_model(self.output(), context)?;
         if options.training.is_some() {
             self.run.plan(self.output(), self.force.force, context)?;
         }
@@ -188,11 +188,9 @@ impl Arguments {
 
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &CommandContext) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
-        let written = crate::pictures::write(folder, model, particles, context).inspect_err(|_| {
+        crate::pictures::write(folder, model, particles, context).map(drop).inspect_err(|_| {
             context.message(&format!("note: wrote the model ({}), but not its pictures", self.output().display()));
-        })?;
-        written.iter().for_each(|path| context.message(&format!("wrote {}", path.display())));
-        Ok(())
+        })
     }
 }
 
@@ -219,8 +217,8 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
         "output": a.output().to_string_lossy(), "there_already": true, "particles": model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes.len(), "raw_bytes": info.raw_bytes(), "compression_ratio": info.compression_ratio(), "certificate": certificate,
     });
-    context.finish(&text, &value)?;
-    a.write_pictures(&model, particles, context)
+    a.write_pictures(&model, particles, context)?;
+    context.finish(&text, &value)
 }
 
 fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, seconds: f64) -> Result<()> {

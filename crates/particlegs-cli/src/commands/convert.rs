@@ -79,8 +79,8 @@ pub fn run(a: Arguments) -> Result<()> {
         // First check that the output is neither an input nor another output.
         Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
     };
-    let there = match writer.folder {
-        true => context.outputs().writes_folder(&a.output, &RawForm::FOLDER_FILES)?,
+    match writer.folder {
+        true => context.outputs.writes_folder(&a.output, &RawForm::FOLDER_FILES)?,
         false => context.writes(&a.output, &PARTICLES)?,
     };
     let (particles, fields) = choice.read_fields(&a.input, &Storage::Memory, &context)?;
@@ -98,7 +98,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(left_out) = writer.left_out(&kept) {
         context.message(&format!("note: {left_out}"));
     }
-    let bytes = context.write_snapshot(&a.output, there, |out| writer.write(&kept, out, &context))?;
+    let bytes = context.outputs.write_file(&a.output, |out| writer.write(&kept, out, &context), &context)?;
     let seconds = start.elapsed().as_secs_f64();
     let count = kept.total();
     let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
@@ -117,7 +117,7 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &CommandContext) -
         let hint = "draw particles with `recover`, then convert them";
         return Err(Error::argument_with(what, hint));
     }
-    context.writes_new(&a.output, &PARTICLES)?;
+    context.outputs.writes_new(&a.output, &PARTICLES, context)?;
     let decoded = codec::decode_with(bytes, &name_of(model), context)?;
     let bytes = write_splats(&decoded, None, &[], &a.output, context)?;
     if decoded.vizmapper().is_some() {

@@ -87,8 +87,8 @@ pub fn run(mut a: Arguments) -> Result<()> {
         a.input.iter().chain([&a.model]).chain(&a.views).chain(&a.particles.opening.topology).map(PathBuf::as_path);
     context.reads(inputs, false)?;
     if let Some(folder) = &a.pictures {
-        context.makes_folder(folder)?;
-        pictures::paths(folder).iter().try_for_each(|p| context.outputs().writes(p, &PNG, &context).map(drop))?;
+        context.outputs.make_folder(folder)?;
+        pictures::paths(folder).iter().try_for_each(|p| context.outputs.writes(p, &PNG, &context).map(drop))?;
     }
     let bytes = inputs::model_with_snapshot(&a.model, &mut a.particles.opening, &context)?;
     let place = name_of(&a.model);
@@ -125,13 +125,10 @@ pub fn run(mut a: Arguments) -> Result<()> {
         height: size.height,
         views_from,
     };
-    context.finish(&table(&report), &report)?;
     if let Some(folder) = &a.pictures {
-        for path in pictures::write(folder, &model, &particles, &context)? {
-            context.message(&format!("wrote {}", path.display()));
-        }
+        pictures::write(folder, &model, &particles, &context)?;
     }
-    Ok(())
+    context.finish(&table(&report), &report)
 }
 
 /// The views, their size, and a text about their origin.

@@ -126,7 +126,6 @@ type ExportSummary = (u64, String, Value);
 struct Export<'a> {
     a: &'a Arguments,
     kind: Kind,
-    kept: bool,
     notes: Notes,
     context: &'a CommandContext,
 }
@@ -139,7 +138,7 @@ pub fn run(a: Arguments) -> Result<()> {
         // First check that the output is neither an input nor another output.
         Err(error) => return context.writes(&a.output, &crate::outputs::PARTICLES).and(Err(error)),
     };
-    let kept = context.writes(&a.output, &kind.file())?;
+    context.writes(&a.output, &kind.file())?;
     let start = Instant::now();
     let paged = kind.group() == Group::Page;
     if a.link && !paged {
@@ -173,7 +172,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let fields = fields_named(kind, &model, &a.grid.fields)?;
     let notes = Notes::new(kind, &model, &name, &fields);
     let (gaussians, lost) = (model.gaussians(), notes.lost.clone());
-    let mut export = Export { a: &a, kind, kept, notes, context: &context };
+    let mut export = Export { a: &a, kind, notes, context: &context };
     let (bytes, what, more) = match kind.group() {
         Group::Splats => export.splats(model)?,
         Group::Grid => export.grid(&model, fields)?,
@@ -188,7 +187,7 @@ pub fn run(a: Arguments) -> Result<()> {
         }
         Group::Gaussians => {
             let write = |out: &Path| write_gaussians(kind, &model, &export.notes, out, &context);
-            (context.write_snapshot(&a.output, kept, write)?, format!("{gaussians} Gaussians"), json!({}))
+            (context.outputs.write_file(&a.output, write, &context)?, format!("{gaussians} Gaussians"), json!({}))
         }
     };
     let (out, megabytes, seconds) = (a.output.display(), bytes as f64 / 1e6, start.elapsed().as_secs_f64());
@@ -212,10 +211,8 @@ impl Export<'_> {
         } else {
             offline(&[(file, model)], &opening, self.context)?
         };
-        self.context.write_snapshot(&self.a.output, self.kept, |out| {
-            write_bytes(out, &html)?;
-            Ok(html.len() as u64)
-        })
+        let write = |out: &Path| write_bytes(out, &html).map(|()| html.len() as u64);
+        self.context.outputs.write_file(&a.output, write, self.context)
     }
 
     fn splats(&mut self, model: Model) -> Result<ExportSummary> {
@@ -239,9 +236,9 @@ impl Export<'_> {
         coloring.describe(&model, color, colormap, notes);
         let (splats, faint) = as_splats(model, radius, opacity, context)?;
         notes.set("fainter_than_viewers_draw", json!(faint));
-        let bytes = context.write_snapshot(&self.a.output, self.kept, |out| {
-            write_as_splats(self.kind, &splats, coloring.colors.as_deref(), &self.notes, out, context)
-        })?;
+        let write =
+            |out: &Path| write_as_splats(self.kind, &splats, coloring.colors.as_deref(), &self.notes, out, context);
+        let bytes = context.outputs.write_file(&self.a.output, write, context)?;
         if faint.particles > 0.01 {
             context.message(&format!(
                 "note: {:.0} % of the Gaussians, with {:.0} % of the particles, are fainter than 1/255, so viewers \
@@ -263,9 +260,8 @@ impl Export<'_> {
             return Err(Error::argument_with(what, hint));
         }
         let beside = (self.kind == Kind::Npy && !is_stream(&a.output)?).then(|| a.output.with_extension("json"));
-        let mut kept = self.kept;
         if let Some(beside) = &beside {
-            kept |= context.writes(beside, &Kind::description())?;
+            context.writes(beside, &Kind::description())?;
         }
         let cells = match (a.grid.grid, a.grid.cell) {
             (_, Some(side)) => Cells::OfSide(side),
@@ -284,14 +280,14 @@ impl Export<'_> {
         self.notes.say(format!("{total} in all cells, {outside} beyond them; unit of density: {unit}"));
         let write = |out: &Path| write_density(self.kind, &density, &self.notes, out, context);
         let bytes = match beside {
-            None => context.write_snapshot(&a.output, kept, write)?,
+            None => context.outputs.write_file(&a.output, write, context)?,
             Some(beside) => {
                 let mut all = self.notes.json();
                 all["values"] = "float32, little-endian; the first index is x, the last z".into();
                 all["quantity"] = "density".into();
                 let mut text = serde_json::to_vec_pretty(&all).expect("plain data");
                 text.push(b'\n');
-                context.write_described(&a.output, (&beside, &text), kept, write)?
+                context.outputs.write_described(&a.output, (&beside, &text), write, context)?
             }
         };
         let [x, y, z] = grid.cells;

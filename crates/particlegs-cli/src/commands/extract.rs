@@ -35,7 +35,7 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.series.as_path()], a.force.force)?;
-    let kept = context.writes_model(&a.output)?;
+    context.outputs.writes_model(&a.output, &context)?;
     let (series, place) = (inputs::model_or_series(&a.series, &context)?, name_of(&a.series));
     if !codec::is_series(&series) {
         let what = "it is one model, not a series: there is nothing to extract";
@@ -43,7 +43,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let bytes = inputs::frame_of(series, &a.frame, &place, &context)?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
-    context.write_model(&a.output, &bytes, kept)?;
+    context.outputs.write_model(&a.output, &bytes, &context)?;
     let text = format!("{}: {} Gaussians, {} bytes", a.output.display(), info.gaussians(), bytes.len());
     let report = json!({
         "output": a.output.to_string_lossy(), "gaussians": info.gaussians(), "model_bytes": bytes.len(),

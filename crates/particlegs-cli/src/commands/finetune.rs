@@ -84,7 +84,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let inputs = a.snapshot.iter().map(PathBuf::as_path).chain([path]).chain(a.tune.config_file());
     context.reads(inputs, a.force.force)?;
     // A run with a time limit cannot be compared with another.
-    if context.writes_model(out)? && !a.run.goes_on() {
+    if context.outputs.writes_model(out, &context)? && !a.run.goes_on() {
         return Err(context.refused(out));
     }
     a.run.plan(out, a.force.force, &context)?;

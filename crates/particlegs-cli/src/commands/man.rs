@@ -23,7 +23,7 @@ pub struct Arguments {
 const PAGE: Kind = Kind { name: "a manual page", kept: false, is: |_, head| head.windows(4).any(|w| w == b".TH ") };
 
 pub fn run(a: &Arguments) -> Result<()> {
-    let mut outputs = Outputs::new(false);
+    let outputs = Outputs::new(false);
     outputs.make_folder(&a.folder)?;
     // The pages also describe options that only `--help` shows.
     let shown = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));
@@ -31,13 +31,13 @@ pub fn run(a: &Arguments) -> Result<()> {
     program.build();
     for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
         let title = format!("{}-{}", program.get_name(), command.get_name());
-        page(command.clone().display_name(title.clone()), &a.folder.join(format!("{title}.1")), &mut outputs)?;
+        page(command.clone().display_name(title.clone()), &a.folder.join(format!("{title}.1")), &outputs)?;
     }
     let path = a.folder.join(format!("{}.1", program.get_name()));
-    page(program, &path, &mut outputs)
+    page(program, &path, &outputs)
 }
 
-fn page(command: clap::Command, path: &Path, outputs: &mut Outputs) -> Result<()> {
+fn page(command: clap::Command, path: &Path, outputs: &Outputs) -> Result<()> {
     outputs.writes(path, &PAGE, &Context::SILENT)?;
     let mut page = Vec::new();
     let source = concat!("particlegs ", env!("CARGO_PKG_VERSION"));

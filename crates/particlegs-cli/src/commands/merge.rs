@@ -51,16 +51,16 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
-    let (bytes, parts, kept) = match &a.parts[..] {
+    let (bytes, parts) = match &a.parts[..] {
         [folder] if Job::is_job(folder) => merge_job(&a, folder, &context)?,
         parts => {
             context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
-            let kept = context.writes_model(&a.output)?;
-            (merge_files(parts, &a.fields, &context)?, parts.len(), kept)
+            context.outputs.writes_model(&a.output, &context)?;
+            (merge_files(parts, &a.fields, &context)?, parts.len())
         }
     };
     context.check()?;
-    context.write_model(&a.output, &bytes, kept)?;
+    context.outputs.write_model(&a.output, &bytes, &context)?;
     let seconds = start.elapsed().as_secs_f64();
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
     if info.metadata.law == LawKind::AlphaBlend && parts > 1 {
@@ -114,8 +114,8 @@ fn merge_files(parts: &[PathBuf], fields: &[String], context: &CommandContext) -
     merge.finish()
 }
 
-/// The file of a job, the number of its blocks, and whether the model exists already.
-fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(Vec<u8>, usize, bool)> {
+/// The file of a job, and the number of its blocks.
+fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(Vec<u8>, usize)> {
     if !a.fields.is_empty() {
         let hint = "`plan --fields` chooses the fields of a job";
         return Err(Error::argument_with("--fields has no effect on a job folder", hint));
@@ -123,7 +123,7 @@ fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(
     let job = Job::open(folder)?;
     let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
-    let kept = context.writes_model(&a.output)?;
+    let kept = context.outputs.writes_model(&a.output, context)?;
     // The same job gives the same bytes; refuse the model of another job before any work.
     if kept && !info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
         return Err(context.refused(&a.output));
@@ -136,5 +136,5 @@ fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(
         _ => Some(snapshot.particles(&job, context)?),
     };
     let bytes = job.merge(level, particles.as_ref().map(|(p, fields)| (p, &fields[..])), context)?;
-    Ok((bytes, job.blocks() as usize, kept))
+    Ok((bytes, job.blocks() as usize))
 }

@@ -86,12 +86,12 @@ pub fn run(a: Arguments) -> Result<()> {
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
     let inputs = a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path);
     context.reads(inputs.chain(a.fit.train.tune.config_file()), a.force.force)?;
-    if a.emit.is_some() && context.outputs().on_standard_output() {
+    if a.emit.is_some() && context.outputs.on_standard_output() {
         return Err(Error::argument("--emit prints its script to standard output: write --json to a file"));
     }
     // The plan itself checks the content of the folder; here it only must not be an input.
-    context.outputs().writes_job(&a.output)?;
-    context.makes_folder(&a.output)?;
+    context.outputs.writes_job(&a.output)?;
+    context.outputs.make_folder(&a.output)?;
     let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), !a.fit.fields.is_empty(), &context)?;
     let task = Task { reopened, options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
     let job = Job::plan(source, &task, &a.output, &context)?;

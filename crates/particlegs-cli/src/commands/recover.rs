@@ -75,7 +75,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let fields = drawn_fields(&a.output);
     let own: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(fields.iter().map(String::as_str)).collect();
-    let kept = writer.folder && context.outputs().writes_folder(&a.output, &own)?;
+    let kept = writer.folder && context.outputs.writes_folder(&a.output, &own)?;
     let start = Instant::now();
     let bytes = inputs::model_of(&a.model, &a.series, &context)?;
     let mut model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
@@ -124,11 +124,11 @@ pub fn run(a: Arguments) -> Result<()> {
 
 /// Draws into memory, and writes a file of another program's format.
 fn write_file(out: &Path, writer: &Writer, options: &Options, model: Model, context: &CommandContext) -> Result<u64> {
-    let there = context.writes(out, &PARTICLES)?;
+    context.writes(out, &PARTICLES)?;
     let (particles, fields) = options.draw_with_fields(model, context)?;
     let all = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), context)?.with_fields(fields);
     if let Some(left_out) = writer.left_out(&all) {
         context.message(&format!("note: {left_out}"));
     }
-    context.write_snapshot(out, there, |out| writer.write(&all, out, context))
+    context.outputs.write_file(out, |out| writer.write(&all, out, context), context)
 }

@@ -44,7 +44,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
-    let kept = context.writes_model(&a.output)?;
+    let kept = context.outputs.writes_model(&a.output, &context)?;
     let bytes = inputs::model_of(&a.model, &a.series, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     context.notes(codec::read_info(&bytes, &name_of(&a.model))?.left_out().as_slice());
@@ -57,7 +57,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let bytes = simplify(model, bytes.len() as u64, target, &context)?;
     context.check()?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
-    context.write_model(&a.output, &bytes, kept)?;
+    context.outputs.write_model(&a.output, &bytes, &context)?;
     let gaussians: u64 = info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum();
     let seconds = start.elapsed().as_secs_f64();
     let text = format!(

@@ -244,7 +244,7 @@ pub fn run(a: Arguments) -> Result<()> {
         [&a.truth, other].into_iter().chain(&a.measure.centres).chain(&a.snapshot.topology).map(PathBuf::as_path),
         false,
     )?;
-    context.makes_folder(&a.out)?;
+    context.outputs.make_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let list = a.measure.centres.as_ref().map(|path| Ok((path, Catalogue::read(path, &context)?))).transpose()?;
     // A frame of a series stands beside the frame that it was made from.
@@ -269,13 +269,14 @@ pub fn run(a: Arguments) -> Result<()> {
         tool_version: env!("CARGO_PKG_VERSION"),
         statistics: &statistics,
     };
-    context.write_set(&a.out, |folder| {
+    let fill = |folder: &Path| {
         stats_tables::write(folder, &statistics)?;
         if !a.no_plots {
             stats_plots::write_all(folder, &statistics, unit.as_deref(), &a.plots)?;
         }
         crate::report::json(&folder.join("stats.json"), &report)
-    })?;
+    };
+    context.outputs.write_set(&a.out, fill, &context)?;
     context.finish(&stats_tables::summary(&statistics, unit.as_deref()), &report)
 }
 
@@ -291,17 +292,18 @@ fn run_series(a: &Arguments, options: StatsOptions, context: &CommandContext) ->
         return Err(Error::argument(what));
     }
     context.reads([a.truth.as_path()], false)?;
-    context.makes_folder(&a.out)?;
+    context.outputs.make_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let (bytes, place) = (inputs::model_or_series(&a.truth, context)?, name_of(&a.truth));
     let series = SeriesFile::read(&bytes, &place)?;
     let taken = json!(&options);
     let found = SeriesEvolution::new(&series, &place, options, |model| a.snapshot.layers_of(model), context)?;
     let report = found.report(&a.truth, taken);
-    context.write_set(&a.out, |folder| {
+    let fill = |folder: &Path| {
         found.write(folder, (!a.no_plots).then_some(&a.plots[..]))?;
         crate::report::json(&folder.join("stats.json"), &report)
-    })?;
+    };
+    context.outputs.write_set(&a.out, fill, context)?;
     context.finish(&found.summary(), &report)
 }
 

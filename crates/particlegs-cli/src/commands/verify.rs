@@ -69,7 +69,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
         return Err(Error::argument("--store does not write into a series: its frames have their own certificates"));
     }
     if a.store {
-        context.outputs().rewrites(&a.model)?;
+        context.outputs.rewrites(&a.model)?;
     }
     let (bytes, place) = (inputs::model_or_series(&a.model, &context)?, name_of(&a.model));
     if codec::is_series(&bytes) {

@@ -13,6 +13,8 @@ use crate::{Error, Result};
 use particlegs_core::Hint;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Between two looks for a pipe's reader.
@@ -28,44 +30,57 @@ pub enum Input {
 
 /// What a command reads and writes. While it lives, named pipes stay open; when it goes, so do empty
 /// folders that it made.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Outputs {
-    inputs: Vec<Input>,
-    taken: Vec<Identity>,
-    replaces: bool,
-    pipes: Vec<File>,
-    made: Vec<PathBuf>,
-    planned: Vec<PathBuf>,
+    inputs: Mutex<Vec<Input>>,
+    taken: Mutex<Vec<Identity>>,
+    replaces: AtomicBool,
+    pipes: Mutex<Vec<File>>,
+    made: Mutex<Vec<PathBuf>>,
+    planned: Mutex<Vec<PathBuf>>,
+    files: Mutex<Vec<PathBuf>>,
+    kept: Mutex<Vec<PathBuf>>,
 }
 
 impl Outputs {
     /// Of work that replaces what is kept if `replaces`.
     pub fn new(replaces: bool) -> Outputs {
-        let (inputs, taken, pipes, made, planned) = Default::default();
-        Outputs { inputs, taken, replaces, pipes, made, planned }
+        let outputs = Outputs::default();
+        outputs.replaces.store(replaces, Ordering::Relaxed);
+        outputs
     }
 
-    pub fn reads(&mut self, input: Input) {
-        self.inputs.push(input);
+    /// From now on replaces what is kept.
+    pub fn replace(&self) {
+        self.replaces.store(true, Ordering::Relaxed);
+    }
+
+    pub fn reads(&self, input: Input) {
+        lock(&self.inputs).push(input);
     }
 
     pub fn is_empty(&self) -> bool {
-        self.taken.is_empty()
+        lock(&self.taken).is_empty()
     }
 
     pub fn on_standard_output(&self) -> bool {
-        self.taken.contains(&Identity::StandardOutput)
+        lock(&self.taken).contains(&Identity::StandardOutput)
+    }
+
+    /// Files that were declared one by one, in that order.
+    pub fn files(&self) -> Vec<PathBuf> {
+        lock(&self.files).clone()
     }
 
     /// Takes note of a file that is to be written, and tells whether one is there that is kept: then
     /// the caller shows that it is what would be written, or refuses by [`Outputs::refused`]. Waits for the
     /// reader of a named pipe.
-    pub fn writes(&mut self, path: &Path, kind: &Kind, context: &Context<'_>) -> Result<bool> {
+    pub fn writes(&self, path: &Path, kind: &Kind, context: &Context<'_>) -> Result<bool> {
         let place = OutputTarget::new(path)?;
         self.take(path, &place)?;
-        match &place {
-            OutputTarget::StandardOutput => Ok(false),
-            OutputTarget::Stream(pipe) => self.wait_for_reader(pipe, context).map(|()| false),
+        let kept = match &place {
+            OutputTarget::StandardOutput => false,
+            OutputTarget::Stream(pipe) => self.wait_for_reader(pipe, context).map(|()| false)?,
             OutputTarget::File(target) if target.is_file() => {
                 self.note(path, target)?;
                 check_writable(path)?;
@@ -74,44 +89,58 @@ impl Outputs {
                     return Err(Error::output(path, what, "name another file; this one is left unchanged"));
                 }
                 let empty = target.metadata().is_ok_and(|m| m.len() == 0);
-                Ok(kind.kept && !self.replaces && !empty)
+                kind.kept && !self.replaces() && !empty
             }
             OutputTarget::File(target) => {
                 self.note(path, target)?;
-                check_writable(path).map(|()| false)
+                check_writable(path).map(|()| false)?
             }
+        };
+        lock(&self.files).push(path.to_path_buf());
+        Ok(self.keep(path, kept))
+    }
+
+    fn keep(&self, path: &Path, kept: bool) -> bool {
+        if kept {
+            lock(&self.kept).push(path.to_path_buf());
         }
+        kept
+    }
+
+    /// Whether a declared output exists and is kept.
+    pub fn is_kept(&self, path: &Path) -> bool {
+        lock(&self.kept).iter().any(|kept| kept == path)
     }
 
     /// Takes note of an input that is to be written anew, before it is read: of what has changed by then nothing is lost.
-    pub fn rewrites(&mut self, path: &Path) -> Result<()> {
+    pub fn rewrites(&self, path: &Path) -> Result<()> {
         if let OutputTarget::File(target) = OutputTarget::new(path)? { self.note(path, &target) } else { Ok(()) }
     }
 
     /// Nothing but what is there now is replaced.
-    fn note(&mut self, path: &Path, target: &Path) -> Result<()> {
-        self.planned.push(PlannedOutput::note(path, target)?);
+    fn note(&self, path: &Path, target: &Path) -> Result<()> {
+        lock(&self.planned).push(PlannedOutput::note(path, target)?);
         Ok(())
     }
 
     /// Takes note of a folder that is to be written whole, of files with the names `own`, and tells
     /// whether such files are there and kept, as [`Outputs::writes`] does.
-    pub fn writes_folder(&mut self, path: &Path, own: &[&str]) -> Result<bool> {
+    pub fn writes_folder(&self, path: &Path, own: &[&str]) -> Result<bool> {
         let OutputTarget::File(target) = OutputTarget::new(path)? else {
             return Err(is_no_folder(path));
         };
         self.take(path, &OutputTarget::File(target.clone()))?;
         self.note(path, &target)?;
         let whole = spelled_out(&target);
-        if self.paths().any(|input| spelled_out(input).starts_with(&whole)) {
+        if lock(&self.inputs).iter().any(|input| spelled_out(input.path()).starts_with(&whole)) {
             return Err(is_input(path));
         }
         let filled = WholeFolder::check(path, own)?;
-        Ok(filled && !self.replaces)
+        Ok(self.keep(path, filled && !self.replaces()))
     }
 
     /// Takes note of a job's folder; what is in it is the job's to look at.
-    pub fn writes_job(&mut self, path: &Path) -> Result<()> {
+    pub fn writes_job(&self, path: &Path) -> Result<()> {
         let OutputTarget::File(target) = OutputTarget::new(path)? else { return Err(is_no_folder(path)) };
         if target.is_file() {
             return Err(is_no_folder(path));
@@ -128,37 +157,36 @@ impl Outputs {
     }
 
     /// Makes a folder where it is missing; it goes again if nothing comes into it. Refuses a name that means a file.
-    pub fn make_folder(&mut self, folder: &Path) -> Result<()> {
+    pub fn make_folder(&self, folder: &Path) -> Result<()> {
         ending(folder, &[])?;
         let missing = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());
         let missing: Vec<PathBuf> = missing.map(Path::to_path_buf).collect();
         // The innermost first, as they are removed.
-        self.made.splice(0..0, missing);
+        lock(&self.made).splice(0..0, missing);
         std::fs::create_dir_all(folder)
             .map_err(|e| if folder.is_file() { is_no_folder(folder) } else { Error::io(folder, e) })
     }
 
     /// Refuses a place that is read, or taken by another output.
-    fn take(&mut self, path: &Path, place: &OutputTarget) -> Result<()> {
+    fn take(&self, path: &Path, place: &OutputTarget) -> Result<()> {
         let Some(identity) = Identity::from_target(place) else { return Ok(()) };
-        if self.inputs.iter().any(|input| input.holds(&identity)) {
+        if lock(&self.inputs).iter().any(|input| input.holds(&identity)) {
             return Err(is_input(path));
         }
-        if self.taken.contains(&identity) {
+        let mut taken = lock(&self.taken);
+        if taken.contains(&identity) {
             return Err(Error::output(path, "is named twice as an output of this command", "name another file"));
         }
-        self.taken.push(identity);
+        taken.push(identity);
         Ok(())
     }
 
-    fn paths(&self) -> impl Iterator<Item = &Path> {
-        self.inputs.iter().map(|input| match input {
-            Input::Data(path) | Input::Whole(path) => path.as_path(),
-        })
+    fn replaces(&self) -> bool {
+        self.replaces.load(Ordering::Relaxed)
     }
 
     /// Opens a named pipe when somebody reads it, and keeps it open.
-    fn wait_for_reader(&mut self, path: &Path, context: &Context<'_>) -> Result<()> {
+    fn wait_for_reader(&self, path: &Path, context: &Context<'_>) -> Result<()> {
         if !is_pipe(path) {
             return Ok(());
         }
@@ -166,7 +194,7 @@ impl Outputs {
         loop {
             match open_stream(path) {
                 Ok(file) => {
-                    self.pipes.push(file);
+                    lock(&self.pipes).push(file);
                     return Ok(());
                 }
                 Err(e) if e.kind() == std::io::ErrorKind::NotConnected => {}
@@ -184,8 +212,8 @@ impl Outputs {
 
 impl Drop for Outputs {
     fn drop(&mut self) {
-        self.planned.iter().for_each(|name| PlannedOutput::forget(name));
-        for folder in &self.made {
+        lock(&self.planned).iter().for_each(|name| PlannedOutput::forget(name));
+        for folder in &*lock(&self.made) {
             // It fails, as it should, where something is in it.
             let _ = std::fs::remove_dir(folder);
         }
@@ -200,7 +228,17 @@ fn is_input(path: &Path) -> Error {
     Error::output(path, "is an input of this command or belongs to one", "name another output")
 }
 
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 impl Input {
+    fn path(&self) -> &Path {
+        match self {
+            Input::Data(path) | Input::Whole(path) => path,
+        }
+    }
+
     fn holds(&self, file: &Identity) -> bool {
         let Identity::There(..) = file else { return false };
         let (path, whole) = match self {

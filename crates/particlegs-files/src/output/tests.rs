@@ -68,26 +68,26 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
         fs::write(at(name), if name == "empty" { "" } else { name }).unwrap();
     }
     fs::hard_link(at("data/xx.f32"), at("hard")).unwrap();
-    let mut o = Outputs::new(false);
+    let o = Outputs::new(false);
     o.reads(Input::Data(at("data")));
     ["snap.0.hdf5", "list.pvtp", "g"].iter().for_each(|name| o.reads(Input::Data(at(name))));
-    let refused = |o: &mut Outputs, name: &str, kind: &Kind| match o.writes(&at(name), kind, &Context::SILENT) {
+    let refused = |o: &Outputs, name: &str, kind: &Kind| match o.writes(&at(name), kind, &Context::SILENT) {
         Err(Error::Output { what, .. }) => what,
         other => panic!("{name}: {other:?}"),
     };
     for name in ["data/xx.f32", "data/../data/meta.json", "hard", "snap.0.hdf5", "snap.1.hdf5", "list/0.vtp", "g#1"] {
-        assert!(refused(&mut o, name, &NOTE).contains("input"), "{name}");
+        assert!(refused(&o, name, &NOTE).contains("input"), "{name}");
     }
-    assert!(refused(&mut o, "other", &TEXT).contains("not a text"));
+    assert!(refused(&o, "other", &TEXT).contains("not a text"));
     assert!(o.writes(&at("text"), &TEXT, &Context::SILENT).unwrap(), "it is there, and kept");
-    assert!(refused(&mut Outputs::new(true), "text", &NOTE).contains("not a note"));
+    assert!(refused(&Outputs::new(true), "text", &NOTE).contains("not a note"));
     assert!(!o.writes(&at("note"), &NOTE, &Context::SILENT).unwrap());
     assert!(!o.writes(&at("empty"), &TEXT, &Context::SILENT).unwrap());
     assert!(!o.writes(&at("new"), &TEXT, &Context::SILENT).unwrap());
-    assert!(refused(&mut o, "data/../new", &TEXT).contains("named twice as an output"));
+    assert!(refused(&o, "data/../new", &TEXT).contains("named twice as an output"));
     assert!(!o.writes(Path::new("-"), &TEXT, &Context::SILENT).unwrap() && o.on_standard_output());
     assert!(o.writes(Path::new("-"), &NOTE, &Context::SILENT).is_err());
-    let mut forced = Outputs::new(true);
+    let forced = Outputs::new(true);
     assert!(!forced.writes(&at("text"), &TEXT, &Context::SILENT).unwrap());
     let inner = forced.writes_folder(dir.path(), &[]);
     assert!(matches!(inner, Err(Error::Output { .. })), "foreign files");
@@ -98,7 +98,7 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
 #[test]
 fn made_folders_that_stay_empty_go() {
     let dir = tempfile::tempdir().unwrap();
-    let mut o = Outputs::new(false);
+    let o = Outputs::new(false);
     o.make_folder(&dir.path().join("a/b/c")).unwrap();
     o.make_folder(&dir.path().join("d/e")).unwrap();
     fs::write(dir.path().join("d/file"), "").unwrap();
@@ -145,7 +145,7 @@ fn changed_meanwhile(
     change: impl FnOnce(),
     write: impl FnOnce() -> Result<()>,
 ) -> Result<()> {
-    let mut o = Outputs::new(force);
+    let o = Outputs::new(force);
     o.writes(path, &TEXT, &Context::SILENT)?;
     change();
     write()
@@ -253,7 +253,7 @@ fn folders_that_change_while_a_command_runs_stay_whole() {
             [&out, &dir.path().join("out-1")].iter().for_each(|f| drop(fs::remove_dir_all(f)));
             fs::create_dir(&out).unwrap();
             fs::write(within("a"), "before").unwrap();
-            let mut o = Outputs::new(true);
+            let o = Outputs::new(true);
             o.writes_folder(&out, &own).unwrap();
             if !late {
                 change();
@@ -272,7 +272,7 @@ fn folders_that_change_while_a_command_runs_stay_whole() {
     }
     // An empty one that another command has filled meanwhile with files of the same names.
     fs::remove_dir_all(&out).unwrap();
-    let mut o = Outputs::new(false);
+    let o = Outputs::new(false);
     assert!(!o.writes_folder(&out, &own).unwrap());
     fs::create_dir(&out).unwrap();
     fs::write(within("a"), "theirs").unwrap();
