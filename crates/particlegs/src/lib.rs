@@ -32,6 +32,7 @@
 //! `particlegs-compress` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 
+pub mod input;
 mod model;
 mod picture;
 mod series;

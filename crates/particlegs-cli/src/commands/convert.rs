@@ -1,7 +1,7 @@
 //! `particlegs convert IN... -o OUT`.
 
 use crate::common::{CommandContext, Common};
-use crate::inputs::{self, PathContent};
+use crate::inputs::{self, Input};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
@@ -69,8 +69,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
     let mut choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.particles.opening, &context)? {
-            PathContent::Model(bytes) => return splats(&a, one, &bytes, &context),
-            PathContent::Snapshot(choice) => *choice,
+            Input::Model(bytes) => return splats(&a, one, &bytes, &context),
+            Input::Snapshot(choice) => *choice,
         },
         _ => a.particles.opening.choice()?,
     };

@@ -152,7 +152,7 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(Error::argument_with(what, "extract the frame first, or leave out --link"));
     }
     let bytes = if paged && !a.series.is_given() {
-        inputs::model_or_series(&a.model, &context)?
+        inputs::read_file(&a.model, &context)?
     } else {
         inputs::model_of(&a.model, &a.series, &context)?
     };

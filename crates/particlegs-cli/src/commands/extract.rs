@@ -36,12 +36,12 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.series.as_path()], a.force.force)?;
     context.outputs.writes_model(&a.output, &context)?;
-    let (series, place) = (inputs::model_or_series(&a.series, &context)?, name_of(&a.series));
+    let (series, place) = (inputs::read_file(&a.series, &context)?, name_of(&a.series));
     if !codec::is_series(&series) {
         let what = "it is one model, not a series: there is nothing to extract";
         return Err(Error::input_with(place, what, "use the file as it is"));
     }
-    let bytes = inputs::frame_of(series, &a.frame, &place, &context)?;
+    let bytes = inputs::frame_of(series, &a.frame.choice(), &place, &context)?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
     context.outputs.write_model(&a.output, &bytes, &context)?;
     let text = format!("{}: {} Gaussians, {} bytes", a.output.display(), info.gaussians(), bytes.len());

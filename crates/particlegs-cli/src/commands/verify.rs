@@ -2,7 +2,7 @@
 
 use crate::common::{CommandContext, Common};
 use crate::info_model;
-use crate::inputs::{self, FrameArgs};
+use crate::inputs::{self, FrameChoice};
 use crate::job_args::JobSnapshot;
 use crate::snapshot_args::ParticleArgs;
 use clap::Args;
@@ -71,7 +71,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
     if a.store {
         context.outputs.rewrites(&a.model)?;
     }
-    let (bytes, place) = (inputs::model_or_series(&a.model, &context)?, name_of(&a.model));
+    let (bytes, place) = (inputs::read_file(&a.model, &context)?, name_of(&a.model));
     if codec::is_series(&bytes) {
         return verify_series(&mut a, &bytes, &place, &context);
     }
@@ -101,7 +101,7 @@ fn verify_series(a: &mut Arguments, bytes: &[u8], place: &str, context: &Command
     let named = a.particles.opening.frame.take();
     let mut frame = match named {
         None if !a.snapshot.is_empty() => series.last()?,
-        named => FrameArgs::numbered(named).number(&series, place, context)?,
+        named => FrameChoice::from(named).number(&series, place, context)?,
     };
     let mut snapshot = None;
     if !a.snapshot.is_empty() {
