@@ -3,7 +3,7 @@
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
-pub use particlegs::input::{FrameChoice, Input, decoded_model, frame_of, frame_of_snapshot, is_series, read_file};
+pub use particlegs::input::{FrameChoice, Input, decoded_model, is_series, read_file};
 use particlegs::input::{frame_beside, read_model, read_model_of_snapshot};
 use particlegs_core::Result;
 use particlegs_core::context::{Context, ProgressSink};
@@ -36,11 +36,6 @@ impl FrameArgs {
 /// A model file's bytes, of a series those of its last frame; `-` is standard input.
 pub fn model(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
     read_model(path, &FrameChoice::Last, context)
-}
-
-/// The same with a frame of a series.
-pub fn model_of(path: &Path, frame: &FrameArgs, context: &Context<'_>) -> Result<Vec<u8>> {
-    read_model(path, &frame.choice(), context)
 }
 
 /// A model's bytes; of a series those of the frame that `opening` names, which then names the snapshot's frame that it

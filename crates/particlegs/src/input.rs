@@ -1,6 +1,6 @@
 //! Opens inputs: a model file, a frame of a series, or a snapshot.
 
-use crate::{Choice, Context, Error, Hint, Result};
+use crate::{Choice, Context, Error, Hint, Model, Result, Series};
 use particlegs_core::codec::{self, SeriesDecoder, SeriesFile};
 use particlegs_core::model::{Metadata, hex};
 use particlegs_files::input::{Source, is_stream, name_of};
@@ -112,6 +112,29 @@ impl Input {
             choice.spool(source)?;
         }
         Ok(Input::Snapshot(choice.into()))
+    }
+}
+
+/// What a model file holds.
+#[derive(Debug)]
+pub enum FileContent {
+    /// One model.
+    Model(Box<Model>),
+    /// A series of models.
+    Series(Series),
+}
+
+impl FileContent {
+    /// Reads a model file or a series; `-` is standard input.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for what is neither; [`Error::Corrupt`].
+    pub fn open(path: impl AsRef<Path>, context: &Context<'_>) -> Result<FileContent> {
+        let (bytes, name) = (read_file(path.as_ref(), context)?, name_of(path.as_ref()));
+        match codec::is_series(&bytes) {
+            true => Series::from_bytes(bytes, &name).map(FileContent::Series),
+            false => Ok(FileContent::Model(Model::decode(bytes, &name, context)?.into())),
+        }
     }
 }
 

@@ -32,11 +32,15 @@
 //! `particlegs-compress` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 
+mod export;
 pub mod input;
+mod merge;
 mod model;
+mod particle_files;
 mod picture;
 mod series;
 mod snapshot;
+mod verification;
 
 /// What most programs need.
 ///
@@ -130,7 +134,11 @@ pub mod training {
     pub use particlegs_train::{Config, Limits, Preset};
 }
 
+pub use export::{ExportOptions, ExportResult, plan_export};
+pub use merge::{merge, merge_files};
 pub use model::{CompressOptions, Model, compress};
+pub use particle_files::ParticleFile;
+pub use particlegs_compress::verify::{SeriesVerification, StatedFigure, Verification};
 pub use particlegs_core::context::{Context, Level, ProgressEvent, ProgressSink};
 pub use particlegs_core::parallel::with_threads;
 pub use particlegs_core::picture::{Gray8, Plane, Size};
@@ -143,5 +151,6 @@ pub use particlegs_formats::{Choice, Description, Species, SpeciesField, Species
 pub use particlegs_measure::score::Evaluation;
 pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
 pub use picture::SavePng;
-pub use series::{FrameRange, FrameResult, SeriesOptions, SeriesResult, make_series};
+pub use series::{FrameRange, FrameResult, Series, SeriesOptions, SeriesResult, make_series};
 pub use snapshot::Snapshot;
+pub use verification::FileVerification;
