@@ -41,7 +41,6 @@ mod stats_tables;
 mod target_args;
 mod text_wrap;
 mod train_args;
-mod train_log;
 mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};

@@ -38,8 +38,10 @@ mod merge;
 mod model;
 mod particle_files;
 mod picture;
+mod run;
 mod series;
 mod snapshot;
+mod training_log;
 mod verification;
 
 /// What most programs need.
@@ -151,6 +153,7 @@ pub use particlegs_formats::{Choice, Description, Species, SpeciesField, Species
 pub use particlegs_measure::score::Evaluation;
 pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
 pub use picture::SavePng;
+pub use run::{ModelOutput, RunOptions, compress_into};
 pub use series::{FrameRange, FrameResult, Series, SeriesOptions, SeriesResult, make_series};
 pub use snapshot::Snapshot;
 pub use verification::FileVerification;

@@ -5,11 +5,12 @@ use crate::input::{FileContent, FrameChoice};
 use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
 use crate::series::SeriesFrame;
 use crate::{
-    Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, ToneStyle,
+    Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, Storage,
+    ToneStyle,
 };
-use particlegs_compress::verify::{self, StoredModel};
-use particlegs_compress::{CompressedModel, Compression, FineTuning};
-use particlegs_core::checkpoint::{CheckpointStore, NoCheckpoints};
+use particlegs_compress::Compression;
+use particlegs_compress::verify::StoredModel;
+use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::codec::FileInfo;
 use particlegs_core::model::Target;
 use particlegs_core::render::Scene;
@@ -48,7 +49,7 @@ impl Debug for Model {
 /// range; [`crate::Error::Memory`]; [`crate::Error::Cancelled`]; those of reading.
 pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Context<'_>) -> Result<Model> {
     options.check()?;
-    let (particles, fields) = snapshot.with_fields_if(!options.fields.is_empty(), context)?;
+    let (particles, fields) = snapshot.read(!options.fields.is_empty(), &Storage::Memory, context)?;
     let mut options = options.clone();
     options.read.extend(snapshot.options());
     let made = Compression::plan(&particles, &fields, &options, context)?.run(&mut NoCheckpoints, context)?;
@@ -132,29 +133,6 @@ impl Model {
         self.info()?.left_out().iter().for_each(|note| context.note(note));
         let bytes = particlegs_compress::simplify(self.decoded.clone(), self.bytes.len() as u64, target, context)?;
         Model::decode(bytes, &self.name, context)
-    }
-
-    /// Trains the splats of an alpha-blend model further on its snapshot, with a checkpoint of the work.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] for optical-depth models; [`crate::Error::Input`] for another snapshot;
-    /// [`crate::Error::Memory`]; [`crate::Error::Cancelled`].
-    pub fn finetune(
-        &self,
-        snapshot: &Snapshot,
-        options: &FineTuning,
-        checkpoints: &mut dyn CheckpointStore,
-        context: &Context<'_>,
-    ) -> Result<CompressedModel> {
-        let particles = snapshot.particles(context)?;
-        self.check_source(&particles)?;
-        particlegs_compress::finetune(&self.decoded, self.bytes.len() as u64, &particles, options, checkpoints, context)
-    }
-
-    /// Refuses particles that are not those that the model was made from.
-    fn check_source(&self, particles: &Particles) -> Result<()> {
-        let of_several = model_file::is_of_several(&self.bytes, self.metadata(), &self.name)?;
-        verify::check_source(&self.decoded, of_several, particles, &particles.meta.name, &self.name)
     }
 
     /// The model as its file or its series has it.

@@ -1,6 +1,6 @@
 //! Particles as files: drawn from a model, or converted.
 
-use crate::{Context, Error, Model, Particles, RecoverOptions, Result, Snapshot};
+use crate::{Context, Error, Model, Particles, RecoverOptions, Result, Snapshot, Storage};
 use particlegs_core::codec;
 use particlegs_files::output::{Outputs, kinds::PARTICLES};
 use particlegs_fit::recover::{drawn_fields, recover};
@@ -117,7 +117,7 @@ impl Snapshot {
             outputs.writes_folder(out, &RawForm::FOLDER_FILES)?;
         }
         let (whole, selection) = self.clone().without_selection();
-        let (particles, fields) = whole.with_fields_if(whole.has_fields(), context)?;
+        let (particles, fields) = whole.read(whole.has_fields(), &Storage::Memory, context)?;
         let tiling = copies.map_or(Ok(Tiling::single()), |copies| Tiling::new(copies, &particles))?;
         let mut kept = SelectedParticles::new(&particles, tiling, selection, context)?;
         if !fields.is_empty() {

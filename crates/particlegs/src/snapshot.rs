@@ -91,13 +91,34 @@ impl Snapshot {
     /// [`Error::Input`] for a species that there is not, and invalid values; [`Error::Argument`] for a species of
     /// particles in memory; [`Error::Memory`]; [`Error::Cancelled`].
     pub fn particles(&self, context: &Context<'_>) -> Result<Particles> {
+        Ok(self.read(false, &Storage::Memory, context)?.0)
+    }
+
+    /// The particles, with their fields if those are wanted; what cannot be used in place goes to `storage`.
+    pub(crate) fn read(
+        &self,
+        with_fields: bool,
+        storage: &Storage,
+        context: &Context<'_>,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
         match (&self.source, self.choice.selection) {
-            (SnapshotSource::Files(paths), _) => self.choice.read(paths, &Storage::Memory, context),
+            (SnapshotSource::Files(paths), _) if with_fields => {
+                self.choice.clone().read_fields(paths, storage, context)
+            }
+            (SnapshotSource::Files(paths), _) => Ok((self.choice.read(paths, storage, context)?, Vec::new())),
+            (SnapshotSource::Memory(_, fields), _) if with_fields && fields.is_empty() => {
+                Err(Error::argument("particles in memory have no fields to store"))
+            }
+            (SnapshotSource::Memory(..), Some(_)) if with_fields => {
+                Err(Error::argument("a selection of particles in memory leaves their fields out"))
+            }
             (SnapshotSource::Memory(..), _) if !self.choice.species.is_empty() => {
                 Err(Error::argument("particles in memory have no species to choose from"))
             }
-            (SnapshotSource::Memory(all, _), Some(part)) => all.select(part, &Storage::Memory, context),
-            (SnapshotSource::Memory(all, _), None) => Ok((**all).clone()),
+            (SnapshotSource::Memory(all, _), Some(part)) => Ok((all.select(part, storage, context)?, Vec::new())),
+            (SnapshotSource::Memory(all, fields), None) => {
+                Ok(((**all).clone(), if with_fields { fields.clone() } else { Vec::new() }))
+            }
         }
     }
 
@@ -106,27 +127,12 @@ impl Snapshot {
     /// # Errors
     /// As [`Snapshot::particles`]; [`Error::Argument`] for a selection of particles in memory that have fields.
     pub fn particles_and_fields(&self, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
-        match &self.source {
-            SnapshotSource::Files(paths) => self.choice.clone().read_fields(paths, &Storage::Memory, context),
-            SnapshotSource::Memory(_, fields) if !fields.is_empty() && self.choice.selection.is_some() => {
-                Err(Error::argument("a selection of particles in memory leaves their fields out"))
-            }
-            SnapshotSource::Memory(_, fields) => Ok((self.particles(context)?, fields.clone())),
-        }
+        self.read(true, &Storage::Memory, context)
     }
 
     /// Whether fields can be read with the particles.
     pub fn has_fields(&self) -> bool {
         !matches!(&self.source, SnapshotSource::Memory(_, fields) if fields.is_empty())
-    }
-
-    /// The particles, with their fields if those are wanted.
-    pub(crate) fn with_fields_if(&self, wanted: bool, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
-        match wanted {
-            false => Ok((self.particles(context)?, Vec::new())),
-            true if self.has_fields() => self.particles_and_fields(context),
-            true => Err(Error::argument("particles in memory have no fields to store")),
-        }
     }
 
     /// Gives particles in memory the fields of each layer, in the order of the layers.

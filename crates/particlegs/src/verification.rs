@@ -1,7 +1,7 @@
 //! What a file says of itself and of its snapshot.
 
 use crate::input::{FileContent, FrameChoice, frame_of_snapshot};
-use crate::{Context, Model, Result, Series, Snapshot};
+use crate::{Context, Model, Result, Series, Snapshot, Storage};
 use particlegs_compress::verify::{SeriesVerification, StoredModel, Verification};
 use serde::Serialize;
 
@@ -36,7 +36,7 @@ impl FileVerification {
         context: &Context<'_>,
     ) -> Result<FileVerification> {
         let with_fields = !stored.model.metadata.fields.is_empty();
-        let source = snapshot.map(|s| s.with_fields_if(with_fields && s.has_fields(), context)).transpose()?;
+        let source = snapshot.map(|s| s.read(with_fields && s.has_fields(), &Storage::Memory, context)).transpose()?;
         let source = source.as_ref().map(|(particles, fields)| (particles, &fields[..]));
         Ok(FileVerification {
             model: stored.verify(source, (full, seed), context)?,
@@ -107,7 +107,7 @@ impl Series {
         if let Some(snapshot) = snapshot {
             let metadata = decoder.frame(frame, context)?.metadata.clone();
             let snapshot = snapshot.clone().with_frame(frame_of_snapshot(&metadata, self.name(), context));
-            let (particles, fields) = snapshot.with_fields_if(!metadata.fields.is_empty(), context)?;
+            let (particles, fields) = snapshot.read(!metadata.fields.is_empty(), &Storage::Memory, context)?;
             if number.is_none() {
                 frame = series.frame_of(&particles).unwrap_or(frame);
                 context.note(&format!(

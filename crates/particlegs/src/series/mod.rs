@@ -56,8 +56,7 @@ impl Series {
     /// # Errors
     /// As [`Series::open`].
     pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Series> {
-        SeriesFile::read(&bytes, name)?;
-        let decoder = SeriesDecoder::of(SeriesFile::read_start(&bytes, name)?);
+        let decoder = SeriesDecoder::of(SeriesFile::read(&bytes, name)?.into_owned());
         Ok(Series { name: name.into(), bytes: Arc::new(bytes), decoder: Arc::new(Mutex::new(decoder)) })
     }
 
