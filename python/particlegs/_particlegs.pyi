@@ -215,7 +215,7 @@ def density_range(values: NDArray[np.float64]) -> tuple[Optional[list[float]], f
 def compress(
     snapshot: Snapshot,
     asked: _Asked,
-    scratch: Optional[_Path] = None,
+    target: _Asked,
     fields: Sequence[tuple[str, Optional[str], NDArray[np.float64]]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,
