@@ -1,12 +1,12 @@
 //! A model: its bytes, its Gaussians, pictures and densities.
 
-use crate::density::{self, CellNumbers};
+use crate::density::{self, CellNumbers, FieldName};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::gaussians::Gaussians;
 use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
+use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs::input::FrameChoice;
 use particlegs_core::camera::{Camera, Projection, View};
 use particlegs_core::context::Context;
@@ -228,7 +228,7 @@ impl Model {
         camera: CameraArgs,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let size = Size { width: size.0, height: size.1 };
         let view = self.looking().view(&camera, size, None, None).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
@@ -248,7 +248,7 @@ impl Model {
         weight: &str,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<String>, String, &'static str)> {
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Option<String>, String, &'static str)> {
         let size = Size { width: size.0, height: size.1 };
         let view = self.looking().view(&camera, size, None, None).or_raise()?;
         let view = self.looking().density_view(&view, size);
@@ -282,20 +282,6 @@ impl Model {
         self.inner().metadata.fields.iter().map(of).collect()
     }
 
-    /// A field at points, (n,) or (n, 3): means, or dispersions.
-    #[pyo3(signature = (field, points, dispersion=false, layers=None, threads=None))]
-    fn field_at<'py>(
-        &self,
-        py: Python<'py>,
-        field: &str,
-        points: PyReadonlyArrayDyn<'py, f64>,
-        dispersion: bool,
-        layers: Option<Vec<String>>,
-        threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        density::field_at(py, &*self.only(layers.as_deref())?, (field, dispersion), &points, threads)
-    }
-
     /// Unit of the densities of some layers, per area (2) or volume (3).
     #[pyo3(signature = (power, layers=None))]
     fn density_unit(&self, power: u8, layers: Option<Vec<String>>) -> PyResult<String> {
@@ -304,48 +290,36 @@ impl Model {
         Ok(density_unit(&self.inner().metadata, masses.all(|m| m != Mass::Unknown), power))
     }
 
-    /// Density in cells: values, origin, cell edges, mass beyond the grid.
-    #[pyo3(signature = (cells, layers=None, threads=None))]
-    fn density_grid<'py>(
-        &self,
-        py: Python<'py>,
-        cells: CellNumbers,
-        layers: Option<Vec<String>>,
-        threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
-        density::grid(py, &*self.only(layers.as_deref())?, cells, threads)
-    }
-
     /// Unit of a field's mean, or of its dispersion, at places and in cells.
     fn field_unit(&self, field: &str, dispersion: bool) -> Option<String> {
         let q = self.inner().metadata.fields.iter().find(|q| q.name == field)?;
         if dispersion { q.dispersion_unit() } else { q.place_unit(self.inner().metadata.units.length_text()) }
     }
 
-    /// A field in cells, means or dispersions: values, origin, cell edges.
-    #[pyo3(signature = (field, dispersion, cells, layers=None, threads=None))]
-    fn field_grid<'py>(
+    /// Density, or a field, in cells: values, origin, cell edges, mass beyond the grid.
+    #[pyo3(signature = (cells, field=None, layers=None, threads=None))]
+    fn grid<'py>(
         &self,
         py: Python<'py>,
-        field: &str,
-        dispersion: bool,
         cells: CellNumbers,
+        field: FieldName,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {
-        density::field_grid(py, &*self.only(layers.as_deref())?, (field, dispersion), cells, threads)
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
+        density::grid(py, &*self.only(layers.as_deref())?, field, cells, threads)
     }
 
-    /// Density at points.
-    #[pyo3(signature = (points, layers=None, threads=None))]
+    /// Density, or a field, at points.
+    #[pyo3(signature = (points, field=None, layers=None, threads=None))]
     fn at<'py>(
         &self,
         py: Python<'py>,
         points: PyReadonlyArrayDyn<'py, f64>,
+        field: FieldName,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        density::at(py, &*self.only(layers.as_deref())?, &points, threads)
+        density::at(py, &*self.only(layers.as_deref())?, field, &points, threads)
     }
 
     /// Synthetic particles.

@@ -4,8 +4,8 @@ use crate::arrays;
 use crate::errors::{InputError, IntoPyResult};
 use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::work::WorkOptions;
-use numpy::ndarray::{ArrayD, ArrayView, IxDyn};
-use numpy::{IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
+use numpy::ndarray::ArrayView;
+use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs_core::picture::Size;
@@ -345,11 +345,9 @@ impl Snapshot {
             }
             let mut shape = vec![self.particles.len()];
             shape.extend((components > 1).then_some(components));
-            let array = ArrayD::from_shape_vec(IxDyn(&shape), rows);
-            let array = array.map_err(|e| InputError::new_err(e.to_string()))?;
             let array = match field.number {
-                Number::F32 => array.mapv(|v| v as f32).into_pyarray(py).into_any(),
-                _ => array.into_pyarray(py).into_any(),
+                Number::F32 => arrays::shaped(py, &shape, rows.iter().map(|v| *v as f32).collect())?.into_any(),
+                _ => arrays::shaped(py, &shape, rows)?.into_any(),
             };
             all.push((field.name.clone(), field.unit.clone(), array));
         }

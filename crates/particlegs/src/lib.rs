@@ -150,7 +150,7 @@ pub use particlegs_export::Density;
 pub use particlegs_files::memory::available_bytes as available_memory;
 pub use particlegs_fit::recover::{Method as RecoverMethod, Options as RecoverOptions};
 pub use particlegs_formats::{Choice, Description, Species, SpeciesField, SpeciesMass, Weights};
-pub use particlegs_measure::score::Evaluation;
+pub use particlegs_measure::score::{Assessment, Evaluation, Grade, UseCase};
 pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
 pub use picture::SavePng;
 pub use run::{ModelOutput, RunOptions, compress_into};

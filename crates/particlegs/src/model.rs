@@ -13,12 +13,12 @@ use particlegs_compress::verify::StoredModel;
 use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::codec::FileInfo;
 use particlegs_core::model::Target;
-use particlegs_core::render::Scene;
+use particlegs_core::render::{FieldQuery, Scene};
 use particlegs_core::{codec, model, render};
 use particlegs_export::Cells;
 use particlegs_files::model_file;
 use particlegs_files::output::write_bytes;
-use particlegs_measure::score;
+use particlegs_measure::score::{self, Assessment};
 use std::fmt::{Debug, Formatter};
 use std::path::Path;
 
@@ -213,6 +213,22 @@ impl Model {
     pub fn density_map(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
         self.check_density()?;
         render::surface_density(&Scene::new(&self.decoded), view, size, context)
+    }
+
+    /// The mean of a field along the line of sight of each pixel, in its unit; NaN where there is no mass. `field` is a
+    /// scalar's name such as `temperature`, a component of a vector such as `velocity.los`, or `dispersion.` and a name.
+    ///
+    /// # Errors
+    /// As [`Model::density_map`]; [`crate::Error::Argument`] for a field that the model lacks.
+    pub fn field_map(&self, field: &str, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane<f64>> {
+        let query = FieldQuery::new(field, &self.metadata().fields)?;
+        let map = render::field_map(&Scene::new(&self.decoded), &query, view, size, context)?;
+        Ok(map.wanted(&query).clone())
+    }
+
+    /// What its certificate says that it is good for: a word and a reason for each use.
+    pub fn verdict(&self) -> Vec<Assessment> {
+        Assessment::verdict(self.certificate(), self.metadata())
     }
 
     /// The density integrated over cells, `longest` of them along the longest edge.
