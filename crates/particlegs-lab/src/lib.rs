@@ -12,6 +12,7 @@
 
 #![allow(missing_docs)]
 
+pub mod bench;
 mod bins;
 pub mod density;
 pub mod experiments;
