@@ -31,6 +31,8 @@ pub mod settings;
 pub mod snapshot;
 pub mod store;
 pub mod subset;
+#[cfg(feature = "gpu")]
+pub mod timed_device;
 mod training;
 pub mod views;
 

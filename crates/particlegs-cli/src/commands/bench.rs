@@ -64,7 +64,7 @@ fn gpu(a: &Arguments) -> Result<()> {
     bench.refuse_for_gpu(a.snapshot.describe().as_deref())?;
     let context = a.common.clone().start()?;
     let device = a.device.open_timed()?;
-    let trainer = particlegs_gpu::GpuAccelerator::new(Arc::clone(&device));
+    let trainer = particlegs_gpu::GpuAccelerator::new(Arc::clone(&device.device));
     let settings = bench.settings(a.common.seed, Some(Arc::new(trainer)))?;
     let make = |folder: &std::path::Path| context.makes_folder(folder);
     let kept = bench.output.as_deref().map(|folder| bench::folder(folder, make)).transpose()?;
