@@ -31,8 +31,6 @@ pub mod settings;
 pub mod snapshot;
 pub mod store;
 pub mod subset;
-#[cfg(feature = "gpu")]
-pub mod timed_device;
 mod training;
 pub mod views;
 

@@ -137,7 +137,7 @@ impl BenchOptions {
     #[cfg(feature = "gpu")]
     pub fn measure_gpu(
         &self,
-        device: crate::timed_device::TimedDevice,
+        device: experiments::TimedDevice,
         settings: Settings,
         kept: &Path,
         context: &Context<'_>,

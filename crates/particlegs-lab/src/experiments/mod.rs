@@ -22,6 +22,9 @@ mod seeds;
 mod shared;
 mod sweep;
 
+#[cfg(feature = "gpu")]
+pub use gpu::TimedDevice;
+
 use crate::lab::Lab;
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;

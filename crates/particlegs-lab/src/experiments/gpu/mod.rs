@@ -5,6 +5,7 @@ mod particles;
 mod rates;
 mod scenes;
 mod steps;
+mod timed_device;
 mod work;
 
 use super::{Experiment, published_run};
@@ -12,7 +13,6 @@ use crate::lab::Lab;
 use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::store::COMMIT;
-use crate::timed_device::TimedDevice;
 use crate::training::{TrainingTask, scaled, trained_on};
 use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
@@ -25,6 +25,7 @@ use rates::Rates;
 use scenes::TiledScene;
 use std::sync::Arc;
 use std::time::Duration;
+pub use timed_device::TimedDevice;
 use work::WorkBound;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
