@@ -70,11 +70,6 @@ impl AlphaRenderer {
         Ok(AlphaRenderer { most, ..own })
     }
 
-    /// What it draws on.
-    pub fn device(&self) -> &Device {
-        &self.device
-    }
-
     /// Memory for pictures of `size` of these Gaussians.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<AlphaCanvas> {
         AlphaCanvas::new(&self.device, &self.kernels, gaussians, size)
