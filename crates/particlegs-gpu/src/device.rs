@@ -1,7 +1,6 @@
 //! An adapter that was opened.
 
 use crate::adapters::{AdapterChoice, chosen, memory_of};
-use crate::kernel::KernelWatch;
 use particlegs_core::picture::Size;
 use particlegs_core::{Error, Hint, Result};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,6 +12,12 @@ pub enum Checks {
     /// (gfx-rs/wgpu issue 7698).
     Off,
     On,
+}
+
+/// Runs kernels in its own way, as a clock does that stands about them.
+pub trait KernelWatch: Send + Sync {
+    /// `run` dispatches the kernel of this name.
+    fn around(&self, kernel: &'static str, pass: &mut wgpu::ComputePass<'_>, run: &dyn Fn(&mut wgpu::ComputePass<'_>));
 }
 
 /// Bytes that any GPU can hold.

@@ -1,7 +1,7 @@
 //! A kernel: a pipeline, and what is bound to it.
 
 use crate::Device;
-use crate::device::Checks;
+use crate::device::{Checks, KernelWatch};
 use std::sync::Arc;
 
 /// The end of kernels that write grey levels.
@@ -14,12 +14,6 @@ pub enum BufferUse {
     Uniform,
     Read,
     Write,
-}
-
-/// Runs kernels in its own way, as a clock does that stands about them.
-pub trait KernelWatch: Send + Sync {
-    /// `run` dispatches the kernel of this name.
-    fn around(&self, kernel: &'static str, pass: &mut wgpu::ComputePass<'_>, run: &dyn Fn(&mut wgpu::ComputePass<'_>));
 }
 
 /// A kernel whose entry is `main`.

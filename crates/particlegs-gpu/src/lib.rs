@@ -23,7 +23,7 @@ mod train;
 
 pub use accelerator::GpuAccelerator;
 pub use adapters::{Adapter, AdapterChoice, adapters, advice};
-pub use device::{Checks, Device};
+pub use device::{Checks, Device, KernelWatch};
 
 /// Threads of a group in kernels of one dimension.
 const THREADS: u64 = 64;

@@ -17,6 +17,8 @@ mod bins;
 pub mod density;
 pub mod experiments;
 pub mod external;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod jitter;
 pub mod lab;
 pub mod lcp;

@@ -8,6 +8,7 @@
 
 mod assets;
 mod markup;
+mod opening;
 pub mod page;
 pub mod poster;
 pub mod server;

@@ -1,6 +1,6 @@
 //! The picture that a page shows until it has drawn its own.
 
-use crate::page::PageOpening;
+use crate::opening::PageOpening;
 use particlegs_core::camera::{DensityView, View, base_distance, spherical_camera};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Model};

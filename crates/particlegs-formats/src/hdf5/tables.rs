@@ -3,7 +3,8 @@
 
 use super::attributes::Attributes;
 use super::container::{Container, DataSet, TOP};
-use super::header::{HeaderGroups, TYPES};
+use super::header::TYPES;
+use super::header_groups::HeaderGroups;
 use super::reader::{self, FilePart, GroupSource};
 use super::units::{self, Simulation};
 use crate::foreign::{YT, python};

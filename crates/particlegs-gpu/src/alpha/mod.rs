@@ -21,6 +21,7 @@ mod fixed;
 mod frame;
 pub(crate) mod gaussians;
 mod kernels;
+mod network_buffers;
 mod slabs;
 #[cfg(test)]
 mod tests;

@@ -137,7 +137,7 @@ impl BenchOptions {
     #[cfg(feature = "gpu")]
     pub fn measure_gpu(
         &self,
-        device: experiments::TimedDevice,
+        device: crate::gpu::TimedDevice,
         settings: Settings,
         kept: &Path,
         context: &Context<'_>,

@@ -22,9 +22,6 @@ mod seeds;
 mod shared;
 mod sweep;
 
-#[cfg(feature = "gpu")]
-pub use gpu::TimedDevice;
-
 use crate::lab::Lab;
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;

@@ -5,10 +5,10 @@ mod particles;
 mod rates;
 mod scenes;
 mod steps;
-mod timed_device;
 mod work;
 
 use super::{Experiment, published_run};
+use crate::gpu::TimedDevice;
 use crate::lab::Lab;
 use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
@@ -25,7 +25,6 @@ use rates::Rates;
 use scenes::TiledScene;
 use std::sync::Arc;
 use std::time::Duration;
-pub use timed_device::TimedDevice;
 use work::WorkBound;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {

@@ -1,8 +1,7 @@
 //! Where the time of a picture or a step goes: the device's clock before and after each kernel, where it has one.
 
 use particlegs_core::Result;
-use particlegs_gpu::kernel::KernelWatch;
-use particlegs_gpu::{AdapterChoice, Checks, Device};
+use particlegs_gpu::{AdapterChoice, Checks, Device, KernelWatch};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wgpu::BufferUsages as Use;
 
@@ -20,7 +19,7 @@ struct Timer {
 
 /// A kernel in what was timed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct KernelTime {
+pub struct KernelTime {
     pub kernel: &'static str,
     /// How often it ran.
     pub runs: usize,
@@ -73,7 +72,7 @@ impl TimedDevice {
 
     /// The kernels that `work` runs, in the order of their first runs, and how long each takes. `None` where the device
     /// has no clock that it shows, was not opened for it, or more was run than it times together.
-    pub(super) fn timed(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<Vec<KernelTime>>> {
+    pub fn timed(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<Vec<KernelTime>>> {
         let Some(timer) = &self.timer else { return work().map(|()| None) };
         let device = &self.device;
         device.wait()?;
@@ -115,7 +114,12 @@ mod tests {
         let timed = TimedDevice::open(AdapterChoice::Number(0), Checks::On).unwrap();
         let device = &timed.device;
         let words = device.buffer("words", 1 << 20, wgpu::BufferUsages::STORAGE);
-        let kernel = Kernel::new(device, "additions", &[include_str!("additions_main.wgsl")], &[BufferUse::Write]);
+        let kernel = Kernel::new(
+            device,
+            "additions",
+            &[include_str!("experiments/gpu/additions_main.wgsl")],
+            &[BufferUse::Write],
+        );
         let bound = kernel.bind(device, &[&words]);
         let run = |times: usize| {
             let mut encoder = device.device.create_command_encoder(&Default::default());
