@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
@@ -321,7 +321,7 @@ class Model:
         Map
             float64, with `extent` and `unit`. Windows on a part of a periodic box include its periodic images.
         """
-        window = Window.of(self, center, width, depth, axis, shape)
+        window = Window.of(self._native, (self.bounds, self.box, self.length_unit), center, width, depth, axis, shape)
         names = _coerce.names(layers)
         values = self._native.density(window.pixels, window.camera, names, threads)
         return self._map(values, window.extent, window.axes, names)
@@ -372,7 +372,7 @@ class Model:
         Map
             float64, with `extent` and `unit`; NaN where there is no mass.
         """
-        window = Window.of(self, center, width, depth, axis, shape)
+        window = Window.of(self._native, (self.bounds, self.box, self.length_unit), center, width, depth, axis, shape)
         mean = isinstance(bulk, str)
         if mean and bulk != "mean":
             raise InputError(f'bulk is "mean" or three numbers, not {bulk!r}')
@@ -760,7 +760,7 @@ class Model:
         picture = "style paraview"
         if colors is not None:
             picture = f"surface density, {colors[0]:.2g} to {colors[1]:.2g} {self._native.density_unit(2, None)}"
-        return {"text/plain": repr(self), "text/html": summary(self, png, picture)}
+        return {"text/plain": repr(self), "text/html": summary(self.name, [*_rows(self), ("picture", picture)], png)}
 
 
 def read(
@@ -791,6 +791,29 @@ def read(
     if isinstance(source, (bytes, bytearray, memoryview)):
         return Model._of(_particlegs.Model(bytes(source), name or "model", threads))
     return Model._of(_particlegs.Model.read(os.fspath(source), threads))
+
+
+def _rows(model: Model) -> Iterator[tuple[str, str]]:
+    """The rows of the table: names and values."""
+    scale_factor, unit = model.metadata["scale_factor"], model.length_unit or ""
+    low, high = model.bounds
+    size = " x ".join(f"{v:.4g}" for v in high - low)
+    yield "particles", f"{model.count:,}"
+    yield "Gaussians", f"{len(model.gaussians):,}"
+    yield "file", f"{model.nbytes:,} bytes, ratio {model.ratio:.0f}"
+    yield "extent", f"{size} {unit}".strip()
+    if len(model.layers) > 1:
+        yield "layers", ", ".join(layer["name"] for layer in model.layers)
+    if model.mass is not None:
+        yield "mass", f"{model.mass:.4g} {model.mass_unit or ''}".strip()
+    if scale_factor:
+        yield "redshift", f"{1.0 / scale_factor - 1.0:.3g}"
+    words: dict[str, list[str]] = {}
+    for finding in model.findings:
+        words.setdefault(finding["word"], []).append(finding["use"].replace("_", " "))
+    for word in ("holds", "roughly", "does not", "not measured"):
+        if word in words:
+            yield word, ", ".join(words[word])
 
 
 def _of_bytes(data: bytes, name: str) -> Model:

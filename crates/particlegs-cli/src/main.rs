@@ -1,7 +1,5 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
-#[cfg(feature = "lab")]
-mod bench_files;
 mod centres;
 mod commands;
 mod common;

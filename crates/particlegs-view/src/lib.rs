@@ -7,5 +7,6 @@
 
 pub mod assets;
 mod markup;
+mod opening;
 pub mod page;
 pub mod poster;
