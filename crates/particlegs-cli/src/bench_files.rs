@@ -1,10 +1,10 @@
 //! Writes the results of experiments to a folder.
 
 use crate::common::CommandContext;
-use crate::figure::png_file::{PngEffort, PngMetadata, coded};
-use crate::figure::{ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, layout, raster, write_plots};
 use particlegs_core::picture::{Gray8, Rgb8};
 use particlegs_core::{Error, Result};
+use particlegs_figure::png_file::{PngEffort, PngMetadata, coded};
+use particlegs_figure::{ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, layout, raster, write_plots};
 use particlegs_files::output::write_bytes;
 use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
 use particlegs_lab::results::{Colours, Pictures};

@@ -1,11 +1,11 @@
 //! Refuses options that have no effect, since ignoring them would mislead. One table holds the rules.
 
-use crate::figure::FileKind;
 use crate::inputs::{is_series, is_single};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
 use particlegs_core::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
+use particlegs_figure::FileKind;
 use std::path::Path;
 
 struct OptionRule {

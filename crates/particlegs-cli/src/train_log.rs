@@ -1,9 +1,9 @@
 //! Writes the log of a training run and its curves.
 
 use crate::common::CommandContext;
-use crate::figure::{FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use particlegs_core::Result;
 use particlegs_core::context::{Context, ProgressEvent, ProgressSink};
+use particlegs_figure::{FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;
 use particlegs_files::output::FileSet;

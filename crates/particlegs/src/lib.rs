@@ -28,12 +28,13 @@
 //! # }
 //! ```
 //!
-//! Everything that a user needs is here or in one of five modules. The crates beneath (`particlegs-core`,
+//! Everything that a user needs is here or in one of six modules. The crates beneath (`particlegs-core`,
 //! `particlegs-compress` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 
 mod model;
 mod picture;
+pub mod pictures;
 mod series;
 mod snapshot;
 

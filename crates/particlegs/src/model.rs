@@ -14,6 +14,7 @@ use particlegs_files::input::{Source, name_of};
 use particlegs_files::model_file;
 use particlegs_files::output::write_bytes;
 use particlegs_measure::score;
+use particlegs_pictures::PictureSource;
 use std::path::Path;
 
 pub use particlegs_compress::Options as CompressOptions;
@@ -32,10 +33,7 @@ pub struct Model {
 /// [`crate::Error::Input`] for particles that cannot be compressed; [`crate::Error::Argument`] for a target out of
 /// range; [`crate::Error::Memory`]; [`crate::Error::Cancelled`]; those of reading.
 pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Context<'_>) -> Result<Model> {
-    let (particles, fields) = match options.fields.is_empty() {
-        true => (snapshot.particles(context)?, Vec::new()),
-        false => snapshot.particles_and_fields(context)?,
-    };
+    let (particles, fields) = snapshot.particles_with(!options.fields.is_empty(), context)?;
     let mut options = options.clone();
     options.read.extend(snapshot.options());
     let made = Compression::plan(&particles, &fields, &options, context)?.run(&mut NoCheckpoints, context)?;
@@ -97,6 +95,19 @@ impl Model {
         let m = self.metadata();
         let camera = spherical_camera(m.bounds.center(), azimuth, elevation, base_distance(&m.bounds, size));
         View { name: "orbit".into(), camera, radius: m.default_radius, opacity: m.default_opacity }
+    }
+
+    /// The map along z that shows everything, each Gaussian once where the box repeats.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a size out of range, or a model without extent.
+    pub fn whole_view(&self, size: Size) -> Result<DensityView> {
+        render::whole_view("whole", &Scene::new(&self.decoded), self.metadata().cell, size)
+    }
+
+    /// What [`crate::pictures::render_models`] draws; pictures store the name of `path` as the model's.
+    pub fn picture_source(&self, path: impl AsRef<Path>) -> PictureSource {
+        PictureSource::new(path.as_ref(), &self.bytes, self.decoded.clone())
     }
 
     /// Draws it as ParaView draws the particles.

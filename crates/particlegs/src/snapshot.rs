@@ -100,11 +100,12 @@ impl Snapshot {
         }
     }
 
-    /// The particles, and the fields of each layer.
-    pub(crate) fn particles_and_fields(&self, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
+    /// The particles, and the fields of each layer where they are wanted.
+    pub(crate) fn particles_with(&self, fields: bool, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
         match &self.source {
+            _ if !fields => Ok((self.particles(context)?, Vec::new())),
             SnapshotSource::Files(paths) => self.choice.clone().read_fields(paths, &Storage::Memory, context),
-            SnapshotSource::Memory(_) => Err(Error::argument("particles in memory have no fields to store")),
+            SnapshotSource::Memory(_) => Err(Error::argument("particles in memory have no fields")),
         }
     }
 
@@ -115,6 +116,17 @@ impl Snapshot {
     pub fn render(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Gray8> {
         let particles = self.particles(context)?;
         Reference::new(&particles).draw(view, size, ToneStyle::Paraview, context)
+    }
+
+    /// Its name without its folder; empty in memory.
+    pub(crate) fn name(&self) -> String {
+        match &self.source {
+            SnapshotSource::Files(paths) => {
+                let name = paths.first().and_then(|path| path.file_name());
+                name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+            }
+            SnapshotSource::Memory(_) => String::new(),
+        }
     }
 
     /// As a model's recipe says what was read.
