@@ -2,6 +2,7 @@
 //!
 //! Their templates are beside this file; `@NAME@` is replaced by values of the plan.
 
+use particlegs_core::text::shell_word;
 use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -91,14 +92,6 @@ fn fill(template: &str, values: &[(&str, String)]) -> String {
         };
     }
     text + rest
-}
-
-pub fn shell_word(text: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,@%=".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        return text.to_string();
-    }
-    format!("'{}'", text.replace('\'', "'\\''"))
 }
 
 /// A Python string: JSON uses the same escapes.

@@ -1,12 +1,12 @@
 //! Statistics of a whole series: a table with a row for each frame, its spectra, and plots over time.
 
 use crate::common::CommandContext;
-use crate::figure::{self, FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use crate::frame_table::{FrameTable, number};
 use crate::stats_plots::AxisUnits;
 use particlegs_core::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesDecoder, SeriesFile};
 use particlegs_core::model::{Metadata, Model, Units, per_length};
 use particlegs_core::{Error, Result};
+use particlegs_figure::{self as figure, FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use particlegs_files::output::write_bytes;
 use particlegs_measure::stats::{Evolution, FieldMean, FrameStatistics, StatsOptions, WaveShell};
 use serde::Serialize;

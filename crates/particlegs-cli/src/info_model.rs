@@ -1,7 +1,6 @@
 //! Output of `info` for a model file, and its certificate as a table.
 
 use crate::common::CommandContext;
-use crate::figure::number;
 use crate::info_snapshot::{self, point};
 use crate::inputs;
 use crate::text_wrap::{counted, wrapped};
@@ -14,6 +13,7 @@ use particlegs_core::model::{
 use particlegs_core::space::Cell;
 use particlegs_core::text::one_line;
 use particlegs_core::{Result, codec};
+use particlegs_figure::number;
 use particlegs_files::input::name_of;
 use particlegs_measure::score::{Assessment, Grade, UseCase};
 use serde::Serialize;

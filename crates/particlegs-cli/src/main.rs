@@ -1,19 +1,15 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
-mod centres;
 mod commands;
 mod common;
-mod comparison;
 mod cpu_count;
 mod density_args;
-mod density_file;
 mod device;
-mod drawing;
 mod emit;
 mod error_text;
 mod evolution;
 mod field_args;
-mod figure;
+mod figure_args;
 mod fit_args;
 mod frame_table;
 mod info_model;
@@ -25,10 +21,8 @@ mod options;
 mod outputs;
 mod page_args;
 mod page_models;
-mod picture_out;
-mod pictures;
+mod picture_table;
 mod progress;
-mod rendered_view;
 mod report;
 mod run_args;
 mod sequence_args;

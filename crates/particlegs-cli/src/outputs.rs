@@ -65,12 +65,4 @@ impl CommandContext {
     pub fn refused(&self, path: &Path) -> Error {
         self.outputs.refused(path)
     }
-
-    /// Reports the number of complete pictures if a command ends early.
-    pub fn count_pictures<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
-        if outcome.is_err() && done > 0 {
-            self.message(&format!("{done} of {all} pictures are complete, in {}", folder.display()));
-        }
-        outcome
-    }
 }

@@ -1,10 +1,7 @@
 //! How a page opens. Shared by `view` and `export`.
 
-use crate::centres;
 use crate::common::{CommandContext, named};
 use crate::density_args::{colormaps, range_of};
-use crate::drawing::provenance::PictureProvenance;
-use crate::figure::args::Background;
 use crate::page_models::share_length;
 use crate::view_args::ProjectionArg;
 use clap::{Args, ValueHint};
@@ -13,8 +10,11 @@ use particlegs_core::codec::FileInfo;
 use particlegs_core::model::{LawKind, is_species};
 use particlegs_core::picture::Colormap;
 use particlegs_core::{Error, NamedValue, Result};
+use particlegs_figure::PaperColour;
 use particlegs_files::ViewsFile;
 use particlegs_files::input::name_of;
+use particlegs_formats::Catalogue;
+use particlegs_pictures::PictureProvenance;
 use particlegs_view::page::{MOST_CIRCLES, PageOpening, PageStyle};
 use std::path::{Path, PathBuf};
 
@@ -25,8 +25,8 @@ pub struct PageArgs {
     #[arg(long, value_name = "STYLE", value_parser = named::<PageStyle>())]
     pub style: Option<PageStyle>,
     /// Background of the picture [default: black].
-    #[arg(long, value_enum, value_name = "COLOR", hide_short_help = true)]
-    pub background: Option<Background>,
+    #[arg(long, value_name = "COLOR", hide_short_help = true, value_parser = named::<PaperColour>())]
+    pub background: Option<PaperColour>,
     /// Colour by layer.
     #[arg(long, hide_short_help = true)]
     pub color_by_layer: bool,
@@ -164,7 +164,7 @@ impl PageArgs {
             field: None,
             colormap: dials.colormap,
             range: range_of(dials.range.as_deref())?,
-            white: self.background.map(|b| b == Background::White),
+            white: self.background.map(|b| b == PaperColour::White),
             color_by_layer: self.color_by_layer,
             layers: Vec::new(),
             radius: positive("radius", dials.radius)?,
@@ -206,7 +206,7 @@ fn circles(path: &Path, models: &[&FileInfo], context: &CommandContext) -> Resul
         let what = "--overlay draws the same circles over all models, but these have different units of length";
         return Err(Error::argument_with(what, "open each model in a page of its own"));
     }
-    let circles = centres::circles(path, (m.unit_system(), m.cell), context)?;
+    let circles = Catalogue::circles(path, (m.unit_system(), m.cell), context)?;
     if circles.len() > MOST_CIRCLES {
         let what = format!("{} circles are more than the {MOST_CIRCLES} that a page can hold", circles.len());
         return Err(Error::input_with(name_of(path), what, "list only the largest haloes"));

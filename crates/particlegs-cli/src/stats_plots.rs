@@ -1,12 +1,12 @@
 //! Plots of statistics, and the central slices.
 
-use crate::figure::{
-    self, ColourBar, EdgeAxis, Figure, FigureImage, FigureSpace, FileKind, Panel, PaperColour, Plot, PlotAxis, Point,
-    Series, png_file::PngMetadata, write_plots,
-};
 use particlegs_core::Result;
 use particlegs_core::model::per_length;
 use particlegs_core::picture::{Colormap, Rgb8, Size};
+use particlegs_figure::{
+    self, ColourBar, EdgeAxis, Figure, FigureImage, FigureSpace, FileKind, Panel, PaperColour, Plot, PlotAxis, Point,
+    Series, png_file::PngMetadata, write_plots,
+};
 use particlegs_files::output::write_bytes;
 use particlegs_files::png::write_png;
 use particlegs_measure::stats::{
@@ -46,7 +46,7 @@ pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>, kinds: &[Fil
                 FileKind::Png => (SLICE_LETTERS, FigureSpace::Pixels),
                 _ => (POINTS, FigureSpace::Width(PAGE)),
             };
-            let bytes = figure::layout(&figure, em, space)?.bytes(*kind, &PngMetadata::default())?;
+            let bytes = particlegs_figure::layout(&figure, em, space)?.bytes(*kind, &PngMetadata::default())?;
             write_bytes(&folder.join(format!("joint.{}", kind.name())), &bytes)?;
         }
     }
@@ -336,7 +336,7 @@ fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {
     let bar = ColourBar::logarithmic("density / mean".into(), [0.1, 1000.0], |share| Colormap::Inferno.color(share));
     let panels = d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect();
     let whole = Figure { bar: Some(bar), ..Figure::plain(panels, 2) };
-    figure::raster(&figure::layout(&whole, SLICE_LETTERS, FigureSpace::Pixels)?)
+    particlegs_figure::raster(&particlegs_figure::layout(&whole, SLICE_LETTERS, FigureSpace::Pixels)?)
 }
 
 #[cfg(test)]

@@ -34,6 +34,15 @@ pub fn cell(text: &str) -> String {
     }
 }
 
+/// A text as one word of a command that a shell reads.
+pub fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,@%=".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        return text.to_string();
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
 /// A text on one line within XML, also within an attribute's quotes; as [`one_line`] it has no characters that XML lacks.
 pub fn xml(text: &str) -> Cow<'_, str> {
     match one_line(text) {

@@ -122,7 +122,7 @@ impl Margins {
         if figure.panels.iter().any(|p| p.caption.is_some()) {
             each[1] = 1.6 * em;
         }
-        let outside = figure.place == BarPlacement::Outside;
+        let outside = figure.place != BarPlacement::Inside;
         let bars = figure.bar.is_some() || figure.panels.iter().any(|p| p.scale.is_some());
         let about = figure.title.is_some() || !figure.legend.is_empty() || each != [0.0; 4] || figure.panels.len() > 1;
         // Where everything stands on the picture there is no page about it.

@@ -138,7 +138,7 @@ impl MarkWriter<'_> {
         let (em, long) = (self.em, scale.share * at.w);
         let thick = if self.fine { 0.16 * em } else { (em / 6.0).round().max(2.0) };
         match self.place {
-            BarPlacement::Outside => {
+            BarPlacement::Outside | BarPlacement::None => {
                 let y = at.bottom() + 1.3 * em + if panel.axes.is_some() { UNDER * em } else { 0.0 };
                 let ink = self.page.ink();
                 self.length([at.x, y], long, thick, 0.0, ink);
@@ -179,7 +179,7 @@ impl MarkWriter<'_> {
     /// The colour bar: beside all pictures, or on the last.
     pub fn bar(&mut self, bar: &ColourBar, all: PageRectangle, last: PageRectangle, right: f64) {
         let em = self.em;
-        let outside = self.place == BarPlacement::Outside;
+        let outside = self.place != BarPlacement::Inside;
         let strip = match outside {
             true => PageRectangle { x: all.right() + right + TO_BAR * em, y: all.y, w: BAR * em, h: all.h },
             false => {

@@ -3,11 +3,15 @@
 use super::FigureImage;
 use super::sheet::RgbColour;
 use super::ticks::{TickMarks, logarithmic};
+use particlegs_core::named_values;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PaperColour {
-    White,
-    Black,
+named_values! {
+    /// The background of a picture or a page.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum PaperColour {
+        Black = "black": "Light on black",
+        White = "white": "Dark on white",
+    }
 }
 
 impl PaperColour {
@@ -27,10 +31,15 @@ impl PaperColour {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BarPlacement {
-    Outside,
-    Inside,
+named_values! {
+    /// Where the bars of a figure stand.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum BarPlacement {
+        #[default]
+        Outside = "outside": "Beside the picture",
+        Inside = "inside": "On the picture",
+        None = "none": "No colour bar; the scale bar beside the picture",
+    }
 }
 
 #[derive(Clone, Debug)]

@@ -19,6 +19,7 @@ use particlegs_export::Cells;
 use particlegs_files::model_file;
 use particlegs_files::output::write_bytes;
 use particlegs_measure::score::{self, Assessment};
+use particlegs_pictures::PictureSource;
 use std::fmt::{Debug, Formatter};
 use std::path::Path;
 
@@ -188,6 +189,19 @@ impl Model {
         let m = self.metadata();
         let camera = spherical_camera(m.bounds.center(), azimuth, elevation, base_distance(&m.bounds, size));
         View { name: "orbit".into(), camera, radius: m.default_radius, opacity: m.default_opacity }
+    }
+
+    /// The map along z that shows everything, each Gaussian once where the box repeats.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a size out of range, or a model without extent.
+    pub fn whole_view(&self, size: Size) -> Result<DensityView> {
+        render::whole_view("whole", &Scene::new(&self.decoded), self.metadata().cell, size)
+    }
+
+    /// What [`crate::pictures::render_models`] draws; pictures store the name of `path` as the model's.
+    pub fn picture_source(&self, path: impl AsRef<Path>) -> PictureSource {
+        PictureSource::new(path.as_ref(), &self.bytes, self.decoded.clone())
     }
 
     /// Draws it as ParaView draws the particles.

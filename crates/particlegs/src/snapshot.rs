@@ -175,6 +175,17 @@ impl Snapshot {
         Reference::new(&particles).draw(view, size, ToneStyle::Paraview, context)
     }
 
+    /// Its name without its folder; empty in memory.
+    pub(crate) fn name(&self) -> String {
+        match &self.source {
+            SnapshotSource::Files(paths) => {
+                let name = paths.first().and_then(|path| path.file_name());
+                name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+            }
+            SnapshotSource::Memory(..) => String::new(),
+        }
+    }
+
     /// As a model's recipe says what was read.
     pub(crate) fn options(&self) -> std::collections::BTreeMap<String, String> {
         self.choice.options()

@@ -49,7 +49,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let output = bench.results()?;
     let context = a.common.clone().start()?;
     context.reads(bench.snapshots.iter().chain(&a.snapshot.topology).map(PathBuf::as_path), false)?;
-    let kept = bench::folder(output, |folder| context.makes_folder(folder))?;
+    let kept = bench::folder(output, |folder| context.outputs.make_folder(folder))?;
     let (choice, read) = (a.snapshot.choice()?, a.snapshot.describe());
     let found = bench.measure(settings, &kept, (&choice, read.as_deref()), &context)?;
     context.finish(&found.text, &found.value)
@@ -66,7 +66,7 @@ fn gpu(a: &Arguments) -> Result<()> {
     let device = a.device.open_timed()?;
     let trainer = particlegs_gpu::GpuAccelerator::new(Arc::clone(&device.device));
     let settings = bench.settings(a.common.seed, Some(Arc::new(trainer)))?;
-    let make = |folder: &std::path::Path| context.makes_folder(folder);
+    let make = |folder: &std::path::Path| context.outputs.make_folder(folder);
     let kept = bench.output.as_deref().map(|folder| bench::folder(folder, make)).transpose()?;
     if kept.is_some() {
         context.finishes_its_steps();

@@ -1,10 +1,10 @@
 //! `particlegs compare A B`.
 
 use crate::common::Common;
-use crate::comparison::{self, FolderComparison};
 use clap::{Args, ValueHint};
 use particlegs_core::text::one_line;
 use particlegs_core::{Error, Result};
+use particlegs_pictures::{FolderComparison, compare};
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -36,7 +36,7 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.a.as_path(), &a.b], false)?;
-    let comparison = comparison::compare(&a.a, &a.b, &context)?;
+    let comparison = compare(&a.a, &a.b, &context)?;
     for (names, folder) in [(&comparison.only_in_a, &a.b), (&comparison.only_in_b, &a.a)] {
         if !names.is_empty() {
             context.message(&format!("warning: not in {}: {}", folder.display(), names.join(", ")));

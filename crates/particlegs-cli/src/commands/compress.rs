@@ -4,7 +4,7 @@ use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
 use crate::fit_args::{FitArgs, LATER, number_of_blocks};
 use crate::info_model;
-use crate::outputs::{ForceArgs, PNG};
+use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{HEADING, parse_bytes};
@@ -14,6 +14,7 @@ use particlegs_compress::{CompressedModel, SharingPolicy, Target};
 use particlegs_core::model::Model;
 use particlegs_core::{Result, codec};
 use particlegs_particles::Particles;
+use particlegs_pictures::certificate;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -116,7 +117,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(folder) = &a.pictures {
         // The model may go into the same folder.
         context.outputs.make_folder(folder)?;
-        crate::pictures::paths(folder).iter().try_for_each(|p| context.writes(p, &PNG).map(drop))?;
+        certificate::declare(folder, &context.outputs, &context)?;
     }
     let start = Instant::now();
     let device = a.device.trainer(options.training.is_some())?;
@@ -141,7 +142,7 @@ impl Arguments {
 
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &CommandContext) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
-        crate::pictures::write(folder, model, particles, context).map(drop).inspect_err(|_| {
+        certificate::write(folder, model, particles, context).map(drop).inspect_err(|_| {
             context.message(&format!("note: wrote the model ({}), but not its pictures", self.output().display()));
         })
     }

@@ -2,10 +2,9 @@
 
 use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
-use crate::outputs::PNG;
+use crate::inputs;
 use crate::snapshot_args::ParticleArgs;
 use crate::text_wrap::counted;
-use crate::{inputs, pictures};
 use clap::{Args, ValueHint};
 use particlegs_compress::source_difference;
 use particlegs_core::camera::View;
@@ -18,6 +17,7 @@ use particlegs_files::model_file;
 use particlegs_measure::score;
 use particlegs_measure::score::{Evaluation, LookScores, MeanViewScores};
 use particlegs_particles::Storage;
+use particlegs_pictures::certificate;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -86,8 +86,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
         a.input.iter().chain([&a.model]).chain(&a.views).chain(&a.particles.opening.topology).map(PathBuf::as_path);
     context.reads(inputs, false)?;
     if let Some(folder) = &a.pictures {
-        context.outputs.make_folder(folder)?;
-        pictures::paths(folder).iter().try_for_each(|p| context.outputs.writes(p, &PNG, &context).map(drop))?;
+        certificate::declare(folder, &context.outputs, &context)?;
     }
     let bytes = inputs::model_with_snapshot(&a.model, &mut a.particles.opening, &context)?;
     let place = name_of(&a.model);
@@ -125,7 +124,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
         views_from,
     };
     if let Some(folder) = &a.pictures {
-        pictures::write(folder, &model, &particles, &context)?;
+        certificate::write(folder, &model, &particles, &context)?;
     }
     context.finish(&table(&report), &report)
 }

@@ -1,7 +1,6 @@
 //! `particlegs haloes MODEL|SNAPSHOT -o haloes.csv`.
 
 use crate::common::Common;
-use crate::figure::{FileKind, Plot, PlotAxis, Point, Series, plot_bytes};
 use crate::inputs::{self, Input};
 use crate::outputs::{CSV, ForceArgs, HDF5, PDF, PNG, SVG};
 use crate::snapshot_args::SnapshotArgs;
@@ -10,6 +9,7 @@ use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Model};
 use particlegs_core::text::one_line;
 use particlegs_core::{Error, Result, codec};
+use particlegs_figure::{FileKind, Plot, PlotAxis, Point, Series, plot_bytes};
 use particlegs_files::input::name_of;
 use particlegs_files::output::{self, write_atomic};
 use particlegs_formats::{is_hdf5, write_haloes};

@@ -2,16 +2,16 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::evolution::SeriesEvolution;
-use crate::figure::FileKind;
 use crate::inputs::{self, Input};
 use crate::snapshot_args::SnapshotArgs;
-use crate::{centres, stats_plots, stats_tables};
+use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
 use particlegs_core::codec::SeriesFile;
 use particlegs_core::context::Context;
 use particlegs_core::model::{Model, UnitSystem};
 use particlegs_core::space::Cell;
 use particlegs_core::{Error, Result, codec};
+use particlegs_figure::FileKind;
 use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::Catalogue;
@@ -256,7 +256,7 @@ pub fn run(a: Arguments) -> Result<()> {
         inputs::opening_beside(path, Some(other), if inputs::is_series(path) { &a.snapshot } else { &beside })
     };
     let truth = StatsInput::open(&a.truth, &opening(&a.truth, other), &options, &context)?;
-    let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
+    let convert = |(path, list): (&PathBuf, Catalogue)| list.placed(path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
     let compared = StatsInput::open(other, &opening(other, &a.truth), &options, &context)?;
     let statistics = compare(truth.side(), compared.side(), &options, &context)?;

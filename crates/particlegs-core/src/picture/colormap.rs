@@ -1,6 +1,7 @@
 //! Colour maps: 256 colours each.
 
-use crate::NamedValue;
+use super::{Plane, Rgb8};
+use crate::{NamedValue, parallel};
 use std::str::FromStr;
 
 /// viridis, inferno and magma (CC0, Smith and van der Walt), cividis (Nuñez, Anderton and Renslow, CC0), ember and
@@ -86,6 +87,11 @@ impl DensityColors {
             true => self.at((libm::logf(density) - self.start) / self.length),
             false => self.colors[0],
         }
+    }
+
+    /// The picture of a plane of densities.
+    pub fn image(&self, plane: &Plane) -> Rgb8 {
+        Rgb8 { size: plane.size, data: parallel::map_range(plane.data.len(), |i| self.of(plane.data[i])) }
     }
 
     /// The colour of a share of the range.

@@ -1,5 +1,6 @@
 //! Pictures as plain arrays, row by row from the top.
 
+use super::colormap::{Colormap, DensityColors};
 use crate::context::Context;
 use crate::memory::filled;
 use crate::{Error, Result, parallel};
@@ -47,6 +48,15 @@ impl Plane {
     pub fn zeros(size: Size) -> Self {
         Plane { size, data: vec![0.0; size.pixels()] }
     }
+
+    /// A surface density in colours: of `map`, by its logarithm over `range`, by default [`Plane::log_range`].
+    pub fn colored(&self, map: Colormap, range: Option<[f64; 2]>) -> Rgb8 {
+        let range = range.or_else(|| self.log_range()).unwrap_or(Self::EMPTY_RANGE);
+        DensityColors::new(map, false, range).image(self)
+    }
+
+    /// The range of colours where all pixels are empty.
+    pub const EMPTY_RANGE: [f64; 2] = [1.0, 10.0];
 
     /// The range of colours of a density: from the 5th to the 99.5th percentile of its occupied pixels. What lies four
     /// decades below that, as the tails of Gaussians do, does not count as occupied. `None` where every pixel is empty.

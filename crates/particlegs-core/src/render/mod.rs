@@ -49,5 +49,5 @@ pub use field_query::{FieldQuery, FieldWeight, MapComponent, first_means, mean_v
 pub use renderer::Renderer;
 pub use scene::Scene;
 pub use scratch::Scratch;
-pub use surface::{extent, surface_density};
+pub use surface::{extent, surface_density, whole_view};
 pub use tone::{Tones, tone};

@@ -6,7 +6,7 @@ use super::raster::clip;
 use super::scene::Scene;
 use super::scratch::Scratch;
 use crate::Result;
-use crate::camera::{CenteredCell, DensityView, Extent};
+use crate::camera::{CenteredCell, DensityView, Extent, Window, spherical_camera};
 use crate::context::Context;
 use crate::math::each_axis;
 use crate::model::Mixture;
@@ -78,6 +78,17 @@ pub fn extent(scene: &Scene, cell: Option<&Cell>) -> Extent {
     let whole = Cell { origin: [0.0; 3], vectors: extent.edges, periodic: [true; 3] };
     extent.tails = all_tails(scene, extent.center, &whole);
     extent
+}
+
+/// The map along z that shows a scene whole in a picture of `size`: each Gaussian once where the cell repeats.
+///
+/// # Errors
+/// [`crate::Error::Argument`] for a scene without extent, or a size out of range.
+pub fn whole_view(name: &str, scene: &Scene, cell: Option<Cell>, size: Size) -> Result<DensityView> {
+    let extent = extent(scene, cell.as_ref());
+    let width = extent.width(&spherical_camera([0.0; 3], 0.0, 0.0, 1.0).frame()?, size);
+    let window = Window { center: extent.center, angles_deg: [0.0; 2], width, depth: None };
+    DensityView::orthographic(name, &window, size, &scene.bounds, cell)
 }
 
 /// How much longer each edge of a cell about `center` becomes, over the edge.

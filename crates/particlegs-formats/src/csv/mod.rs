@@ -2,6 +2,7 @@
 //! without, comments behind `#`, plain or compressed.
 
 mod catalogue;
+mod centres;
 mod guess;
 mod names;
 

@@ -1,10 +1,9 @@
 //! What pictures are about: the middle of some mass, or a halo, through the frames of a series.
 
-use crate::centres;
-use crate::common::CommandContext;
-use crate::view_args::PictureCenter;
+use crate::view_options::PictureCenter;
 use particlegs_core::camera::CenteredCell;
 use particlegs_core::codec::{SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::Model;
 use particlegs_core::space::{Bounds, Cell};
@@ -14,16 +13,21 @@ use particlegs_formats::Catalogue;
 use particlegs_measure::stats::mass_center_near;
 use particlegs_particles::Domain;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
-/// A halo of a list, `haloes.csv:12`.
+/// A halo of a list, `haloes.csv:12`: the file, and the halo's id, or its row from 1 if the list has no ids.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HaloNumber {
+    /// A list of centres.
     pub file: PathBuf,
-    number: u64,
+    /// Id or row.
+    pub number: u64,
 }
 
-impl HaloNumber {
-    pub fn parse(text: &str) -> std::result::Result<HaloNumber, String> {
+impl FromStr for HaloNumber {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<HaloNumber, String> {
         let parts = text.rsplit_once(':').and_then(|(file, number)| Some((file, number.parse().ok()?)));
         let (file, number) = parts.filter(|p| !p.0.is_empty()).ok_or("write FILE:NUMBER, such as haloes.csv:12")?;
         Ok(HaloNumber { file: file.into(), number })
@@ -41,7 +45,7 @@ impl FocusPath {
         series: &SeriesFile<'_>,
         center: &PictureCenter,
         place: &str,
-        context: &CommandContext,
+        context: &Context<'_>,
     ) -> Result<Self> {
         let mut decoder = SeriesDecoder::new(series);
         let (mut frames, mut without) = (Vec::new(), None);
@@ -61,7 +65,9 @@ impl FocusPath {
         match without {
             Some((_, error)) if frames.is_empty() => return Err(error),
             Some((number, _)) => {
-                context.message(&format!("warning: frame {number} has no mass to be centred on: the camera takes its place from the frames beside it"));
+                context.warn(&format!(
+                    "frame {number} has no mass to be centred on: the camera takes its place from the frames beside it"
+                ));
             }
             None => {}
         }
@@ -70,7 +76,7 @@ impl FocusPath {
 
     /// A halo from the frame of its list on, forwards and backwards: in each next frame the centre of the mass within its
     /// radius about the place where it is expected.
-    pub fn of_halo(series: &SeriesFile<'_>, halo: &HaloNumber, place: &str, context: &CommandContext) -> Result<Self> {
+    pub fn of_halo(series: &SeriesFile<'_>, halo: &HaloNumber, place: &str, context: &Context<'_>) -> Result<Self> {
         let HaloNumber { file, number } = halo;
         let list = Catalogue::read(file, context)?;
         let row = list.place_of(*number);
@@ -80,7 +86,7 @@ impl FocusPath {
         let mut decoder = SeriesDecoder::new(series);
         let model = decoder.frame(numbers[start], context)?.clone().into_model();
         let to = (model.metadata.unit_system(), model.metadata.cell);
-        let (stated, radius) = centres::convert(list, file, to, context)?[row];
+        let (stated, radius) = list.placed(file, to, context)?[row];
         let radius = radius.ok_or_else(|| {
             let what = format!("halo {number} has no radius");
             Error::input_with(name_of(file), what, "name a column `radius` or `r200m`")
@@ -101,7 +107,7 @@ impl FocusPath {
                 let (time, domain) = (series.frames[frame].time, Domain::from_model(&model));
                 let Some(center) = mass_center_near(&domain, &model, expected(&found, time), radius) else {
                     // A halo has not always been there.
-                    context.message(&format!("warning: {}: from there on the camera stays", lost(frame)));
+                    context.warn(&format!("{}: from there on the camera stays", lost(frame)));
                     break;
                 };
                 found.push((time, center, domain));
@@ -136,14 +142,11 @@ fn start(
     numbers: &[usize],
     scale_factor: Option<f64>,
     file: &Path,
-    context: &CommandContext,
+    context: &Context<'_>,
 ) -> Result<usize> {
     let list = name_of(file);
     let Some(a) = scale_factor.filter(|_| series.clock == SeriesClock::ScaleFactor) else {
-        context.message(&format!(
-            "note: {list} states no scale factor: its haloes are taken for those of frame {}",
-            numbers[0]
-        ));
+        context.note(&format!("{list} states no scale factor: its haloes are taken for those of frame {}", numbers[0]));
         return Ok(0);
     };
     let off = |i: &usize| (series.frames[numbers[*i]].time - a).abs();
@@ -157,7 +160,7 @@ fn start(
     }
     if off(&nearest) > 1e-6 * a {
         let frame = numbers[nearest];
-        context.message(&format!("note: {list} is of scale factor {a}: frame {frame} is the nearest, of {time}"));
+        context.note(&format!("{list} is of scale factor {a}: frame {frame} is the nearest, of {time}"));
     }
     Ok(nearest)
 }

@@ -1,10 +1,9 @@
 //! Where pictures go: a folder with one file per view, or one named file.
 
-use crate::common::CommandContext;
-use crate::figure::FileKind;
-use crate::outputs::{PDF, PNG, SVG};
+use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
-use particlegs_files::output;
+use particlegs_figure::FileKind;
+use particlegs_files::output::{self, Outputs, kinds};
 use std::path::{Path, PathBuf};
 
 /// Of one picture's name.
@@ -20,7 +19,7 @@ pub enum PictureOut {
 impl PictureOut {
     /// Interprets an output for this number of views: a stream, or a name that ends in `.png`, `.pdf` or `.svg`, is one
     /// picture; otherwise a folder, which is created. `raw` values need a folder.
-    pub fn new(out: &Path, views: usize, raw: bool, context: &CommandContext) -> Result<Self> {
+    pub fn new(out: &Path, views: usize, raw: bool, outputs: &Outputs) -> Result<Self> {
         let is_picture = FileKind::from_path(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
             let what = format!("{} is a file, but its name does not end in .png, .pdf or .svg", out.display());
@@ -28,11 +27,11 @@ impl PictureOut {
         }
         if !is_picture {
             output::ending(out, &ENDINGS)?;
-            context.outputs.make_folder(out)?;
+            outputs.make_folder(out)?;
             return Ok(PictureOut::Folder(out.to_path_buf()));
         }
         if raw {
-            let what = format!("{} names a picture, but --raw writes values", out.display());
+            let what = format!("{} names a picture, but raw values are written", out.display());
             return Err(Error::argument_with(what, "name a folder: it gets NAME.f32 and NAME.json"));
         }
         if views != 1 {
@@ -43,14 +42,19 @@ impl PictureOut {
     }
 
     /// The files of the views' pictures, declared as outputs.
-    pub fn pictures<'a>(&self, names: impl Iterator<Item = &'a str>, context: &CommandContext) -> Result<Vec<PathBuf>> {
+    pub fn pictures<'a>(
+        &self,
+        names: impl Iterator<Item = &'a str>,
+        outputs: &Outputs,
+        context: &Context<'_>,
+    ) -> Result<Vec<PathBuf>> {
         let paths: Vec<PathBuf> = names.map(|name| self.picture(name)).collect();
         let kind = match self.kind() {
-            FileKind::Png => PNG,
-            FileKind::Pdf => PDF,
-            FileKind::Svg => SVG,
+            FileKind::Png => kinds::PNG,
+            FileKind::Pdf => kinds::PDF,
+            FileKind::Svg => kinds::SVG,
         };
-        paths.iter().try_for_each(|path| context.writes(path, &kind).map(drop))?;
+        paths.iter().try_for_each(|path| outputs.writes(path, &kind, context).map(drop))?;
         Ok(paths)
     }
 
@@ -73,5 +77,16 @@ impl PictureOut {
             PictureOut::Folder(folder) => folder,
             PictureOut::File(file) => file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")),
         }
+    }
+
+    /// Reports the number of complete pictures if the work ends early.
+    pub fn count<T>(&self, done: usize, all: usize, outcome: Result<T>, context: &Context<'_>) -> Result<T> {
+        if outcome.is_err() && done > 0 {
+            let place = match self {
+                PictureOut::File(path) | PictureOut::Folder(path) => path.display(),
+            };
+            context.message(&format!("{done} of {all} pictures are complete, in {place}"));
+        }
+        outcome
     }
 }

@@ -1,25 +1,11 @@
-//! From views to files: shared by `render` and `reference`.
+//! A rendered view without colours.
 
-pub mod colours;
-pub mod field_colors;
-pub mod film;
-pub mod finish;
-pub mod focus;
-pub mod frames;
-mod gif;
-pub mod job;
-pub mod layers;
-pub mod panels;
-pub mod provenance;
-pub mod run;
-pub mod series_film;
-
-use crate::common::CommandContext;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::picture::{Gray8, Plane, Size};
 
-/// A rendered view without colours.
+/// What a view shows.
 pub enum ViewContent {
     /// Grey levels.
     Levels(Gray8),
@@ -36,14 +22,14 @@ const DARK: f64 = 10.0;
 
 impl ViewContent {
     /// The mean grey level of a dark picture.
-    fn dark(&self) -> Option<f64> {
+    pub fn dark(&self) -> Option<f64> {
         let ViewContent::Levels(grey) = self else { return None };
         let sum: f64 = grey.data.iter().map(|v| f64::from(*v)).sum();
         Some(sum / grey.data.len() as f64).filter(|mean| *mean < DARK)
     }
 
     /// Warns if a density is empty.
-    fn say_if_empty(&self, view: &View, context: &CommandContext) {
+    pub fn say_if_empty(&self, view: &View, context: &Context<'_>) {
         let empty = match self {
             ViewContent::Density(plane) => plane.data.iter().all(|v| *v == 0.0),
             ViewContent::Field(plane, _) => plane.data.iter().all(|v| v.is_nan()),
@@ -51,7 +37,9 @@ impl ViewContent {
         };
         if empty {
             let name = &view.name;
-            context.message(&format!("warning: view `{name}` is empty: no particle lies in its window; move --center or widen --width and --depth"));
+            context.warn(&format!(
+                "view `{name}` is empty: no particle lies in its window; move its centre, or make it wider and deeper"
+            ));
         }
     }
 }
@@ -60,6 +48,6 @@ impl ViewContent {
 pub struct ViewRenderer<'a> {
     /// Draws a view.
     pub draw: Box<dyn Fn(&View, Size) -> Result<ViewContent> + Sync + 'a>,
-    /// Can several views be drawn in parallel?
+    /// Whether several views can be drawn in parallel.
     pub side_by_side: bool,
 }

@@ -1,11 +1,12 @@
 //! Several pictures in one figure: one range, one colour bar.
 
-use super::ViewRenderer;
-use super::finish::Finisher;
-use crate::common::CommandContext;
-use crate::figure::output;
+use crate::figure_file;
+use crate::finish::Finisher;
 use crate::picture_out::PictureOut;
+use crate::view_content::ViewRenderer;
 use particlegs_core::camera::ViewSet;
+use particlegs_core::context::Context;
+use particlegs_core::picture::Plane;
 use particlegs_core::{Error, Result};
 use particlegs_files::output::write_bytes;
 use std::path::PathBuf;
@@ -37,14 +38,14 @@ impl Panels<'_> {
         set: &ViewSet,
         range: Option<[f64; 2]>,
         out: &PictureOut,
-        context: &CommandContext,
+        context: &Context<'_>,
     ) -> Result<(PathBuf, Option<[f64; 2]>)> {
         let count = self.painters.len() * set.views.len();
         if count > MOST {
             return Err(Error::argument(format!("{count} panels are too many for one figure: {MOST} at most")));
         }
         if !self.captions.is_empty() && self.captions.len() != count {
-            let what = format!("--captions has {} captions, but there are {count} panels", self.captions.len());
+            let what = format!("{} captions are given, but there are {count} panels", self.captions.len());
             return Err(Error::argument(what));
         }
         let bytes = count as u64 * set.size.pixels() as u64 * 4;
@@ -62,18 +63,18 @@ impl Panels<'_> {
             (None, true) => Some(finish.common_range(seen.iter().map(|s| finish.range_of(s)))),
             (range, _) => range,
         };
-        let shown = range.unwrap_or([1.0, 10.0]);
+        let shown = range.unwrap_or(Plane::EMPTY_RANGE);
         let mut panels = Vec::with_capacity(count);
         for (i, seen) in seen.into_iter().enumerate() {
             let view = &set.views[i / self.painters.len()];
             let mut panel = finish.panel(seen, view, shown, out.kind())?;
-            panel.caption = (!finish.args.no_annotations).then(|| self.caption(i, set)).filter(|c| !c.is_empty());
+            panel.caption = (!finish.options.no_annotations).then(|| self.caption(i, set)).filter(|c| !c.is_empty());
             panels.push(panel);
         }
         let path = out.picture("panels");
         let about = finish.about(&set.views, set.size, shown)?;
         let figure = finish.figure(panels, self.columns(set.views.len()), shown);
-        write_bytes(&path, &output::bytes(&figure, finish.args, out.kind(), &about)?)?;
+        write_bytes(&path, &figure_file::bytes(&figure, finish.options, out.kind(), &about)?)?;
         Ok((path, range))
     }
 

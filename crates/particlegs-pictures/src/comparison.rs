@@ -1,7 +1,7 @@
 //! Compares two PNGs or surface densities, or two folders of them with the same names.
 
 use crate::density_file;
-use crate::drawing::provenance::PictureProvenance;
+use crate::provenance::PictureProvenance;
 use particlegs_core::context::Context;
 use particlegs_core::picture::{DensityScores, Gray8, Scores};
 use particlegs_core::{Error, Result, parallel};
@@ -10,15 +10,22 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-#[derive(Serialize)]
+/// Scores of pictures, and of raw values of surface densities, A against B.
+#[derive(Debug, Serialize)]
 pub struct FolderComparison {
+    /// Each pair of pictures.
     pub views: Vec<PictureComparison>,
+    /// Means over them.
     pub mean: MeanScores,
+    /// Each pair of files of values.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub densities: Vec<DensityFileComparison>,
+    /// Means over them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_density: Option<MeanDensityScores>,
+    /// Names of files without a counterpart in B.
     pub only_in_a: Vec<String>,
+    /// Names of files without a counterpart in A.
     pub only_in_b: Vec<String>,
 }
 
@@ -28,38 +35,46 @@ impl FolderComparison {
         FolderComparison { views, mean, densities, mean_density, only_in_a: Vec::new(), only_in_b: Vec::new() }
     }
 
+    /// Why pairs could not be scored.
     pub fn failures(&self) -> impl Iterator<Item = &str> {
         let pictures = self.views.iter().filter_map(|v| v.error.as_deref());
         pictures.chain(self.densities.iter().filter_map(|v| v.error.as_deref()))
     }
 }
 
-#[derive(Serialize)]
+/// A picture against another.
+#[derive(Debug, Serialize)]
 pub struct PictureComparison {
     /// File name without `.png`.
     pub name: String,
+    /// Its scores; none where they cannot be compared.
     #[serde(flatten)]
     pub scores: Option<Scores>,
     /// Largest difference of a pixel in levels.
     pub largest_difference: u8,
+    /// Why there are no scores.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
 
 /// Means over views; decibels are averaged as they are.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub struct MeanScores {
     /// dB over all pixels.
     pub psnr: Option<f64>,
     /// dB over lit pixels.
     pub masked_psnr: Option<f64>,
+    /// Structural similarity, at most 1.
     pub ssim: Option<f64>,
     /// Views without a masked PSNR.
     pub left_out: usize,
 }
 
 /// Scores a picture or surface density against another. In a folder, the file of the same name is used; of two folders,
-/// all files with the same names.
+/// all files with the same names. Pairs that cannot be compared are listed with their [`FolderComparison::failures`].
+///
+/// # Errors
+/// [`Error::Input`] where there is nothing to compare; [`Error::Io`]; [`Error::Cancelled`].
 pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderComparison> {
     let within = |folder: &Path, file: &Path| folder.join(file.file_name().unwrap_or_default());
     let (a, b) = match (a.is_dir(), b.is_dir()) {
@@ -77,18 +92,18 @@ pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCompar
     match (values(&a), values(&b)) {
         (true, true) => densities.push(compare_density(&name, &a, &b, context)),
         (false, false) => views.push(compare_pictures(&name, &a, &b, context)),
-        _ => return Err(Error::input(&a, format!("cannot compare a picture with --raw values ({})", b.display()))),
+        _ => return Err(Error::input(&a, format!("cannot compare a picture with raw values ({})", b.display()))),
     }
     Ok(FolderComparison::new(views, densities))
 }
 
-/// Scores every PNG, and every surface density of `--raw`, in folder `a` against the same name in `b`.
+/// Scores every PNG, and the raw values of every surface density, in folder `a` against the same name in `b`.
 fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderComparison> {
     let (in_a, in_b) = (FolderNames::new(a)?, FolderNames::new(b)?);
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
     if shared.is_empty() && shared_densities.is_empty() {
-        let what = format!("no PNG and no --raw values with the same name as in {}", b.display());
+        let what = format!("no PNG and no raw values with the same name as in {}", b.display());
         return Err(Error::input(a, what));
     }
     context.begin("comparing", (shared.len() + shared_densities.len()) as u64);
@@ -157,23 +172,27 @@ fn largest_difference(a: &Gray8, b: &Gray8) -> u8 {
     a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
 }
 
-#[derive(Serialize)]
+/// Values of a surface density against others.
+#[derive(Debug, Serialize)]
 pub struct DensityFileComparison {
     /// File name without `.f32`.
     pub name: String,
+    /// Their scores; none where they cannot be compared.
     #[serde(flatten)]
     pub scores: Option<DensityScores>,
+    /// Why there are no scores.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
 
 /// Means over views that have a value.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub struct MeanDensityScores {
     /// Root mean square of log10(A / B).
     pub rms_dex: Option<f64>,
     /// Mean of log10(A / B).
     pub mean_dex: Option<f64>,
+    /// Correlation of the logarithms.
     pub correlation: Option<f64>,
 }
 

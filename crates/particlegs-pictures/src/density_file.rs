@@ -1,12 +1,17 @@
-//! Surface density as numbers: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which describes
-//! them. `--raw` writes and `compare` reads them.
+//! Raw values of a surface density or field: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which
+//! describes them.
 
-use particlegs_core::camera::{CameraRecord, DensityView, Projection};
+use crate::field_legend::FieldLegend;
+use crate::picture_out::PictureOut;
+use crate::quantities::Quantities;
+use crate::view_content::ViewContent;
+use particlegs_core::camera::{CameraRecord, DensityView, Projection, View};
 use particlegs_core::context::Context;
+use particlegs_core::math::float32_holds;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
-use particlegs_files::output::{FileSet, write_atomic, write_bytes};
+use particlegs_files::output::{FileSet, Outputs, kinds, write_atomic, write_bytes};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -15,7 +20,8 @@ const LARGEST_SIDE: usize = 65_536;
 /// Relative tolerance for equal cameras.
 const SAME: f64 = 1e-6;
 
-const JSON: Form = Form { title: "a description of values", begins: Begins::Object, most: 1 << 20, expansion: 16 };
+const DESCRIPTION: Form =
+    Form { title: "a description of values", begins: Begins::Object, most: 1 << 20, expansion: 16 };
 
 #[derive(Serialize, Deserialize)]
 pub struct DensityDescription {
@@ -37,7 +43,7 @@ pub struct Means {
     pub quantity: String,
     /// Unit of the values.
     pub unit: String,
-    /// Are lengths comoving?
+    /// Whether lengths are comoving.
     pub comoving: bool,
     /// Number of neighbours for smoothing, for pictures of particles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -48,8 +54,50 @@ pub struct Means {
 
 const FLOAT64: &str = "float64, little-endian, rows from the top";
 
+/// Declares the files of values for these views.
+pub fn declare(out: &PictureOut, views: &[View], outputs: &Outputs, context: &Context<'_>) -> Result<()> {
+    let path = |view: &View, ending| out.folder().join(format!("{}.{ending}", view.name));
+    views.iter().try_for_each(|view| {
+        outputs.writes(&path(view, "f32"), &kinds::VALUES, context)?;
+        outputs.writes(&path(view, "f64"), &kinds::VALUES, context)?;
+        outputs.writes(&path(view, "json"), &kinds::JSON, context).map(drop)
+    })
+}
+
+/// Writes the values of a density, or of a field that is shown instead: as float64 where float32 does not hold
+/// them.
+pub fn write_content(
+    out: &PictureOut,
+    view: &DensityView,
+    seen: &ViewContent,
+    q: &Quantities,
+    field: Option<&FieldLegend>,
+) -> Result<PathBuf> {
+    let (plane, wide) = match seen {
+        ViewContent::Field(plane, _) => {
+            let there = || plane.data.iter().copied().filter(|v| v.is_finite());
+            let range = [there().fold(f64::INFINITY, f64::min), there().fold(f64::NEG_INFINITY, f64::max)];
+            (plane.clone(), range[0] <= range[1] && !float32_holds(range))
+        }
+        ViewContent::Density(plane) => {
+            (Plane { size: plane.size, data: plane.data.iter().map(|v| f64::from(*v)).collect() }, false)
+        }
+        _ => return Err(Error::argument("raw values are those of densities and fields")),
+    };
+    let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
+    let focal = view.camera.focal_pixels(plane.size);
+    let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
+    let (comoving, smooth) = (q.comoving, q.smooth);
+    let (quantity, unit) = match field {
+        Some(field) => (field.title.clone(), field.unit.clone()),
+        None => (format!("surface density{}", q.of_what()), q.unit()),
+    };
+    let means = Means { quantity, unit, comoving, smooth, world_per_pixel };
+    write(out.folder(), view, (&plane, wide), means)
+}
+
 /// Writes the two files of a view into a folder, values as float32 or `wide`; returns the path of the values.
-pub fn write(folder: &Path, view: &DensityView, (plane, wide): (&Plane<f64>, bool), means: Means) -> Result<PathBuf> {
+fn write(folder: &Path, view: &DensityView, (plane, wide): (&Plane<f64>, bool), means: Means) -> Result<PathBuf> {
     let set = FileSet::in_folder(folder)?;
     let name = format!("{}.{}", view.name, if wide { "f64" } else { "f32" });
     let bytes = |run: &[f64]| -> Vec<u8> {
@@ -87,9 +135,9 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
 /// Reads what [`write`] wrote for a view, given one of the two files.
 pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, Plane)> {
     let path = file.with_extension("json");
-    let text = read_whole(&path, JSON, context)?;
+    let text = read_whole(&path, DESCRIPTION, context)?;
     let described: DensityDescription =
-        serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not written by --raw: {e}")))?;
+        serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not of raw values: {e}")))?;
     let size = Size { width: described.width, height: described.height };
     if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
         return Err(Error::input(&path, format!("{}x{} pixels: out of range", size.width, size.height)));
@@ -139,7 +187,7 @@ impl DensityDescription {
         let largest = a.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let same_pixels = (a[0] - b[0]).abs() <= SAME * a[0].abs();
         let same = a.len() != b.len() || a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= SAME * largest);
-        (!(same_pixels && same)).then(|| "their views differ: use --save-views on one and --views on the other".into())
+        (!(same_pixels && same)).then(|| "their views differ: save those of one, and draw the other with them".into())
     }
 
     /// Size of a pixel, and the camera if it is known.

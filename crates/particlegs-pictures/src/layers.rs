@@ -1,19 +1,19 @@
 //! Colours by layer ([`particlegs_core::picture::Rgb8::layer_hues`]).
 
-use super::ViewContent;
+use crate::view_content::ViewContent;
 use particlegs_core::camera::View;
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Model};
 use particlegs_core::picture::{Plane, Rgb8, Size};
 use particlegs_core::render::{Scene, Tones, optical_depth};
 use particlegs_core::splat::ToneStyle;
-use particlegs_core::{Error, Result, parallel};
+use particlegs_core::{Error, Hint, Result, parallel};
 
 /// A model's layers, one model each.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {
     if model.metadata.law == LawKind::AlphaBlend {
-        let what = "--color-by-layer: an alpha-blend model has no optical depth to mix colours by";
-        return Err(Error::argument_with(what, "draw one layer with --layer NAME"));
+        let what = "an alpha-blend model has no optical depth to mix the colours of layers by";
+        return Err(Error::argument_with(what, Hint::from("draw one layer with ").option("layer", "NAME")));
     }
     model.layers.iter().map(|l| model.clone().only(std::slice::from_ref(&l.name))).collect()
 }

@@ -1,17 +1,17 @@
 //! Frames of a film, drawn and written in parallel, with one colour range for all.
 
-use super::finish::Finisher;
-use super::gif::{self, GifFrame};
-use super::job::DrawingJob;
-use super::{ViewContent, ViewRenderer};
-use crate::common::CommandContext;
-use crate::figure::FigureImage;
-use crate::figure::png_file::{PngEffort, PngMetadata, coded};
+use crate::finish::Finisher;
+use crate::gif::{self, GifFrame};
 use crate::picture_out::PictureOut;
+use crate::run::DrawingJob;
+use crate::view_content::{ViewContent, ViewRenderer};
 use particlegs_core::camera::{View, ViewSet};
-use particlegs_core::{Error, Result, parallel};
+use particlegs_core::context::Context;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::{Error, Hint, Result, parallel};
+use particlegs_figure::FigureImage;
+use particlegs_figure::png_file::{PngEffort, PngMetadata, coded};
 use particlegs_files::output::write_bytes;
-use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -39,7 +39,7 @@ fn one_range(
     painter: &ViewRenderer<'_>,
     finish: &Finisher<'_>,
     set: &ViewSet,
-    context: &CommandContext,
+    context: &Context<'_>,
 ) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
     let of = |view: &View| {
@@ -62,13 +62,13 @@ fn each<T: Send>(painter: &ViewRenderer<'_>, views: &[View], of: impl Fn(&View) 
 
 /// Draws all frames. An error stops further frames; existing ones are complete.
 pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries> {
-    let DrawingJob { painter, finish, set, range, context, .. } = *job;
+    let DrawingJob { painter, finish, set, options, context, .. } = *job;
     let (density, count) = (finish.shows_values(), set.views.len());
-    let range = match (range, density) {
+    let range = match (options.range, density) {
         (None, true) => Some(one_range(painter, finish, set, context)?),
         (range, _) => range,
     };
-    let shown = range.unwrap_or([1.0, 10.0]);
+    let shown = range.unwrap_or(Plane::EMPTY_RANGE);
     let written = AtomicUsize::new(0);
     let size = Mutex::new(None);
     context.begin("drawing frames", count as u64);
@@ -89,18 +89,21 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
     };
     let all = each(painter, &set.views, frame);
     context.end();
-    let folder = into.files.map_or(PathBuf::new(), |out| out.folder().to_path_buf());
-    let all = context.count_pictures(&folder, written.into_inner(), count, all)?;
+    let all = match into.files {
+        Some(out) => out.count(written.into_inner(), count, all, context),
+        None => all,
+    }?;
     let (seconds, gif): (Vec<f64>, Vec<Option<GifFrame>>) = all.into_iter().unzip();
     Ok(FrameSeries { seconds, gif: gif.into_iter().flatten().collect(), range })
 }
 
 /// Frames of a film must have one size, which growing labels could change.
-fn of_one_size(first: &Mutex<Option<particlegs_core::picture::Size>>, image: &FigureImage) -> Result<()> {
+fn of_one_size(first: &Mutex<Option<Size>>, image: &FigureImage) -> Result<()> {
     let size = *first.lock().unwrap_or_else(|e| e.into_inner()).get_or_insert(image.size());
     if size == image.size() {
         return Ok(());
     }
-    let what = "labels of different widths make the frames different in size".to_string();
-    Err(Error::Argument { what, hint: "omit labels with --no-annotations, or use --colorbar inside".into() })
+    let hint =
+        Hint::from("omit labels with ").option("no-annotations", "").words(", or use ").option("colorbar", "inside");
+    Err(Error::argument_with("labels of different widths make the frames different in size", hint))
 }

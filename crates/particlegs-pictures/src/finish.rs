@@ -1,29 +1,30 @@
 //! Turns rendered views into pictures or figures and writes them.
 
-use super::ViewContent;
-use super::colours::{self, common_range};
-use super::field_colors::FieldLegend;
-use super::provenance::PictureProvenance;
-use crate::density_args::Quantities;
-use crate::figure::args::{Axes, FigureArgs};
-use crate::figure::png_file::{self, PngEffort, PngMetadata};
-use crate::figure::ticks::round_below;
-use crate::figure::{ColourBar, Figure, FigureImage, FileKind, Panel, ScaleBar, cube, labelled, number, output};
-use crate::view_args::ViewSubject;
+use crate::colours::{self, common_range};
+use crate::field_legend::FieldLegend;
+use crate::figure_file;
+use crate::figure_options::{FigureAxes, FigureOptions};
+use crate::provenance::PictureProvenance;
+use crate::quantities::Quantities;
+use crate::subject::ViewSubject;
+use crate::view_content::ViewContent;
 use particlegs_core::Result;
 use particlegs_core::camera::{CenteredCell, Projection, View, frame_number};
 use particlegs_core::math::each_axis;
 use particlegs_core::picture::{Colormap, Size, journal_unit};
+use particlegs_figure::png_file::{self, PngEffort, PngMetadata};
+use particlegs_figure::ticks::round_below;
+use particlegs_figure::{ColourBar, Figure, FigureImage, FileKind, Panel, ScaleBar, axes, cube, labelled, number};
 use particlegs_files::output::write_bytes;
 use std::path::Path;
 
 /// Longest scale bar, as a share of the picture's width.
 const LONGEST_BAR: f64 = 0.22;
 
-/// How pictures are finished; the same for all pictures of a command.
+/// How pictures are finished; the same for all pictures of some work.
 pub struct Finisher<'a> {
     /// Annotations.
-    pub args: &'a FigureArgs,
+    pub options: &'a FigureOptions,
     /// Colours of a density.
     pub colormap: Colormap,
     /// The field that is shown instead, if one is.
@@ -66,9 +67,9 @@ impl Finisher<'_> {
     fn image(&self, seen: ViewContent, range: [f64; 2]) -> FigureImage {
         match (&seen, &self.field) {
             (ViewContent::Field(plane, shade), Some(field)) => {
-                field.image(plane, shade.as_ref(), range, self.args.ground())
+                field.image(plane, shade.as_ref(), range, self.options.ground())
             }
-            _ => colours::image(seen, self.colormap, range, self.args.ground()),
+            _ => colours::image(seen, self.colormap, range, self.options.ground()),
         }
     }
 
@@ -101,7 +102,7 @@ impl Finisher<'_> {
         let length = round_below(LONGEST_BAR * width);
         let unit = journal_unit(self.quantities.length_unit().unwrap_or_default());
         let unknown = if unit.is_empty() { "unit not known" } else { "" };
-        let comoving = if self.quantities.is_comoving() { "comoving" } else { "" };
+        let comoving = if self.quantities.comoving { "comoving" } else { "" };
         let notes = [unknown, comoving, note].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
         let notes = if notes.is_empty() { String::new() } else { format!(" ({notes})") };
         Ok(ScaleBar {
@@ -112,12 +113,12 @@ impl Finisher<'_> {
 
     /// Note on a requested scale bar that a view cannot have.
     pub fn note(&self, view: &View, size: Size, kind: FileKind) -> Option<String> {
-        let wanted = self.args.has_scale(self.has_bars(), kind);
+        let wanted = self.options.has_scale(self.has_bars(), kind);
         let why = self.scale(view, size).err().filter(|_| wanted)?;
-        Some(format!("note: view `{}` has no scale bar: {why}", view.name))
+        Some(format!("view `{}` has no scale bar: {why}", view.name))
     }
 
-    /// Do colours show values: densities, or those of a field?
+    /// Whether colours show values: densities, or those of a field.
     pub fn shows_values(&self) -> bool {
         self.about.colormap.is_some() || self.field.is_some()
     }
@@ -126,9 +127,9 @@ impl Finisher<'_> {
         self.shows_values() || !self.legend.is_empty()
     }
 
-    /// Does a file of this kind contain annotations?
+    /// Whether a file of this kind contains annotations.
     pub fn is_figure(&self, kind: FileKind) -> bool {
-        self.args.is_figure(self.has_bars() || !self.stamps.is_empty(), kind)
+        self.options.is_figure(self.has_bars() || !self.stamps.is_empty(), kind)
     }
 
     /// What is written into a picture.
@@ -143,21 +144,21 @@ impl Finisher<'_> {
     pub fn panel(&self, seen: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
         let mut panel = Panel::plain(self.image(seen, range));
         let size = panel.image.size();
-        if self.args.has_scale(self.has_bars(), kind) {
+        if self.options.has_scale(self.has_bars(), kind) {
             panel.scale = self.scale(view, size).ok();
         }
-        match self.args.axes {
-            Some(Axes::Frame) => {
+        match self.options.axes {
+            Some(FigureAxes::Frame) => {
                 let unit = journal_unit(self.quantities.length_unit().unwrap_or_default());
-                panel.axes = Some(crate::figure::axes::about(&view.camera, size, &unit)?);
+                panel.axes = Some(axes::about(&view.camera, size, &unit)?);
             }
-            Some(Axes::Cube) => {
+            Some(FigureAxes::Cube) => {
                 (panel.lines, panel.names) =
                     cube::edges(&view.camera, size, &self.subject.bounds, self.subject.cell.as_ref())?;
             }
-            Some(Axes::None) | None => {}
+            Some(FigureAxes::None) | None => {}
         }
-        let stamp = self.stamp(view).filter(|_| !self.args.no_annotations);
+        let stamp = self.stamp(view).filter(|_| !self.options.no_annotations);
         panel.names.extend(stamp.map(|text| ([0.0, 0.0], text.clone())));
         // Circles go where the content goes.
         let about = self.subject.cell.filter(|_| self.subject.center.is_some());
@@ -173,16 +174,16 @@ impl Finisher<'_> {
 
     /// Panels as a figure with one colour bar.
     pub fn figure(&self, panels: Vec<Panel>, columns: usize, range: [f64; 2]) -> Figure {
-        let shown = self.shows_values() && self.args.has_bar();
-        let ground = self.args.ground();
+        let shown = self.shows_values() && self.options.has_bar();
+        let ground = self.options.ground();
         let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal_unit(&self.quantities.unit()));
         let colors = colours::densities(self.colormap, ground, range);
         let bar = shown.then(|| match &self.field {
             Some(field) => field.bar(range),
             None => ColourBar::logarithmic(title(), range, |share| colors.at(share)),
         });
-        let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };
-        let (title, place, page) = (self.args.title.clone(), self.args.place(), self.args.page());
+        let legend = if self.options.no_annotations { Vec::new() } else { self.legend.clone() };
+        let (title, place, page) = (self.options.title.clone(), self.options.colorbar, self.options.page());
         Figure { title, panels, columns, bar, legend, place, page, ground }
     }
 
@@ -196,10 +197,10 @@ impl Finisher<'_> {
             source.moment = self.stamp(view).cloned().or_else(|| source.moment.take());
         }
         Ok(PngMetadata {
-            title: self.args.title.clone(),
+            title: self.options.title.clone(),
             software: format!("particlegs {}", of.particlegs),
             provenance: of.text(&views, size)?,
-            dpi: self.args.dpi,
+            dpi: self.options.dpi,
         })
     }
 
@@ -217,10 +218,10 @@ impl Finisher<'_> {
     pub fn pixels(&self, seen: ViewContent, view: &View, range: [f64; 2]) -> Result<(FigureImage, Option<f64>)> {
         if !self.is_figure(FileKind::Png) {
             let image = self.image(seen, range);
-            return Ok((image, self.args.dpi));
+            return Ok((image, self.options.dpi));
         }
         let panel = self.panel(seen, view, range, FileKind::Png)?;
-        output::pixels(&self.figure(vec![panel], 1, range), self.args)
+        figure_file::pixels(&self.figure(vec![panel], 1, range), self.options)
     }
 
     /// Writes the picture of a view.
@@ -246,7 +247,7 @@ impl Finisher<'_> {
             }
             _ => {
                 let panel = self.panel(seen, view, range, kind)?;
-                output::bytes(&self.figure(vec![panel], 1, range), self.args, kind, &about)?
+                figure_file::bytes(&self.figure(vec![panel], 1, range), self.options, kind, &about)?
             }
         };
         write_bytes(path, &bytes)

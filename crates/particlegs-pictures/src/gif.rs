@@ -1,8 +1,8 @@
 //! Frames of an animated GIF, each with its own palette, exact up to 256 colours.
 
-use crate::figure::FigureImage;
 use ::gif::{Encoder, Frame, Repeat};
 use particlegs_core::{Error, Result};
+use particlegs_figure::FigureImage;
 use particlegs_files::output::write_atomic;
 use std::borrow::Cow;
 use std::collections::HashMap;

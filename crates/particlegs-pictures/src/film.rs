@@ -1,12 +1,12 @@
 //! Joins frames into a film, with ffmpeg, or without it into a GIF.
 
-use super::gif::{self, GifFrame};
-use crate::common::CommandContext;
-use crate::outputs::{GIF, MP4, WEBM};
+use crate::gif::{self, GifFrame};
 use crate::picture_out::PictureOut;
 use particlegs_core::camera::frame_digits;
+use particlegs_core::context::Context;
+use particlegs_core::text::shell_word;
 use particlegs_core::{Error, Result};
-use particlegs_files::output::FileSet;
+use particlegs_files::output::{FileSet, Outputs, kinds};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -29,24 +29,24 @@ pub struct Film {
     pub fps: u32,
     /// Folder of the frames, if they are files.
     frames: Option<PathBuf>,
-    /// Are the frames removed when the film is complete?
+    /// Whether the frames are removed when the film is complete.
     passing: bool,
 }
 
 impl Film {
     /// A film whose frames go to the named folder, or to one beside the film.
-    pub fn plan(path: &Path, fps: u32, out: Option<&Path>, context: &CommandContext) -> Result<Film> {
+    pub fn plan(path: &Path, fps: u32, out: Option<&Path>, outputs: &Outputs, context: &Context<'_>) -> Result<Film> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let (form, kind) = match &ending[..] {
-            "mp4" => (FilmFormat::Mp4, &MP4),
-            "webm" => (FilmFormat::Webm, &WEBM),
-            "gif" => (FilmFormat::Gif, &GIF),
+            "mp4" => (FilmFormat::Mp4, &kinds::MP4),
+            "webm" => (FilmFormat::Webm, &kinds::WEBM),
+            "gif" => (FilmFormat::Gif, &kinds::GIF),
             _ => {
-                let what = format!("--video {}: its name does not end in .mp4, .webm or .gif", path.display());
+                let what = format!("{}: the name of a film ends in .mp4, .webm or .gif", path.display());
                 return Err(Error::argument(what));
             }
         };
-        context.writes(path, kind)?;
+        outputs.writes(path, kind, context)?;
         let beside = || {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
             path.with_file_name(format!("{stem}-frames"))
@@ -77,7 +77,7 @@ impl Film {
         gif: &[GifFrame],
         out: Option<&PictureOut>,
         names: &[String],
-        context: &CommandContext,
+        context: &Context<'_>,
     ) -> Result<()> {
         if self.form == FilmFormat::Gif {
             return gif::write(&self.path, gif);
@@ -162,6 +162,6 @@ fn there(film: &Path) -> std::result::Result<(), String> {
 
 /// The command as text for a shell.
 fn line(arguments: &[String]) -> String {
-    let words = arguments.iter().map(|a| crate::emit::shell_word(a));
+    let words = arguments.iter().map(|a| shell_word(a));
     std::iter::once("ffmpeg".to_string()).chain(words).collect::<Vec<_>>().join(" ")
 }

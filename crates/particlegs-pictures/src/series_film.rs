@@ -1,15 +1,13 @@
 //! A film of a series: which moment each picture shows.
 
-use super::focus::FocusPath;
-use crate::sequence_args::FilmLength;
+use crate::film_options::FilmLength;
+use crate::focus::FocusPath;
 use particlegs_core::camera::{View, ViewSet, frame_number};
 use particlegs_core::codec::{SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::Model;
 use particlegs_core::{Error, Result};
-use particlegs_files::input::name_of;
-use std::path::Path;
 use std::sync::Mutex;
 
 pub struct SeriesFilm<'a> {
@@ -24,10 +22,10 @@ pub struct SeriesFilm<'a> {
 
 impl<'a> SeriesFilm<'a> {
     /// Each frame once, or so many pictures, evenly from the first frame to the last.
-    pub fn new(series: &'a SeriesFile<'a>, path: &Path, length: FilmLength) -> Result<Self> {
+    pub fn new(series: &'a SeriesFile<'a>, place: &str, length: FilmLength) -> Result<Self> {
         let times: Vec<f64> = series.there().map(|i| series.frames[i].time).collect();
         let (Some(first), Some(last)) = (times.first(), times.last()) else {
-            return Err(Error::input(name_of(path), "the series has no frames"));
+            return Err(Error::input(place, "the series has no frames"));
         };
         let moments = match length {
             FilmLength::All => times.clone(),

@@ -1,9 +1,8 @@
 //! Turns rendered views into colours: grey levels, logarithmic densities, layers by hue.
 
-use super::ViewContent;
-use crate::figure::{FigureImage, PaperColour};
-use particlegs_core::parallel;
+use crate::view_content::ViewContent;
 use particlegs_core::picture::{Colormap, DensityColors, Plane, Rgb8};
+use particlegs_figure::{FigureImage, PaperColour};
 
 /// Most decades of a common range, as for a single picture ([`particlegs_core::picture::Plane::log_range`]).
 const DECADES: f64 = 1e-4;
@@ -11,7 +10,7 @@ const DECADES: f64 = 1e-4;
 /// One range for all: from the lowest to the highest, at most four decades.
 pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64; 2] {
     let both = ranges.into_iter().flatten().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-    let [lo, hi] = both.unwrap_or([1.0, 10.0]);
+    let [lo, hi] = both.unwrap_or(Plane::EMPTY_RANGE);
     [lo.max(hi * DECADES), hi]
 }
 
@@ -31,11 +30,7 @@ pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperCol
             let data = plane.data.iter().map(|v| *v as f32).collect();
             image(ViewContent::Density(Plane { size: plane.size, data }), map, range, ground)
         }
-        ViewContent::Density(plane) => {
-            let colors = densities(map, ground, range);
-            let pixels = parallel::map_range(plane.data.len(), |i| colors.of(plane.data[i]));
-            FigureImage::Color(Rgb8 { size: plane.size, data: pixels })
-        }
+        ViewContent::Density(plane) => FigureImage::Color(densities(map, ground, range).image(&plane)),
         ViewContent::Layers(gray, hues) => FigureImage::Color(Rgb8::tinted(&gray, &hues, ground == PaperColour::White)),
     }
 }

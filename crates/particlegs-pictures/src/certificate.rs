@@ -1,23 +1,23 @@
-//! The pictures of `compress --pictures` and `eval --pictures`: truth, model and error side by side, and the surface
-//! density.
+//! The pictures beside a certificate: truth, model and error side by side, and the surface density.
 
-use crate::density_args::Quantities;
-use crate::drawing::ViewContent;
-use crate::drawing::finish::Finisher;
-use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
-use crate::figure::args::FigureArgs;
-use crate::figure::output::bytes;
-use crate::figure::ticks::TickMarks;
-use crate::figure::{ColourBar, Figure, FigureImage, FileKind, Panel, number};
-use crate::view_args::ViewSubject;
-use particlegs_core::camera::{DensityView, View, Window, base_distance, spherical_camera};
+use crate::figure_file::bytes;
+use crate::figure_options::FigureOptions;
+use crate::finish::Finisher;
+use crate::options::PictureOptions;
+use crate::provenance::{PictureProvenance, PictureUnits, SourceFile};
+use crate::quantities::Quantities;
+use crate::subject::ViewSubject;
+use crate::view_content::ViewContent;
+use particlegs_core::camera::{View, base_distance, spherical_camera};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Model, hex};
-use particlegs_core::picture::{Colormap, Gray8, Rgb8, Size, diverging, masked_psnr};
+use particlegs_core::picture::{Colormap, Gray8, Plane, Rgb8, Size, diverging, masked_psnr};
 use particlegs_core::render::Scene;
 use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Result, render};
-use particlegs_files::output::{FileSet, write_bytes};
+use particlegs_figure::ticks::TickMarks;
+use particlegs_figure::{ColourBar, Figure, FigureImage, FileKind, Panel, number};
+use particlegs_files::output::{FileSet, Outputs, kinds, write_bytes};
 use particlegs_particles::Particles;
 use particlegs_reference::Reference;
 use std::path::{Path, PathBuf};
@@ -32,11 +32,23 @@ const DISTANCE: f64 = 0.85;
 /// Font size, for pictures that are shown at half size.
 const LETTERS: f64 = 9.0;
 
-pub fn paths(folder: &Path) -> [PathBuf; 2] {
+/// Makes a folder, and declares its pictures as outputs.
+///
+/// # Errors
+/// [`particlegs_core::Error::Output`] for what may not be replaced; [`particlegs_core::Error::Io`].
+pub fn declare(folder: &Path, outputs: &Outputs, context: &Context<'_>) -> Result<()> {
+    outputs.make_folder(folder)?;
+    paths(folder).iter().try_for_each(|path| outputs.writes(path, &kinds::PNG, context).map(drop))
+}
+
+fn paths(folder: &Path) -> [PathBuf; 2] {
     ["comparison.png", "density.png"].map(|name| folder.join(name))
 }
 
-/// Writes both or none; returns their paths, which must be declared before.
+/// Writes `comparison.png` and `density.png` into a folder, both or none; returns their paths, which must be declared before.
+///
+/// # Errors
+/// [`particlegs_core::Error::Io`]; those of drawing.
 pub fn write(folder: &Path, model: &Model, particles: &Particles, context: &Context<'_>) -> Result<Vec<PathBuf>> {
     let set = FileSet::in_folder(folder)?;
     let [compared, summed] = paths(set.path());
@@ -47,27 +59,23 @@ pub fn write(folder: &Path, model: &Model, particles: &Particles, context: &Cont
 
 fn finish<'a>(
     model: &Model,
-    args: &'a FigureArgs,
+    options: &'a FigureOptions,
     quantities: &'a Quantities,
     subject: &'a ViewSubject,
 ) -> Finisher<'a> {
     let m = &model.metadata;
     let style = if subject.density { "density" } else { "paraview" };
     let about = PictureProvenance {
-        particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: m.source.clone(), blake3: hex(&m.source_hash), moment: None }],
-        style: style.into(),
-        colormap: subject.density.then(|| Colormap::default().name().into()),
-        unit: subject.density.then(|| quantities.unit()),
         units: Some(PictureUnits::new(m.unit_system(), subject.density.then(|| model.density_of()))),
-        ..PictureProvenance::default()
+        ..PictureOptions::default().provenance(style, quantities)
     };
     let (colormap, field, legend) = (Colormap::default(), None, Vec::new());
-    Finisher { args, colormap, field, quantities, subject, legend, circles: Vec::new(), stamps: &[], about }
+    Finisher { options, colormap, field, quantities, subject, legend, circles: Vec::new(), stamps: &[], about }
 }
 
-fn figure_args() -> FigureArgs {
-    FigureArgs { scale_bar: true, font_size: Some(LETTERS), dpi: Some(200.0), ..FigureArgs::default() }
+fn figure_options() -> FigureOptions {
+    FigureOptions { scale_bar: true, font_size: Some(LETTERS), dpi: Some(200.0), ..FigureOptions::default() }
 }
 
 fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Context<'_>) -> Result<()> {
@@ -88,10 +96,10 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Conte
         "error: model − truth".to_string(),
     ];
     let (error, bar) = error(&truth, &drawn);
-    let (args, quantities, subject) =
-        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, false));
-    let finish = finish(model, &args, &quantities, &subject);
-    let range = [1.0, 10.0];
+    let (options, quantities, subject) =
+        (figure_options(), Quantities::from_model(model), ViewSubject::of_model(model, false));
+    let finish = finish(model, &options, &quantities, &subject);
+    let range = Plane::EMPTY_RANGE;
     let mut panels = [truth, drawn]
         .map(|gray| finish.panel(ViewContent::Levels(gray), &view, range, FileKind::Png))
         .into_iter()
@@ -101,7 +109,7 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Conte
         panel.caption = Some(caption);
     }
     let figure = Figure { bar: Some(bar), ..finish.figure(panels, 3, range) };
-    write_bytes(path, &bytes(&figure, &args, FileKind::Png, &finish.about(&[view], PANEL, range)?)?)
+    write_bytes(path, &bytes(&figure, &options, FileKind::Png, &finish.about(&[view], PANEL, range)?)?)
 }
 
 fn grouped(n: u64) -> String {
@@ -142,19 +150,18 @@ fn reach(differences: &[i32]) -> f32 {
 
 fn density(path: &Path, model: &Model, context: &Context<'_>) -> Result<()> {
     let m = &model.metadata;
-    let (args, quantities, subject) =
-        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, true));
+    let (options, quantities, subject) =
+        (figure_options(), Quantities::from_model(model), ViewSubject::of_model(model, true));
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
     let size = Size { width: DENSITY_WIDTH, height: height as usize };
-    let width = subject.extent.width(&spherical_camera([0.0; 3], 0.0, 0.0, 1.0).frame()?, size);
-    let window = Window { center: subject.extent.center, angles_deg: [0.0; 2], width, depth: None };
-    let seen = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
-    let plane = render::surface_density(&Scene::new(model), &seen, size, context)?;
+    let scene = Scene::new(model);
+    let seen = render::whole_view("density", &scene, m.cell, size)?;
+    let plane = render::surface_density(&scene, &seen, size, context)?;
     let view =
         View { name: "density".into(), camera: seen.camera, radius: m.default_radius, opacity: m.default_opacity };
-    finish(model, &args, &quantities, &subject).write(path, ViewContent::Density(plane), &view, None, FileKind::Png)
+    finish(model, &options, &quantities, &subject).write(path, ViewContent::Density(plane), &view, None, FileKind::Png)
 }
 
 #[cfg(test)]

@@ -1,16 +1,17 @@
 //! Provenance of a picture, stored in it as text: enough to draw the same view again, of this or another model.
 
-use crate::figure::png_file;
 use particlegs_core::camera::{View, ViewSet};
 use particlegs_core::context::Context;
 use particlegs_core::model::{UnitSystem, Units};
 use particlegs_core::picture::Size;
 use particlegs_core::{Error, Result};
+use particlegs_figure::png_file;
 use particlegs_files::ViewsFile;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
+/// What a picture stores of itself.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct PictureProvenance {
     /// The program's version.
@@ -22,22 +23,25 @@ pub struct PictureProvenance {
     /// Layers that were drawn, or `all`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<String>,
-    /// Were they coloured?
+    /// Whether they were coloured.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub color_by_layer: bool,
     /// Colour map of a density, or of a field if one was chosen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colormap: Option<String>,
-    /// The field that was drawn instead of the density, as --field names it.
+    /// The field that was drawn instead of the density, by its name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
-    /// Its options: --scale, --bulk, --field-weight and --shade.
+    /// Its scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<String>,
+    /// The motion that is subtracted from it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk: Option<String>,
+    /// The weight of its means.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field_weight: Option<String>,
+    /// Whether it is shaded by density.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub shade: bool,
     /// Values of its first and last colour.
@@ -69,12 +73,12 @@ pub struct PictureUnits {
 }
 
 impl PictureUnits {
-    pub fn new(system: UnitSystem<'_>, density_of: Option<&str>) -> Self {
+    pub(crate) fn new(system: UnitSystem<'_>, density_of: Option<&str>) -> Self {
         let UnitSystem { units, scale_factor, hubble } = system;
         PictureUnits { units: units.clone(), scale_factor, hubble, density_of: density_of.map(str::to_string) }
     }
 
-    pub fn system(&self) -> UnitSystem<'_> {
+    pub(crate) fn system(&self) -> UnitSystem<'_> {
         UnitSystem { units: &self.units, scale_factor: self.scale_factor, hubble: self.hubble }
     }
 }
@@ -93,7 +97,7 @@ pub struct SourceFile {
 
 impl PictureProvenance {
     /// Why its colours cannot be compared with another's, pixel by pixel, if so: in words, what each shows.
-    pub fn differs(&self, other: &PictureProvenance) -> Option<String> {
+    pub(crate) fn differs(&self, other: &PictureProvenance) -> Option<String> {
         let density_of = |p: &PictureProvenance| p.units.as_ref().and_then(|u| u.density_of.clone());
         let shown = |p: &PictureProvenance| -> String {
             let Some(unit) = p.unit.as_ref() else { return "grey levels".into() };
@@ -106,7 +110,7 @@ impl PictureProvenance {
         (a != b).then(|| format!("{a} and {b}"))
     }
 
-    pub fn text(&self, views: &[View], size: Size) -> Result<String> {
+    pub(crate) fn text(&self, views: &[View], size: Size) -> Result<String> {
         let file = ViewsFile(ViewSet { size, views: views.to_vec() }).text()?;
         let plain = |e: serde_json::Error| Error::argument(e.to_string());
         let views = serde_json::from_str(&file).map_err(plain)?;
@@ -114,13 +118,16 @@ impl PictureProvenance {
     }
 
     /// Reads the provenance of a picture, and its view.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a picture without it, or of several views.
     pub fn read(path: &Path, context: &Context<'_>) -> Result<(PictureProvenance, ViewSet)> {
         let text = png_file::provenance(path, context)?;
         let told: PictureProvenance = serde_json::from_str(&text)
             .map_err(|e| Error::input(path, format!("its embedded view settings cannot be read: {e}")))?;
         let ViewsFile(set) = ViewsFile::of_bytes(told.views.to_string().as_bytes(), path)?;
         if set.views.len() != 1 {
-            return Err(Error::input(path, format!("it is a figure of {} views; --like takes one", set.views.len())));
+            return Err(Error::input(path, format!("it is a figure of {} views, not of one", set.views.len())));
         }
         Ok((told, set))
     }

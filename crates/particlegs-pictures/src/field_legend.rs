@@ -1,8 +1,8 @@
 //! Colours of a field's values: on a linear, a logarithmic or a signed scale.
 
-use crate::figure::ticks::{even, logarithmic};
-use crate::figure::{ColourBar, FigureImage, PaperColour, labelled};
 use particlegs_core::picture::{Colormap, Plane, ValueColors, ValueScale, journal_unit};
+use particlegs_figure::ticks::{even, logarithmic};
+use particlegs_figure::{ColourBar, FigureImage, PaperColour, labelled};
 
 /// Ticks of a linear scale at most.
 const TICKS: f64 = 6.0;

@@ -1,6 +1,0 @@
-//! Figures on the command line; `particlegs_figure` draws them.
-
-pub mod args;
-pub mod output;
-
-pub use particlegs_figure::*;

@@ -1,0 +1,127 @@
+//! Maps of a field: which one, its scale, and what is subtracted.
+
+use crate::field_legend::FieldLegend;
+use crate::provenance::PictureProvenance;
+use crate::view_content::ViewContent;
+use particlegs_core::model::{Model, Quantity};
+use particlegs_core::picture::{Colormap, ValueScale};
+use particlegs_core::render::{FieldMap, FieldQuery, MapComponent, first_means, mean_vector};
+use particlegs_core::{Error, NamedValue, Result};
+
+/// A field that is shown: its mean along each line of sight.
+#[derive(Clone, Debug, Default)]
+pub struct FieldOptions {
+    /// Its name, such as temperature; of a vector with a component: velocity.x, velocity.y, velocity.z, or velocity.los,
+    /// positive away from the observer. dispersion.los is the dispersion of the velocity, dispersion.temperature that of the
+    /// temperature. None: no field is shown.
+    pub name: Option<String>,
+    /// Scale of its colours; by default signed for vectors, logarithmic for positive values over a wide range.
+    pub scale: Option<ValueScale>,
+    /// Motion to subtract from a vector: `mean`, the mean of all particles, or `X,Y,Z` in its unit.
+    pub bulk: Option<String>,
+    /// Weight of means along the line of sight, by default mass, or numbers where no masses are known: `mass`, `count` (all
+    /// particles alike), or the name of a positive scalar field, whose value times mass weighs.
+    pub weight: Option<String>,
+    /// Whether surface density shades the colours: bright where there is much mass.
+    pub shade: bool,
+}
+
+/// A field to be drawn, and how.
+#[derive(Clone, Debug)]
+pub struct FieldChoice {
+    pub query: FieldQuery,
+    pub legend: FieldLegend,
+    pub shade: bool,
+}
+
+/// What fields are chosen from: a model, or a snapshot's particles.
+pub struct FieldSource<'a> {
+    pub quantities: &'a [Quantity],
+    /// The unit of length.
+    pub length: Option<&'a str>,
+    /// The mean of the vector field of a name.
+    pub mean: &'a dyn Fn(&str) -> [f64; 3],
+    /// Values that a scale is chosen by, of the first component.
+    pub samples: &'a dyn Fn(&str) -> Vec<f64>,
+}
+
+impl FieldOptions {
+    /// What a picture that shows `choice` stores of these options.
+    pub(crate) fn stored(&self, choice: &FieldChoice, provenance: PictureProvenance) -> PictureProvenance {
+        PictureProvenance {
+            field: self.name.clone(),
+            scale: Some(choice.legend.scale.name().into()),
+            bulk: self.bulk.clone(),
+            field_weight: self.weight.clone(),
+            shade: self.shade,
+            colormap: choice.legend.map.map(|m| m.name().into()),
+            unit: Some(choice.legend.unit.clone()),
+            ..provenance
+        }
+    }
+
+    /// Takes over what a picture of the same field stores, where no option says otherwise.
+    pub(crate) fn complete(&mut self, told: &PictureProvenance) -> std::result::Result<(), String> {
+        if let (None, Some(name)) = (self.scale, &told.scale) {
+            self.scale = Some(ValueScale::from_name(name)?);
+        }
+        self.weight = self.weight.take().or_else(|| told.field_weight.clone());
+        self.bulk = self.bulk.take().or_else(|| told.bulk.clone());
+        self.shade |= told.shade;
+        Ok(())
+    }
+
+    /// The field of this name, in a model.
+    pub(crate) fn of_model(&self, name: &str, model: &Model, map: Option<Colormap>) -> Result<FieldChoice> {
+        let (quantities, length) = (&model.metadata.fields, model.metadata.units.length_text());
+        let (mean, samples) =
+            (|name: &str| mean_vector(&model.layers, name), |name: &str| first_means(&model.layers, name));
+        self.choice(name, &FieldSource { quantities, length, mean: &mean, samples: &samples }, map)
+    }
+
+    pub(crate) fn choice(&self, name: &str, source: &FieldSource<'_>, map: Option<Colormap>) -> Result<FieldChoice> {
+        let mut query = FieldQuery::new(name, source.quantities)?;
+        if let Some(weight) = &self.weight {
+            query = query.weighted(weight, source.quantities)?;
+        }
+        if let Some(text) = &self.bulk {
+            if query.component == MapComponent::Scalar {
+                let what = format!("a bulk motion is subtracted from a vector, but field `{}` is a scalar", query.name);
+                return Err(Error::argument(what));
+            }
+            query.bulk = match &text[..] {
+                "mean" => (source.mean)(&query.name),
+                numbers => vector(numbers)?,
+            };
+        }
+        let scale = self.scale.unwrap_or_else(|| query.scale(|| (source.samples)(&query.name)));
+        let unit = query.unit(source.quantities, source.length);
+        let legend = FieldLegend { title: query.title(), unit, scale, map };
+        Ok(FieldChoice { query, legend, shade: self.shade })
+    }
+}
+
+impl FieldChoice {
+    /// The range that is asked for, where the scale can show it.
+    pub fn checked(&self, range: Option<[f64; 2]>) -> Result<()> {
+        match range {
+            Some(range) if !self.legend.scale.shows(range) => Err(Error::argument(
+                "the range of colours takes LO,HI with LO < HI, both positive on a logarithmic scale",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// What a map shows.
+    pub fn content(&self, map: FieldMap) -> ViewContent {
+        let values = map.wanted(&self.query).clone();
+        ViewContent::Field(values, self.shade.then_some(map.density))
+    }
+}
+
+fn vector(text: &str) -> Result<[f64; 3]> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
+    let three = numbers.and_then(|n| <[f64; 3]>::try_from(n).ok());
+    three.ok_or_else(|| Error::argument(format!("the bulk motion is `mean` or three numbers X,Y,Z, not `{text}`")))
+}
