@@ -4,15 +4,18 @@ use crate::choice::ReadOptions;
 use crate::compress::CompressOptions;
 use crate::errors::IntoPyResult;
 use crate::model::{Model, SeriesFrame};
+use crate::stats::measure_options;
 use crate::work::WorkOptions;
 use particlegs::SeriesOptions;
 use particlegs_compress::verify::SeriesVerification;
 use particlegs_core::codec::{FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
-use particlegs_core::{Result, codec};
+use particlegs_core::{Result, codec, model};
 use particlegs_files::input::Source;
 use particlegs_files::model_file;
+use particlegs_measure::stats::SeriesStatistics;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -121,6 +124,25 @@ impl ModelSeries {
         })?;
         let wrong = found.judge(&self.place).err().map(|e| e.to_string());
         Ok((serde_json::to_string(&found).expect("plain data"), wrong))
+    }
+
+    /// Statistics of every frame, of some layers or all: JSON as the command writes it.
+    #[pyo3(signature = (asked, layers=None, threads=None, progress=None))]
+    fn statistics(
+        &self,
+        py: Python<'_>,
+        asked: &Bound<'_, PyDict>,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<String> {
+        let options = measure_options(asked)?;
+        WorkOptions { threads, progress }.run(py, |context| {
+            let decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
+            let choose = |model: model::Model| if let Some(names) = &layers { model.only(names) } else { Ok(model) };
+            let found = SeriesStatistics::new(&self.place, decoder.series(), options, choose, context)?;
+            Ok(serde_json::to_string(&found).expect("plain data"))
+        })
     }
 
     /// The time of the clock at a moment such as `z=1`.

@@ -1,79 +1,69 @@
 //! Comparison of particles or models.
 
 use crate::compress::{FieldArray, layer_fields};
-use crate::errors::named;
+use crate::errors::{InputError, named};
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_core::Result;
-use particlegs_core::context::Context;
-use particlegs_measure::stats::{Measure, ParticleFields, StatsOptions, StatsSide, Subject, compare};
+use particlegs_core::NamedValue;
+use particlegs_measure::stats::{Measure, StatsOptions, StatsSide, Subject, compare};
 use particlegs_particles::LayerFields;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict};
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 
-/// What to measure; the names are those of the command.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct MeasureOptions {
-    only: Vec<String>,
-    convention: String,
-    grid: Option<usize>,
-    assignment: String,
-    spectrum_grid: usize,
-    spectrum_assignment: String,
-    interlacing: bool,
-    k_max: Option<f64>,
-    separations: Option<[f64; 2]>,
-    pairs: u64,
-    rdf_max: Option<f64>,
-    profile_bins: usize,
-    centers: Option<Vec<[f64; 3]>>,
-    halo_radius: Option<f64>,
-    halo_bins: usize,
-    linking: f64,
-    linking_length: Option<String>,
-    aperture: f64,
-    neighbours: usize,
-    joint: Option<[String; 2]>,
-    joint_bins: usize,
-    open: bool,
-    seed: u64,
+/// A value as the library reads it in records.
+fn value(given: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if given.is_none() {
+        return Ok(Value::Null);
+    }
+    let flag = given.is_instance_of::<PyBool>().then(|| given.extract::<bool>());
+    let number = || given.extract::<u64>().map(Value::from).or_else(|_| given.extract::<i64>().map(Value::from));
+    let other = || given.extract::<f64>().map(Value::from).or_else(|_| given.extract::<String>().map(Value::from));
+    if let Some(value) = flag.map(|f| f.map(Value::from)).or_else(|| number().or_else(|_| other()).ok().map(Ok)) {
+        return value;
+    }
+    given.try_iter()?.map(|item| value(&item?)).collect::<PyResult<Vec<_>>>().map(Value::from)
 }
 
-impl MeasureOptions {
-    fn options(self) -> PyResult<StatsOptions> {
-        let measures = match self.only.is_empty() {
-            true => Measure::ALL.to_vec(),
-            false => self.only.iter().map(|name| named("only", name)).collect::<PyResult<_>>()?,
-        };
-        let centers = self.centers.map(|all| all.into_iter().map(|c| (c, None)).collect());
-        Ok(StatsOptions {
-            measures,
-            convention: named("convention", &self.convention)?,
-            open: self.open,
-            cells: self.grid,
-            assignment: named("assignment", &self.assignment)?,
-            spectrum_cells: self.spectrum_grid,
-            spectrum_assignment: named("spectrum_assignment", &self.spectrum_assignment)?,
-            interlaced: self.interlacing,
-            k_max: self.k_max,
-            separations: self.separations,
-            pair_budget: self.pairs,
-            rdf_max: self.rdf_max,
-            profile_bins: self.profile_bins,
-            centers,
-            halo_radius: self.halo_radius,
-            halo_bins: self.halo_bins,
-            linking: self.linking,
-            linking_length: self.linking_length,
-            aperture: self.aperture,
-            neighbour_sample: self.neighbours,
-            joint: self.joint,
-            joint_bins: self.joint_bins,
-            seed: self.seed,
-            ..StatsOptions::default()
-        })
-    }
+/// A record of options of the library, by the names that they have there or on the command line.
+pub fn record<T: DeserializeOwned>(given: &Bound<'_, PyDict>) -> PyResult<T> {
+    let fields = given.iter().map(|(name, given)| Ok((name.extract()?, value(&given)?)));
+    serde_json::from_value(Value::Object(fields.collect::<PyResult<Map<_, _>>>()?)).map_err(|error| {
+        let what = error.to_string();
+        if what.starts_with("invalid type") { PyTypeError::new_err(what) } else { InputError::new_err(what) }
+    })
+}
+
+/// An option, which the others then are without.
+pub fn take<'py>(options: &Bound<'py, PyDict>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let value = options.get_item(name)?;
+    value.is_some().then(|| options.del_item(name)).transpose()?;
+    Ok(value.filter(|v| !v.is_none()))
+}
+
+fn take_named<T: NamedValue>(options: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<T>> {
+    take(options, name)?.map(|text| named(name, &text.extract::<String>()?)).transpose()
+}
+
+/// What to measure; the names are those of the command.
+pub fn measure_options(asked: &Bound<'_, PyDict>) -> PyResult<StatsOptions> {
+    let only: Vec<String> = take(asked, "only")?.map_or(Ok(Vec::new()), |names| names.extract())?;
+    let only = only.iter().map(|name| named("only", name)).collect::<PyResult<Vec<Measure>>>()?;
+    let (convention, assignment) = (take_named(asked, "convention")?, take_named(asked, "assignment")?);
+    let spectrum_assignment = take_named(asked, "spectrum_assignment")?;
+    let centers: Option<Vec<[f64; 3]>> = take(asked, "centers")?.map(|all| all.extract()).transpose()?;
+    let read: StatsOptions = record(asked)?;
+    Ok(StatsOptions {
+        measures: if only.is_empty() { read.measures } else { only },
+        convention: convention.unwrap_or(read.convention),
+        assignment: assignment.unwrap_or(read.assignment),
+        spectrum_assignment: spectrum_assignment.unwrap_or(read.spectrum_assignment),
+        centers: centers.map(|all| all.into_iter().map(|c| (c, None)).collect()),
+        ..read
+    })
 }
 
 /// A snapshot or a model.
@@ -101,21 +91,6 @@ impl StatsSource<'_> {
     }
 }
 
-/// Particles with these fields, or those drawn from a model.
-fn particle_fields(
-    subject: Subject<'_>,
-    fields: &[LayerFields],
-    o: &StatsOptions,
-    context: &Context<'_>,
-) -> Result<Option<ParticleFields>> {
-    match subject {
-        _ if !o.needs_fields() => Ok(None),
-        Subject::Particles(_) if fields.is_empty() => Ok(None),
-        Subject::Particles(p) => ParticleFields::read(p, fields, o),
-        Subject::Model(m) => ParticleFields::draw(m, o, context),
-    }
-}
-
 /// Compares `other` with `truth`, snapshots with fields; returns JSON as the command writes it.
 #[pyfunction]
 #[pyo3(signature = (truth, other, asked, fields=Default::default(), threads=None, progress=None))]
@@ -123,19 +98,15 @@ pub fn stats(
     py: Python<'_>,
     truth: StatsSource<'_>,
     other: StatsSource<'_>,
-    asked: MeasureOptions,
+    asked: &Bound<'_, PyDict>,
     fields: [Vec<FieldArray<'_>>; 2],
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    let options = asked.options()?;
-    let fields = [truth.fields(&fields[0])?, other.fields(&fields[1])?];
-    let subjects = [truth.subject(), other.subject()];
-    let found = WorkOptions { threads, progress }.run(py, |progress| {
-        let of = |side: usize| particle_fields(subjects[side], &fields[side], &options, progress);
-        let own = [of(0)?, of(1)?];
-        let side = |i: usize| StatsSide { subject: subjects[i], fields: own[i].as_ref() };
-        compare(side(0), side(1), &options, progress)
-    })?;
+    let options = measure_options(asked)?;
+    let [of_truth, of_other] = [truth.fields(&fields[0])?, other.fields(&fields[1])?];
+    let truth = StatsSide { subject: truth.subject(), fields: &of_truth };
+    let other = StatsSide { subject: other.subject(), fields: &of_other };
+    let found = WorkOptions { threads, progress }.run(py, |context| compare(truth, other, &options, context))?;
     Ok(serde_json::to_string(&found).expect("plain data"))
 }

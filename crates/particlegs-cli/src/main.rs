@@ -2,7 +2,6 @@
 
 #[cfg(feature = "lab")]
 mod bench_files;
-mod centres;
 mod commands;
 mod common;
 mod comparison;
@@ -13,16 +12,15 @@ mod device;
 mod drawing;
 mod emit;
 mod error_text;
-mod evolution;
 mod field_args;
 mod figure;
 mod fit_args;
-mod frame_table;
 mod info_model;
 mod info_series;
 mod info_snapshot;
 mod inputs;
 mod job_args;
+mod measured_input;
 mod options;
 mod outputs;
 mod page_args;
@@ -36,8 +34,6 @@ mod run_args;
 mod sequence_args;
 mod sigbus;
 mod snapshot_args;
-mod stats_plots;
-mod stats_tables;
 mod target_args;
 mod text_wrap;
 mod train_args;
@@ -46,6 +42,7 @@ mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
 use particlegs_core::{Error, Result};
+use particlegs_formats::centres;
 use std::ffi::OsString;
 use std::process::ExitCode;
 

@@ -17,6 +17,7 @@ mod atoms;
 mod axes;
 mod blosc;
 mod cache;
+pub mod centres;
 mod codecs;
 mod columns;
 mod compression;

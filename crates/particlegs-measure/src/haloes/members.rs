@@ -1,8 +1,6 @@
 //! Groups of linked particles, what is attached to them, and where they are densest.
 
-use crate::stats::{
-    LinkedParticles, PointGrid, find_groups, gathered, group_offsets, longest_link, mean_place, shrunk_center,
-};
+use crate::stats::{LinkedParticles, PointGrid, gathered, group_offsets, longest_link, mean_place, shrunk_center};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::is_species;
@@ -73,14 +71,7 @@ impl LinkedHaloes {
                 format!("the linking length {length:.4} is more than a third of the box: there are too few particles");
             return Err(Error::argument(what));
         }
-        let groups = match linked.index() {
-            None => find_groups(positions, domain, length, o.smallest, context)?.members,
-            Some(index) => {
-                let mut groups = find_groups(&gathered(positions, index), domain, length, o.smallest, context)?.members;
-                parallel::for_each(&mut groups, |m| m.iter_mut().for_each(|i| *i = index[*i as usize]));
-                groups
-            }
-        };
+        let groups = linked.link(positions, domain, length, o.smallest, context)?.members;
         let number_density = spacing.powi(-3);
         let mut found = LinkedHaloes {
             linking_length: length,

@@ -1,13 +1,15 @@
 //! Velocity dispersions of particles about given centres.
 
-use super::Domain;
 use super::aperture::quantile;
 use super::haloes::HaloPlaces;
 use super::points::{PointGrid, local_positions};
+use super::presentation::{Csv, Presentation, SummaryLines, maybe, row};
 use super::velocities::ParticleFields;
+use super::{Domain, Statistics};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::{Error, Result, parallel};
+use std::path::Path;
 
 /// Particles of both sides in a sphere that is compared, at least.
 const LEAST: u64 = 10;
@@ -107,6 +109,29 @@ fn about_each(
         let dispersion = if total > 0.0 { (inside.iter().map(square).sum::<f64>() / total).sqrt() } else { 0.0 };
         Ok::<_, Error>((inside.len() as u64, dispersion))
     })
+}
+
+/// What is shown of them.
+pub(super) const PRESENTATION: Presentation = Presentation { tables, lines, ..Presentation::NONE };
+
+fn tables(s: &Statistics, folder: &Path) -> Result<()> {
+    let Some(d) = &s.dispersion else { return Ok(()) };
+    let mut csv =
+        Csv::new("centre,x,y,z,radius,particles_truth,particles_other,dispersion_truth,dispersion_other,ratio");
+    for (i, (at, radius)) in d.centers.iter().zip(&d.radii).enumerate() {
+        let ([x, y, z], [n, m], [a, b]) = (*at, &d.particles, &d.dispersion);
+        row!(csv: i + 1, x, y, z, radius, n[i], m[i], a[i], b[i], maybe(d.ratio(i)));
+    }
+    csv.write(folder, "halo_dispersion.csv")
+}
+
+fn lines(s: &Statistics, to: &mut SummaryLines) {
+    let Some(d) = &s.dispersion else { return };
+    let Some((median, [low, high])) = d.median.zip(d.quartiles) else { return };
+    to.add(
+        &format!("haloes: dispersion, {} centres", d.compared),
+        format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
+    );
 }
 
 #[cfg(test)]

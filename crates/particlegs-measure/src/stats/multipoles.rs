@@ -1,10 +1,16 @@
 //! Multipoles of the power spectrum in redshift space, and the power spectrum of the momentum.
 
-use super::spectrum::{ShellSums, SpectrumOptions, spectra_of_sums, transform_pair};
-use super::velocities::ParticleFields;
-use super::{Domain, Grid, Spectra, Subject};
+use super::compare::ComparisonJob;
+use super::presentation::{
+    AxisUnits, ChartParts, Csv, OTHER, PlotFolder, Points, Presentation, SummaryLines, TRUTH, chart, compared, curve,
+    log, row,
+};
+use super::spectrum::{ShellSums, SpectrumOptions, last_while, limits, spectra_of_sums, transform_pair};
+use super::velocities::{ParticleFields, displacement};
+use super::{Domain, Grid, Spectra, Statistics, Subject};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
+use std::path::Path;
 
 /// Degrees of the multipoles.
 const DEGREES: [i32; 3] = [0, 2, 4];
@@ -116,6 +122,106 @@ pub fn momentum_spectra(
     }
     let shot_noise = pair.map(|v| v.momentum_noise(domain));
     Ok(spectra_of_sums(&sums.unwrap_or_default(), shot_noise, &grid, domain, o))
+}
+
+impl ComparisonJob<'_> {
+    /// `None`, and a note, where velocities cannot be turned into lengths, and in a box that is not periodic.
+    pub fn multipoles(
+        &self,
+        pair: [&ParticleFields; 2],
+        unit: Option<&str>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<Multipoles>> {
+        let moved = match self.domain.periodic {
+            [true, true, true] => displacement(self.pair, unit),
+            _ => Err("the box is not periodic along all axes".into()),
+        };
+        match moved {
+            Ok(moved) => multipoles(pair, moved, &self.domain, &self.spectrum_options(), self.context).map(Some),
+            Err(why) => {
+                notes.push(format!("no multipoles: {why}"));
+                Ok(None)
+            }
+        }
+    }
+}
+
+impl Multipoles {
+    /// Shells in which P0 of the truth is more than its shot noise scatters.
+    fn judged(&self) -> impl Iterator<Item = &MultipoleShell> {
+        let scatter = |s: &MultipoleShell| self.shot_noise[0] / (0.5 * s.modes as f64).sqrt();
+        self.shells.iter().filter(move |s| s.monopole[0] > scatter(s))
+    }
+
+    /// The last judged shell's k up to which every P0 is within `limit` of the truth's.
+    pub fn monopole_within(&self, limit: f64) -> Option<f64> {
+        last_while(self.judged().map(|s| (s.k, (s.monopole[1] / s.monopole[0] - 1.0).abs() <= limit)))
+    }
+
+    /// The largest difference of P2 in any judged shell, in units of the truth's P0.
+    pub(super) fn largest_quadrupole_deviation(&self) -> Option<f64> {
+        let of = |s: &MultipoleShell| ((s.quadrupole[1] - s.quadrupole[0]) / s.monopole[0]).abs();
+        self.judged().map(of).reduce(f64::max)
+    }
+}
+
+/// What is shown of them.
+pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
+
+fn tables(s: &Statistics, folder: &Path) -> Result<()> {
+    if let Some(momentum) = &s.momentum {
+        momentum.table().write(folder, "momentum.csv")?;
+    }
+    let Some(m) = &s.multipoles else { return Ok(()) };
+    let mut csv = Csv::new("k_low,k_high,k,modes,p0_truth,p0_other,p2_truth,p2_other,p4_truth,p4_other");
+    for h in &m.shells {
+        let ([a, b], [c, d], [e, f]) = (h.monopole, h.quadrupole, h.hexadecapole);
+        row!(csv: h.edges[0], h.edges[1], h.k, h.modes, a, b, c, d, e, f);
+    }
+    csv.write(folder, "multipoles.csv")
+}
+
+fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
+    to.write(multipole_chart(s, &to.units).into_iter().chain(momentum_chart(s, &to.units)))
+}
+
+/// P0 and the size of P2; the ratio is that of P0.
+fn multipole_chart(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
+    let m = s.multipoles.as_ref()?;
+    let of = |pick: fn(&MultipoleShell) -> f64| m.shells.iter().map(|h| (h.k, pick(h))).collect::<Points>();
+    let series = vec![
+        curve("P0, truth", TRUTH, false, of(|h| h.monopole[0])),
+        curve("P0, other", OTHER, false, of(|h| h.monopole[1])),
+        curve("|P2|, truth", TRUTH, true, of(|h| h.quadrupole[0].abs())),
+        curve("|P2|, other", OTHER, true, of(|h| h.quadrupole[1].abs())),
+    ];
+    let axes = [log(format!("k{}", u.wave)), log(format!("P(k){}", u.volume))];
+    let ratio = m.shells.iter().filter(|h| h.monopole[0] > 0.0).map(|h| (h.k, h.monopole[1] / h.monopole[0]));
+    let title = "Multipoles in redshift space (shot noise subtracted); below, P0";
+    Some(chart("multipoles", title, axes, series, ratio.collect()))
+}
+
+fn momentum_chart(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
+    let m = s.momentum.as_ref()?;
+    let rows: Vec<_> = m.shells.iter().map(|h| (h.k, h.power)).collect();
+    let unit = match (&s.velocity_unit, u.volume.trim().trim_matches(['[', ']'])) {
+        (Some(velocity), volume) if !volume.is_empty() => format!(" [({velocity})² {volume}]"),
+        _ => String::new(),
+    };
+    let axes = [log(format!("k{}", u.wave)), log(format!("P(k) of (1 + delta) v{unit}"))];
+    Some(compared("momentum", "Power spectrum of the momentum (shot noise subtracted)", axes, &rows, 0.0))
+}
+
+fn lines(s: &Statistics, to: &mut SummaryLines) {
+    let wave = to.wave.clone();
+    if let Some(m) = &s.multipoles {
+        to.add("P0(k): within 1, 5, 10 % up to k", limits(|limit| m.monopole_within(limit)) + &wave);
+        let deviation = m.largest_quadrupole_deviation().map_or("-".into(), |d| format!("{d:.3}"));
+        to.add("P2(k): largest difference / P0", deviation);
+    }
+    if let Some(m) = &s.momentum {
+        to.add("momentum: within 1, 5, 10 % up to k", limits(|limit| m.power_within(limit)) + &wave);
+    }
 }
 
 #[cfg(test)]

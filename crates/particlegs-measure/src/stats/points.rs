@@ -163,3 +163,36 @@ fn extent(positions: &[[f64; 3]], domain: &Domain) -> ([f64; 3], [f64; 3]) {
     }
     (low, length)
 }
+
+/// A place, relative to the domain's corner, and how far from it a counterpart may lie.
+pub(crate) type SearchSphere = ([f64; 3], f64);
+
+/// The counterpart of each of `wanted` among `centers`: one after the other takes the nearest that is left, within its
+/// radius, and `alike`, which is asked for the numbers of both.
+pub(crate) fn counterparts(
+    wanted: impl IntoIterator<Item = SearchSphere>,
+    centers: &[[f64; 3]],
+    domain: &Domain,
+    alike: impl Fn(usize, usize) -> bool,
+) -> Result<Vec<Option<usize>>> {
+    let points = PointGrid::new(centers, domain, 0.0)?;
+    let mut taken = vec![false; centers.len()];
+    let find = |(number, (center, radius)): (usize, SearchSphere)| {
+        let mut nearest: Option<(f64, usize)> = None;
+        points.near(points.cell_of(center), radius, |run, shift| {
+            for at in run {
+                let square: f64 = (0..3).map(|k| points.position[at][k] + shift[k] - center[k]).map(|d| d * d).sum();
+                let other = points.index[at] as usize;
+                let is_nearer = nearest.is_none_or(|n| (square, other) < n);
+                if is_nearer && !taken[other] && square <= radius * radius && alike(number, other) {
+                    nearest = Some((square, other));
+                }
+            }
+        });
+        nearest.map(|(_, other)| {
+            taken[other] = true;
+            other
+        })
+    };
+    Ok(wanted.into_iter().enumerate().map(find).collect())
+}

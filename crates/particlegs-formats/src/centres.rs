@@ -1,15 +1,18 @@
 //! A list of centres: a text table with x, y, z and optionally a radius in each line.
 
+use crate::Catalogue;
 use particlegs_core::context::Context;
 use particlegs_core::model::UnitSystem;
 use particlegs_core::space::{Cell, PeriodicCell};
 use particlegs_core::{Error, Result};
 use particlegs_files::input::name_of;
-use particlegs_formats::Catalogue;
 use std::path::Path;
 
 /// Centres and radii of circles, in the units of a snapshot or model; one whose inner half reaches over a face of the
 /// periodic box is also at the other side.
+///
+/// # Errors
+/// [`Error::Io`] and [`Error::Input`]: a file that is no list of centres with radii in such units and in that box.
 pub fn circles(
     path: &Path,
     place: (UnitSystem<'_>, Option<Cell>),
@@ -29,7 +32,10 @@ pub fn circles(
     Ok(circles)
 }
 
-/// Centres and radii in the units of a snapshot or model, in whose box they lie; prints notes.
+/// Centres and radii in the units of a snapshot or model, in whose box they lie. Notes go to the context.
+///
+/// # Errors
+/// [`Error::Input`]: other units, or another box.
 pub fn convert(
     list: Catalogue,
     path: &Path,
@@ -38,7 +44,7 @@ pub fn convert(
 ) -> Result<Vec<([f64; 3], Option<f64>)>> {
     let (centres, notes) =
         list.convert(&to, cell.and_then(|c| c.lengths())).map_err(|what| Error::input(name_of(path), what))?;
-    notes.iter().for_each(|note| context.message(&format!("note: {}: {note}", name_of(path))));
+    notes.iter().for_each(|note| context.note(&format!("{}: {note}", name_of(path))));
     let cell = cell.and_then(PeriodicCell::new);
     let is_far = |place: [f64; 3]| cell.is_some_and(|cell| cell.beyond(cell.offset(place)) > 1.0);
     let far = centres.iter().filter(|(place, _)| is_far(*place)).count();
