@@ -84,7 +84,7 @@ class Series:
     def verify(self, threads: Optional[int] = None, progress: _Progress = None) -> tuple[str, Optional[str]]: ...
     def statistics(
         self,
-        asked: _Asked,
+        asked: str,
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
         progress: _Progress = None,
@@ -239,14 +239,14 @@ def make_series(
 def stats(
     truth: Union[Snapshot, Model],
     other: Union[Snapshot, Model],
-    asked: _Asked,
+    asked: str,
     fields: Sequence[Sequence[tuple[str, Optional[str], Any]]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> str: ...
 def haloes(
     source: Union[Snapshot, Model],
-    asked: _Asked,
+    asked: str,
     fields: Sequence[tuple[str, Optional[str], Any]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,

@@ -181,7 +181,8 @@ class Series:
             "open": open,
             "seed": seed,
         }
-        found = self._native.statistics(asked, _coerce.names(layers), threads, _coerce.progress(progress))
+        record, shown = _coerce.record(asked), _coerce.progress(progress)
+        found = self._native.statistics(record, _coerce.names(layers), threads, shown)
         return dict(json.loads(found))
 
     def __repr__(self) -> str:

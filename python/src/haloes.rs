@@ -2,20 +2,20 @@
 
 use crate::compress::FieldArray;
 use crate::errors::InputError;
-use crate::stats::{StatsSource, record, take};
+use crate::stats::{StatsSource, asked_options, read};
 use crate::work::WorkOptions;
 use numpy::{IntoPyArray, PyArray1};
 use particlegs_measure::haloes::{HaloOptions, find_haloes, stated_cosmology};
 use particlegs_measure::stats::StatsSide;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
 /// How to find haloes; the names are those of the command.
-fn finder_options(asked: &Bound<'_, PyDict>) -> PyResult<HaloOptions> {
-    let cosmology = take(asked, "cosmology")?.map(|text| text.extract::<String>()).transpose()?;
+fn finder_options(json: &str) -> PyResult<HaloOptions> {
+    let mut asked = asked_options(json)?;
+    let cosmology: Option<String> = read(asked.remove("cosmology").unwrap_or_default())?;
     let cosmology = cosmology.map(|text| stated_cosmology(&text)).transpose();
     let cosmology = cosmology.map_err(|what| InputError::new_err(format!("cosmology: {what}")))?.unwrap_or_default();
-    Ok(HaloOptions { cosmology, ..record(asked)? })
+    Ok(HaloOptions { cosmology, ..read(asked.into())? })
 }
 
 /// A column: name, unit, description, whether its values are whole numbers, and these.
@@ -27,7 +27,7 @@ type CatalogueColumn<'py> = (String, String, String, bool, Bound<'py, PyArray1<f
 pub fn haloes<'py>(
     py: Python<'py>,
     source: StatsSource<'py>,
-    asked: &Bound<'py, PyDict>,
+    asked: &str,
     fields: Vec<FieldArray<'py>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,

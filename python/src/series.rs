@@ -15,7 +15,6 @@ use particlegs_files::input::Source;
 use particlegs_files::model_file;
 use particlegs_measure::stats::SeriesStatistics;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -131,7 +130,7 @@ impl ModelSeries {
     fn statistics(
         &self,
         py: Python<'_>,
-        asked: &Bound<'_, PyDict>,
+        asked: &str,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,

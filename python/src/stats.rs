@@ -6,64 +6,47 @@ use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use particlegs_core::NamedValue;
-use particlegs_measure::stats::{Measure, StatsOptions, StatsSide, Subject, compare};
+use particlegs_measure::stats::{Assignment, Convention, Measure, StatsOptions, StatsSide, Subject, compare};
 use particlegs_particles::LayerFields;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-/// A value as the library reads it in records.
-fn value(given: &Bound<'_, PyAny>) -> PyResult<Value> {
-    if given.is_none() {
-        return Ok(Value::Null);
-    }
-    let flag = given.is_instance_of::<PyBool>().then(|| given.extract::<bool>());
-    let number = || given.extract::<u64>().map(Value::from).or_else(|_| given.extract::<i64>().map(Value::from));
-    let other = || given.extract::<f64>().map(Value::from).or_else(|_| given.extract::<String>().map(Value::from));
-    if let Some(value) = flag.map(|f| f.map(Value::from)).or_else(|| number().or_else(|_| other()).ok().map(Ok)) {
-        return value;
-    }
-    given.try_iter()?.map(|item| value(&item?)).collect::<PyResult<Vec<_>>>().map(Value::from)
-}
+/// Options that were given as JSON.
+pub type AskedOptions = Map<String, Value>;
 
-/// A record of options of the library, by the names that they have there or on the command line.
-pub fn record<T: DeserializeOwned>(given: &Bound<'_, PyDict>) -> PyResult<T> {
-    let fields = given.iter().map(|(name, given)| Ok((name.extract()?, value(&given)?)));
-    serde_json::from_value(Value::Object(fields.collect::<PyResult<Map<_, _>>>()?)).map_err(|error| {
-        let what = error.to_string();
-        if what.starts_with("invalid type") { PyTypeError::new_err(what) } else { InputError::new_err(what) }
+/// A value that was given as JSON.
+pub fn read<T: DeserializeOwned>(given: Value) -> PyResult<T> {
+    serde_json::from_value(given).map_err(|error| match error.to_string() {
+        what if what.starts_with("invalid type") => PyTypeError::new_err(what),
+        what => InputError::new_err(what),
     })
 }
 
-/// An option, which the others then are without.
-pub fn take<'py>(options: &Bound<'py, PyDict>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
-    let value = options.get_item(name)?;
-    value.is_some().then(|| options.del_item(name)).transpose()?;
-    Ok(value.filter(|v| !v.is_none()))
+/// Options that were given as JSON, which the Python package makes.
+pub fn asked_options(json: &str) -> PyResult<AskedOptions> {
+    serde_json::from_str(json).map_err(|error| InputError::new_err(error.to_string()))
 }
 
-fn take_named<T: NamedValue>(options: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<T>> {
-    take(options, name)?.map(|text| named(name, &text.extract::<String>()?)).transpose()
+/// Refuses a name that an option has no value of.
+fn check_name<T: NamedValue>(option: &str, given: Option<&Value>) -> PyResult<()> {
+    given.and_then(Value::as_str).map_or(Ok(()), |name| named::<T>(option, name).map(drop))
 }
 
 /// What to measure; the names are those of the command.
-pub fn measure_options(asked: &Bound<'_, PyDict>) -> PyResult<StatsOptions> {
-    let only: Vec<String> = take(asked, "only")?.map_or(Ok(Vec::new()), |names| names.extract())?;
-    let only = only.iter().map(|name| named("only", name)).collect::<PyResult<Vec<Measure>>>()?;
-    let (convention, assignment) = (take_named(asked, "convention")?, take_named(asked, "assignment")?);
-    let spectrum_assignment = take_named(asked, "spectrum_assignment")?;
-    let centers: Option<Vec<[f64; 3]>> = take(asked, "centers")?.map(|all| all.extract()).transpose()?;
-    let read: StatsOptions = record(asked)?;
-    Ok(StatsOptions {
-        measures: if only.is_empty() { read.measures } else { only },
-        convention: convention.unwrap_or(read.convention),
-        assignment: assignment.unwrap_or(read.assignment),
-        spectrum_assignment: spectrum_assignment.unwrap_or(read.spectrum_assignment),
-        centers: centers.map(|all| all.into_iter().map(|c| (c, None)).collect()),
-        ..read
-    })
+pub fn measure_options(json: &str) -> PyResult<StatsOptions> {
+    let mut asked = asked_options(json)?;
+    let only = asked.get("only").and_then(Value::as_array).cloned().unwrap_or_default();
+    only.iter().try_for_each(|name| check_name::<Measure>("only", Some(name)))?;
+    if only.is_empty() {
+        asked.remove("only");
+    }
+    check_name::<Convention>("convention", asked.get("convention"))?;
+    ["assignment", "spectrum_assignment"].into_iter().try_for_each(|o| check_name::<Assignment>(o, asked.get(o)))?;
+    let centers: Option<Vec<[f64; 3]>> = read(asked.remove("centers").unwrap_or_default())?;
+    let centers = centers.map(|all| all.into_iter().map(|c| (c, None)).collect());
+    Ok(StatsOptions { centers, ..read(asked.into())? })
 }
 
 /// A snapshot or a model.
@@ -98,7 +81,7 @@ pub fn stats(
     py: Python<'_>,
     truth: StatsSource<'_>,
     other: StatsSource<'_>,
-    asked: &Bound<'_, PyDict>,
+    asked: &str,
     fields: [Vec<FieldArray<'_>>; 2],
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,

@@ -7,7 +7,9 @@ use super::overdensity::{HaloDensities, Overdensity};
 use super::properties::SphereProperties;
 use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
 use super::table::HaloCatalogue;
-use crate::stats::{GaussianSpheres, ParticleFields, PointGrid, StatsSide, Subject, local_positions, number_error};
+use crate::stats::{
+    GaussianSpheres, ParticleFields, PointGrid, StatsSide, Subject, local_positions, number_error, within,
+};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{Block, Cosmology, Dimension, Epoch, Layer, Mass, Unit, UnitSystem, Units};
@@ -84,16 +86,12 @@ impl HaloOptions {
     /// # Errors
     /// [`Error::Argument`].
     pub fn check(&self) -> Result<()> {
-        let within = |name: &str, value: f64, [low, high]: [f64; 2]| {
-            let fault = || Error::argument(format!("{name} must be {low} to {high}, not {value}"));
-            (low..=high).contains(&value).then_some(()).ok_or_else(fault)
-        };
-        within("the linking length in mean spacings", self.linking, [1e-6, 2.0])?;
-        within("the smallest number of particles", self.smallest as f64, [2.0, 1e9])?;
-        within("the share of particles that were read", self.sample_fraction, [1e-9, 1.0])?;
-        within("the redshift", self.redshift.unwrap_or(0.0), [-0.999, 1e6])?;
-        within("the softening length", self.softening.unwrap_or(0.0), [0.0, f64::MAX])?;
-        within("the mass of a particle", self.particle_mass.unwrap_or(1.0), [f64::MIN_POSITIVE, f64::MAX])
+        within("the linking length in mean spacings", self.linking, 1e-6, 2.0)?;
+        within("the smallest number of particles", self.smallest as f64, 2.0, 1e9)?;
+        within("the share of particles that were read", self.sample_fraction, 1e-9, 1.0)?;
+        within("the redshift", self.redshift.unwrap_or(0.0), -0.999, 1e6)?;
+        within("the softening length", self.softening.unwrap_or(0.0), 0.0, f64::MAX)?;
+        within("the mass of a particle", self.particle_mass.unwrap_or(1.0), f64::MIN_POSITIVE, f64::MAX)
     }
 }
 
@@ -293,14 +291,9 @@ impl<'a> HaloSearch<'a> {
         let mut parents = vec![None; centers.len()];
         for i in order {
             let radius = sphere(i).map_or(0.0, |s| s.sphere.radius);
-            points.near(points.cell_of(centers[i]), radius, |run, shift| {
-                for at in run {
-                    let other = points.index[at] as usize;
-                    let square: f64 =
-                        (0..3).map(|k| points.position[at][k] + shift[k] - centers[i][k]).map(|d| d * d).sum();
-                    if other != i && square <= radius * radius && mass(other) < mass(i) && parents[other].is_none() {
-                        parents[other] = Some(i);
-                    }
+            points.within(centers[i], radius, |other, _, _| {
+                if other != i && mass(other) < mass(i) && parents[other].is_none() {
+                    parents[other] = Some(i);
                 }
             });
         }
@@ -415,15 +408,9 @@ impl AboutCenter<'_> {
         let mut reach = search.first_reach(mass).min(furthest);
         loop {
             let mut found = Vec::new();
-            points.near(points.cell_of(center), reach, |run, shift| {
-                for at in run {
-                    let offset: [f64; 3] = each_axis(|k| points.position[at][k] + shift[k] - center[k]);
-                    let square = offset.iter().map(|d| d * d).sum::<f64>();
-                    if square <= reach * reach {
-                        let index = points.index[at];
-                        found.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
-                    }
-                }
+            points.within(center, reach, |index, offset, square| {
+                let index = index as u32;
+                found.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
             });
             let all = found.len() == search.positions.len();
             let particles = RadialParticles::new(found, reach);

@@ -110,17 +110,11 @@ impl LinkedHaloes {
             .collect();
         let nearest = parallel::try_map(&others, |i| {
             context.check()?;
-            let x = positions[*i as usize];
-            let mut best = (self.linking_length * self.linking_length, u32::MAX);
-            points.near(points.cell_of(x), self.linking_length, |run, shift| {
-                for at in run {
-                    let square = (0..3).map(|k| points.position[at][k] + shift[k] - x[k]).map(|d| d * d).sum::<f64>();
-                    // Of equal distances the first particle.
-                    let number = linked[points.index[at] as usize];
-                    if square < best.0 || square == best.0 && number < best.1 {
-                        best = (square, number);
-                    }
-                }
+            // Of equal distances the first particle.
+            let mut best = (f64::INFINITY, u32::MAX);
+            points.within(positions[*i as usize], self.linking_length, |at, _, square| {
+                let candidate = (square, linked[at]);
+                best = if candidate < best { candidate } else { best };
             });
             Ok::<u32, Error>(group.get(best.1 as usize).copied().unwrap_or(u32::MAX))
         })?;

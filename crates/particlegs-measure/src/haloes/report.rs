@@ -4,6 +4,7 @@ use super::mass_function::{MassFunctionBin, mass_function};
 use super::matching::HaloMatch;
 use super::table::HaloCatalogue;
 use super::{HaloOptions, find_haloes};
+use crate::stats::presentation::{OTHER, TRUTH, chart, curve};
 use crate::stats::{StatsSide, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::text::one_line;
@@ -143,33 +144,19 @@ impl HaloReport {
         let volume = length.map_or("volume".into(), |l| format!("({l})³"));
         let mass_label = if mass == "particles" { "particles within R200m".into() } else { format!("M200m [{mass}]") };
         let truth = &self.mass_function_of_truth;
-        let mut plots = vec![Plot {
-            name: "mass_function".into(),
-            title: "Mass function of haloes".into(),
-            x: PlotAxis::logarithmic(&mass_label),
-            y: PlotAxis::logarithmic(format!("haloes per decade and {volume}")),
-            series: Vec::new(),
-            levels: Vec::new(),
-        }];
-        if !truth.is_empty() {
-            plots[0].series.push(series("truth", 8, truth));
-        }
-        plots[0].series.push(series(if truth.is_empty() { "haloes" } else { "input" }, 1, &self.mass_function));
+        let axes =
+            [PlotAxis::logarithmic(&mass_label), PlotAxis::logarithmic(format!("haloes per decade and {volume}"))];
+        let name = if truth.is_empty() { "haloes" } else { "input" };
+        let of_truth = (!truth.is_empty()).then(|| series("truth", TRUTH, truth));
+        let curves = of_truth.into_iter().chain([series(name, OTHER, &self.mass_function)]).collect();
+        let mut plots = chart("mass_function", "Mass function of haloes", axes, curves, Vec::new());
         let both = self.mass_function.iter().zip(truth).filter(|(b, t)| b.haloes > 0 && t.haloes > 0);
-        let ratio = |(b, t): (&MassFunctionBin, &MassFunctionBin)| {
-            Point::new((b.masses[0] * b.masses[1]).sqrt(), b.density / t.density)
-        };
-        let points: Vec<Point> = both.map(ratio).collect();
-        if !points.is_empty() {
-            let series = Series { name: String::new(), style: 1, dashed: false, points };
-            plots.push(Plot {
-                name: "ratio".into(),
-                title: String::new(),
-                x: PlotAxis::logarithmic(&mass_label),
-                y: PlotAxis::ratios("input / truth", [0.5, 1.5]),
-                series: vec![series],
-                levels: Vec::new(),
-            });
+        let ratio =
+            |(b, t): (&MassFunctionBin, &MassFunctionBin)| ((b.masses[0] * b.masses[1]).sqrt(), b.density / t.density);
+        let ratio = curve("", OTHER, false, both.map(ratio).collect());
+        if !ratio.points.is_empty() {
+            let axes = [PlotAxis::logarithmic(&mass_label), PlotAxis::ratios("input / truth", [0.5, 1.5])];
+            plots.extend(chart("ratio", "", axes, vec![ratio], Vec::new()));
         }
         plots
     }

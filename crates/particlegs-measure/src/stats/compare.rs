@@ -164,20 +164,20 @@ fn profile(s: &Statistics) -> Option<&AxisProfile> {
     s.profiles.as_ref()?.get(s.options.profile_axis)
 }
 
-/// What each measure shows, in the order of the lines.
-pub(super) const PRESENTATIONS: [Presentation; 12] = [
-    density::PRESENTATION,
-    spectrum::PRESENTATION,
-    pairs::PRESENTATION,
-    group_report::PRESENTATION,
-    neighbours::PRESENTATION,
-    rdf::PRESENTATION,
-    profile::PRESENTATION,
-    haloes::PRESENTATION,
-    multipoles::PRESENTATION,
-    dispersion::PRESENTATION,
-    joint::PRESENTATION,
-    likelihood::PRESENTATION,
+/// Shows each measure, in the order of the lines.
+pub(super) const SHOW: [fn(&Statistics, &mut Presentation); 12] = [
+    density::show,
+    spectrum::show,
+    pairs::show,
+    group_report::show,
+    neighbours::show,
+    rdf::show,
+    profile::show,
+    haloes::show,
+    multipoles::show,
+    dispersion::show,
+    joint::show,
+    likelihood::show,
 ];
 
 /// Measures `other` against `truth`, in the units of the truth.
@@ -187,11 +187,8 @@ pub fn compare<'a>(
     o: &StatsOptions,
     context: &Context<'_>,
 ) -> Result<Statistics> {
-    compare_sides([truth.into(), other.into()], o, context)
-}
-
-fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
     o.check()?;
+    let sides: [StatsSide<'_>; 2] = [truth.into(), other.into()];
     let [truth, other] = sides.map(|s| s.subject);
     [truth, other].iter().filter_map(Subject::particles).try_for_each(Particles::check_files)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {

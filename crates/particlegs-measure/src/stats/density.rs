@@ -2,15 +2,13 @@
 
 use super::compare::ComparisonJob;
 use super::deposit::{deposit, deposit_bytes, deposit_steps};
-use super::presentation::{ChartParts, Csv, PlotFolder, Presentation, SummaryLines, compared, log, row};
+use super::presentation::*;
 use super::{Field, Grid, Statistics, Subject};
 use particlegs_core::Result;
 use particlegs_core::model::decimals;
 use particlegs_core::parallel;
-use particlegs_core::picture::{Colormap, Rgb8, Size};
-use particlegs_figure::{ColourBar, Figure, FigureImage, FigureSpace, Panel, layout, raster};
-use particlegs_files::png::write_png;
-use std::path::Path;
+use particlegs_core::picture::Colormap;
+use particlegs_figure::{ColourBar, Figure, Panel};
 
 /// Cells along each edge for densities of the published table.
 pub(crate) const PAPER_CELLS: usize = 256;
@@ -219,72 +217,42 @@ impl ComparisonJob<'_> {
     }
 }
 
-/// Font size of slices, pixels.
-const SLICE_LETTERS: f64 = 16.0;
-
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(d) = &s.density else { return Ok(()) };
-    let mut csv = Csv::new("log10_density_low,log10_density_high,cells_truth,cells_other");
-    for i in 0..d.pdf.edges.len() - 1 {
-        row!(csv: d.pdf.edges[i], d.pdf.edges[i + 1], d.pdf.cells[0][i], d.pdf.cells[1][i]);
-    }
-    csv.write(folder, "density_pdf.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let Some(d) = &s.density else { return Ok(()) };
-    to.write([pdf(d)])?;
-    for axis in 0..3 {
-        let picture = slices(d, axis)?;
-        let path = to.folder.join(format!("slice_{}.png", ["x", "y", "z"][axis]));
-        write_png(&path, picture.size, picture.data.as_flattened())?;
-    }
-    Ok(())
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     let Some(d) = &s.density else { return };
+    let [truth, other] = &d.pdf.cells;
+    let bins = d.pdf.edges.windows(2).zip(truth.iter().zip(other));
+    to.table(
+        "density_pdf.csv",
+        "log10_density_low,log10_density_high,cells_truth,cells_other",
+        bins.clone().map(|(e, (a, b))| row![e[0], e[1], a, b]),
+    );
+    let all: f64 = d.cells.iter().map(|n| *n as f64).product();
+    let of = |(e, (a, b)): (&[f64], (&u64, &u64))| (10f64.powf(0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / all));
+    let axes = [log("density / mean"), log("share of cells per bin (10 per decade)")];
+    to.plot(compared("density_pdf", "Distribution of density", axes, &bins.map(of).collect::<Vec<_>>(), 0.0));
+    to.slices.extend(["x", "y", "z"].into_iter().zip(0..3).map(|(name, axis)| (name, slices(d, axis))));
     let [x, y, z] = d.cells;
     let each = s.particles[0] as f64 / (x * y * z) as f64;
     let DensityComparison { correlation, mean_absolute_error, root_mean_square_error, .. } = &d.agreement;
-    to.add("density: grid; particles per cell", format!("{x}x{y}x{z}; {}", decimals(each)));
-    to.add("density: correlation; MAE of delta", format!("{correlation:.4}; {mean_absolute_error:.4}"));
-    to.add("density: RMSE of delta", format!("{root_mean_square_error:.4}"));
-}
-
-fn pdf(d: &DensityReport) -> ChartParts {
-    let all: f64 = d.cells.iter().map(|n| *n as f64).product();
-    let [truth, other] = &d.pdf.cells;
-    let rows = d.pdf.edges.windows(2).zip(truth.iter().zip(other));
-    let of = |(e, (a, b)): (&[f64], (&u64, &u64))| (10f64.powf(0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / all));
-    let axes = [log("density / mean"), log("share of cells per bin (10 per decade)")];
-    compared("density_pdf", "Distribution of density", axes, &rows.map(of).collect::<Vec<_>>(), 0.0)
+    to.line("density: grid; particles per cell", format!("{x}x{y}x{z}; {}", decimals(each)));
+    to.line("density: correlation; MAE of delta", format!("{correlation:.4}; {mean_absolute_error:.4}"));
+    to.line("density: RMSE of delta", format!("{root_mean_square_error:.4}"));
 }
 
 /// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.
-fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {
+fn slices(d: &DensityReport, axis: usize) -> Figure {
     let [columns, rows] = [[1, 2], [0, 2], [0, 1]][axis].map(|k: usize| d.cells[k]);
     // About 480 pixels along the longer side, each cell a square of pixels; the first axis is horizontal.
     let scale = (480 / columns.max(rows).max(1)).max(1);
-    let size = Size { width: columns * scale, height: rows * scale };
-    let picture = |values: &Vec<f32>| {
-        let pixel = |at: usize| {
-            let (across, up) = (at % size.width / scale, rows - 1 - at / size.width / scale);
-            Colormap::Inferno.color((values[across * rows + up].log10() + 1.0) / 4.0)
-        };
-        Rgb8 { size, data: (0..size.pixels()).map(pixel).collect() }
-    };
+    let color = |v: f32| Colormap::Inferno.color((v.log10() + 1.0) / 4.0);
     let panel = |(values, name): (&Vec<f32>, &str)| Panel {
         caption: Some(name.to_string()),
-        ..Panel::plain(FigureImage::Color(picture(values)))
+        ..Panel::plain(block_picture(values, [columns, rows], scale, color))
     };
     let bar = ColourBar::logarithmic("density / mean".into(), [0.1, 1000.0], |share| Colormap::Inferno.color(share));
     let panels = d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect();
-    let whole = Figure { bar: Some(bar), ..Figure::plain(panels, 2) };
-    raster(&layout(&whole, SLICE_LETTERS, FigureSpace::Pixels)?)
+    Figure { bar: Some(bar), ..Figure::plain(panels, 2) }
 }
 
 #[cfg(test)]

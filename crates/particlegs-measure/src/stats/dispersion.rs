@@ -3,13 +3,12 @@
 use super::aperture::quantile;
 use super::haloes::HaloPlaces;
 use super::points::{PointGrid, local_positions};
-use super::presentation::{Csv, Presentation, SummaryLines, maybe, row};
+use super::presentation::*;
 use super::velocities::ParticleFields;
 use super::{Domain, Statistics};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::{Error, Result, parallel};
-use std::path::Path;
 
 /// Particles of both sides in a sphere that is compared, at least.
 const LEAST: u64 = 10;
@@ -111,24 +110,17 @@ fn about_each(
     })
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, lines, ..Presentation::NONE };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(d) = &s.dispersion else { return Ok(()) };
-    let mut csv =
-        Csv::new("centre,x,y,z,radius,particles_truth,particles_other,dispersion_truth,dispersion_other,ratio");
-    for (i, (at, radius)) in d.centers.iter().zip(&d.radii).enumerate() {
-        let ([x, y, z], [n, m], [a, b]) = (*at, &d.particles, &d.dispersion);
-        row!(csv: i + 1, x, y, z, radius, n[i], m[i], a[i], b[i], maybe(d.ratio(i)));
-    }
-    csv.write(folder, "halo_dispersion.csv")
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     let Some(d) = &s.dispersion else { return };
+    let row = |i: usize| {
+        let ([x, y, z], [n, m], [a, b]) = (d.centers[i], &d.particles, &d.dispersion);
+        row![i + 1, x, y, z, d.radii[i], n[i], m[i], a[i], b[i], maybe(d.ratio(i))]
+    };
+    let head = "centre,x,y,z,radius,particles_truth,particles_other,dispersion_truth,dispersion_other,ratio";
+    to.table("halo_dispersion.csv", head, (0..d.radii.len()).map(row));
     let Some((median, [low, high])) = d.median.zip(d.quartiles) else { return };
-    to.add(
+    to.line(
         &format!("haloes: dispersion, {} centres", d.compared),
         format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
     );

@@ -4,11 +4,10 @@ use super::aperture::{aperture_mass, counts_within, group_center};
 use super::compare::ComparisonJob;
 use super::linking::{LinkedGroups, LinkedParticles, length_in};
 use super::pairs::longest_separation;
-use super::presentation::{Csv, PlotFolder, Presentation, SummaryLines, compared, log, maybe, row};
+use super::presentation::*;
 use super::{ApertureMass, Groups, Measure, SizeClass, Statistics, longest_link, size_histogram};
 use particlegs_core::model::decimals;
 use particlegs_core::{Result, parallel};
-use std::path::Path;
 
 /// Sizes of groups whose cores are compared.
 const CORES: [[u64; 2]; 3] = [[100, 299], [300, 999], [1000, u64::MAX]];
@@ -133,49 +132,33 @@ impl ComparisonJob<'_> {
     }
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(g) = &s.groups else { return Ok(()) };
-    let mut csv = Csv::new("from,to,groups_truth,groups_other,ratio");
-    for c in &g.histogram {
-        row!(csv: c.from, maybe(c.to), c.groups[0], c.groups[1], maybe(c.ratio));
-    }
-    csv.write(folder, "groups.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let Some(g) = &s.groups else { return Ok(()) };
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(g) = &s.groups else { return };
+    let row = |c: &SizeClass| row![c.from, maybe(c.to), c.groups[0], c.groups[1], maybe(c.ratio)];
+    to.table("groups.csv", "from,to,groups_truth,groups_other,ratio", g.histogram.iter().map(row));
     let of = |c: &SizeClass| {
-        let to = c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64);
-        ((c.from as f64 * to).sqrt(), c.groups.map(|n| n as f64))
+        let end = c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64);
+        ((c.from as f64 * end).sqrt(), c.groups.map(|n| n as f64))
     };
     let rows: Vec<_> = g.histogram.iter().map(of).collect();
     let axes = [log("particles in a group"), log("groups per bin")];
-    to.write([compared("groups", "Friends-of-friends groups by size", axes, &rows, 0.0)])
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    let Some(g) = &s.groups else { return };
+    to.plot(compared("groups", "Friends-of-friends groups by size", axes, &rows, 0.0));
     for c in &g.classes {
         let ratio = c.ratio.map_or(String::new(), |r| format!(" ({:+.1} %)", 100.0 * (r - 1.0)));
-        to.add(&format!("groups of {} particles", size(c)), format!("{}, truth {}{ratio}", c.groups[1], c.groups[0]));
+        to.line(
+            &format!("groups of {} particles", sizes(c.from, c.to)),
+            format!("{}, truth {}{ratio}", c.groups[1], c.groups[0]),
+        );
     }
     for a in g.apertures.iter().filter(|a| a.groups > 0) {
-        let sizes = if a.sizes[1] == u64::MAX {
-            format!("{} and more", a.sizes[0])
-        } else {
-            format!("{} to {}", a.sizes[0], a.sizes[1])
-        };
+        let sizes = sizes(a.sizes[0], Some(a.sizes[1]).filter(|to| *to < u64::MAX));
         let median = a.median.map_or("-".into(), |m| format!("{m:.3}"));
-        to.add(
-            &format!("core mass, groups of {sizes}"),
-            format!("{median} of the truth (median, radius {}{})", decimals(a.radius), to.length),
-        );
+        let value = format!("{median} of the truth (median, radius {}{})", decimals(a.radius), to.length);
+        to.line(&format!("core mass, groups of {sizes}"), value);
     }
 }
 
-fn size(c: &SizeClass) -> String {
-    c.to.map_or(format!("{} and more", c.from), |t| format!("{} to {t}", c.from))
+fn sizes(from: u64, to: Option<u64>) -> String {
+    to.map_or(format!("{from} and more"), |to| format!("{from} to {to}"))
 }

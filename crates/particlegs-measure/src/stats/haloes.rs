@@ -4,7 +4,7 @@ use super::aperture::{group_center, quantile};
 use super::compare::ComparisonJob;
 use super::linking::LinkedGroups;
 use super::points::PointGrid;
-use super::presentation::{Csv, PlotFolder, Presentation, SummaryLines, chart, log, maybe, pair, row};
+use super::presentation::*;
 use super::subject::mixtures;
 use super::{Domain, Statistics, Subject};
 use particlegs_core::context::Context;
@@ -15,7 +15,6 @@ use particlegs_fit::recover::stratify;
 use particlegs_particles::Particles;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use std::path::Path;
 
 /// Particles of the smallest group whose centre is a halo's, the most haloes, and how far they go in mean spacings.
 const LEAST_HALO: usize = 100;
@@ -409,33 +408,24 @@ impl ComparisonJob<'_> {
     }
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(h) = &s.haloes else { return Ok(()) };
-    let mut csv =
-        Csv::new("centre,x,y,z,radius,r_low,r_high,density_truth,density_other,enclosed_truth,enclosed_other");
-    for (i, (at, radius)) in h.centers.iter().zip(&h.radii).enumerate() {
-        for shell in 0..h.edges.len() - 1 {
-            let ([a, b], [within_a, within_b]) = (h.density(i, shell), h.enclosed_mass(i, shell + 1));
-            let [x, y, z] = *at;
-            let (low, high) = (h.edges[shell] * radius, h.edges[shell + 1] * radius);
-            row!(csv: i + 1, x, y, z, radius, low, high, a, b, within_a, within_b);
-        }
-    }
-    csv.write(folder, "haloes.csv")?;
-    let mut csv = Csv::new("r,r_over_radius,haloes,median,quartile_low,quartile_high,total");
-    for (i, edge) in h.edges.iter().enumerate() {
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(h) = &s.haloes else { return };
+    let shells = |i: usize| (0..h.edges.len() - 1).map(move |shell| (i, shell));
+    let row = |(i, shell): (usize, usize)| {
+        let ([a, b], [within_a, within_b]) = (h.density(i, shell), h.enclosed_mass(i, shell + 1));
+        let ([x, y, z], radius) = (h.centers[i], h.radii[i]);
+        row![i + 1, x, y, z, radius, h.edges[shell] * radius, h.edges[shell + 1] * radius, a, b, within_a, within_b]
+    };
+    let head = "centre,x,y,z,radius,r_low,r_high,density_truth,density_other,enclosed_truth,enclosed_other";
+    to.table("haloes.csv", head, (0..h.radii.len()).flat_map(shells).map(row));
+    let row = |(i, edge): (usize, &f64)| {
         let [low, high] = [0, 1].map(|q| maybe(h.quartiles[i].map(|of| of[q])));
         let radius = maybe(h.radius.map(|r| r * edge));
-        row!(csv: radius, edge, h.compared[i], maybe(h.median[i]), low, high, maybe(h.total[i]));
-    }
-    csv.write(folder, "halo_mass.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let Some(h) = &s.haloes else { return Ok(()) };
+        row![radius, edge, h.compared[i], maybe(h.median[i]), low, high, maybe(h.total[i])]
+    };
+    let head = "r,r_over_radius,haloes,median,quartile_low,quartile_high,total";
+    to.table("halo_mass.csv", head, h.edges.iter().enumerate().map(row));
     let scale = h.radius.unwrap_or(1.0);
     let of = |side: usize| {
         let density = |shell: usize| (0..h.radii.len()).map(|i| h.density(i, shell)[side]).sum::<f64>();
@@ -447,18 +437,14 @@ fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
     let r = h.radius.map_or("r / largest radius".into(), |_| format!("r{}", to.units.length));
     let title = format!("Density around {} centres; below, mass within r (median)", h.count);
     let axes = [log(r), log("density / mean of the box")];
-    to.write([chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect())])
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    let Some(h) = &s.haloes else { return };
+    to.plot(chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect()));
     let radius = h.radius.map_or("given".into(), |r| decimals(r) + &to.length);
-    to.add("haloes: centres", format!("{}, largest radius {radius}", h.count));
+    to.line("haloes: centres", format!("{}, largest radius {radius}", h.count));
     for share in [0.1, 0.3, 1.0] {
         let near = |i: &usize| (h.edges[*i] / share).ln().abs();
         let Some(i) = (0..h.edges.len()).min_by(|a, b| near(a).total_cmp(&near(b))) else { continue };
         let Some((median, [low, high])) = h.median[i].zip(h.quartiles[i]) else { continue };
-        to.add(
+        to.line(
             &format!("haloes: mass within {:.3} radii", h.edges[i]),
             format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
         );

@@ -1,18 +1,15 @@
 //! Joint histograms of two scalar fields, such as density and temperature: how much mass has which pair of values.
 
-use super::presentation::{Csv, PlotFolder, Presentation, SummaryLines, row};
+use super::presentation::*;
 use super::velocities::FieldSide;
 use super::{ParticleFields, Statistics, StatsOptions, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
-use particlegs_core::picture::{Colormap, Rgb8, Size};
+use particlegs_core::picture::Colormap;
 use particlegs_core::{Result, text};
-use particlegs_figure::png_file::PngMetadata;
-use particlegs_figure::{ColourBar, EdgeAxis, Figure, FigureImage, FigureSpace, FileKind, Panel, PaperColour, layout};
+use particlegs_figure::{ColourBar, EdgeAxis, Figure, Panel, PaperColour};
 use particlegs_files::memory::require;
-use particlegs_files::output::write_bytes;
 use particlegs_particles::{FieldColumns, LayerFields, RUN, StarFormingGas};
-use std::path::Path;
 
 /// An axis of positive values is logarithmic if the largest is this many times the least.
 const DECADES: f64 = 100.0;
@@ -278,41 +275,30 @@ fn correlation(pairs: &FieldPairs, axes: &[JointAxis; 2]) -> Option<f64> {
     (size > 0.0).then(|| moment(0, 1) / size)
 }
 
-/// Font size of histograms, pixels; on a page, points, and its width.
-const LETTERS: f64 = 16.0;
-const POINTS: f64 = 9.0;
-const PAGE: f64 = 500.0;
 /// Shares of a cell that have colours, below the largest.
 const LEAST_SHARE: f64 = 1e-4;
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(all) = &s.joint else { return Ok(()) };
-    let mut csv = Csv::new("particle_type,x_low,x_high,y_low,y_high,truth,other");
-    for j in all {
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(all) = &s.joint else { return };
+    let cells = all.iter().flat_map(|j| {
         let ([x, y], [a, b], name) = (&j.edges, &j.share, text::cell(&j.layer));
-        for cell in 0..a.len() {
+        (0..a.len()).map(move |cell| {
             let (i, k) = (cell / (y.len() - 1), cell % (y.len() - 1));
-            row!(csv: name, x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]);
-        }
+            row![name, x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]]
+        })
+    });
+    to.table("joint.csv", "particle_type,x_low,x_high,y_low,y_high,truth,other", cells);
+    to.figures.push(("joint", figure(all)));
+    for j in all {
+        let name = |k: usize| if j.logarithmic[k] { format!("log {}", j.fields[k]) } else { j.fields[k].clone() };
+        to.line(&format!("{}: {} and {}", j.layer, name(0), name(1)), {
+            let [difference, noise] = [j.difference, j.noise].map(|v| 100.0 * v);
+            format!("{difference:.2} % of the mass is in other cells, sampling noise {noise:.2} %")
+        });
+        let r = |side: usize| j.correlation[side].map_or("-".into(), |r| format!("{r:.3}"));
+        to.line(&format!("{}: their correlation", j.layer), format!("{}, truth {}", r(1), r(0)));
     }
-    csv.write(folder, "joint.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let Some(all) = &s.joint else { return Ok(()) };
-    let figure = figure(all);
-    for kind in to.kinds {
-        let (em, space) = match kind {
-            FileKind::Png => (LETTERS, FigureSpace::Pixels),
-            _ => (POINTS, FigureSpace::Width(PAGE)),
-        };
-        let bytes = layout(&figure, em, space)?.bytes(*kind, &PngMetadata::default())?;
-        write_bytes(&to.folder.join(format!("joint.{}", kind.name())), &bytes)?;
-    }
-    Ok(())
 }
 
 /// Truth and other side by side, a row a particle type: the logarithm of the share of mass in a cell over the largest.
@@ -326,7 +312,6 @@ fn figure(all: &[JointHistogram]) -> Figure {
         let [columns, rows] = j.edges.each_ref().map(|e| e.len() - 1);
         // About 400 pixels along an edge, each cell a square of pixels.
         let scale = (400 / columns).max(1);
-        let size = Size { width: columns * scale, height: rows * scale };
         let largest = j.share.iter().flatten().copied().fold(0.0, f64::max);
         let axes = [0, 1].map(|k| {
             let unit = j.units[k].as_ref().map_or(String::new(), |u| format!(" [{u}]"));
@@ -338,33 +323,16 @@ fn figure(all: &[JointHistogram]) -> Figure {
             EdgeAxis { label: name + &unit, low, high }
         });
         for (share, side) in j.share.iter().zip(["truth", "other"]) {
-            let pixel = |at: usize| {
-                let (across, up) = (at % size.width / scale, rows - 1 - at / size.width / scale);
-                color(share[across * rows + up] / largest)
-            };
-            let picture = Rgb8 { size, data: (0..size.pixels()).map(pixel).collect() };
             panels.push(Panel {
                 caption: Some(format!("{}: {side}", j.layer)),
                 axes: Some(axes.clone()),
-                ..Panel::plain(FigureImage::Color(picture))
+                ..Panel::plain(block_picture(share, [columns, rows], scale, |v| color(v / largest)))
             });
         }
     }
     let title = "mass in a cell / largest".into();
     let bar = ColourBar::logarithmic(title, [LEAST_SHARE, 1.0], |share| Colormap::Viridis.color(share));
     Figure { bar: Some(bar), ground: PaperColour::White, ..Figure::plain(panels, 2) }
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    for j in s.joint.iter().flatten() {
-        let name = |k: usize| if j.logarithmic[k] { format!("log {}", j.fields[k]) } else { j.fields[k].clone() };
-        to.add(&format!("{}: {} and {}", j.layer, name(0), name(1)), {
-            let [difference, noise] = [j.difference, j.noise].map(|v| 100.0 * v);
-            format!("{difference:.2} % of the mass is in other cells, sampling noise {noise:.2} %")
-        });
-        let r = |side: usize| j.correlation[side].map_or("-".into(), |r| format!("{r:.3}"));
-        to.add(&format!("{}: their correlation", j.layer), format!("{}, truth {}", r(1), r(0)));
-    }
 }
 
 #[cfg(test)]

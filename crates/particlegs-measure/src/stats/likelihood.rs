@@ -4,7 +4,7 @@
 use super::compare::ComparisonJob;
 use super::neighbours::sample;
 use super::points::PointGrid;
-use super::presentation::{Presentation, SummaryLines};
+use super::presentation::*;
 use super::subject::mixtures;
 use super::{Domain, Statistics, Subject};
 use particlegs_core::context::Context;
@@ -300,16 +300,14 @@ impl ComparisonJob<'_> {
     }
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { lines, ..Presentation::NONE };
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     let Some(l) = &s.likelihood else { return };
-    to.add(
+    to.line(
         "likelihood of the particles",
         format!("{:.3} +- {:.3} bits per particle above uniform ({} particles)", l.bits, l.error, l.sampled),
     );
-    to.add("needles", format!("{:.2} % of {} Gaussians", 100.0 * l.needles, l.gaussians));
+    to.line("needles", format!("{:.2} % of {} Gaussians", 100.0 * l.needles, l.gaussians));
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ mod multipoles;
 mod neighbours;
 mod pairs;
 mod points;
-mod presentation;
+pub(crate) mod presentation;
 mod profile;
 mod rdf;
 mod report;
@@ -137,6 +137,7 @@ particlegs_core::named_values! {
 #[serde(default, deny_unknown_fields)]
 pub struct StatsOptions {
     /// What to measure.
+    #[serde(alias = "only")]
     pub measures: Vec<Measure>,
     /// Whose definitions.
     pub convention: Convention,
@@ -216,42 +217,34 @@ impl StatsOptions {
     /// # Errors
     /// [`Error::Argument`].
     pub fn check(&self) -> Result<()> {
-        let o = self;
-        let within = |name: &str, value: f64, low: f64, high: f64| {
-            if value >= low && value <= high {
-                Ok(())
-            } else {
-                Err(Error::argument(format!("{name} must be {low} to {high}, not {value}")))
-            }
-        };
-        within("the number of cells of the density grid", o.cells.unwrap_or(2) as f64, 2.0, 8192.0)?;
-        within("the number of cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
-        within("the number of bins per decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
-        within("the linking length in mean spacings", o.linking, 1e-6, 2.0)?;
-        within("the aperture in mean spacings", o.aperture, 1e-6, 100.0)?;
-        within("the size of the smallest group", o.smallest_group as f64, 2.0, 1e9)?;
-        within("the sample of neighbours", o.neighbour_sample as f64, 2.0, 4e9)?;
-        within("the axis of a profile", o.profile_axis as f64, 0.0, 2.0)?;
-        within("the number of slabs of a profile", o.profile_bins as f64, 1.0, 10_000.0)?;
-        within("the number of bins of a joint histogram", o.joint_bins as f64, 2.0, 1000.0)?;
-        within("the number of shells around a halo", o.halo_bins as f64, 1.0, 1000.0)?;
-        if let Some(r) = o.rdf_max {
+        within("the number of cells of the density grid", self.cells.unwrap_or(2) as f64, 2.0, 8192.0)?;
+        within("the number of cells of the spectrum's grid", self.spectrum_cells as f64, 4.0, 8192.0)?;
+        within("the number of bins per decade", self.bins_per_decade as f64, 1.0, 1000.0)?;
+        within("the linking length in mean spacings", self.linking, 1e-6, 2.0)?;
+        within("the aperture in mean spacings", self.aperture, 1e-6, 100.0)?;
+        within("the size of the smallest group", self.smallest_group as f64, 2.0, 1e9)?;
+        within("the sample of neighbours", self.neighbour_sample as f64, 2.0, 4e9)?;
+        within("the axis of a profile", self.profile_axis as f64, 0.0, 2.0)?;
+        within("the number of slabs of a profile", self.profile_bins as f64, 1.0, 10_000.0)?;
+        within("the number of bins of a joint histogram", self.joint_bins as f64, 2.0, 1000.0)?;
+        within("the number of shells around a halo", self.halo_bins as f64, 1.0, 1000.0)?;
+        if let Some(r) = self.rdf_max {
             within("the largest distance of g(r)", r, f64::MIN_POSITIVE, f64::MAX)?;
         }
-        let stated = o.centers.iter().flatten().filter_map(|(_, r)| *r);
-        for r in stated.chain(o.halo_radius) {
+        let stated = self.centers.iter().flatten().filter_map(|(_, r)| *r);
+        for r in stated.chain(self.halo_radius) {
             within("the radius of a halo", r, f64::MIN_POSITIVE, f64::MAX)?;
         }
-        if o.centers.iter().flatten().any(|(c, _)| c.iter().any(|v| !v.is_finite())) {
+        if self.centers.iter().flatten().any(|(c, _)| c.iter().any(|v| !v.is_finite())) {
             return Err(Error::argument("the centres of haloes must be finite"));
         }
-        if let Some(k) = o.k_max {
+        if let Some(k) = self.k_max {
             within("the largest wave number", k, f64::MIN_POSITIVE, f64::MAX)?;
         }
-        if o.joint.as_ref().is_some_and(|[x, y]| x.eq_ignore_ascii_case(y)) {
+        if self.joint.as_ref().is_some_and(|[x, y]| x.eq_ignore_ascii_case(y)) {
             return Err(Error::argument("a joint histogram needs two different fields"));
         }
-        match o.separations {
+        match self.separations {
             Some([low, high]) if !(low > 0.0 && high > low && high.is_finite()) => Err(Error::argument(format!(
                 "separations must be above 0 and in ascending order, not {low:e} to {high:e}"
             ))),
@@ -261,6 +254,12 @@ impl StatsOptions {
             _ => Ok(()),
         }
     }
+}
+
+/// Refuses a value of an option that is out of range.
+pub(crate) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
+    let fault = || Error::argument(format!("{name} must be {low} to {high}, not {value}"));
+    (low..=high).contains(&value).then_some(()).ok_or_else(fault)
 }
 
 /// Largest over smallest separation: float32 positions tell no more apart.

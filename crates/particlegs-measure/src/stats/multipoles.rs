@@ -1,16 +1,12 @@
 //! Multipoles of the power spectrum in redshift space, and the power spectrum of the momentum.
 
 use super::compare::ComparisonJob;
-use super::presentation::{
-    AxisUnits, ChartParts, Csv, OTHER, PlotFolder, Points, Presentation, SummaryLines, TRUTH, chart, compared, curve,
-    log, row,
-};
+use super::presentation::*;
 use super::spectrum::{ShellSums, SpectrumOptions, last_while, limits, spectra_of_sums, transform_pair};
 use super::velocities::{ParticleFields, displacement};
 use super::{Domain, Grid, Spectra, Statistics, Subject};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
-use std::path::Path;
 
 /// Degrees of the multipoles.
 const DEGREES: [i32; 3] = [0, 2, 4];
@@ -165,62 +161,41 @@ impl Multipoles {
     }
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    if let Some(momentum) = &s.momentum {
-        momentum.table().write(folder, "momentum.csv")?;
-    }
-    let Some(m) = &s.multipoles else { return Ok(()) };
-    let mut csv = Csv::new("k_low,k_high,k,modes,p0_truth,p0_other,p2_truth,p2_other,p4_truth,p4_other");
-    for h in &m.shells {
-        let ([a, b], [c, d], [e, f]) = (h.monopole, h.quadrupole, h.hexadecapole);
-        row!(csv: h.edges[0], h.edges[1], h.k, h.modes, a, b, c, d, e, f);
-    }
-    csv.write(folder, "multipoles.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    to.write(multipole_chart(s, &to.units).into_iter().chain(momentum_chart(s, &to.units)))
-}
-
-/// P0 and the size of P2; the ratio is that of P0.
-fn multipole_chart(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
-    let m = s.multipoles.as_ref()?;
-    let of = |pick: fn(&MultipoleShell) -> f64| m.shells.iter().map(|h| (h.k, pick(h))).collect::<Points>();
-    let series = vec![
-        curve("P0, truth", TRUTH, false, of(|h| h.monopole[0])),
-        curve("P0, other", OTHER, false, of(|h| h.monopole[1])),
-        curve("|P2|, truth", TRUTH, true, of(|h| h.quadrupole[0].abs())),
-        curve("|P2|, other", OTHER, true, of(|h| h.quadrupole[1].abs())),
-    ];
-    let axes = [log(format!("k{}", u.wave)), log(format!("P(k){}", u.volume))];
-    let ratio = m.shells.iter().filter(|h| h.monopole[0] > 0.0).map(|h| (h.k, h.monopole[1] / h.monopole[0]));
-    let title = "Multipoles in redshift space (shot noise subtracted); below, P0";
-    Some(chart("multipoles", title, axes, series, ratio.collect()))
-}
-
-fn momentum_chart(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
-    let m = s.momentum.as_ref()?;
-    let rows: Vec<_> = m.shells.iter().map(|h| (h.k, h.power)).collect();
-    let unit = match (&s.velocity_unit, u.volume.trim().trim_matches(['[', ']'])) {
-        (Some(velocity), volume) if !volume.is_empty() => format!(" [({velocity})² {volume}]"),
-        _ => String::new(),
-    };
-    let axes = [log(format!("k{}", u.wave)), log(format!("P(k) of (1 + delta) v{unit}"))];
-    Some(compared("momentum", "Power spectrum of the momentum (shot noise subtracted)", axes, &rows, 0.0))
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    let wave = to.wave.clone();
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     if let Some(m) = &s.multipoles {
-        to.add("P0(k): within 1, 5, 10 % up to k", limits(|limit| m.monopole_within(limit)) + &wave);
+        let row = |h: &MultipoleShell| {
+            let ([a, b], [c, d], [e, f]) = (h.monopole, h.quadrupole, h.hexadecapole);
+            row![h.edges[0], h.edges[1], h.k, h.modes, a, b, c, d, e, f]
+        };
+        let head = "k_low,k_high,k,modes,p0_truth,p0_other,p2_truth,p2_other,p4_truth,p4_other";
+        to.table("multipoles.csv", head, m.shells.iter().map(row));
+        // P0 and the size of P2; the ratio is that of P0.
+        let of = |pick: fn(&MultipoleShell) -> f64| m.shells.iter().map(|h| (h.k, pick(h))).collect::<Points>();
+        let series = vec![
+            curve("P0, truth", TRUTH, false, of(|h| h.monopole[0])),
+            curve("P0, other", OTHER, false, of(|h| h.monopole[1])),
+            curve("|P2|, truth", TRUTH, true, of(|h| h.quadrupole[0].abs())),
+            curve("|P2|, other", OTHER, true, of(|h| h.quadrupole[1].abs())),
+        ];
+        let axes = [log(format!("k{}", to.units.wave)), log(format!("P(k){}", to.units.volume))];
+        let ratio = m.shells.iter().filter(|h| h.monopole[0] > 0.0).map(|h| (h.k, h.monopole[1] / h.monopole[0]));
+        let title = "Multipoles in redshift space (shot noise subtracted); below, P0";
+        to.plot(chart("multipoles", title, axes, series, ratio.collect()));
+        to.line("P0(k): within 1, 5, 10 % up to k", limits(|limit| m.monopole_within(limit)) + &to.wave);
         let deviation = m.largest_quadrupole_deviation().map_or("-".into(), |d| format!("{d:.3}"));
-        to.add("P2(k): largest difference / P0", deviation);
+        to.line("P2(k): largest difference / P0", deviation);
     }
     if let Some(m) = &s.momentum {
-        to.add("momentum: within 1, 5, 10 % up to k", limits(|limit| m.power_within(limit)) + &wave);
+        to.spectra_table("momentum.csv", m);
+        let rows: Vec<_> = m.shells.iter().map(|h| (h.k, h.power)).collect();
+        let unit = match (&s.velocity_unit, to.units.volume.trim().trim_matches(['[', ']'])) {
+            (Some(velocity), volume) if !volume.is_empty() => format!(" [({velocity})² {volume}]"),
+            _ => String::new(),
+        };
+        let axes = [log(format!("k{}", to.units.wave)), log(format!("P(k) of (1 + delta) v{unit}"))];
+        to.plot(compared("momentum", "Power spectrum of the momentum (shot noise subtracted)", axes, &rows, 0.0));
+        to.line("momentum: within 1, 5, 10 % up to k", limits(|limit| m.power_within(limit)) + &to.wave);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::aperture::quantile;
 use super::compare::ComparisonJob;
-use super::presentation::{Csv, PlotFolder, Presentation, SummaryLines, chart, even, log, pair, row};
+use super::presentation::*;
 use super::{Domain, Statistics};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random};
@@ -10,7 +10,6 @@ use particlegs_core::model::decimals;
 use particlegs_core::{Error, Result, parallel};
 use particlegs_particles::{Neighbours, Particles, places_of};
 use serde::{Serialize, Serializer};
-use std::path::Path;
 
 /// Bins of the histogram, a decade.
 const PER_DECADE: f64 = 20.0;
@@ -150,22 +149,14 @@ pub(super) fn with_distance_ratios<S: Serializer>(
     form.serialize(serializer)
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(n) = &s.neighbours else { return Ok(()) };
-    let mut csv = Csv::new("side,low,high,particles");
-    for (side, d) in ["truth", "other"].iter().zip(n) {
-        for i in 0..d.counts.len() {
-            row!(csv: side, d.edges[i], d.edges[i + 1], d.counts[i]);
-        }
-    }
-    csv.write(folder, "neighbours.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let Some(both) = &s.neighbours else { return Ok(()) };
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(both) = &s.neighbours else { return };
+    let rows = ["truth", "other"]
+        .into_iter()
+        .zip(both)
+        .flat_map(|(side, d)| (0..d.counts.len()).map(move |i| row![side, d.edges[i], d.edges[i + 1], d.counts[i]]));
+    to.table("neighbours.csv", "side,low,high,particles", rows);
     let of = |d: &NearestDistances| {
         (0..d.counts.len())
             .map(|i| ((d.edges[i] * d.edges[i + 1]).sqrt(), d.counts[i] as f64 / d.sampled as f64))
@@ -179,15 +170,12 @@ fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
         .filter_map(|p| Some((p.0, b.iter().find(|q| (q.0 / p.0 - 1.0).abs() < 1e-6)?.1 / p.1)))
         .collect();
     let axes = [log(format!("distance{}", to.units.length)), even("share per bin (20 per decade)")];
-    to.write([chart("neighbours", "Distance to the nearest neighbour", axes, pair([a, b]), ratio)])
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    let Some([truth, other]) = &s.neighbours else { return };
+    to.plot(chart("neighbours", "Distance to the nearest neighbour", axes, pair([a, b]), ratio));
+    let [truth, other] = both;
     for (name, of) in [("mean", (|d| d.mean) as fn(&NearestDistances) -> f64), ("median", |d| d.median)] {
         let (a, b) = (of(truth), of(other));
         let value = format!("{}{}, truth {}: {:.3}", decimals(b), to.length, decimals(a), b / a);
-        to.add(&format!("nearest neighbour, {name}"), value);
+        to.line(&format!("nearest neighbour, {name}"), value);
     }
 }
 

@@ -7,7 +7,7 @@
 
 use super::compare::ComparisonJob;
 use super::points::PointGrid;
-use super::presentation::{Csv, PlotFolder, Presentation, SummaryLines, compared, log, maybe, row};
+use super::presentation::*;
 use super::{Domain, Statistics, XiByTransform};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random, each_axis};
@@ -15,7 +15,6 @@ use particlegs_core::model::decimals;
 use particlegs_core::{Error, Result, parallel};
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
-use std::path::Path;
 
 /// xi of the truth below which a ratio of xi says nothing.
 const LEAST_XI: f64 = 0.1;
@@ -299,31 +298,23 @@ pub(super) fn xi_from(pairs: &[PairCounts; 2], transform: Option<&XiByTransform>
     judged.iter().rev().take_while(|b| b.1).last().map(|b| b.0)
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     if let Some(pair) = &s.xi_by_pairs {
-        let [a, b] = pair;
-        let mut csv = Csv::new(
-            "r_low,r_high,pairs_truth,pairs_other,primaries_truth,primaries_other,expected_truth,expected_other,xi_truth,xi_other,ratio",
-        );
-        for (i, ratio) in xi_ratio(pair).into_iter().enumerate() {
-            row!(csv:
-                a.edges[i], a.edges[i + 1], a.pairs[i], b.pairs[i], a.primaries[i], b.primaries[i], a.expected[i],
-                b.expected[i], a.xi[i], b.xi[i], maybe(ratio));
-        }
-        csv.write(folder, "xi_pairs.csv")?;
+        let ([a, b], ratio) = (pair, xi_ratio(pair));
+        let row = |i: usize| {
+            let edges = row![a.edges[i], a.edges[i + 1], a.pairs[i], b.pairs[i], a.primaries[i], b.primaries[i]];
+            row![edges, a.expected[i], b.expected[i], a.xi[i], b.xi[i], maybe(ratio[i])]
+        };
+        let head = "r_low,r_high,pairs_truth,pairs_other,primaries_truth,primaries_other,expected_truth,expected_other,xi_truth,xi_other,ratio";
+        to.table("xi_pairs.csv", head, (0..ratio.len()).map(row));
+        let from = s.summary.xi_within_10_percent_from.map_or("nowhere".into(), |r| decimals(r) + &to.length);
+        to.line("xi(r): within 10 % from r on", from);
     }
-    let Some(x) = &s.xi_by_transform else { return Ok(()) };
-    let mut csv = Csv::new("r_low,r_high,xi_truth,xi_other");
-    for i in 0..x.edges.len() - 1 {
-        row!(csv: x.edges[i], x.edges[i + 1], x.xi[0][i], x.xi[1][i]);
+    if let Some(x) = &s.xi_by_transform {
+        let row = |i: usize| row![x.edges[i], x.edges[i + 1], x.xi[0][i], x.xi[1][i]];
+        to.table("xi_transform.csv", "r_low,r_high,xi_truth,xi_other", (1..x.edges.len()).map(|i| row(i - 1)));
     }
-    csv.write(folder, "xi_transform.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
     let middle = |e: &[f64], i: usize| (e[i] * e[i + 1]).sqrt();
     let axes = [log(format!("r{}", to.units.length)), log("xi(r)")];
     let of = |edges: &[f64], xi: [&[f64]; 2]| {
@@ -336,20 +327,13 @@ fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
         (curve.name, curve.dashed) = (format!("{}, by transform", curve.name), true);
     }
     let mut all = by_pairs.into_iter().chain(by_transform);
-    let Some(mut whole) = all.next() else { return Ok(()) };
+    let Some(mut whole) = all.next() else { return };
     let mut more = all.flatten();
     whole[0].series.extend(more.next().into_iter().flat_map(|plot| plot.series));
     if whole.len() == 1 {
         whole.extend(more);
     }
-    to.write([whole])
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    if s.xi_by_pairs.is_some() {
-        let from = s.summary.xi_within_10_percent_from.map_or("nowhere".into(), |r| decimals(r) + &to.length);
-        to.add("xi(r): within 10 % from r on", from);
-    }
+    to.plot(whole);
 }
 
 #[cfg(test)]

@@ -130,6 +130,20 @@ impl PointGrid {
         (i - steps..=i + steps).map(|c| (c.rem_euclid(n) as usize, c.div_euclid(n) as f64)).collect()
     }
 
+    /// Calls `visit` with the number of each point within `radius` of a place, its offset from there and the square of its
+    /// distance. Each image of each point comes once.
+    pub fn within(&self, center: [f64; 3], radius: f64, mut visit: impl FnMut(usize, [f64; 3], f64)) {
+        self.near(self.cell_of(center), radius, |run, shift| {
+            for at in run {
+                let offset: [f64; 3] = each_axis(|k| self.position[at][k] + shift[k] - center[k]);
+                let square = offset.iter().map(|d| d * d).sum::<f64>();
+                if square <= radius * radius {
+                    visit(self.index[at] as usize, offset, square);
+                }
+            }
+        });
+    }
+
     /// Calls `visit` with runs of points that may lie within `reach` of one in row (i, j), cell k,
     /// and the shift to add to them. Each image of each point comes once.
     pub fn near(&self, [i, j, k]: [usize; 3], reach: f64, mut visit: impl FnMut(std::ops::Range<usize>, [f64; 3])) {
@@ -179,14 +193,9 @@ pub(crate) fn counterparts(
     let mut taken = vec![false; centers.len()];
     let find = |(number, (center, radius)): (usize, SearchSphere)| {
         let mut nearest: Option<(f64, usize)> = None;
-        points.near(points.cell_of(center), radius, |run, shift| {
-            for at in run {
-                let square: f64 = (0..3).map(|k| points.position[at][k] + shift[k] - center[k]).map(|d| d * d).sum();
-                let other = points.index[at] as usize;
-                let is_nearer = nearest.is_none_or(|n| (square, other) < n);
-                if is_nearer && !taken[other] && square <= radius * radius && alike(number, other) {
-                    nearest = Some((square, other));
-                }
+        points.within(center, radius, |other, _, square| {
+            if nearest.is_none_or(|n| (square, other) < n) && !taken[other] && alike(number, other) {
+                nearest = Some((square, other));
             }
         });
         nearest.map(|(_, other)| {

@@ -1,7 +1,7 @@
 //! Density along an axis: mass per volume in slabs, of particles by counting, of a mixture by error functions.
 
 use super::gaussian::shares;
-use super::presentation::{AxisUnits, ChartParts, Csv, PlotFolder, Presentation, SummaryLines, compared, even, row};
+use super::presentation::*;
 use super::subject::mixtures;
 use super::{Domain, Grid, Statistics, Subject};
 use particlegs_core::context::Context;
@@ -11,7 +11,6 @@ use particlegs_core::{Result, parallel};
 use particlegs_particles::{ChunkBuffer, Particles, RUN};
 use std::f64::consts::TAU;
 use std::ops::Range;
-use std::path::Path;
 
 /// Parts of a subject that are summed apart, so that sums do not depend on threads.
 const PARTS: usize = 64;
@@ -170,48 +169,34 @@ fn of_model(m: &Model, grid: &Grid, context: &Context<'_>) -> Result<AxisSlabs> 
     })
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(profiles) = &s.profiles else { return Ok(()) };
-    let mut csv = Csv::new("axis,low,high,truth,other,density_truth,density_other");
-    for (axis, p) in ["x", "y", "z"].iter().zip(profiles) {
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(profiles) = &s.profiles else { return };
+    let share = |p: &AxisProfile, side: usize, i: usize| {
+        if p.mean[side] > 0.0 { p.density[side][i] / p.mean[side] } else { 0.0 }
+    };
+    let along = ["x", "y", "z"].into_iter().zip(profiles);
+    let rows = along.clone().flat_map(|(axis, p)| {
         let [a, b] = &p.density;
-        let share = |side: usize, v: f64| if p.mean[side] > 0.0 { v / p.mean[side] } else { 0.0 };
-        for i in 0..a.len() {
-            row!(csv: axis, p.edges[i], p.edges[i + 1], share(0, a[i]), share(1, b[i]), a[i], b[i]);
-        }
+        (0..a.len()).map(move |i| row![axis, p.edges[i], p.edges[i + 1], share(p, 0, i), share(p, 1, i), a[i], b[i]])
+    });
+    to.table("profiles.csv", "axis,low,high,truth,other,density_truth,density_other", rows);
+    for (axis, p) in along {
+        let middles = p.edges.windows(2).map(|e| 0.5 * (e[0] + e[1]));
+        let rows: Vec<_> = middles.enumerate().map(|(i, at)| (at, [share(p, 0, i), share(p, 1, i)])).collect();
+        let axes = [even(format!("{axis}{}", to.units.length)), even("density / mean")];
+        to.plot(compared(&format!("profile_{axis}"), &format!("Density along {axis}"), axes, &rows, 0.0));
     }
-    csv.write(folder, "profiles.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let all = s.profiles.iter().flatten().zip(["x", "y", "z"]);
-    to.write(all.map(|(p, axis)| chart_along(p, axis, &to.units)))
-}
-
-fn chart_along(p: &AxisProfile, axis: &str, u: &AxisUnits) -> ChartParts {
-    let share = |side: usize, i: usize| if p.mean[side] > 0.0 { p.density[side][i] / p.mean[side] } else { 0.0 };
-    let middles = p.edges.windows(2).map(|e| 0.5 * (e[0] + e[1]));
-    let rows: Vec<_> = middles.enumerate().map(|(i, at)| (at, [share(0, i), share(1, i)])).collect();
-    let axes = [even(format!("{axis}{}", u.length)), even("density / mean")];
-    compared(&format!("profile_{axis}"), &format!("Density along {axis}"), axes, &rows, 0.0)
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
     let Some((p, axis)) = s.profiles.as_ref().zip(["x", "y", "z"].get(s.options.profile_axis)) else { return };
     let p = &p[s.options.profile_axis];
     let [difference, noise] = [p.relative_difference, p.shot_noise].map(|v| 100.0 * v);
-    to.add(
+    to.line(
         &format!("profile along {axis}: RMS difference"),
         format!("{difference:.2} % of the mean density, shot noise {noise:.2} %"),
     );
     let [truth, other] = p.half_mass_height;
-    to.add(
-        &format!("profile along {axis}: half-mass height"),
-        format!("{}{}, truth {}", decimals(other), to.length, decimals(truth)),
-    );
+    let heights = format!("{}{}, truth {}", decimals(other), to.length, decimals(truth));
+    to.line(&format!("profile along {axis}: half-mass height"), heights);
 }
 
 #[cfg(test)]

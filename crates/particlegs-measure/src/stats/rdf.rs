@@ -3,13 +3,12 @@
 
 use super::compare::ComparisonJob;
 use super::pairs::{PairOptions, count_pairs, longest_separation};
-use super::presentation::{Csv, PlotFolder, Presentation, SummaryLines, compared, even, row};
+use super::presentation::*;
 use super::{PairCounts, Statistics};
 use particlegs_core::Result;
 use particlegs_core::model::decimals;
 use particlegs_figure::PlotAxis;
 use serde::{Serialize, Serializer};
-use std::path::Path;
 
 const BINS: usize = 200;
 /// How far it goes, in mean spacings.
@@ -105,40 +104,30 @@ const TALL: f64 = 30.0;
 /// Below this g(r) of the truth, ratios mean nothing.
 const LEAST_G: f64 = 0.2;
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    let Some(pair) = &s.rdf else { return Ok(()) };
-    let mut csv = Csv::new("r_low,r_high,pairs_truth,pairs_other,ideal_truth,ideal_other,g_truth,g_other");
-    let ([a, b], [of_a, of_b]) = (pair, pair.each_ref().map(PairCounts::g));
-    for i in 0..of_a.len() {
-        row!(csv: a.edges[i], a.edges[i + 1], a.pairs[i], b.pairs[i], a.expected[i], b.expected[i], of_a[i], of_b[i]);
-    }
-    csv.write(folder, "rdf.csv")
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let Some(counts) = &s.rdf else { return Ok(()) };
-    let [a, b] = counts.each_ref().map(PairCounts::g);
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(counts) = &s.rdf else { return };
+    let ([truth, other], [a, b]) = (counts, counts.each_ref().map(PairCounts::g));
+    let row = |i: usize| {
+        let pairs = row![truth.edges[i], truth.edges[i + 1], truth.pairs[i], other.pairs[i]];
+        row![pairs, truth.expected[i], other.expected[i], a[i], b[i]]
+    };
+    let head = "r_low,r_high,pairs_truth,pairs_other,ideal_truth,ideal_other,g_truth,g_other";
+    to.table("rdf.csv", head, (0..a.len()).map(row));
     let middles = counts[0].edges.windows(2).map(|e| 0.5 * (e[0] + e[1]));
     let rows: Vec<_> = middles.zip(a.iter().zip(&b)).map(|(r, (a, b))| (r, [*a, *b])).collect();
     let g = PlotAxis { log: a.iter().chain(&b).any(|g| *g > TALL), ..even("g(r)") };
     let axes = [even(format!("r{}", to.units.length)), g];
     let mut parts = compared("rdf", "Radial distribution function", axes, &rows, LEAST_G);
     parts[0].levels = vec![(String::new(), 1.0)];
-    to.write([parts])
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    let Some(pair) = &s.rdf else { return };
-    let peak = |side: usize| match pair[side].first_peak() {
+    to.plot(parts);
+    let peak = |side: usize| match counts[side].first_peak() {
         Some([r, g]) => format!("{g:.3} at {}{}", decimals(r), to.length),
         None => "none".into(),
     };
     let peaks = format!("{}, truth {}", peak(1), peak(0));
-    to.add("g(r): first peak", peaks);
-    to.add("g(r): largest difference", largest_difference(pair).map_or("-".into(), |[_, d]| format!("{d:+.3}")));
+    to.line("g(r): first peak", peaks);
+    to.line("g(r): largest difference", largest_difference(counts).map_or("-".into(), |[_, d]| format!("{d:+.3}")));
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A comparison as it is written: tables, plots and JSON.
 
-use super::compare::PRESENTATIONS;
-use super::presentation::{AxisUnits, PlotFolder, SummaryLines};
+use super::compare::SHOW;
+use super::presentation::Presentation;
 use super::{Statistics, StatsOptions, StatsSide, compare};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
@@ -61,13 +61,8 @@ impl StatsReport {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<Vec<PathBuf>> {
-        let (s, units) = (&self.statistics, AxisUnits::new(self.length_unit.as_deref()));
         let fill = |folder: &Path| {
-            PRESENTATIONS.iter().try_for_each(|p| (p.tables)(s, folder))?;
-            if !plots.is_empty() {
-                let to = PlotFolder { folder, kinds: plots, units };
-                PRESENTATIONS.iter().try_for_each(|p| (p.plots)(s, &to))?;
-            }
+            self.presentation().write(folder, plots)?;
             write_json(&folder.join("stats.json"), self)
         };
         outputs.write_set(folder, fill, context)
@@ -75,12 +70,16 @@ impl StatsReport {
 
     /// The most important figures, a line each.
     pub fn text(&self) -> String {
+        self.presentation().text
+    }
+
+    fn presentation(&self) -> Presentation {
         let s = &self.statistics;
         let side =
             |side: usize| format!("{}{} particles", if s.model[side] { "model of " } else { "" }, s.particles[side]);
         let first = format!("truth {}, other {}", side(0), side(1));
-        let mut lines = SummaryLines::new(first, self.length_unit.as_deref());
-        PRESENTATIONS.iter().for_each(|p| (p.lines)(s, &mut lines));
-        lines.text()
+        let mut shown = Presentation::new(self.length_unit.as_deref(), first);
+        SHOW.iter().for_each(|show| show(s, &mut shown));
+        shown
     }
 }

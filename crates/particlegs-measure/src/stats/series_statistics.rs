@@ -1,7 +1,7 @@
 //! Statistics of a whole series: a table with a row for each frame, its spectra, and plots over time.
 
 use super::frame_table::{FrameTable, number};
-use super::presentation::{AxisUnits, curve};
+use super::presentation::{AxisUnits, ChartParts, chart, curve};
 use super::{Evolution, FieldMean, FrameStatistics, Measure, StatsOptions, WaveShell};
 use particlegs_core::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
@@ -201,29 +201,24 @@ impl<'a> SeriesStatistics<'a> {
     }
 
     /// Figures over time: power at a few wave numbers, numbers of groups, and means of fields below one another.
-    fn figures(&self) -> Vec<Vec<Plot>> {
+    fn figures(&self) -> Vec<ChartParts> {
         let brackets = |unit: Option<String>| unit.map_or(String::new(), |u| format!(" [{u}]"));
-        let plot = |name: &str, title: &str, y: PlotAxis, series: Vec<Series>| Plot {
-            name: name.into(),
-            title: title.into(),
-            x: self.clock_axis(),
-            y,
-            series,
-            levels: Vec::new(),
+        let plot = |name: &str, title: &str, y: PlotAxis, series: Vec<Series>| {
+            chart(name, title, [self.clock_axis(), y], series, Vec::new())
         };
         let power = self.waves.iter().enumerate().map(|(i, &k)| {
             let name = format!("k = {}", self.wave_text(k));
-            self.curve(&name, i, self.power(k).into_iter().map(|p| p.filter(|p| *p > 0.0)))
+            self.curve(&name, i, self.power(k).into_iter())
         });
         let y = PlotAxis::logarithmic(format!("P(k){}", AxisUnits::new(self.units.length_text()).volume));
-        let mut figures = vec![vec![plot("power_frames", "Power spectrum over time", y, power.collect())]];
+        let mut figures = vec![plot("power_frames", "Power spectrum over time", y, power.collect())];
         if self.has_groups() {
             let series = SIZES.iter().enumerate().map(|(i, from)| {
                 let name = format!("{from} particles and more");
                 self.curve(&name, i, self.groups(*from).into_iter())
             });
             let y = PlotAxis::linear("groups");
-            figures.push(vec![plot("groups_frames", "Friends-of-friends groups over time", y, series.collect())]);
+            figures.push(plot("groups_frames", "Friends-of-friends groups over time", y, series.collect()));
         }
         let mut fields: Vec<Plot> = Vec::new();
         let components = self.components();
@@ -235,7 +230,7 @@ impl<'a> SeriesStatistics<'a> {
             let title = if fields.is_empty() { "Fields over time" } else { "" };
             let word = if of[0].is_sum { "total" } else { "mean" };
             let y = PlotAxis::linear(format!("{word} {}{}", of[0].field, brackets(of[0].unit.clone())));
-            fields.push(plot("fields_frames", title, y, series.collect()));
+            fields.extend(plot("fields_frames", title, y, series.collect()));
         }
         figures.push(fields);
         figures

@@ -8,9 +8,7 @@
 use super::compare::ComparisonJob;
 use super::density::mean_mass;
 use super::deposit::deposit_again;
-use super::presentation::{
-    Csv, OTHER, PlotFolder, Presentation, SummaryLines, THIRD, chart, curve, even, log, maybe, pair, row,
-};
+use super::presentation::*;
 use super::transform::{Modes, transform, transform_bytes};
 use super::xi_transform::{XiByTransform, xi_of_modes};
 use super::{Assignment, Convention, Domain, Field, Grid, Statistics, Subject, deposit, deposit_bytes, deposit_steps};
@@ -20,7 +18,6 @@ use particlegs_core::model::decimals;
 use particlegs_core::{Result, parallel};
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
-use std::path::Path;
 
 /// How power spectra are measured.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -451,27 +448,10 @@ pub(super) fn last_while(places: impl Iterator<Item = (f64, bool)>) -> Option<f6
     places.take_while(|(_, good)| *good).last().map(|(k, _)| k)
 }
 
-/// What is shown of them.
-pub(super) const PRESENTATION: Presentation = Presentation { tables, plots, lines };
-
-fn tables(s: &Statistics, folder: &Path) -> Result<()> {
-    s.spectra.as_ref().map_or(Ok(()), |p| p.table().write(folder, "power.csv"))
-}
-
-impl Spectra {
-    pub(super) fn table(&self) -> Csv {
-        let mut csv = Csv::new("k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise");
-        for h in &self.shells {
-            row!(csv:
-                h.edges[0], h.edges[1], h.k, h.modes, h.power[0], h.power[1], h.cross, maybe(h.ratio), maybe(h.r),
-                maybe(h.r_without_noise));
-        }
-        csv
-    }
-}
-
-fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
-    let Some(p) = &s.spectra else { return Ok(()) };
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(p) = &s.spectra else { return };
+    to.spectra_table("power.csv", p);
     let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
     let corrected = match s.options.convention {
         Convention::Correct => "shot noise subtracted",
@@ -487,20 +467,29 @@ fn plots(s: &Statistics, to: &PlotFolder<'_>) -> Result<()> {
     ];
     let mut coherence = chart("coherence", "Cross-correlation coefficient", [k, even("r(k)")], curves, Vec::new());
     coherence[0].levels = [1.0, 0.99, 0.9].map(|level| (String::new(), level)).into();
-    to.write([chart("power", &title, power, pair([of(0), of(1)]), picked(|h| h.ratio)), coherence])
-}
-
-fn lines(s: &Statistics, to: &mut SummaryLines) {
-    let Some(p) = &s.spectra else { return };
+    to.plot(chart("power", &title, power, pair([of(0), of(1)]), picked(|h| h.ratio)));
+    to.plot(coherence);
     let ([x, y, z], t, wave) = (p.cells, &s.summary, to.wave.clone());
     let last = p.shells.last().map_or(0.0, |h| h.k);
-    to.add("P(k): grid; up to k", format!("{x}x{y}x{z}; {}{wave}", decimals(last)));
+    to.line("P(k): grid; up to k", format!("{x}x{y}x{z}; {}{wave}", decimals(last)));
     let deviation = t.largest_power_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
     let at_end = t.r_at_k_max.map_or("-".into(), |r| format!("{r:.4}"));
-    to.add("P(k): largest deviation; r at end", format!("{deviation}; {at_end}"));
-    to.add("P(k): within 1, 5, 10 % up to k", format!("{}{wave}", limits(|limit| p.power_within(limit))));
+    to.line("P(k): largest deviation; r at end", format!("{deviation}; {at_end}"));
+    to.line("P(k): within 1, 5, 10 % up to k", format!("{}{wave}", limits(|limit| p.power_within(limit))));
     let [high, low] = [0.99, 0.9].map(|r| limit_text(p.r_above(r)));
-    to.add("r(k): at least 0.99, 0.9 up to k", format!("{high}, {low}{wave}"));
+    to.line("r(k): at least 0.99, 0.9 up to k", format!("{high}, {low}{wave}"));
+}
+
+impl Presentation {
+    pub fn spectra_table(&mut self, name: &'static str, spectra: &Spectra) {
+        let row = |h: &Shell| {
+            let ([low, high], [a, b], [ratio, r, without_noise]) =
+                (h.edges, h.power, [h.ratio, h.r, h.r_without_noise].map(maybe));
+            row![low, high, h.k, h.modes, a, b, h.cross, ratio, r, without_noise]
+        };
+        let head = "k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise";
+        self.table(name, head, spectra.shells.iter().map(row));
+    }
 }
 
 /// Up to where something is within 1, 5 and 10 %.
