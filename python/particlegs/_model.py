@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
@@ -407,7 +406,7 @@ class Model:
             plus the mass beyond open edges (`Grid.outside`), is the total mass to one in a million.
         """
         names = _coerce.names(layers)
-        values, origin, spacing, outside = self._native.density_grid(_coerce.cells(cells), names, threads)
+        values, origin, spacing, outside = self._native.grid(_coerce.cells(cells), None, names, threads)
         return Grid._of(
             values,
             origin=tuple(origin),
@@ -443,9 +442,8 @@ class Model:
             `Grid.outside` is NaN.
         """
         name, dispersion = self._field(field)
-        values, origin, spacing = self._native.field_grid(
-            name, dispersion, _coerce.cells(cells), _coerce.names(layers), threads
-        )
+        names = _coerce.names(layers)
+        values, origin, spacing, outside = self._native.grid(_coerce.cells(cells), (name, dispersion), names, threads)
         return Grid._of(
             values,
             origin=tuple(origin),
@@ -454,7 +452,7 @@ class Model:
             length_unit=self.length_unit,
             periodic=self.periodic,
             hubble=self.metadata["hubble"],
-            outside=math.nan,
+            outside=outside,
             field=name,
         )
 
@@ -496,11 +494,8 @@ class Model:
             Mass (or number of particles) per volume, in the unit of `density_grid`. A field has its own unit, is NaN
             beyond all Gaussians, and has the shape (n, 3) if it is a vector.
         """
-        names = _coerce.names(layers)
-        if field is not None:
-            name, dispersion = self._field(field)
-            return self._native.field_at(name, _coerce.points(points, self.length_unit), dispersion, names, threads)
-        return self._native.at(_coerce.points(points, self.length_unit), names, threads)
+        asked = None if field is None else self._field(field)
+        return self._native.at(_coerce.points(points, self.length_unit), asked, _coerce.names(layers), threads)
 
     def recover(
         self,
@@ -632,7 +627,8 @@ class Model:
         full : bool
             Measure a full certificate even if the file has a smaller one.
         fields : dict of array_like, optional
-            The fields of the particles that the model has, as for `compress`. Without them fields are not compared.
+            The fields of the particles that the model has, as for `compress`. Those of files are read from them; others are
+            not compared without.
 
         Returns
         -------

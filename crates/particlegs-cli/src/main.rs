@@ -37,7 +37,6 @@ mod snapshot_args;
 mod target_args;
 mod text_wrap;
 mod train_args;
-mod train_log;
 mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};

@@ -2,9 +2,9 @@
 
 use crate::commands::stats::OPTIONS_OF_MEASURES;
 use crate::figure::FileKind;
-use crate::inputs::{is_series, is_single};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
+use particlegs::input::{is_series, is_single};
 use particlegs_core::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
 use std::path::Path;

@@ -4,7 +4,6 @@
 //! source, and the script fills `app`. A page on disk contains models and engine as base64; a served page fetches them
 //! by relative addresses, so that a proxy may put it under any path.
 
-use crate::truth::smoothed;
 use crate::{assets, markup, poster};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
@@ -15,6 +14,16 @@ use particlegs_core::{Result, codec};
 use particlegs_measure::score::Assessment;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
+
+/// Number of neighbours that densities are smoothed over.
+const NEIGHBOURS: usize = 32;
+/// Maximum number of particles to smooth: the user waits for it.
+const MOST_SMOOTHED: u64 = 10_000_000;
+
+/// Number of neighbours that the densities of this many particles are smoothed over; `None` if they are not.
+pub fn smoothed(particles: u64) -> Option<usize> {
+    (NEIGHBOURS as u64 + 1..=MOST_SMOOTHED).contains(&particles).then_some(NEIGHBOURS)
+}
 
 /// A model file to show.
 #[derive(Clone, Copy, Debug)]

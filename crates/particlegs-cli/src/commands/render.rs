@@ -14,12 +14,13 @@ use crate::drawing::{ViewContent, ViewRenderer, layers};
 use crate::field_args::{FieldArgs, FieldChoice};
 use crate::figure::FileKind;
 use crate::figure::args::{Background, FigureArgs};
-use crate::inputs::{self, DecodedModel, FrameArgs};
+use crate::inputs::{self, FrameArgs, FrameChoice};
 use crate::picture_out::PictureOut;
 use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
 use crate::view_args::{PictureCenter, ViewArgs, ViewSubject};
 use clap::{Args, ValueEnum, ValueHint};
+use particlegs::input::DecodedModel;
 use particlegs_core::camera::{View, ViewSet};
 use particlegs_core::codec::SeriesFile;
 use particlegs_core::model::{LawKind, Model, check_densities, species_title};
@@ -284,7 +285,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     if of_series && a.series.is_given() {
         return Err(Error::argument("--frames makes a film of the whole series: omit --frame and --time"));
     }
-    let series = if of_series { Some(inputs::model_or_series(&a.models[0], &context)?) } else { None };
+    let series = if of_series { Some(inputs::read_file(&a.models[0], &context)?) } else { None };
     let series = series.as_ref().map(|bytes| SeriesFile::read(bytes, &name_of(&a.models[0]))).transpose()?;
     let film = series.as_ref().zip(a.sequence.frames);
     let mut film = film.map(|(s, length)| SeriesFilm::new(s, &a.models[0], length)).transpose()?;
@@ -292,7 +293,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let followed = film.as_mut().zip(focus).and_then(|(film, path)| film.follow(&path));
     // The last frame gives a film its bounds and units.
     let last = series.as_ref().and_then(|series| series.there().last()).and_then(|frame| i64::try_from(frame).ok());
-    let frame = if of_series { FrameArgs::numbered(last) } else { a.series.clone() };
+    let frame = if of_series { FrameChoice::from(last) } else { a.series.choice() };
     let center = a.view.center.as_ref().filter(|c| c.is_of_mass() && !of_series);
     let opened = |path: &PathBuf| read(path, &frame, (&asked, center), &context);
     let read = a.models.iter().map(opened).collect::<Result<Vec<_>>>()?;
@@ -434,7 +435,7 @@ fn focus(a: &Arguments, series: &SeriesFile<'_>, context: &CommandContext) -> Re
 /// A model with the layers that are drawn; centres of mass are those of the whole model.
 fn read(
     path: &Path,
-    frame: &FrameArgs,
+    frame: &FrameChoice,
     (asked, center): (&RenderOptions, Option<&PictureCenter>),
     context: &CommandContext,
 ) -> Result<SourceModel> {

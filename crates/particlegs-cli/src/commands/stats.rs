@@ -219,7 +219,7 @@ fn run_series(a: &Arguments, options: StatsOptions, context: &CommandContext) ->
         return Err(Error::argument(what));
     }
     a.declare([&a.truth], context)?;
-    let (bytes, place) = (inputs::model_or_series(&a.truth, context)?, name_of(&a.truth));
+    let (bytes, place) = (inputs::read_file(&a.truth, context)?, name_of(&a.truth));
     let series = SeriesFile::read(&bytes, &place)?;
     let found = SeriesStatistics::new(&place, &series, options, |model| a.snapshot.layers_of(model), context)?;
     found.write(&a.out, a.plots(), &context.outputs, context)?;
