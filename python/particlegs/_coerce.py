@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import operator
 import os
+from collections.abc import Mapping
 from typing import Any, Callable, Optional, Union
 
 import numpy as np
@@ -36,6 +38,18 @@ def texts(given: Any) -> list[str]:
 def names(given: Any) -> Optional[list[str]]:
     """Names of layers; None for all."""
     return None if given is None else texts(given)
+
+
+def record(options: Mapping[str, Any]) -> str:
+    """Options as JSON, with numbers of NumPy as Python's."""
+
+    def number(value: Any) -> Union[int, float]:
+        return operator.index(value) if hasattr(value, "__index__") else float(value)
+
+    try:
+        return json.dumps(options, default=number, allow_nan=False)
+    except ValueError:
+        raise InputError("options must be finite numbers") from None
 
 
 def progress(given: Progress) -> Optional[Callable[[str, int, int], object]]:

@@ -85,7 +85,8 @@ def haloes(
     }
     given = None if velocities is None else _coerce.field(velocities, "velocity")
     fields = [] if given is None else [("velocity", given[0] or "km/s", given[1])]
-    columns, remarks, notes = _particlegs.haloes(found._native, asked, fields, threads, _coerce.progress(progress))
+    record, shown = _coerce.record(asked), _coerce.progress(progress)
+    columns, remarks, notes = _particlegs.haloes(found._native, record, fields, threads, shown)
     for note in notes:
         warn(note)
     about = {

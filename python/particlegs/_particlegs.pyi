@@ -82,6 +82,13 @@ class Series:
     def times(self) -> list[Optional[float]]: ...
     def frame(self, frame: int, threads: Optional[int] = None) -> Model: ...
     def verify(self, threads: Optional[int] = None, progress: _Progress = None) -> tuple[str, Optional[str]]: ...
+    def statistics(
+        self,
+        asked: str,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+        progress: _Progress = None,
+    ) -> str: ...
     def moment(self, text: str) -> float: ...
     def at(self, time: float, threads: Optional[int] = None) -> Model: ...
 
@@ -218,14 +225,14 @@ def make_series(
 def stats(
     truth: Union[Snapshot, Model],
     other: Union[Snapshot, Model],
-    asked: _Asked,
+    asked: str,
     fields: Sequence[Sequence[tuple[str, Optional[str], Any]]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> str: ...
 def haloes(
     source: Union[Snapshot, Model],
-    asked: _Asked,
+    asked: str,
     fields: Sequence[tuple[str, Optional[str], Any]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,

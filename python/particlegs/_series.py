@@ -11,7 +11,7 @@ import numpy as np
 
 from . import _coerce, _particlegs
 from ._model import Model
-from ._types import Float64, Path, Progress
+from ._types import Assignment, Float64, Names, Path, Progress
 
 
 class Series:
@@ -113,6 +113,77 @@ class Series:
         """
         found, wrong = self._native.verify(threads, _coerce.progress(progress))
         return {**json.loads(found), "wrong": wrong}
+
+    def statistics(
+        self,
+        *,
+        only: Names = (),
+        layers: Optional[Names] = None,
+        spectrum_grid: int = 256,
+        spectrum_assignment: Assignment = "tsc",
+        interlacing: bool = True,
+        k_max: Optional[float] = None,
+        linking: float = 0.2,
+        linking_length: Union[float, str, None] = None,
+        open: bool = False,  # noqa: A002
+        seed: int = 42,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """Statistics over time: power spectra, friends-of-friends groups and means of fields of every frame.
+
+        All frames are measured by the lengths of the first. Remarks on the results are warnings.
+
+        Parameters
+        ----------
+        only : sequence of str
+            Measures: spectrum, groups; both by default. Means of fields are always measured.
+        layers : sequence of str, optional
+            Layers to measure; all by default.
+        spectrum_grid : int
+            Cells of P(k) along the longest edge.
+        spectrum_assignment : {"ngp", "cic", "tsc"}
+            Mass assignment of P(k).
+        interlacing : bool
+            Measure P(k) on two grids half a cell apart, to reduce aliasing.
+        k_max : float, optional
+            Largest wave number, 1 over the unit of length; by default the Nyquist frequency of the first frame's particles.
+        linking : float
+            Linking length of groups in mean spacings of the first frame.
+        linking_length : float or str, optional
+            The linking length in the series' unit, or with a unit as in ``"0.02Mpc"``; overrides `linking`.
+        open : bool
+            Treat no axis as periodic.
+        seed, threads, progress
+            As for `compress`. Groups are those of particles drawn by the seed.
+
+        Returns
+        -------
+        dict
+            The contents of the command's stats.json: ``clock``, ``length_unit``, ``linking_length`` and ``frames``, one
+            for each frame with ``time``, ``redshift``, ``particles``, ``spectrum`` (``k`` in 1 over the unit of length,
+            ``power`` in that unit cubed), ``groups`` (numbers ``from`` so many particles on) and ``fields`` (each
+            ``component`` with its ``value`` and ``unit``); of a missing frame ``frame`` and ``kind``.
+
+        Raises
+        ------
+        InputError
+            If an option is out of range, another measure is named, or the frames have other units than the first.
+        """
+        asked = {
+            "only": _coerce.texts(only),
+            "spectrum_grid": spectrum_grid,
+            "spectrum_assignment": spectrum_assignment,
+            "interlacing": interlacing,
+            "k_max": k_max,
+            "linking": linking,
+            "linking_length": None if linking_length is None else str(linking_length),
+            "open": open,
+            "seed": seed,
+        }
+        record, shown = _coerce.record(asked), _coerce.progress(progress)
+        found = self._native.statistics(record, _coerce.names(layers), threads, shown)
+        return dict(json.loads(found))
 
     def __repr__(self) -> str:
         there = self.times[np.isfinite(self.times)]

@@ -364,5 +364,6 @@ def stats(
         if v is not None:
             unit, values = _coerce.field(v, "velocity")
             arrays.append(("velocity", unit or "km/s", values))
-    found = _particlegs.stats(sides[0]._native, sides[1]._native, asked, own, threads, _coerce.progress(progress))
+    record, shown = _coerce.record(asked), _coerce.progress(progress)
+    found = _particlegs.stats(sides[0]._native, sides[1]._native, record, own, threads, shown)
     return Stats(json.loads(found), sides[0].length_unit)

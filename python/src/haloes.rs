@@ -2,46 +2,20 @@
 
 use crate::compress::FieldArray;
 use crate::errors::InputError;
-use crate::stats::StatsSource;
+use crate::stats::{StatsSource, asked_options, read};
 use crate::work::WorkOptions;
 use numpy::{IntoPyArray, PyArray1};
-use particlegs_measure::haloes::{HaloOptions, HaloSource, find_haloes, stated_cosmology};
-use particlegs_measure::stats::{ParticleFields, Subject};
-use particlegs_particles::Particles;
+use particlegs_measure::haloes::{HaloOptions, find_haloes, stated_cosmology};
+use particlegs_measure::stats::StatsSide;
 use pyo3::prelude::*;
 
 /// How to find haloes; the names are those of the command.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct FinderOptions {
-    linking: f64,
-    link: Vec<String>,
-    min_particles: usize,
-    softening: Option<f64>,
-    sample_fraction: f64,
-    particle_mass: Option<f64>,
-    mass_unit: Option<String>,
-    cosmology: Option<String>,
-    redshift: Option<f64>,
-    seed: u64,
-}
-
-impl FinderOptions {
-    fn options(self) -> PyResult<HaloOptions> {
-        let cosmology = self.cosmology.map(|text| stated_cosmology(&text)).transpose();
-        Ok(HaloOptions {
-            linking: self.linking,
-            smallest: self.min_particles,
-            linked: self.link,
-            softening: self.softening,
-            sample_fraction: self.sample_fraction,
-            particle_mass: self.particle_mass,
-            mass_unit: self.mass_unit,
-            cosmology: cosmology.map_err(|what| InputError::new_err(format!("cosmology: {what}")))?.unwrap_or_default(),
-            redshift: self.redshift,
-            seed: self.seed,
-        })
-    }
+fn finder_options(json: &str) -> PyResult<HaloOptions> {
+    let mut asked = asked_options(json)?;
+    let cosmology: Option<String> = read(asked.remove("cosmology").unwrap_or_default())?;
+    let cosmology = cosmology.map(|text| stated_cosmology(&text)).transpose();
+    let cosmology = cosmology.map_err(|what| InputError::new_err(format!("cosmology: {what}")))?.unwrap_or_default();
+    Ok(HaloOptions { cosmology, ..read(asked.into())? })
 }
 
 /// A column: name, unit, description, whether its values are whole numbers, and these.
@@ -53,20 +27,15 @@ type CatalogueColumn<'py> = (String, String, String, bool, Bound<'py, PyArray1<f
 pub fn haloes<'py>(
     py: Python<'py>,
     source: StatsSource<'py>,
-    asked: FinderOptions,
+    asked: &str,
     fields: Vec<FieldArray<'py>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Vec<CatalogueColumn<'py>>, Vec<String>, Vec<String>)> {
-    let options = asked.options()?;
+    let options = finder_options(asked)?;
     let (fields, subject) = (source.fields(&fields)?, source.subject());
-    let found = WorkOptions { threads, progress }.run(py, |context| {
-        let velocities = |p: &Particles| ParticleFields::moving(p, &fields);
-        match subject {
-            Subject::Model(m) => find_haloes(HaloSource::Model(m), &options, context),
-            Subject::Particles(p) => find_haloes(HaloSource::Particles(p, velocities(p)?.as_ref()), &options, context),
-        }
-    })?;
+    let side = StatsSide { subject, fields: &fields };
+    let found = WorkOptions { threads, progress }.run(py, |context| find_haloes(side, &options, context))?;
     let columns = found.columns.into_iter();
     let columns = columns.map(|c| (c.name, c.unit, c.description, c.whole, c.values.into_pyarray(py)));
     Ok((columns.collect(), found.remarks, found.notes))

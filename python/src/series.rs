@@ -4,9 +4,11 @@ use crate::choice::ReadOptions;
 use crate::compress::CompressOptions;
 use crate::errors::IntoPyResult;
 use crate::model::Model;
+use crate::stats::measure_options;
 use crate::work::WorkOptions;
 use particlegs::SeriesOptions;
-use particlegs_core::codec;
+use particlegs_core::{codec, model};
+use particlegs_measure::stats::SeriesStatistics;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -70,6 +72,25 @@ impl ModelSeries {
         let verified = WorkOptions { threads, progress }.run(py, |context| self.file.verify(context))?;
         let wrong = verified.judge(self.file.name()).err().map(|e| e.to_string());
         Ok((serde_json::to_string(&verified).expect("plain data"), wrong))
+    }
+
+    /// Statistics of every frame, of some layers or all: JSON as the command writes it.
+    #[pyo3(signature = (asked, layers=None, threads=None, progress=None))]
+    fn statistics(
+        &self,
+        py: Python<'_>,
+        asked: &str,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<String> {
+        let options = measure_options(asked)?;
+        WorkOptions { threads, progress }.run(py, |context| {
+            let decoder = self.file.decoder();
+            let choose = |model: model::Model| if let Some(names) = &layers { model.only(names) } else { Ok(model) };
+            let found = SeriesStatistics::new(self.file.name(), decoder.series(), options, choose, context)?;
+            Ok(serde_json::to_string(&found).expect("plain data"))
+        })
     }
 
     /// The time of the clock at a moment such as `z=1`.

@@ -1,79 +1,52 @@
 //! Comparison of particles or models.
 
 use crate::compress::{FieldArray, layer_fields};
-use crate::errors::named;
+use crate::errors::{InputError, named};
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_core::Result;
-use particlegs_core::context::Context;
-use particlegs_measure::stats::{Measure, ParticleFields, StatsOptions, StatsSide, Subject, compare};
+use particlegs_core::NamedValue;
+use particlegs_measure::stats::{Assignment, Convention, Measure, StatsOptions, StatsSide, Subject, compare};
 use particlegs_particles::LayerFields;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 
-/// What to measure; the names are those of the command.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct MeasureOptions {
-    only: Vec<String>,
-    convention: String,
-    grid: Option<usize>,
-    assignment: String,
-    spectrum_grid: usize,
-    spectrum_assignment: String,
-    interlacing: bool,
-    k_max: Option<f64>,
-    separations: Option<[f64; 2]>,
-    pairs: u64,
-    rdf_max: Option<f64>,
-    profile_bins: usize,
-    centers: Option<Vec<[f64; 3]>>,
-    halo_radius: Option<f64>,
-    halo_bins: usize,
-    linking: f64,
-    linking_length: Option<String>,
-    aperture: f64,
-    neighbours: usize,
-    joint: Option<[String; 2]>,
-    joint_bins: usize,
-    open: bool,
-    seed: u64,
+/// Options that were given as JSON.
+pub type AskedOptions = Map<String, Value>;
+
+/// A value that was given as JSON.
+pub fn read<T: DeserializeOwned>(given: Value) -> PyResult<T> {
+    serde_json::from_value(given).map_err(|error| match error.to_string() {
+        what if what.starts_with("invalid type") => PyTypeError::new_err(what),
+        what => InputError::new_err(what),
+    })
 }
 
-impl MeasureOptions {
-    fn options(self) -> PyResult<StatsOptions> {
-        let measures = match self.only.is_empty() {
-            true => Measure::ALL.to_vec(),
-            false => self.only.iter().map(|name| named("only", name)).collect::<PyResult<_>>()?,
-        };
-        let centers = self.centers.map(|all| all.into_iter().map(|c| (c, None)).collect());
-        Ok(StatsOptions {
-            measures,
-            convention: named("convention", &self.convention)?,
-            open: self.open,
-            cells: self.grid,
-            assignment: named("assignment", &self.assignment)?,
-            spectrum_cells: self.spectrum_grid,
-            spectrum_assignment: named("spectrum_assignment", &self.spectrum_assignment)?,
-            interlaced: self.interlacing,
-            k_max: self.k_max,
-            separations: self.separations,
-            pair_budget: self.pairs,
-            rdf_max: self.rdf_max,
-            profile_bins: self.profile_bins,
-            centers,
-            halo_radius: self.halo_radius,
-            halo_bins: self.halo_bins,
-            linking: self.linking,
-            linking_length: self.linking_length,
-            aperture: self.aperture,
-            neighbour_sample: self.neighbours,
-            joint: self.joint,
-            joint_bins: self.joint_bins,
-            seed: self.seed,
-            ..StatsOptions::default()
-        })
+/// Options that were given as JSON, which the Python package makes.
+pub fn asked_options(json: &str) -> PyResult<AskedOptions> {
+    serde_json::from_str(json).map_err(|error| InputError::new_err(error.to_string()))
+}
+
+/// Refuses a name that an option has no value of.
+fn check_name<T: NamedValue>(option: &str, given: Option<&Value>) -> PyResult<()> {
+    given.and_then(Value::as_str).map_or(Ok(()), |name| named::<T>(option, name).map(drop))
+}
+
+/// What to measure; the names are those of the command.
+pub fn measure_options(json: &str) -> PyResult<StatsOptions> {
+    let mut asked = asked_options(json)?;
+    let only = asked.get("only").and_then(Value::as_array).cloned().unwrap_or_default();
+    only.iter().try_for_each(|name| check_name::<Measure>("only", Some(name)))?;
+    if only.is_empty() {
+        asked.remove("only");
     }
+    check_name::<Convention>("convention", asked.get("convention"))?;
+    ["assignment", "spectrum_assignment"].into_iter().try_for_each(|o| check_name::<Assignment>(o, asked.get(o)))?;
+    let centers: Option<Vec<[f64; 3]>> = read(asked.remove("centers").unwrap_or_default())?;
+    let centers = centers.map(|all| all.into_iter().map(|c| (c, None)).collect());
+    Ok(StatsOptions { centers, ..read(asked.into())? })
 }
 
 /// A snapshot or a model.
@@ -101,21 +74,6 @@ impl StatsSource<'_> {
     }
 }
 
-/// Particles with these fields, or those drawn from a model.
-fn particle_fields(
-    subject: Subject<'_>,
-    fields: &[LayerFields],
-    o: &StatsOptions,
-    context: &Context<'_>,
-) -> Result<Option<ParticleFields>> {
-    match subject {
-        _ if !o.needs_fields() => Ok(None),
-        Subject::Particles(_) if fields.is_empty() => Ok(None),
-        Subject::Particles(p) => ParticleFields::read(p, fields, o),
-        Subject::Model(m) => ParticleFields::draw(m, o, context),
-    }
-}
-
 /// Compares `other` with `truth`, snapshots with fields; returns JSON as the command writes it.
 #[pyfunction]
 #[pyo3(signature = (truth, other, asked, fields=Default::default(), threads=None, progress=None))]
@@ -123,19 +81,15 @@ pub fn stats(
     py: Python<'_>,
     truth: StatsSource<'_>,
     other: StatsSource<'_>,
-    asked: MeasureOptions,
+    asked: &str,
     fields: [Vec<FieldArray<'_>>; 2],
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    let options = asked.options()?;
-    let fields = [truth.fields(&fields[0])?, other.fields(&fields[1])?];
-    let subjects = [truth.subject(), other.subject()];
-    let found = WorkOptions { threads, progress }.run(py, |progress| {
-        let of = |side: usize| particle_fields(subjects[side], &fields[side], &options, progress);
-        let own = [of(0)?, of(1)?];
-        let side = |i: usize| StatsSide { subject: subjects[i], fields: own[i].as_ref() };
-        compare(side(0), side(1), &options, progress)
-    })?;
+    let options = measure_options(asked)?;
+    let [of_truth, of_other] = [truth.fields(&fields[0])?, other.fields(&fields[1])?];
+    let truth = StatsSide { subject: truth.subject(), fields: &of_truth };
+    let other = StatsSide { subject: other.subject(), fields: &of_other };
+    let found = WorkOptions { threads, progress }.run(py, |context| compare(truth, other, &options, context))?;
     Ok(serde_json::to_string(&found).expect("plain data"))
 }

@@ -1,5 +1,6 @@
 """Series: a run of three snapshots with a gap, read by frame and by moment."""
 
+import json
 import pathlib
 import shutil
 import subprocess
@@ -86,6 +87,24 @@ def test_a_moment_between_frames_is_interpolated(run_path):
     x = [m.gaussians.means[:, 0] @ m.gaussians.counts / m.count for m in (run[0], run.at("a=0.55"), run[1])]
     assert abs(x[1] - 0.5 * (x[0] + x[2])) < 0.2 and x[2] - x[0] > 1.5
     assert run.at("z=0.6").certificate is None
+
+
+def test_statistics_over_time_are_those_of_the_command(run_path, command, tmp_path):
+    run = pg.Series(run_path)
+    found = run.statistics(spectrum_grid=np.int64(32))
+    subprocess.run([command, "stats", run_path, "-o", tmp_path, "--spectrum-grid", "32", "--no-plots"], check=True)
+    written = json.loads((tmp_path / "stats.json").read_text())
+    assert found == {**written, "series": found["series"]}
+    assert found["clock"] == "scale factor" and [f["particles"] for f in found["frames"]] == [4000] * FRAMES
+    powers = [[shell["power"] for shell in f["spectrum"]] for f in found["frames"]]
+    assert np.shape(powers)[0] == FRAMES and np.isfinite(powers).all()
+    alone = run.statistics(only="groups", linking_length="0.5Mpc/h" if found["length_unit"] else 0.5)
+    assert all(f["spectrum"] == [] and f["groups"][0]["from"] == 20 for f in alone["frames"])
+    for wrong in ({"only": "density"}, {"spectrum_grid": 1}, {"layers": "gas"}, {"spectrum_assignment": "best"}):
+        with pytest.raises(pg.InputError):
+            run.statistics(**wrong)
+    with pytest.raises(TypeError):
+        run.statistics(linking="far")
 
 
 def test_faults_are_named(run_path, tmp_path):

@@ -1,13 +1,13 @@
 //! Output of `info` for a series.
 
 use crate::common::CommandContext;
-use crate::frame_table::{FrameTable, kind_of};
 use crate::info_model;
 use crate::inputs::{self, FrameChoice};
 use particlegs_core::codec::{FileInfo, FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_core::model::{Certificate, PictureScore};
 use particlegs_core::{Result, codec};
 use particlegs_files::input::name_of;
+use particlegs_measure::stats::{FrameTable, kind_of};
 use serde::Serialize;
 use serde_json::Value;
 use std::fmt::Write;

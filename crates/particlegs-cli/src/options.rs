@@ -1,5 +1,6 @@
 //! Refuses options that have no effect, since ignoring them would mislead. One table holds the rules.
 
+use crate::commands::stats::OPTIONS_OF_MEASURES;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
 use particlegs::input::{is_series, is_single};
@@ -34,6 +35,7 @@ macro_rules! rules {
 
 const DENSITY: [&str; 2] = ["--style density", "add --style density, or omit the option"];
 const MODEL: &str = "snapshots, but this file is a model";
+const SERIES_ALONE: &str = "two inputs, and a series alone is given";
 const NO_SNAPSHOT: &str = "a snapshot, and none is given";
 
 const RULES: &[OptionRule] = rules! {
@@ -76,30 +78,10 @@ const RULES: &[OptionRule] = rules! {
         "job folders: merged files have no certificate";
     "recover": "scale", |g| g.is("method", "grid") =>
         "the methods that draw from Gaussians: `grid` fills cells";
-    "stats": "grid assignment", |g| g.without(&["density"]) =>
-        "the measure `density`, which --only leaves out";
-    "stats": "spectrum_grid spectrum_assignment no_interlacing k_max", |g| g.without(&["spectrum", "multipoles", "momentum"]) =>
-        "the measures `spectrum`, `multipoles` and `momentum`, which --only leaves out";
-    "stats": "separations", |g| g.without(&["pairs", "spectrum"]) =>
-        "the measures `pairs` and `spectrum`, which --only leaves out";
-    "stats": "pairs", |g| g.without(&["pairs", "rdf"]) =>
-        "the measures `pairs` and `rdf`, which --only leaves out";
-    "stats": "aperture", |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out";
-    "stats": "linking linking_length", |g| g.without(&["groups", "haloes", "dispersion"]) =>
-        "the measures `groups`, `haloes` and `dispersion`, which --only leaves out";
-    "stats": "rdf_max", |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out";
-    "stats": "profile_axis profile_bins", |g| g.without(&["profile"]) =>
-        "the measure `profile`, which --only leaves out";
-    "stats": "centres halo_radius", |g| g.without(&["haloes", "dispersion"]) =>
-        "the measures `haloes` and `dispersion`, which --only leaves out";
-    "stats": "halo_bins", |g| g.without(&["haloes"]) => "the measure `haloes`, which --only leaves out";
-    "stats": "neighbours", |g| g.without(&["neighbours"]) =>
-        "the measure `neighbours`, which --only leaves out";
-    "stats": "joint joint_bins", |g| g.without(&["joint"]) => "the measure `joint`, which --only leaves out";
     "stats": "spectrum_assignment no_interlacing", |g| g.is("convention", "paper") =>
         "--convention correct: the published definitions are fixed";
-    "stats": "convention grid assignment separations pairs rdf_max profile_axis profile_bins centres halo_radius halo_bins aperture neighbours joint joint_bins format positions mass_field topology select layers_by box_lengths length_unit mass_unit skip_invalid strict unwrapped gadget_blocks",
-        |g| g.series("truth") && !g.has("other") => "two inputs, and a series alone is given";
+    "stats": "convention separations aperture format positions mass_field topology select layers_by box_lengths length_unit mass_unit skip_invalid strict unwrapped gadget_blocks",
+        |g| g.measures_series() => SERIES_ALONE;
     "export": "color", |g| g.exports() != Some(Group::Splats) =>
         "splats: it needs an output that ends in .ply, .glb or .gltf";
     "export": "radius opacity colormap range", |g| !g.exports_picture() =>
@@ -121,15 +103,21 @@ const RULES: &[OptionRule] = rules! {
 pub fn check(matches: &ArgMatches) -> Result<()> {
     let Some((command, matches)) = matches.subcommand() else { return Ok(()) };
     let given = CommandMatches(matches);
+    if command == "stats" {
+        given.check_measures()?;
+    }
     for rule in RULES.iter().filter(|r| r.commands.split(' ').any(|c| c == command)) {
         if let Some(option) = rule.options.split(' ').find_map(|o| given.first_of(o))
             && (rule.idle)(&given)
         {
-            let what = format!("{} has no effect here; it applies to {}", spelling(&option), rule.belongs);
-            return Err(Error::argument_with(what, rule.hint));
+            return Err(no_effect(&option, rule.belongs, rule.hint));
         }
     }
     Ok(())
+}
+
+fn no_effect(option: &str, belongs: &str, hint: &'static str) -> Error {
+    Error::argument_with(format!("{} has no effect here; it applies to {belongs}", spelling(option)), hint)
 }
 
 fn spelling(id: &str) -> String {
@@ -218,9 +206,28 @@ impl CommandMatches<'_> {
             && (self.has("style") || !self.has("like"))
     }
 
-    /// Is --only given, without any of these measures?
-    fn without(&self, measures: &[&str]) -> bool {
-        self.has("only") && !measures.iter().any(|m| self.is("only", m))
+    /// Refuses options of measures that --only leaves out, or that compare two inputs where there is one.
+    fn check_measures(&self) -> Result<()> {
+        for (options, measures) in OPTIONS_OF_MEASURES {
+            let Some(option) = options.split(' ').find_map(|o| self.first_of(o)) else { continue };
+            if self.has("only") && !measures.iter().any(|m| self.is("only", m)) {
+                let names: Vec<String> = measures.iter().map(|m| format!("`{m}`")).collect();
+                let belongs = match &names[..] {
+                    [first @ .., last] if !first.is_empty() => format!("measures {} and {last}", first.join(", ")),
+                    _ => format!("measure {}", names.concat()),
+                };
+                return Err(no_effect(&option, &format!("the {belongs}, which --only leaves out"), ""));
+            }
+            if self.measures_series() && !measures.iter().any(|m| ["spectrum", "groups"].contains(m)) {
+                return Err(no_effect(&option, SERIES_ALONE, ""));
+            }
+        }
+        Ok(())
+    }
+
+    /// Is a series alone measured?
+    fn measures_series(&self) -> bool {
+        self.series("truth") && !self.has("other")
     }
 
     /// Is the only positional argument a model? Unreadable files are reported later, and pipes are not touched.
@@ -251,10 +258,11 @@ mod tests {
     #[test]
     fn the_rules_name_existing_options() {
         let cli = crate::Cli::command();
-        for rule in RULES {
-            for name in rule.commands.split(' ') {
+        let of_rules = RULES.iter().map(|r| (r.commands, r.options));
+        for (commands, options) in of_rules.chain(OPTIONS_OF_MEASURES.iter().map(|(options, _)| ("stats", *options))) {
+            for name in commands.split(' ') {
                 let command = cli.find_subcommand(name).unwrap_or_else(|| panic!("no command {name}"));
-                let (groups, options): (Vec<_>, Vec<_>) = rule.options.split(' ').partition(|o| is_group(o));
+                let (groups, options): (Vec<_>, Vec<_>) = options.split(' ').partition(|o| is_group(o));
                 for group in groups {
                     let group = command.get_groups().find(|g| g.get_id() == group);
                     assert!(group.is_some_and(|g| g.get_args().next().is_some()), "{name} has no {group:?}");

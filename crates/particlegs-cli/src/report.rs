@@ -3,7 +3,8 @@
 use crate::error_text;
 use crate::progress::to_stderr;
 use particlegs_core::Error;
-use particlegs_core::text::{one_line, printable, printable_json};
+use particlegs_core::text::{one_line, printable};
+use particlegs_files::output::{json_text, write_json};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -46,11 +47,5 @@ fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs_core::Result
 
 /// Writes the result as JSON to a file, or to stdout for `-`.
 pub fn json(target: &Path, value: &impl Serialize) -> particlegs_core::Result<()> {
-    let text = serde_json::to_string_pretty(value).expect("results are plain data") + "\n";
-    let text = printable_json(&text);
-    if target == Path::new("-") {
-        self::text(text.as_bytes())
-    } else {
-        particlegs_files::output::write_bytes(target, text.as_bytes())
-    }
+    if target == Path::new("-") { text(json_text(value).as_bytes()) } else { write_json(target, value) }
 }

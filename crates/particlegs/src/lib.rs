@@ -32,7 +32,9 @@
 //! `particlegs-compress` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 
+mod evaluate;
 mod export;
+mod halo_files;
 pub mod input;
 mod merge;
 mod model;
@@ -95,12 +97,44 @@ pub mod camera {
 /// # Ok::<(), particlegs::Error>(())
 /// ```
 pub mod stats {
+    pub use particlegs_core::codec::SeriesFile;
+    pub use particlegs_figure::FileKind;
+    pub use particlegs_files::output::Outputs;
     pub use particlegs_measure::stats::{
-        Assignment, Convention, DensityComparison, DensityReport, Grid, GroupReport, HaloDispersions, HaloProfiles,
-        JointHistogram, Measure, MultipoleShell, Multipoles, NearestDistances, PairCounts, ParticleFields, Spectra,
-        Statistics, StatsOptions, StatsSide, Subject, compare,
+        Assignment, Convention, DensityComparison, DensityReport, FieldMean, FrameStatistics, Grid, GroupReport,
+        HaloDispersions, HaloProfiles, JointHistogram, Measure, MultipoleShell, Multipoles, NearestDistances,
+        PairCounts, SeriesStatistics, Spectra, Statistics, StatsOptions, StatsReport, StatsSide, Subject, WaveShell,
+        compare,
     };
-    pub use particlegs_particles::Domain;
+    pub use particlegs_particles::{Domain, LayerFields};
+}
+
+/// Haloes of particles or of a model: catalogues, mass functions, and how well two catalogues agree.
+///
+/// ```
+/// use particlegs::haloes::{HaloOptions, find_haloes};
+/// use particlegs::stats::Subject;
+/// use particlegs::{Context, Particles, Snapshot};
+///
+/// # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
+/// let context = Context::default();
+/// let particles = Snapshot::open(folder)?.particles(&context)?;
+/// let found = find_haloes(Subject::Particles(&particles), &HaloOptions::default(), &context)?;
+/// let largest = found.column("n200m").and_then(|numbers| numbers.first());
+/// assert!(found.len() > 100 && largest > Some(&1000.0));
+/// # Ok::<(), particlegs::Error>(())
+/// ```
+pub mod haloes {
+    pub use crate::halo_files::HaloFiles;
+    pub use particlegs_measure::haloes::{
+        HaloCatalogue, HaloColumn, HaloMatch, HaloOptions, HaloReport, MassFunctionBin, find_haloes,
+    };
+}
+
+/// How well a model stands for its snapshot.
+pub mod evaluation {
+    pub use crate::evaluate::{EvaluationReport, EvaluationSubject, EvaluationViews, evaluate};
+    pub use particlegs_measure::score::Evaluation;
 }
 
 /// What a model file says of itself: its metadata, its recipe and its certificate.

@@ -23,7 +23,7 @@ mod render;
 mod scatter;
 mod series;
 mod simplify;
-mod stats;
+pub mod stats;
 mod status;
 mod verify;
 mod view;

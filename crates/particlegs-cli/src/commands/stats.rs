@@ -1,25 +1,17 @@
 //! `particlegs stats TRUTH OTHER -o DIR`.
 
 use crate::common::{CommandContext, Common, named};
-use crate::evolution::SeriesEvolution;
-use crate::inputs::{self, Input};
+use crate::inputs;
+use crate::measured_input::MeasuredInput;
 use crate::snapshot_args::SnapshotArgs;
-use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
 use particlegs_core::codec::SeriesFile;
-use particlegs_core::context::Context;
-use particlegs_core::model::{Model, UnitSystem};
-use particlegs_core::space::Cell;
-use particlegs_core::{Error, Result, codec};
+use particlegs_core::{Error, Result};
 use particlegs_figure::FileKind;
 use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::Catalogue;
-use particlegs_measure::stats::{
-    Assignment, Convention, Evolution, Measure, ParticleFields, Statistics, StatsOptions, StatsSide, Subject, compare,
-};
-use particlegs_particles::{Particles, Storage};
-use serde_json::json;
+use particlegs_measure::stats::{Assignment, Convention, Measure, SeriesStatistics, StatsOptions, StatsReport};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -158,126 +150,61 @@ struct MeasureArgs {
     joint_bins: usize,
 }
 
-enum StatsSubject {
-    Particles(Box<Particles>),
-    Model(Box<Model>),
-}
-
-struct StatsInput {
-    source: StatsSubject,
-    fields: Option<ParticleFields>,
-}
-
-impl StatsInput {
-    fn open(path: &Path, args: &SnapshotArgs, o: &StatsOptions, context: &Context<'_>) -> Result<Self> {
-        match inputs::model_or_snapshot(path, args, context)? {
-            Input::Model(bytes) => {
-                let model = args.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
-                let drawn = o.needs_fields().then(|| ParticleFields::draw(&model, o, context));
-                let fields = found(drawn.unwrap_or(Ok(None)), o, context)?;
-                Ok(StatsInput { source: StatsSubject::Model(model.into()), fields })
-            }
-            Input::Snapshot(mut choice) if o.needs_fields() => {
-                let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
-                let fields = found(ParticleFields::read(&particles, &fields, o), o, context)?;
-                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), fields })
-            }
-            Input::Snapshot(choice) => {
-                let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, context)?;
-                Ok(StatsInput { source: StatsSubject::Particles(particles.into()), fields: None })
-            }
-        }
-    }
-
-    fn side(&self) -> StatsSide<'_> {
-        let subject = match &self.source {
-            StatsSubject::Particles(p) => Subject::Particles(p),
-            StatsSubject::Model(m) => Subject::Model(m),
-        };
-        StatsSide { subject, fields: self.fields.as_ref() }
-    }
-
-    /// Units and box.
-    fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
-        match &self.source {
-            StatsSubject::Particles(p) => (p.meta.unit_system(), p.meta.cell),
-            StatsSubject::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
-        }
-    }
-
-    /// Unit of length and whether it is comoving.
-    fn length_unit(&self) -> Option<String> {
-        self.place().0.units.length_text().map(str::to_string)
-    }
-}
-
-/// Fields; where everything is measured, those that cannot be used are left out with a note.
-fn found(
-    fields: Result<Option<ParticleFields>>,
-    o: &StatsOptions,
-    context: &Context<'_>,
-) -> Result<Option<ParticleFields>> {
-    match fields {
-        Err(error @ (Error::Memory { .. } | Error::Input { .. })) if o.measures.len() == Measure::ALL.len() => {
-            context.message(&format!("note: fields are left out: {error}"));
-            Ok(None)
-        }
-        other => other,
-    }
-}
-
-#[derive(serde::Serialize)]
-struct StatsReport<'a> {
-    truth: String,
-    other: String,
-    length_unit: Option<String>,
-    tool_version: &'static str,
-    #[serde(flatten)]
-    statistics: &'a Statistics,
-}
+/// Options of single measures, and these.
+pub const OPTIONS_OF_MEASURES: &[(&str, &[&str])] = &[
+    ("grid assignment", &["density"]),
+    ("spectrum_grid spectrum_assignment no_interlacing k_max", &["spectrum", "multipoles", "momentum"]),
+    ("separations", &["pairs", "spectrum"]),
+    ("pairs", &["pairs", "rdf"]),
+    ("aperture", &["groups"]),
+    ("linking linking_length", &["groups", "haloes", "dispersion"]),
+    ("rdf_max", &["rdf"]),
+    ("profile_axis profile_bins", &["profile"]),
+    ("centres halo_radius", &["haloes", "dispersion"]),
+    ("halo_bins", &["haloes"]),
+    ("neighbours", &["neighbours"]),
+    ("joint joint_bins", &["joint"]),
+];
 
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let mut options = options(&a)?;
     let Some(other) = &a.other else { return run_series(&a, options, &context) };
-    context.reads(
-        [&a.truth, other].into_iter().chain(&a.measure.centres).chain(&a.snapshot.topology).map(PathBuf::as_path),
-        false,
-    )?;
-    context.outputs.make_folder(&a.out)?;
-    output::check_writable(&a.out.join("stats.json"))?;
+    let lists = a.measure.centres.iter().chain(&a.snapshot.topology);
+    a.declare([&a.truth, other].into_iter().chain(lists), &context)?;
     let list = a.measure.centres.as_ref().map(|path| Ok((path, Catalogue::read(path, &context)?))).transpose()?;
     // A frame of a series stands beside the frame that it was made from.
     let mut beside = a.snapshot.clone();
     if let Some(series) = [&a.truth, other].into_iter().find(|p| inputs::is_series(p)) {
         inputs::model_with_snapshot(series, &mut beside, &context)?;
     }
-    let opening = |path: &Path, other: &Path| {
-        inputs::opening_beside(path, Some(other), if inputs::is_series(path) { &a.snapshot } else { &beside })
+    let open = |path: &Path, other: &Path| {
+        let opening = if inputs::is_series(path) { &a.snapshot } else { &beside };
+        let opening = inputs::opening_beside(path, Some(other), opening);
+        MeasuredInput::open(path, &opening, options.needs_fields(), &context)
     };
-    let truth = StatsInput::open(&a.truth, &opening(&a.truth, other), &options, &context)?;
-    let convert = |(path, list): (&PathBuf, Catalogue)| list.placed(path, truth.place(), &context);
-    options.centers = list.map(convert).transpose()?;
-    let compared = StatsInput::open(other, &opening(other, &a.truth), &options, &context)?;
-    let statistics = compare(truth.side(), compared.side(), &options, &context)?;
-    context.notes(&statistics.notes);
-    let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
-    let report = StatsReport {
-        truth: a.truth.display().to_string(),
-        other: other.display().to_string(),
-        length_unit: unit.clone(),
-        tool_version: env!("CARGO_PKG_VERSION"),
-        statistics: &statistics,
-    };
-    let fill = |folder: &Path| {
-        stats_tables::write(folder, &statistics)?;
-        if !a.no_plots {
-            stats_plots::write_all(folder, &statistics, unit.as_deref(), &a.plots)?;
-        }
-        crate::report::json(&folder.join("stats.json"), &report)
-    };
-    context.outputs.write_set(&a.out, fill, &context)?;
-    context.finish(&stats_tables::summary(&statistics, unit.as_deref()), &report)
+    let truth = open(&a.truth, other)?;
+    let place = (truth.side().subject.unit_system(), truth.side().subject.cell());
+    let centers = list.map(|(path, list)| list.placed(path, place, &context)).transpose()?;
+    let compared = open(other, &a.truth)?;
+    options.centers = centers;
+    let [of_truth, of_other] = [&a.truth, other].map(|path| path.display().to_string());
+    let mut report = StatsReport::new((truth.side(), &of_truth), (compared.side(), &of_other), &options, &context)?;
+    report.length_unit = a.snapshot.length_unit.clone().or(report.length_unit);
+    report.write(&a.out, a.plots(), &context.outputs, &context)?;
+    context.finish(&report.text(), &report)
+}
+
+impl Arguments {
+    fn declare<'a>(&'a self, inputs: impl IntoIterator<Item = &'a PathBuf>, context: &CommandContext) -> Result<()> {
+        context.reads(inputs.into_iter().map(PathBuf::as_path), false)?;
+        context.outputs.make_folder(&self.out)?;
+        output::check_writable(&self.out.join("stats.json"))
+    }
+
+    fn plots(&self) -> &[FileKind] {
+        if self.no_plots { &[] } else { &self.plots }
+    }
 }
 
 /// Measures each frame of a series.
@@ -286,25 +213,17 @@ fn run_series(a: &Arguments, options: StatsOptions, context: &CommandContext) ->
         let what = "stats compares two inputs, and only one is given";
         return Err(Error::argument_with(what, "name the other; alone stands a series, without --frame"));
     }
-    if let Some(measure) = a.only.iter().find(|m| !Evolution::MEASURES.contains(m)) {
-        let names = Evolution::MEASURES.map(Measure::name).join(" and ");
+    if let Some(measure) = a.only.iter().find(|m| !SeriesStatistics::MEASURES.contains(m)) {
+        let names = SeriesStatistics::MEASURES.map(Measure::name).join(" and ");
         let what = format!("--only {} compares two inputs; of a series alone there are {names}", measure.name());
         return Err(Error::argument(what));
     }
-    context.reads([a.truth.as_path()], false)?;
-    context.outputs.make_folder(&a.out)?;
-    output::check_writable(&a.out.join("stats.json"))?;
+    a.declare([&a.truth], context)?;
     let (bytes, place) = (inputs::read_file(&a.truth, context)?, name_of(&a.truth));
     let series = SeriesFile::read(&bytes, &place)?;
-    let taken = json!(&options);
-    let found = SeriesEvolution::new(&series, &place, options, |model| a.snapshot.layers_of(model), context)?;
-    let report = found.report(&a.truth, taken);
-    let fill = |folder: &Path| {
-        found.write(folder, (!a.no_plots).then_some(&a.plots[..]))?;
-        crate::report::json(&folder.join("stats.json"), &report)
-    };
-    context.outputs.write_set(&a.out, fill, context)?;
-    context.finish(&found.summary(), &report)
+    let found = SeriesStatistics::new(&place, &series, options, |model| a.snapshot.layers_of(model), context)?;
+    found.write(&a.out, a.plots(), &context.outputs, context)?;
+    context.finish(&found.text(), &found)
 }
 
 fn options(a: &Arguments) -> Result<StatsOptions> {

@@ -35,7 +35,9 @@ pub use scratch::scratch_file;
 pub use set::FileSet;
 pub use space::{check_space, check_space_in};
 pub use work::WorkFolder;
-pub use write::{check_writable, is_stream, open_log, scratch_folder, write_atomic, write_bytes};
+pub use write::{
+    check_writable, is_stream, json_text, open_log, scratch_folder, write_atomic, write_bytes, write_json,
+};
 
 #[cfg(test)]
 mod tests;

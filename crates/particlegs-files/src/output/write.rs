@@ -4,6 +4,8 @@ use super::place::{OutputTarget, folder_of};
 use super::state::{CHANGED, PlannedOutput};
 use super::temporary::{BUFFER, TemporaryFile};
 use crate::{Error, Result};
+use particlegs_core::text::printable_json;
+use serde::Serialize;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -31,6 +33,17 @@ fn filled(to: &mut dyn Write, fill: impl FnOnce(&mut dyn Write) -> std::io::Resu
 /// [`write_atomic`] of bytes at hand.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomic(path, |w| w.write_all(bytes))
+}
+
+/// A record as text, with what would act on a terminal escaped.
+pub fn json_text(record: &impl Serialize) -> String {
+    let text = serde_json::to_string_pretty(record).expect("records are plain data") + "\n";
+    printable_json(&text).into_owned()
+}
+
+/// [`write_bytes`] of a record as JSON.
+pub fn write_json(path: &Path, record: &impl Serialize) -> Result<()> {
+    write_bytes(path, json_text(record).as_bytes())
 }
 
 /// Says early, before long work, whether `path` can be created in its folder.

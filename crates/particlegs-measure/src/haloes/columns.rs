@@ -1,11 +1,12 @@
 //! The columns of a catalogue of haloes, and what a reader of them must know.
 
-use super::find::{Halo, HaloMeasures, HaloSearch, HaloSetting, HaloSource, LEAST_MASS};
+use super::find::{Halo, HaloMeasures, HaloSearch, HaloSetting, LEAST_MASS};
 use super::mass_curve::HaloSphere;
 use super::members::LinkedHaloes;
 use super::overdensity::Overdensity;
 use super::properties::{HaloProperty, HaloPropertyKind, PROPERTIES};
 use super::table::{HaloCatalogue, HaloColumn};
+use crate::stats::Subject;
 use particlegs_core::NamedValue;
 use particlegs_core::math::each_axis;
 
@@ -31,7 +32,7 @@ impl HaloSearch<'_> {
             (None, None) => (String::new(), 1.0),
         };
         let physical = units.length.zip(units.scale_factor).zip(units.hubble).map(|((l, a), h)| 1e3 * l * a / h);
-        let is_model = matches!(self.source, HaloSource::Model(_));
+        let is_model = matches!(self.source, Subject::Model(_));
         let members = |i: usize| haloes[i].1.members as f64;
         let mut columns = Vec::new();
         let mut add = |name: &str, unit: &str, description: &str, of: &dyn Fn(usize) -> f64| {
@@ -176,7 +177,7 @@ impl HaloSearch<'_> {
         ];
         let assumed = if o.softening.is_none() { ", assumed: a 25th of the mean spacing" } else { "" };
         all.push(format!("softening length {softening:.6} {length}{assumed}; vmax and c200c begin at three of these"));
-        if matches!(self.source, HaloSource::Model(_)) {
+        if matches!(self.source, Subject::Model(_)) {
             all.push(format!("of a model: centres, velocities, shapes and profiles of particles drawn from it (seed {}), masses integrated over its Gaussians; errors of masses are those of drawing particles, and of particles that are not spread like their Gaussian; those of centres are 0.55 of the radius that holds the root of n200m particles; those of a number n of linked particles are 0.45 n^0.7; the others are found by leaving out each eighth of the particles in turn", o.seed));
         }
         if o.sample_fraction != 1.0 {

@@ -49,7 +49,8 @@ pub fn dense_part(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::haloes::{HaloCatalogue, HaloOptions, HaloSource, find_haloes};
+    use crate::haloes::{HaloCatalogue, HaloOptions, find_haloes};
+    use crate::stats::Subject;
     use particlegs_core::math::{Random, Sym3, each_axis};
     use particlegs_fit::recover::Options as RecoverOptions;
     use particlegs_particles::testing::model_of;
@@ -69,7 +70,7 @@ mod tests {
         assert_eq!(part(1.0).layers[0].count(), 11_300);
         let drawn = RecoverOptions::default().draw(model.clone(), &Context::SILENT).unwrap();
         let found = |source| find_haloes(source, &HaloOptions::default(), &Context::SILENT).unwrap();
-        let (own, of_all) = (found(HaloSource::Model(&model)), found(HaloSource::Particles(&drawn, None)));
+        let (own, of_all) = (found(Subject::Model(&model)), found(Subject::Particles(&drawn)));
         let number = |c: &HaloCatalogue, i: usize| c.column("n200m").unwrap()[i];
         for i in 0..clouds.len() {
             let away = domain.shortest_way(each_axis(|k| own.centers[i][k] - of_all.centers[i][k]));

@@ -7,14 +7,15 @@ use super::overdensity::{HaloDensities, Overdensity};
 use super::properties::SphereProperties;
 use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
 use super::table::HaloCatalogue;
-use crate::stats::{GaussianSpheres, ParticleFields, PointGrid, local_positions, number_error};
+use crate::stats::{
+    GaussianSpheres, ParticleFields, PointGrid, StatsSide, Subject, local_positions, number_error, within,
+};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
-use particlegs_core::model::{Block, Cosmology, Dimension, Epoch, Layer, Mass, Model, Unit, UnitSystem, Units};
+use particlegs_core::model::{Block, Cosmology, Dimension, Epoch, Layer, Mass, Unit, UnitSystem, Units};
 use particlegs_core::{Error, Result, parallel};
 use particlegs_fit::recover::Options as RecoverOptions;
 use particlegs_particles::{Domain, Particles};
-use std::borrow::Cow;
 
 /// Particles inside a sphere whose mass is listed, at least.
 pub const LEAST_MASS: usize = 100;
@@ -33,14 +34,17 @@ const CENTER_ERROR: f64 = 0.55;
 /// Particles that errors are measured of, about: of more, each of some, scaled as errors are with numbers.
 const ERROR_SAMPLE: usize = 512;
 
-/// How haloes are found.
-#[derive(Clone, Debug, PartialEq)]
+/// How haloes are found. As a record that is read, also by the names that the options have on the command line.
+#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct HaloOptions {
     /// Linking length in mean spacings of the linked particles.
     pub linking: f64,
     /// Linked particles of the smallest halo.
+    #[serde(alias = "min_particles")]
     pub smallest: usize,
     /// Layers that are linked; by default those of dark matter where there are some, else all.
+    #[serde(alias = "link")]
     pub linked: Vec<String>,
     /// Softening length, world units; `None` = a 25th of the linked particles' mean spacing.
     pub softening: Option<f64>,
@@ -51,6 +55,7 @@ pub struct HaloOptions {
     /// Unit of mass, over what the source says.
     pub mass_unit: Option<String>,
     /// Cosmology, over what the source says.
+    #[serde(skip)]
     pub cosmology: Cosmology,
     /// Redshift, over what the source says.
     pub redshift: Option<f64>,
@@ -75,13 +80,19 @@ impl Default for HaloOptions {
     }
 }
 
-/// What haloes are found in.
-#[derive(Clone, Copy)]
-pub enum HaloSource<'a> {
-    /// Particles, and the same with velocities where they have any.
-    Particles(&'a Particles, Option<&'a ParticleFields>),
-    /// A model: haloes are found in particles drawn from it, and their masses integrated over its Gaussians.
-    Model(&'a Model),
+impl HaloOptions {
+    /// Refuses options out of range.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub fn check(&self) -> Result<()> {
+        within("the linking length in mean spacings", self.linking, 1e-6, 2.0)?;
+        within("the smallest number of particles", self.smallest as f64, 2.0, 1e9)?;
+        within("the share of particles that were read", self.sample_fraction, 1e-9, 1.0)?;
+        within("the redshift", self.redshift.unwrap_or(0.0), -0.999, 1e6)?;
+        within("the softening length", self.softening.unwrap_or(0.0), 0.0, f64::MAX)?;
+        within("the mass of a particle", self.particle_mass.unwrap_or(1.0), f64::MIN_POSITIVE, f64::MAX)
+    }
 }
 
 /// What is known of a source beside its particles: what a user states, else what it says.
@@ -92,11 +103,8 @@ pub struct HaloSetting {
 }
 
 impl HaloSetting {
-    fn new(source: &HaloSource<'_>, o: &HaloOptions) -> Self {
-        let (epoch, cosmology, units) = match source {
-            HaloSource::Particles(p, _) => (&p.meta.epoch, p.meta.cosmology, &p.meta.units),
-            HaloSource::Model(m) => (&m.metadata.epoch, m.metadata.cosmology, &m.metadata.units),
-        };
+    fn new(source: Subject<'_>, o: &HaloOptions) -> Self {
+        let ((epoch, cosmology), units) = (source.moment(), source.unit_system().units);
         let scale_factor = o.redshift.map(|z| 1.0 / (1.0 + z)).or(epoch.scale_factor);
         let mass = o.mass_unit.as_ref().map(|text| Unit::parse(text, Dimension::Mass)).or(units.mass.clone());
         let stated = o.cosmology;
@@ -118,50 +126,39 @@ impl HaloSetting {
 /// # Errors
 /// Options out of range; a particle type that does not exist; a box that is not periodic without a cosmology; too little
 /// memory.
-pub fn find_haloes(source: HaloSource<'_>, o: &HaloOptions, context: &Context<'_>) -> Result<HaloCatalogue> {
-    check(o)?;
-    if let HaloSource::Particles(particles, _) = source {
-        particles.check_files()?;
-    }
+pub fn find_haloes<'a>(
+    source: impl Into<StatsSide<'a>>,
+    o: &HaloOptions,
+    context: &Context<'_>,
+) -> Result<HaloCatalogue> {
+    o.check()?;
+    let StatsSide { subject: source, fields } = source.into();
+    source.particles().map_or(Ok(()), Particles::check_files)?;
     let drawn;
     let mut spheres = None;
     let (particles, velocities, domain, number) = match source {
-        HaloSource::Particles(p, v) => (p, v.map(Cow::Borrowed), Domain::from_particles(p), p.len() as u64),
-        HaloSource::Model(m) => {
-            let domain = Domain::from_model(m);
+        Subject::Particles(p) => (p, ParticleFields::moving(p, fields)?, source.domain(), p.len() as u64),
+        Subject::Model(m) => {
+            let domain = source.domain();
             let options = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
             let own = spheres.insert(GaussianSpheres::new(m, &domain, domain.spacing(options.total(m) as usize))?);
             let dense = dense_part(m, own, (&domain, o.linking), context)?.unwrap_or_else(|| m.clone());
             let (particles, fields) = options.draw_with_fields(dense, context)?;
             let velocities = ParticleFields::moving(&particles, &fields)?;
             drawn = particles;
-            (&drawn, velocities.map(Cow::Owned), domain, options.total(m))
+            (&drawn, velocities, domain, options.total(m))
         }
     };
     if particles.is_empty() {
         return Err(Error::argument("there are no particles"));
     }
     let positions = local_positions(particles, &domain);
-    let search = HaloSearch::new(source, (particles, number), velocities.as_deref(), (&domain, &positions), o)?;
+    let search = HaloSearch::new(source, (particles, number), velocities.as_ref(), (&domain, &positions), o)?;
     search.catalogue(spheres.as_ref(), context)
 }
-
-fn check(o: &HaloOptions) -> Result<()> {
-    let within = |name: &str, value: f64, [low, high]: [f64; 2]| {
-        let fault = || Error::argument(format!("{name} must be {low} to {high}, not {value}"));
-        (low..=high).contains(&value).then_some(()).ok_or_else(fault)
-    };
-    within("the linking length in mean spacings", o.linking, [1e-6, 2.0])?;
-    within("the smallest number of particles", o.smallest as f64, [2.0, 1e9])?;
-    within("the share of particles that were read", o.sample_fraction, [1e-9, 1.0])?;
-    within("the redshift", o.redshift.unwrap_or(0.0), [-0.999, 1e6])?;
-    within("the softening length", o.softening.unwrap_or(0.0), [0.0, f64::MAX])?;
-    within("the mass of a particle", o.particle_mass.unwrap_or(1.0), [f64::MIN_POSITIVE, f64::MAX])
-}
-
 /// One run.
 pub struct HaloSearch<'a> {
-    pub source: HaloSource<'a>,
+    pub source: Subject<'a>,
     pub setting: HaloSetting,
     pub particles: &'a Particles,
     /// Particles of the source: more than these where a model's thin part is not drawn.
@@ -210,7 +207,7 @@ impl HaloMeasures {
 
 impl<'a> HaloSearch<'a> {
     fn new(
-        source: HaloSource<'a>,
+        source: Subject<'a>,
         (particles, number): (&'a Particles, u64),
         velocities: Option<&'a ParticleFields>,
         (domain, positions): (&'a Domain, &'a [[f64; 3]]),
@@ -226,13 +223,11 @@ impl<'a> HaloSearch<'a> {
         let share = o.sample_fraction;
         let unit = o.particle_mass.or(particles.meta.particle_mass).unwrap_or(1.0) / share;
         let mass = match source {
-            HaloSource::Particles(p, _) => unit * p.total_mass(),
-            HaloSource::Model(m) => {
-                o.particle_mass.unwrap_or(1.0) / share * m.layers.iter().map(layer_mass).sum::<f64>()
-            }
+            Subject::Particles(p) => unit * p.total_mass(),
+            Subject::Model(m) => o.particle_mass.unwrap_or(1.0) / share * m.layers.iter().map(layer_mass).sum::<f64>(),
         };
         let mean = (domain.periodic == [true; 3]).then(|| mass / domain.volume());
-        let setting = HaloSetting::new(&source, o);
+        let setting = HaloSetting::new(source, o);
         let HaloSetting { epoch, cosmology, units } = &setting;
         let system = UnitSystem::new(units, epoch, cosmology);
         let densities = HaloDensities::new(&system, (epoch, cosmology), mean, masses)?;
@@ -296,14 +291,9 @@ impl<'a> HaloSearch<'a> {
         let mut parents = vec![None; centers.len()];
         for i in order {
             let radius = sphere(i).map_or(0.0, |s| s.sphere.radius);
-            points.near(points.cell_of(centers[i]), radius, |run, shift| {
-                for at in run {
-                    let other = points.index[at] as usize;
-                    let square: f64 =
-                        (0..3).map(|k| points.position[at][k] + shift[k] - centers[i][k]).map(|d| d * d).sum();
-                    if other != i && square <= radius * radius && mass(other) < mass(i) && parents[other].is_none() {
-                        parents[other] = Some(i);
-                    }
+            points.within(centers[i], radius, |other, _, _| {
+                if other != i && mass(other) < mass(i) && parents[other].is_none() {
+                    parents[other] = Some(i);
                 }
             });
         }
@@ -418,15 +408,9 @@ impl AboutCenter<'_> {
         let mut reach = search.first_reach(mass).min(furthest);
         loop {
             let mut found = Vec::new();
-            points.near(points.cell_of(center), reach, |run, shift| {
-                for at in run {
-                    let offset: [f64; 3] = each_axis(|k| points.position[at][k] + shift[k] - center[k]);
-                    let square = offset.iter().map(|d| d * d).sum::<f64>();
-                    if square <= reach * reach {
-                        let index = points.index[at];
-                        found.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
-                    }
-                }
+            points.within(center, reach, |index, offset, square| {
+                let index = index as u32;
+                found.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
             });
             let all = found.len() == search.positions.len();
             let particles = RadialParticles::new(found, reach);
@@ -476,7 +460,7 @@ mod tests {
     }
 
     fn haloes(p: &Particles, o: &HaloOptions) -> HaloCatalogue {
-        find_haloes(HaloSource::Particles(p, None), o, &Context::SILENT).unwrap()
+        find_haloes(Subject::Particles(p), o, &Context::SILENT).unwrap()
     }
 
     #[test]
@@ -511,7 +495,7 @@ mod tests {
         let haloes = |mass: f64| {
             let mut model = model.clone();
             (model.layers[0].name, model.layers[0].mass) = ("PartType1".into(), Mass::new(false, Some(mass)));
-            find_haloes(HaloSource::Model(&model), &HaloOptions::default(), &Context::SILENT).unwrap()
+            find_haloes(Subject::Model(&model), &HaloOptions::default(), &Context::SILENT).unwrap()
         };
         for mass in [0.5, 8.0] {
             let found = haloes(mass);
@@ -540,7 +524,7 @@ mod tests {
             assert!(!found.notes.iter().any(|n| n.contains("does not state masses")), "{:?}", found.notes);
         }
         let given = HaloOptions { particle_mass: Some(2.0), ..HaloOptions::default() };
-        assert!(find_haloes(HaloSource::Particles(&p, None), &given, &Context::SILENT).is_err());
+        assert!(find_haloes(Subject::Particles(&p), &given, &Context::SILENT).is_err());
         let none = of([Mass::Unknown; 2]);
         assert!(none.column("mfof").is_none() && none.notes.iter().any(|n| n.contains("does not state masses")));
     }

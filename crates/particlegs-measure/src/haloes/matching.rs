@@ -1,7 +1,7 @@
 //! One catalogue against another: which haloes are in both, and how their masses compare.
 
 use super::table::HaloCatalogue;
-use crate::stats::{PointGrid, quantile};
+use crate::stats::{counterparts, quantile};
 use particlegs_core::{Error, Result};
 use particlegs_particles::Domain;
 
@@ -84,28 +84,12 @@ impl HaloMatch {
 fn found_in(of: &ComparedHaloes, other: &ComparedHaloes, domain: &Domain) -> Result<(u64, u64, Vec<f64>)> {
     let mut order: Vec<usize> = (0..of.mass.len()).filter(|i| of.is_large(*i, LEAST)).collect();
     order.sort_by(|a, b| of.mass[*b].total_cmp(&of.mass[*a]).then(a.cmp(b)));
-    let points = PointGrid::new(&other.centers, domain, 0.0)?;
-    let mut taken = vec![false; other.mass.len()];
-    let mut ratios = Vec::new();
-    for &i in &order {
-        let (center, radius) = (of.centers[i], of.radius[i]);
-        let mut nearest: Option<(f64, usize)> = None;
-        points.near(points.cell_of(center), radius, |run, shift| {
-            for at in run {
-                let j = points.index[at] as usize;
-                let square: f64 = (0..3).map(|k| points.position[at][k] + shift[k] - center[k]).map(|d| d * d).sum();
-                let ratio = other.mass[j] / of.mass[i];
-                let alike = (1.0 / FACTOR..=FACTOR).contains(&ratio) && other.is_large(j, LEAST_COUNTERPART);
-                if alike && !taken[j] && square <= radius * radius && nearest.is_none_or(|n| (square, j) < n) {
-                    nearest = Some((square, j));
-                }
-            }
-        });
-        if let Some((_, j)) = nearest {
-            taken[j] = true;
-            ratios.push(other.mass[j] / of.mass[i]);
-        }
-    }
+    let ratio = |i: usize, j: usize| other.mass[j] / of.mass[order[i]];
+    let alike =
+        |i: usize, j: usize| (1.0 / FACTOR..=FACTOR).contains(&ratio(i, j)) && other.is_large(j, LEAST_COUNTERPART);
+    let wanted = order.iter().map(|i| (of.centers[*i], of.radius[*i]));
+    let found = counterparts(wanted, &other.centers, domain, alike)?;
+    let mut ratios: Vec<f64> = found.iter().enumerate().filter_map(|(i, j)| Some(ratio(i, (*j)?))).collect();
     ratios.sort_by(f64::total_cmp);
     Ok((order.len() as u64, ratios.len() as u64, ratios))
 }

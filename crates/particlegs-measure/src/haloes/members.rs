@@ -1,8 +1,6 @@
 //! Groups of linked particles, what is attached to them, and where they are densest.
 
-use crate::stats::{
-    LinkedParticles, PointGrid, find_groups, gathered, group_offsets, longest_link, mean_place, shrunk_center,
-};
+use crate::stats::{LinkedParticles, PointGrid, gathered, group_offsets, longest_link, mean_place, shrunk_center};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::is_species;
@@ -73,14 +71,7 @@ impl LinkedHaloes {
                 format!("the linking length {length:.4} is more than a third of the box: there are too few particles");
             return Err(Error::argument(what));
         }
-        let groups = match linked.index() {
-            None => find_groups(positions, domain, length, o.smallest, context)?.members,
-            Some(index) => {
-                let mut groups = find_groups(&gathered(positions, index), domain, length, o.smallest, context)?.members;
-                parallel::for_each(&mut groups, |m| m.iter_mut().for_each(|i| *i = index[*i as usize]));
-                groups
-            }
-        };
+        let groups = linked.link(positions, domain, length, o.smallest, context)?.members;
         let number_density = spacing.powi(-3);
         let mut found = LinkedHaloes {
             linking_length: length,
@@ -119,17 +110,11 @@ impl LinkedHaloes {
             .collect();
         let nearest = parallel::try_map(&others, |i| {
             context.check()?;
-            let x = positions[*i as usize];
-            let mut best = (self.linking_length * self.linking_length, u32::MAX);
-            points.near(points.cell_of(x), self.linking_length, |run, shift| {
-                for at in run {
-                    let square = (0..3).map(|k| points.position[at][k] + shift[k] - x[k]).map(|d| d * d).sum::<f64>();
-                    // Of equal distances the first particle.
-                    let number = linked[points.index[at] as usize];
-                    if square < best.0 || square == best.0 && number < best.1 {
-                        best = (square, number);
-                    }
-                }
+            // Of equal distances the first particle.
+            let mut best = (f64::INFINITY, u32::MAX);
+            points.within(positions[*i as usize], self.linking_length, |at, _, square| {
+                let candidate = (square, linked[at]);
+                best = if candidate < best { candidate } else { best };
             });
             Ok::<u32, Error>(group.get(best.1 as usize).copied().unwrap_or(u32::MAX))
         })?;

@@ -4,7 +4,7 @@
 //! Each group's density peak is the centre of spheres whose mean densities the cosmology gives (`overdensity`). What is
 //! measured inside them (`sphere`, `properties`) becomes a catalogue (`find`, `columns`, `table`). Of a model, particles
 //! are drawn to find the centres, and masses are integrated over its Gaussians (`mass_curve`). Catalogues are compared
-//! (`matching`) and counted by mass (`mass_function`).
+//! (`matching`) and counted by mass (`mass_function`): a `report` has it all.
 
 mod columns;
 mod dense;
@@ -15,11 +15,13 @@ mod matching;
 mod members;
 mod overdensity;
 mod properties;
+mod report;
 mod sphere;
 mod table;
 
-pub use find::{HaloOptions, HaloSource, find_haloes};
+pub use find::{HaloOptions, find_haloes};
 pub use mass_function::{MassFunctionBin, mass_function};
 pub use matching::HaloMatch;
 pub use overdensity::stated_cosmology;
+pub use report::HaloReport;
 pub use table::{HaloCatalogue, HaloColumn};

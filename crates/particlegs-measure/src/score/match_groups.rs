@@ -1,9 +1,8 @@
 //! Groups of particles drawn from a model, matched by position with those of the truth: equal numbers are not equal
 //! haloes.
 
-use crate::stats::{Groups, LinkedParticles, PointGrid, group_center, local_positions};
+use crate::stats::{Groups, LinkedParticles, counterparts, group_center, local_positions};
 use particlegs_core::context::Context;
-use particlegs_core::math::each_axis;
 use particlegs_core::model::{GROUP_CLASSES, GroupClass};
 use particlegs_core::{Result, parallel};
 use particlegs_particles::{Domain, Particles};
@@ -66,24 +65,8 @@ impl GroupFinder<'_> {
         if truth.sizes.is_empty() || drawn.sizes.is_empty() {
             return Ok(vec![None; truth.sizes.len()]);
         }
-        let points = PointGrid::new(&drawn.centers, self.domain, self.spacing)?;
-        let mut taken = vec![false; drawn.sizes.len()];
-        let found = truth.centers.iter().zip(&truth.sizes).map(|(c, &size)| {
-            let radius = self.radius(size, truth);
-            let mut best: Option<(f64, usize)> = None;
-            points.near(points.cell_of(*c), radius, |run, shift| {
-                for at in run {
-                    let p = points.position[at];
-                    let d: [f64; 3] = each_axis(|k| p[k] + shift[k] - c[k]);
-                    let (square, i) = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2], points.index[at] as usize);
-                    if square <= radius * radius && !taken[i] && best.is_none_or(|b| (square, i) < b) {
-                        best = Some((square, i));
-                    }
-                }
-            });
-            best.inspect(|b| taken[b.1] = true).map(|b| b.1)
-        });
-        Ok(found.collect())
+        let wanted = truth.centers.iter().zip(&truth.sizes).map(|(c, size)| (*c, self.radius(*size, truth)));
+        counterparts(wanted, &drawn.centers, self.domain, |_, _| true)
     }
 }
 

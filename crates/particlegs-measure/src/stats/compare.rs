@@ -1,53 +1,184 @@
 //! The whole job: everything that is asked for, of truth and other, over the truth's box.
 
-use super::aperture::{aperture_mass, counts_within, group_center};
 use super::boxes::check_boxes;
-use super::density::{central_slice, compare_density, density_pdf, mean_mass};
 use super::dispersion::halo_dispersions;
-use super::haloes::{HaloPlaces, HaloSide, halo_profiles};
+use super::haloes::HaloPlaces;
 use super::joint::joint_histograms;
-use super::likelihood::likelihood;
-use super::linking::{LinkedGroups, LinkedParticles, length_in};
+use super::linking::length_in;
 use super::moments::axis_moments;
-use super::multipoles::{momentum_spectra, multipoles};
-use super::neighbours::{NeighbourOptions, nearest_distances};
-use super::options::OF_VELOCITIES;
-use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
+use super::multipoles::momentum_spectra;
+use super::neighbours::with_distance_ratios;
+use super::pairs::{with_xi_ratio, xi_from};
 use super::points::local_positions;
+use super::presentation::Presentation;
 use super::profile::axis_profiles;
-use super::rdf::rdf_edges;
-use super::report::{DensityReport, GroupReport, Statistics, XiByTransform};
-use super::spectrum::{SpectrumOptions, TransformPair, spectra, transform_pair};
+use super::rdf::{largest_difference, with_g};
 use super::subject::ConvertedSubject;
-use super::velocities::{displacement, unit_of, velocity_pair};
-use super::xi_transform::xi_of_modes;
+use super::velocities::{FieldSide, unit_of};
 use super::{
-    AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, Multipoles,
-    NearestDistances, PairCounts, ParticleFields, SizeClass, StatsOptions, StatsSide, Subject, Summary, deposit,
-    deposit_bytes, deposit_steps, longest_link, size_histogram,
+    AxisMoments, AxisProfile, Convention, DensityReport, Domain, GroupReport, HaloDispersions, HaloProfiles,
+    JointHistogram, Likelihood, Measure, Multipoles, NearestDistances, PairCounts, Spectra, StatsOptions, StatsSide,
+    Subject, XiByTransform, density, dispersion, group_report, haloes, joint, likelihood, multipoles, neighbours,
+    pairs, profile, rdf, sizes_within, spectrum,
 };
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, check_densities};
-use particlegs_core::{Error, Result, parallel};
+use particlegs_core::{Error, Result};
 use particlegs_particles::Particles;
-use std::borrow::Cow;
-use std::f64::consts::PI;
+use serde::Serialize;
 
-/// Sizes of groups whose cores are compared.
-const CORES: [[u64; 2]; 3] = [[100, 299], [300, 999], [1000, u64::MAX]];
+/// Everything measured; `None` = not asked for, or not to be had of a model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// The options that it was measured with.
+    pub options: StatsOptions,
+    /// The truth's box, which the other is put into.
+    pub domain: Domain,
+    /// Particles, or those that a model stands for.
+    pub particles: [u64; 2],
+    /// Is it a model's mixture itself?
+    pub model: [bool; 2],
+    /// Mean spacing of the truth's particles.
+    pub spacing: f64,
+    /// Densities on a grid.
+    pub density: Option<DensityReport>,
+    /// Power spectra in shells of wave number.
+    pub spectra: Option<Spectra>,
+    /// xi(r) from the spectra.
+    pub xi_by_transform: Option<XiByTransform>,
+    /// xi(r) by pair counts, in bins that both share.
+    #[serde(serialize_with = "with_xi_ratio")]
+    pub xi_by_pairs: Option<[PairCounts; 2]>,
+    /// Friends-of-friends groups, and the mass in their cores.
+    pub groups: Option<GroupReport>,
+    /// Distances to the nearest neighbour.
+    #[serde(serialize_with = "with_distance_ratios")]
+    pub neighbours: Option<[NearestDistances; 2]>,
+    /// Moments along x, y and z.
+    pub moments: Option<[[AxisMoments; 3]; 2]>,
+    /// Likelihood of the particles under the model, where one side is a model and one particles.
+    pub likelihood: Option<Likelihood>,
+    /// Pair counts in linear bins, of which g(r) is made.
+    #[serde(serialize_with = "with_g")]
+    pub rdf: Option<[PairCounts; 2]>,
+    /// Densities along x, y and z.
+    pub profiles: Option<[AxisProfile; 3]>,
+    /// Density and enclosed mass about centres.
+    pub haloes: Option<HaloProfiles>,
+    /// Unit of velocities, where it is known.
+    pub velocity_unit: Option<String>,
+    /// Power in redshift space.
+    pub multipoles: Option<Multipoles>,
+    /// Power of the momentum: (unit of velocity)^2 times volume.
+    pub momentum: Option<Spectra>,
+    /// Velocity dispersions about centres.
+    pub dispersion: Option<HaloDispersions>,
+    /// Joint histograms of two fields, one for each layer that has both on both sides.
+    pub joint: Option<Vec<JointHistogram>>,
+    /// The figures that a table shows.
+    pub summary: Summary,
+    /// What a reader must know: choices made, things left out.
+    pub notes: Vec<String>,
+}
 
-/// Particles of the smallest group whose centre is a halo's, and the most haloes.
-const LEAST_HALO: usize = 100;
-const MOST_HALOES: usize = 1000;
-/// How far g(r) and haloes go, in mean spacings.
-const RDF_SPACINGS: f64 = 4.0;
-const HALO_SPACINGS: f64 = 2.0;
+/// Declares the figures of a summary, each with its value.
+macro_rules! summary {
+    ($s:ident: $($(#[$about:meta])* $name:ident: $type:ty = $value:expr;)*) => {
+        /// `None` = not measured; of a limit: `within` says what it means.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+        pub struct Summary {
+            $($(#[$about])* pub $name: $type,)*
+        }
 
-/// Cells along each edge for densities of the published table.
-pub(crate) const PAPER_CELLS: usize = 256;
+        impl Summary {
+            /// The figures of statistics whose own summary is not looked at.
+            fn new($s: &Statistics) -> Self {
+                Summary { $($name: $value),* }
+            }
+        }
+    };
+}
 
-/// Largest over smallest separation: float32 positions tell no more apart.
-const WIDEST_SEPARATIONS: f64 = 1e9;
+summary! { s:
+    /// Pearson correlation of densities.
+    density_correlation: Option<f64> = s.density.as_ref().map(|d| d.agreement.correlation);
+    /// Mean absolute error of delta.
+    density_mean_absolute_error: Option<f64> = s.density.as_ref().map(|d| d.agreement.mean_absolute_error);
+    /// Largest |P_other / P_truth - 1| of any shell.
+    largest_power_deviation: Option<f64> = s.spectra.as_ref().and_then(Spectra::largest_power_deviation);
+    /// P(k) is within 1 % up to here.
+    power_within_1_percent_to: Option<f64> = s.spectra.as_ref().and_then(|p| p.power_within(0.01));
+    /// P(k) is within 5 % up to here.
+    power_within_5_percent_to: Option<f64> = s.spectra.as_ref().and_then(|p| p.power_within(0.05));
+    /// P(k) is within 10 % up to here.
+    power_within_10_percent_to: Option<f64> = s.spectra.as_ref().and_then(|p| p.power_within(0.1));
+    /// r(k) is at least 0.99 up to here.
+    r_above_0_99_to: Option<f64> = s.spectra.as_ref().and_then(|p| p.r_above(0.99));
+    /// r(k) is at least 0.9 up to here.
+    r_above_0_9_to: Option<f64> = s.spectra.as_ref().and_then(|p| p.r_above(0.9));
+    /// r at the last shell.
+    r_at_k_max: Option<f64> = s.spectra.as_ref().and_then(|s| s.shells.last()?.r);
+    /// xi(r) is within 10 % from here on, as far as the truth's is above 0.1: by pairs, and by transform
+    /// where pairs are of a sample.
+    xi_within_10_percent_from: Option<f64> = s.xi_by_pairs.as_ref().and_then(|p| xi_from(p, s.xi_by_transform.as_ref()));
+    /// Groups of this size and above have counts within 10 %, in classes joined to hold at least 100.
+    groups_within_10_percent_from: Option<u64> = s.groups.as_ref().and_then(|g| sizes_within(&g.histogram, 0.1).flatten());
+    /// Median of other / truth within the aperture, groups of 100 to 299.
+    core_mass: Option<f64> = s.groups.as_ref().and_then(|g| g.apertures.iter().find(|a| a.sizes == [100, 299])?.median);
+    /// Mean nearest distance, other / truth.
+    nearest_mean: Option<f64> = s.neighbours.as_ref().map(|[truth, other]| other.mean / truth.mean);
+    /// Median nearest distance, other / truth.
+    nearest_median: Option<f64> = s.neighbours.as_ref().map(|[truth, other]| other.median / truth.median);
+    /// Distances of the first peak of g(r), truth and other.
+    rdf_peak_at: [Option<f64>; 2] = peaks(s).map(|p| p.map(|[r, _]| r));
+    /// Heights of that peak, truth and other.
+    rdf_peak_height: [Option<f64>; 2] = peaks(s).map(|p| p.map(|[_, g]| g));
+    /// Largest difference of g(r), other - truth, among bins of 100 pairs and more in an ideal gas.
+    rdf_largest_difference: Option<f64> = s.rdf.as_ref().and_then(largest_difference).map(|[_, d]| d);
+    /// RMS difference of the densities along the chosen axis, in units of the mean.
+    profile_relative_difference: Option<f64> = profile(s).map(|p| p.relative_difference);
+    /// Half-mass heights along it, truth and other.
+    profile_half_mass_height: [Option<f64>; 2] = [0, 1].map(|side| profile(s).map(|p| p.half_mass_height[side]));
+    /// Median of enclosed mass, other / truth, within the largest radius about centres.
+    halo_mass: Option<f64> = s.haloes.as_ref().and_then(|h| *h.median.last()?);
+    /// P0 in redshift space is within 1 % up to here.
+    monopole_within_1_percent_to: Option<f64> = s.multipoles.as_ref().and_then(|m| m.monopole_within(0.01));
+    /// P0 in redshift space is within 5 % up to here.
+    monopole_within_5_percent_to: Option<f64> = s.multipoles.as_ref().and_then(|m| m.monopole_within(0.05));
+    /// Largest |P2_other - P2_truth| / P0_truth of any shell.
+    largest_quadrupole_deviation: Option<f64> = s.multipoles.as_ref().and_then(Multipoles::largest_quadrupole_deviation);
+    /// P(k) of the momentum is within 5 % up to here.
+    momentum_within_5_percent_to: Option<f64> = s.momentum.as_ref().and_then(|m| m.power_within(0.05));
+    /// Median of velocity dispersions about centres, other / truth.
+    halo_dispersion: Option<f64> = s.dispersion.as_ref().and_then(|d| d.median);
+    /// Share of the mass that lies in other cells of a joint histogram: the largest of all layers.
+    joint_difference: Option<f64> = s.joint.iter().flatten().map(|j| j.difference).reduce(f64::max);
+}
+
+fn peaks(s: &Statistics) -> [Option<[f64; 2]>; 2] {
+    [0, 1].map(|side| s.rdf.as_ref().and_then(|pair| pair[side].first_peak()))
+}
+
+/// The profile along the chosen axis.
+fn profile(s: &Statistics) -> Option<&AxisProfile> {
+    s.profiles.as_ref()?.get(s.options.profile_axis)
+}
+
+/// Shows each measure, in the order of the lines.
+pub(super) const SHOW: [fn(&Statistics, &mut Presentation); 12] = [
+    density::show,
+    spectrum::show,
+    pairs::show,
+    group_report::show,
+    neighbours::show,
+    rdf::show,
+    profile::show,
+    haloes::show,
+    multipoles::show,
+    dispersion::show,
+    joint::show,
+    likelihood::show,
+];
 
 /// Measures `other` against `truth`, in the units of the truth.
 pub fn compare<'a>(
@@ -56,11 +187,8 @@ pub fn compare<'a>(
     o: &StatsOptions,
     context: &Context<'_>,
 ) -> Result<Statistics> {
-    compare_sides([truth.into(), other.into()], o, context)
-}
-
-fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
-    check(o)?;
+    o.check()?;
+    let sides: [StatsSide<'_>; 2] = [truth.into(), other.into()];
     let [truth, other] = sides.map(|s| s.subject);
     [truth, other].iter().filter_map(Subject::particles).try_for_each(Particles::check_files)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {
@@ -77,6 +205,9 @@ fn compare_sides(sides: [StatsSide<'_>; 2], o: &StatsOptions, context: &Context<
     let of_boxes = check_boxes([truth, other])?;
     let of_masses = check_masses([truth, other])?;
     o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
+    let fields = [sides[0].read_fields(o, context)?, sides[1].read_fields(o, context)?];
+    let side = |k: usize| FieldSide { subject: sides[k].subject, fields: fields[k].as_ref() };
+    let sides = [side(0), side(1)];
     let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, context };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
@@ -168,52 +299,6 @@ fn check_masses(pair: [Subject<'_>; 2]) -> Result<Option<String>> {
     Ok(Some(format!("{side} states no masses: its particles are taken to have the same mass, as all others have")))
 }
 
-pub(super) fn check(o: &StatsOptions) -> Result<()> {
-    let within = |name: &str, value: f64, low: f64, high: f64| {
-        if value >= low && value <= high {
-            Ok(())
-        } else {
-            Err(Error::argument(format!("{name} must be {low} to {high}, not {value}")))
-        }
-    };
-    within("the number of cells of the density grid", o.cells.unwrap_or(2) as f64, 2.0, 8192.0)?;
-    within("the number of cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
-    within("the number of bins per decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
-    within("the linking length in mean spacings", o.linking, 1e-6, 2.0)?;
-    within("the aperture in mean spacings", o.aperture, 1e-6, 100.0)?;
-    within("the size of the smallest group", o.smallest_group as f64, 2.0, 1e9)?;
-    within("the sample of neighbours", o.neighbour_sample as f64, 2.0, 4e9)?;
-    within("the axis of a profile", o.profile_axis as f64, 0.0, 2.0)?;
-    within("the number of slabs of a profile", o.profile_bins as f64, 1.0, 10_000.0)?;
-    within("the number of bins of a joint histogram", o.joint_bins as f64, 2.0, 1000.0)?;
-    within("the number of shells around a halo", o.halo_bins as f64, 1.0, 1000.0)?;
-    if let Some(r) = o.rdf_max {
-        within("the largest distance of g(r)", r, f64::MIN_POSITIVE, f64::MAX)?;
-    }
-    let stated = o.centers.iter().flatten().filter_map(|(_, r)| *r);
-    for r in stated.chain(o.halo_radius) {
-        within("the radius of a halo", r, f64::MIN_POSITIVE, f64::MAX)?;
-    }
-    if o.centers.iter().flatten().any(|(c, _)| c.iter().any(|v| !v.is_finite())) {
-        return Err(Error::argument("the centres of haloes must be finite"));
-    }
-    if let Some(k) = o.k_max {
-        within("the largest wave number", k, f64::MIN_POSITIVE, f64::MAX)?;
-    }
-    if o.joint.as_ref().is_some_and(|[x, y]| x.eq_ignore_ascii_case(y)) {
-        return Err(Error::argument("a joint histogram needs two different fields"));
-    }
-    match o.separations {
-        Some([low, high]) if !(low > 0.0 && high > low && high.is_finite()) => {
-            Err(Error::argument(format!("separations must be above 0 and in ascending order, not {low:e} to {high:e}")))
-        }
-        Some([low, high]) if high / low > WIDEST_SEPARATIONS => Err(Error::argument(format!(
-            "separations {low:e} to {high:e} span more than a factor of {WIDEST_SEPARATIONS:e}"
-        ))),
-        _ => Ok(()),
-    }
-}
-
 /// The truth's box; its bounds where it is to be taken as open, as the published convention does.
 fn job_domain(truth: Subject<'_>, o: &StatsOptions) -> Domain {
     if o.convention == Convention::Correct && !o.open {
@@ -230,7 +315,7 @@ pub(super) struct ComparisonJob<'a> {
 }
 
 impl ComparisonJob<'_> {
-    fn paper(&self) -> bool {
+    pub fn paper(&self) -> bool {
         self.o.convention == Convention::Paper
     }
 
@@ -240,7 +325,7 @@ impl ComparisonJob<'_> {
     }
 
     /// Particles of the larger side; 0 of a model.
-    fn most_particles(&self) -> u64 {
+    pub fn most_particles(&self) -> u64 {
         self.pair.iter().filter_map(|s| s.particles()).map(|p| p.len() as u64).max().unwrap_or(0)
     }
 
@@ -285,128 +370,17 @@ impl ComparisonJob<'_> {
         notes
     }
 
-    /// `None` of two models or of two sets of particles.
-    fn likelihood(&self) -> Result<Option<Likelihood>> {
-        let (model, particles) = match self.pair {
-            [Subject::Model(m), Subject::Particles(p)] | [Subject::Particles(p), Subject::Model(m)] => (m, p),
-            _ => return Ok(None),
-        };
-        likelihood(model, particles, &self.domain, self.o.seed, self.context).map(Some)
-    }
-
-    fn density(&self) -> Result<DensityReport> {
-        let grid = match self.o.cells {
-            n if self.paper() => Grid::stretched(&self.domain, [n.unwrap_or(PAPER_CELLS); 3]),
-            Some(n) => Grid::new(&self.domain, n),
-            None => Grid::of_eight(&self.domain, self.pair[0].count() as usize),
-        };
-        particlegs_files::memory::require(
-            "two density grids",
-            deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
-        )?;
-        self.context.begin("density grids", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
-        let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.context);
-        let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
-        self.context.end();
-        let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
-        let [(of_a, mass_a), (of_b, mass_b)] = self.pair.map(|s| s.density_of());
-        // Masses that one side does not state are those of the other.
-        let unit = if of_a == of_b { 1.0 } else { mass_b.unwrap_or(1.0) / mass_a.unwrap_or(1.0) };
-        Ok(DensityReport {
-            cells: grid.cells,
-            side: grid.side,
-            agreement: compare_density(&a, &b),
-            mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside) / unit,
-            outside: [&a, &b].map(|f| f.outside / (inside(f) + f.outside)),
-            pdf: density_pdf(&a, &b),
-            slices: [0, 1, 2].map(|axis| [central_slice(&a, axis), central_slice(&b, axis)]),
-        })
-    }
-
-    pub fn spectrum_options(&self) -> SpectrumOptions {
-        let cells = self.o.spectrum_cells;
-        let grid_limit = PI * cells as f64 / self.domain.longest();
-        let wanted = self.o.k_max.unwrap_or(PI / self.spacing(0));
-        SpectrumOptions {
-            cells,
-            assignment: if self.paper() { super::Assignment::Ngp } else { self.o.spectrum_assignment },
-            interlaced: self.o.interlaced && !self.paper(),
-            deconvolved: !self.paper(),
-            shot_noise_subtracted: !self.paper(),
-            k_max: if self.paper() { grid_limit } else { wanted.min(grid_limit) },
-        }
-    }
-
-    fn spectrum(&self) -> Result<(Option<super::Spectra>, Option<XiByTransform>)> {
-        let domain = if self.paper() {
-            // One length for all three axes: the grid's cells are taken for cubes.
-            Domain { length: [self.domain.longest(); 3], ..self.domain }
-        } else {
-            self.domain
-        };
-        let (cells, options) = (self.o.spectrum_cells, self.spectrum_options());
-        let grid =
-            if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
-        let pair: TransformPair = transform_pair(self.pair, [None; 2], &grid, &domain, &options, self.context)?;
-        let spectra = spectra(&pair, &domain, &options, self.context)?;
-        // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
-        let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));
-        let edges: Vec<f64> = (1..=1000).map(|i| width * f64::from(i)).take_while(|r| *r <= last).collect();
-        let xi = if edges.len() > 1 && !self.paper() {
-            let xi = xi_of_modes(&pair, &domain, &options, &edges, self.context)?;
-            Some(XiByTransform { xi, edges })
-        } else {
-            None
-        };
-        Ok((Some(spectra), xi))
-    }
-
-    /// Edges of the bins of separation.
-    fn edges(&self) -> Vec<f64> {
-        let longest = longest_separation(&self.domain);
-        let [low, high] =
-            self.o.separations.unwrap_or([0.05 * self.spacing(0), longest.min(0.125 * self.domain.shortest())]);
-        let high = high.min(longest);
-        logarithmic_edges(low.min(0.5 * high), high, self.o.bins_per_decade)
-    }
-
-    fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
-        let options = PairOptions { edges: self.edges(), band: 3.0, budget: self.o.pair_budget, seed: self.o.seed };
-        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
-        let counts = [count(0)?, count(1)?];
-        if counts.iter().any(PairCounts::sampled) {
-            notes.push("pairs at large separations are counted for a random sample of particles".into());
-        }
-        Ok(counts)
-    }
-
-    /// g(r), of fewer pairs than xi(r): its bands are wider and its bins narrower.
-    fn rdf(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
-        let longest = longest_separation(&self.domain);
-        if let Some(wanted) = self.o.rdf_max.filter(|r| *r > longest) {
-            notes.push(format!("g(r) ends at {longest:.4e} instead of {wanted:.4e}, because the box is too small"));
-        }
-        let edges = rdf_edges(self.o.rdf_max.unwrap_or(RDF_SPACINGS * self.spacing(0)).min(longest));
-        let options = PairOptions { edges, band: 10.0, budget: self.o.pair_budget / 3, seed: self.o.seed };
-        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
-        let counts = [count(0)?, count(1)?];
-        if counts.iter().any(PairCounts::sampled) {
-            notes.push("g(r) is measured for a random sample of particles".into());
-        }
-        Ok(counts)
-    }
-
     fn profiles(&self) -> Result<[AxisProfile; 3]> {
         axis_profiles(self.pair, &self.domain, self.o.profile_bins, self.context)
     }
 
     /// The particles, where both sides are some.
-    fn both_particles(&self) -> Option<[&Particles; 2]> {
+    pub fn both_particles(&self) -> Option<[&Particles; 2]> {
         let [truth, other] = self.pair.map(|s| s.particles());
         Some([truth?, other?])
     }
 
-    fn wants(&self, measures: &[Measure]) -> bool {
+    pub fn wants(&self, measures: &[Measure]) -> bool {
         measures.iter().any(|m| self.o.measures.contains(m))
     }
 
@@ -418,178 +392,5 @@ impl ComparisonJob<'_> {
         let bytes = particles.iter().flatten().map(|p| 24 * p.len() as u64).sum();
         particlegs_files::memory::require("positions", bytes)?;
         Ok(particles.map(|p| p.map_or(Vec::new(), |p| local_positions(p, &self.domain))))
-    }
-
-    /// The truth's groups, where they are asked for or stand for haloes' centres. `None`, and a note, in a box too
-    /// thin for links of that length.
-    fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<LinkedGroups>> {
-        let centers =
-            self.wants(&[Measure::Haloes, Measure::Dispersion]) && self.o.centers.is_none() && !positions.is_empty();
-        let measured = self.wants(&[Measure::Groups]) && self.both_particles().is_some();
-        if centers || measured { self.find_groups(positions, 0, notes) } else { Ok(None) }
-    }
-
-    pub fn find_groups(
-        &self,
-        positions: &[[f64; 3]],
-        side: usize,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<LinkedGroups>> {
-        let Some(particles) = self.pair[side].particles() else { return Ok(None) };
-        let linked = LinkedParticles::new(particles, positions, &self.domain);
-        let length = match &self.o.linking_length {
-            Some(text) => length_in(text, &self.pair[0].unit_system())?,
-            None => self.o.linking * linked.spacing,
-        };
-        let found = linked.groups(positions, &self.domain, length, self.o.smallest_group, self.context)?;
-        match &found {
-            None => {
-                let longest = longest_link(&self.domain);
-                notes.push(format!(
-                    "no groups were measured: the linking length {length:.4e} exceeds a third of the box, {longest:.4e}"
-                ));
-            }
-            Some(LinkedGroups { groups, linked: number, contaminated: Some(contaminated) }) => notes.push(format!(
-                "groups of the {} link the lightest {number} of {} particles, which are {:.4e} apart on average: \
-                 {contaminated} of {} groups contain heavier particles",
-                ["truth", "other"][side],
-                positions.len(),
-                linked.spacing,
-                groups.members.len(),
-            )),
-            Some(_) => {}
-        }
-        Ok(found)
-    }
-
-    /// Centres and the largest radius about each. `None`, and a note, where there are none.
-    fn centers(
-        &self,
-        positions: &[[f64; 3]],
-        truth: Option<&LinkedGroups>,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<(Vec<[f64; 3]>, Vec<f64>)>> {
-        let repeats = (0..3).filter(|k| self.domain.periodic[*k]).map(|k| 0.5 * self.domain.length[k]);
-        let longest = repeats.fold(f64::INFINITY, f64::min);
-        let default = (HALO_SPACINGS * self.spacing(0)).min(longest);
-        let (centers, stated): (Vec<[f64; 3]>, Vec<Option<f64>>) = match (&self.o.centers, truth) {
-            (Some(given), _) => given.iter().map(|(c, r)| (self.domain.local(*c), *r)).unzip(),
-            (None, Some(found)) => {
-                let large = found.groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
-                let center = |m: &Vec<u32>| (group_center(positions, m, &self.domain), None);
-                parallel::map(large, center).into_iter().unzip()
-            }
-            (None, None) => (vec![], vec![]),
-        };
-        if centers.is_empty() {
-            notes.push("no haloes were measured: there are no centres and no groups of 100 particles".into());
-            return Ok(None);
-        }
-        let radii: Vec<f64> = stated.iter().map(|r| self.o.halo_radius.or(*r).unwrap_or(default)).collect();
-        if let Some(r) = radii.iter().find(|r| **r > longest) {
-            return Err(Error::argument(format!("the halo radius {r:.6} is more than half the box, {longest:.6}")));
-        }
-        Ok(Some((centers, radii)))
-    }
-
-    fn haloes(&self, positions: [&[[f64; 3]]; 2], places: &HaloPlaces<'_>) -> Result<HaloProfiles> {
-        let side = |s: usize| HaloSide { subject: self.pair[s], positions: positions[s] };
-        halo_profiles([side(0), side(1)], &self.domain, places, self.context)
-    }
-
-    /// Velocities of both sides. `None`, and a note, where one has none.
-    fn velocities<'s>(
-        &self,
-        sides: [StatsSide<'s>; 2],
-        notes: &mut Vec<String>,
-    ) -> Result<Option<[Cow<'s, ParticleFields>; 2]>> {
-        let found = velocity_pair(sides)?;
-        if let Err(why) = &found {
-            let wanted: Vec<&str> = OF_VELOCITIES.iter().filter(|m| self.wants(&[**m])).map(|m| m.name()).collect();
-            notes.push(format!("no {}: {why}", wanted.join(", ")));
-        }
-        Ok(found.ok())
-    }
-
-    /// `None`, and a note, where velocities cannot be turned into lengths, and in a box that is not periodic.
-    fn multipoles(
-        &self,
-        pair: [&ParticleFields; 2],
-        unit: Option<&str>,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<Multipoles>> {
-        let moved = match self.domain.periodic {
-            [true, true, true] => displacement(self.pair, unit),
-            _ => Err("the box is not periodic along all axes".into()),
-        };
-        match moved {
-            Ok(moved) => multipoles(pair, moved, &self.domain, &self.spectrum_options(), self.context).map(Some),
-            Err(why) => {
-                notes.push(format!("no multipoles: {why}"));
-                Ok(None)
-            }
-        }
-    }
-
-    /// `None`, and a note, in a box too thin for links of the other's length.
-    fn groups(
-        &self,
-        positions: [&[[f64; 3]]; 2],
-        truth: &LinkedGroups,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<GroupReport>> {
-        let Some(other) = self.find_groups(positions[1], 1, notes)? else { return Ok(None) };
-        let pair = [truth, &other];
-        let apertures = self.apertures(positions, &truth.groups, notes)?;
-        let sizes = pair.map(|f| f.groups.sizes());
-        let smallest = self.o.smallest_group as u64;
-        let class = |from: u64, to: Option<u64>| SizeClass::new(sizes.each_ref().map(|s| &s[..]), from, to);
-        let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
-            .into_iter()
-            .filter(|(_, to)| to.is_none_or(|t| t >= smallest))
-            .map(|(from, to)| class(from.max(smallest), to))
-            .collect();
-        let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
-        let histogram = size_histogram(sizes.each_ref().map(|s| &s[..]), smallest);
-        Ok(Some(GroupReport {
-            linking_length: pair.map(|f| f.groups.linking_length),
-            linked: pair.map(|f| f.linked),
-            contaminated: pair.map(|f| f.contaminated),
-            classes,
-            histogram,
-            largest,
-            grouped: [0, 1].map(|s| sizes[s].iter().sum::<u64>() as f64 / pair[s].linked as f64),
-            apertures,
-        }))
-    }
-
-    /// Shares of all particles within the aperture, other over truth, by size of the truth's group.
-    /// None, and a note, where the aperture is wider than the box.
-    fn apertures(
-        &self,
-        positions: [&[[f64; 3]]; 2],
-        truth: &Groups,
-        notes: &mut Vec<String>,
-    ) -> Result<Vec<super::ApertureMass>> {
-        let radius = self.o.aperture * self.spacing(0);
-        let longest = longest_separation(&self.domain);
-        if radius > longest {
-            notes.push(format!("no core masses were measured: the aperture {radius:.4e} exceeds {longest:.4e}"));
-            return Ok(Vec::new());
-        }
-        let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
-        let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
-        let centers = parallel::map(&chosen.members, |m| group_center(positions[0], m, &self.domain));
-        let count = |side: usize| counts_within(positions[side], &self.domain, &centers, radius, self.context);
-        let (a, b) = (count(0)?, count(1)?);
-        let per = positions[0].len() as f64 / positions[1].len() as f64;
-        Ok(CORES.map(|sizes| aperture_mass(&chosen, &a, &b, per, radius, sizes)).to_vec())
-    }
-
-    fn neighbours(&self, particles: [&Particles; 2]) -> Result<[NearestDistances; 2]> {
-        let options =
-            NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
-        let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.context);
-        Ok([of(0)?, of(1)?])
     }
 }

@@ -1,7 +1,17 @@
 //! How two densities on one grid agree, how they are distributed, and what a slice of them shows.
 
-use super::Field;
+use super::compare::ComparisonJob;
+use super::deposit::{deposit, deposit_bytes, deposit_steps};
+use super::presentation::*;
+use super::{Field, Grid, Statistics, Subject};
+use particlegs_core::Result;
+use particlegs_core::model::decimals;
 use particlegs_core::parallel;
+use particlegs_core::picture::Colormap;
+use particlegs_figure::{ColourBar, Figure, Panel};
+
+/// Cells along each edge for densities of the published table.
+pub(crate) const PAPER_CELLS: usize = 256;
 
 /// Cells in one step of a sum; fixed, so that sums do not depend on threads.
 const STEP: usize = 1 << 16;
@@ -153,6 +163,96 @@ pub fn central_slice(f: &Field, axis: usize) -> Vec<f32> {
         }
     }
     values
+}
+
+/// Densities on one grid.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct DensityReport {
+    /// Cells along each axis.
+    pub cells: [usize; 3],
+    /// Edges of a cell, world units.
+    pub side: [f64; 3],
+    /// Agreement of the two densities, cell by cell.
+    pub agreement: DensityComparison,
+    /// Mass of other / truth.
+    pub mass_ratio: f64,
+    /// Share of the mass beyond open edges.
+    pub outside: [f64; 2],
+    /// Distribution of 1 + delta over the cells.
+    pub pdf: DensityPdf,
+    /// 1 + delta of both in the central planes of cells across x, y and z, the first of the two other axes slowest.
+    #[serde(skip)]
+    pub slices: [[Vec<f32>; 2]; 3],
+}
+
+impl ComparisonJob<'_> {
+    /// Densities of both sides on one grid.
+    pub fn density(&self) -> Result<DensityReport> {
+        let grid = match self.o.cells {
+            n if self.paper() => Grid::stretched(&self.domain, [n.unwrap_or(PAPER_CELLS); 3]),
+            Some(n) => Grid::new(&self.domain, n),
+            None => Grid::of_eight(&self.domain, self.pair[0].count() as usize),
+        };
+        particlegs_files::memory::require(
+            "two density grids",
+            deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
+        )?;
+        self.context.begin("density grids", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
+        let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.context);
+        let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
+        self.context.end();
+        let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
+        let [(of_a, mass_a), (of_b, mass_b)] = self.pair.map(|s| s.density_of());
+        // Masses that one side does not state are those of the other.
+        let unit = if of_a == of_b { 1.0 } else { mass_b.unwrap_or(1.0) / mass_a.unwrap_or(1.0) };
+        Ok(DensityReport {
+            cells: grid.cells,
+            side: grid.side,
+            agreement: compare_density(&a, &b),
+            mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside) / unit,
+            outside: [&a, &b].map(|f| f.outside / (inside(f) + f.outside)),
+            pdf: density_pdf(&a, &b),
+            slices: [0, 1, 2].map(|axis| [central_slice(&a, axis), central_slice(&b, axis)]),
+        })
+    }
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(d) = &s.density else { return };
+    let [truth, other] = &d.pdf.cells;
+    let bins = d.pdf.edges.windows(2).zip(truth.iter().zip(other));
+    to.table(
+        "density_pdf.csv",
+        "log10_density_low,log10_density_high,cells_truth,cells_other",
+        bins.clone().map(|(e, (a, b))| row![e[0], e[1], a, b]),
+    );
+    let all: f64 = d.cells.iter().map(|n| *n as f64).product();
+    let of = |(e, (a, b)): (&[f64], (&u64, &u64))| (10f64.powf(0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / all));
+    let axes = [log("density / mean"), log("share of cells per bin (10 per decade)")];
+    to.plot(compared("density_pdf", "Distribution of density", axes, &bins.map(of).collect::<Vec<_>>(), 0.0));
+    to.slices.extend(["x", "y", "z"].into_iter().zip(0..3).map(|(name, axis)| (name, slices(d, axis))));
+    let [x, y, z] = d.cells;
+    let each = s.particles[0] as f64 / (x * y * z) as f64;
+    let DensityComparison { correlation, mean_absolute_error, root_mean_square_error, .. } = &d.agreement;
+    to.line("density: grid; particles per cell", format!("{x}x{y}x{z}; {}", decimals(each)));
+    to.line("density: correlation; MAE of delta", format!("{correlation:.4}; {mean_absolute_error:.4}"));
+    to.line("density: RMSE of delta", format!("{root_mean_square_error:.4}"));
+}
+
+/// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.
+fn slices(d: &DensityReport, axis: usize) -> Figure {
+    let [columns, rows] = [[1, 2], [0, 2], [0, 1]][axis].map(|k: usize| d.cells[k]);
+    // About 480 pixels along the longer side, each cell a square of pixels; the first axis is horizontal.
+    let scale = (480 / columns.max(rows).max(1)).max(1);
+    let color = |v: f32| Colormap::Inferno.color((v.log10() + 1.0) / 4.0);
+    let panel = |(values, name): (&Vec<f32>, &str)| Panel {
+        caption: Some(name.to_string()),
+        ..Panel::plain(block_picture(values, [columns, rows], scale, color))
+    };
+    let bar = ColourBar::logarithmic("density / mean".into(), [0.1, 1000.0], |share| Colormap::Inferno.color(share));
+    let panels = d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect();
+    Figure { bar: Some(bar), ..Figure::plain(panels, 2) }
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Velocity dispersions of particles about given centres.
 
-use super::Domain;
 use super::aperture::quantile;
 use super::haloes::HaloPlaces;
 use super::points::{PointGrid, local_positions};
+use super::presentation::*;
 use super::velocities::ParticleFields;
+use super::{Domain, Statistics};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::{Error, Result, parallel};
@@ -107,6 +108,22 @@ fn about_each(
         let dispersion = if total > 0.0 { (inside.iter().map(square).sum::<f64>() / total).sqrt() } else { 0.0 };
         Ok::<_, Error>((inside.len() as u64, dispersion))
     })
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(d) = &s.dispersion else { return };
+    let row = |i: usize| {
+        let ([x, y, z], [n, m], [a, b]) = (d.centers[i], &d.particles, &d.dispersion);
+        row![i + 1, x, y, z, d.radii[i], n[i], m[i], a[i], b[i], maybe(d.ratio(i))]
+    };
+    let head = "centre,x,y,z,radius,particles_truth,particles_other,dispersion_truth,dispersion_other,ratio";
+    to.table("halo_dispersion.csv", head, (0..d.radii.len()).map(row));
+    let Some((median, [low, high])) = d.median.zip(d.quartiles) else { return };
+    to.line(
+        &format!("haloes: dispersion, {} centres", d.compared),
+        format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
+    );
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The frames of a series one after the other: P(k), groups of particles drawn, and means of fields. All are measured by the
 //! lengths of the first frame, so that what changes is the frame and not the measure.
 
-use super::compare::{ComparisonJob, check};
+use super::compare::ComparisonJob;
 use super::likelihood::field_parts;
 use super::points::local_positions;
 use super::spectrum::CachedTransform;
@@ -68,15 +68,12 @@ pub struct Evolution {
 }
 
 impl Evolution {
-    /// Measures of a frame alone.
-    pub const MEASURES: [Measure; 2] = [Measure::Spectrum, Measure::Groups];
-
-    /// Measures what the options say: of [`Evolution::MEASURES`] those that they name, and the means of fields.
+    /// Measures what the options say: P(k) and groups where they name them, and the means of fields.
     ///
     /// # Errors
     /// [`Error::Argument`]: an option out of range.
     pub fn new(options: StatsOptions) -> Result<Evolution> {
-        check(&options)?;
+        options.check()?;
         Ok(Evolution { options, first: None })
     }
 
@@ -214,7 +211,11 @@ mod tests {
     }
 
     fn options() -> StatsOptions {
-        StatsOptions { spectrum_cells: 16, measures: Evolution::MEASURES.to_vec(), ..StatsOptions::default() }
+        StatsOptions {
+            spectrum_cells: 16,
+            measures: vec![Measure::Spectrum, Measure::Groups],
+            ..StatsOptions::default()
+        }
     }
 
     #[test]

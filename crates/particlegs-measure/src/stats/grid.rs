@@ -26,7 +26,7 @@ pub struct Grid {
 
 particlegs_core::named_values! {
     /// How a particle is shared among cells (Hockney and Eastwood 1981).
-    #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "lowercase")]
     pub enum Assignment {
         Ngp = "ngp": "Nearest grid point",

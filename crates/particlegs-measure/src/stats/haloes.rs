@@ -1,17 +1,25 @@
 //! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
 
-use super::aperture::quantile;
+use super::aperture::{group_center, quantile};
+use super::compare::ComparisonJob;
+use super::linking::LinkedGroups;
 use super::points::PointGrid;
+use super::presentation::*;
 use super::subject::mixtures;
-use super::{Domain, Subject};
+use super::{Domain, Statistics, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::math::{GaussianInSphere, Rules, each_axis};
-use particlegs_core::model::Model;
+use particlegs_core::model::{Model, decimals};
 use particlegs_core::{Error, Result, parallel};
 use particlegs_fit::recover::stratify;
 use particlegs_particles::Particles;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
+
+/// Particles of the smallest group whose centre is a halo's, the most haloes, and how far they go in mean spacings.
+const LEAST_HALO: usize = 100;
+const MOST_HALOES: usize = 1000;
+const HALO_SPACINGS: f64 = 2.0;
 
 /// The first radius, as a share of the largest.
 const SMALLEST: f64 = 0.02;
@@ -361,6 +369,86 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
         })
     };
     by_size.into_values().map(class).collect()
+}
+
+impl ComparisonJob<'_> {
+    /// Centres and the largest radius about each. `None`, and a note, where there are none.
+    pub fn centers(
+        &self,
+        positions: &[[f64; 3]],
+        truth: Option<&LinkedGroups>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<(Vec<[f64; 3]>, Vec<f64>)>> {
+        let repeats = (0..3).filter(|k| self.domain.periodic[*k]).map(|k| 0.5 * self.domain.length[k]);
+        let longest = repeats.fold(f64::INFINITY, f64::min);
+        let default = (HALO_SPACINGS * self.spacing(0)).min(longest);
+        let (centers, stated): (Vec<[f64; 3]>, Vec<Option<f64>>) = match (&self.o.centers, truth) {
+            (Some(given), _) => given.iter().map(|(c, r)| (self.domain.local(*c), *r)).unzip(),
+            (None, Some(found)) => {
+                let large = found.groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
+                let center = |m: &Vec<u32>| (group_center(positions, m, &self.domain), None);
+                parallel::map(large, center).into_iter().unzip()
+            }
+            (None, None) => (vec![], vec![]),
+        };
+        if centers.is_empty() {
+            notes.push("no haloes were measured: there are no centres and no groups of 100 particles".into());
+            return Ok(None);
+        }
+        let radii: Vec<f64> = stated.iter().map(|r| self.o.halo_radius.or(*r).unwrap_or(default)).collect();
+        if let Some(r) = radii.iter().find(|r| **r > longest) {
+            return Err(Error::argument(format!("the halo radius {r:.6} is more than half the box, {longest:.6}")));
+        }
+        Ok(Some((centers, radii)))
+    }
+
+    pub fn haloes(&self, positions: [&[[f64; 3]]; 2], places: &HaloPlaces<'_>) -> Result<HaloProfiles> {
+        let side = |s: usize| HaloSide { subject: self.pair[s], positions: positions[s] };
+        halo_profiles([side(0), side(1)], &self.domain, places, self.context)
+    }
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(h) = &s.haloes else { return };
+    let shells = |i: usize| (0..h.edges.len() - 1).map(move |shell| (i, shell));
+    let row = |(i, shell): (usize, usize)| {
+        let ([a, b], [within_a, within_b]) = (h.density(i, shell), h.enclosed_mass(i, shell + 1));
+        let ([x, y, z], radius) = (h.centers[i], h.radii[i]);
+        row![i + 1, x, y, z, radius, h.edges[shell] * radius, h.edges[shell + 1] * radius, a, b, within_a, within_b]
+    };
+    let head = "centre,x,y,z,radius,r_low,r_high,density_truth,density_other,enclosed_truth,enclosed_other";
+    to.table("haloes.csv", head, (0..h.radii.len()).flat_map(shells).map(row));
+    let row = |(i, edge): (usize, &f64)| {
+        let [low, high] = [0, 1].map(|q| maybe(h.quartiles[i].map(|of| of[q])));
+        let radius = maybe(h.radius.map(|r| r * edge));
+        row![radius, edge, h.compared[i], maybe(h.median[i]), low, high, maybe(h.total[i])]
+    };
+    let head = "r,r_over_radius,haloes,median,quartile_low,quartile_high,total";
+    to.table("halo_mass.csv", head, h.edges.iter().enumerate().map(row));
+    let scale = h.radius.unwrap_or(1.0);
+    let of = |side: usize| {
+        let density = |shell: usize| (0..h.radii.len()).map(|i| h.density(i, shell)[side]).sum::<f64>();
+        let middle = |shell: usize| scale * (h.edges[shell] * h.edges[shell + 1]).sqrt();
+        let per = h.count as f64 * h.mean_density[side];
+        (0..h.edges.len() - 1).map(|shell| (middle(shell), density(shell) / per)).collect()
+    };
+    let ratio = h.edges.iter().zip(&h.median).filter_map(|(edge, median)| Some((scale * edge, (*median)?)));
+    let r = h.radius.map_or("r / largest radius".into(), |_| format!("r{}", to.units.length));
+    let title = format!("Density around {} centres; below, mass within r (median)", h.count);
+    let axes = [log(r), log("density / mean of the box")];
+    to.plot(chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect()));
+    let radius = h.radius.map_or("given".into(), |r| decimals(r) + &to.length);
+    to.line("haloes: centres", format!("{}, largest radius {radius}", h.count));
+    for share in [0.1, 0.3, 1.0] {
+        let near = |i: &usize| (h.edges[*i] / share).ln().abs();
+        let Some(i) = (0..h.edges.len()).min_by(|a, b| near(a).total_cmp(&near(b))) else { continue };
+        let Some((median, [low, high])) = h.median[i].zip(h.quartiles[i]) else { continue };
+        to.line(
+            &format!("haloes: mass within {:.3} radii", h.edges[i]),
+            format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
+        );
+    }
 }
 
 #[cfg(test)]

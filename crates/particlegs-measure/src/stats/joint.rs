@@ -1,9 +1,13 @@
 //! Joint histograms of two scalar fields, such as density and temperature: how much mass has which pair of values.
 
-use super::{ParticleFields, StatsOptions, StatsSide, Subject};
-use particlegs_core::Result;
+use super::presentation::*;
+use super::velocities::FieldSide;
+use super::{ParticleFields, Statistics, StatsOptions, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
+use particlegs_core::picture::Colormap;
+use particlegs_core::{Result, text};
+use particlegs_figure::{ColourBar, EdgeAxis, Figure, Panel, PaperColour};
 use particlegs_files::memory::require;
 use particlegs_particles::{FieldColumns, LayerFields, RUN, StarFormingGas};
 
@@ -54,7 +58,7 @@ struct JointAxis {
 
 /// Histograms of the layers that both sides have with both fields, and a note of those that cannot be compared.
 pub fn joint_histograms(
-    sides: [StatsSide<'_>; 2],
+    sides: [FieldSide<'_>; 2],
     o: &StatsOptions,
     notes: &mut Vec<String>,
     context: &Context<'_>,
@@ -269,6 +273,66 @@ fn correlation(pairs: &FieldPairs, axes: &[JointAxis; 2]) -> Option<f64> {
     let moment = |j: usize, k: usize| there().map(|(p, w)| w * (p[j] - mean[j]) * (p[k] - mean[k])).sum::<f64>();
     let size = (moment(0, 0) * moment(1, 1)).sqrt();
     (size > 0.0).then(|| moment(0, 1) / size)
+}
+
+/// Shares of a cell that have colours, below the largest.
+const LEAST_SHARE: f64 = 1e-4;
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(all) = &s.joint else { return };
+    let cells = all.iter().flat_map(|j| {
+        let ([x, y], [a, b], name) = (&j.edges, &j.share, text::cell(&j.layer));
+        (0..a.len()).map(move |cell| {
+            let (i, k) = (cell / (y.len() - 1), cell % (y.len() - 1));
+            row![name, x[i], x[i + 1], y[k], y[k + 1], a[cell], b[cell]]
+        })
+    });
+    to.table("joint.csv", "particle_type,x_low,x_high,y_low,y_high,truth,other", cells);
+    to.figures.push(("joint", figure(all)));
+    for j in all {
+        let name = |k: usize| if j.logarithmic[k] { format!("log {}", j.fields[k]) } else { j.fields[k].clone() };
+        to.line(&format!("{}: {} and {}", j.layer, name(0), name(1)), {
+            let [difference, noise] = [j.difference, j.noise].map(|v| 100.0 * v);
+            format!("{difference:.2} % of the mass is in other cells, sampling noise {noise:.2} %")
+        });
+        let r = |side: usize| j.correlation[side].map_or("-".into(), |r| format!("{r:.3}"));
+        to.line(&format!("{}: their correlation", j.layer), format!("{}, truth {}", r(1), r(0)));
+    }
+}
+
+/// Truth and other side by side, a row a particle type: the logarithm of the share of mass in a cell over the largest.
+fn figure(all: &[JointHistogram]) -> Figure {
+    let color = |share: f64| match share.log10() / -LEAST_SHARE.log10() + 1.0 {
+        v if v >= 0.0 => Colormap::Viridis.color(v as f32),
+        _ => [255; 3],
+    };
+    let mut panels = Vec::new();
+    for j in all {
+        let [columns, rows] = j.edges.each_ref().map(|e| e.len() - 1);
+        // About 400 pixels along an edge, each cell a square of pixels.
+        let scale = (400 / columns).max(1);
+        let largest = j.share.iter().flatten().copied().fold(0.0, f64::max);
+        let axes = [0, 1].map(|k| {
+            let unit = j.units[k].as_ref().map_or(String::new(), |u| format!(" [{u}]"));
+            let [low, high] = [j.edges[k][0], j.edges[k][j.edges[k].len() - 1]];
+            let (name, [low, high]) = match j.logarithmic[k] {
+                true => (format!("log10 {}", j.fields[k]), [low.log10(), high.log10()]),
+                false => (j.fields[k].clone(), [low, high]),
+            };
+            EdgeAxis { label: name + &unit, low, high }
+        });
+        for (share, side) in j.share.iter().zip(["truth", "other"]) {
+            panels.push(Panel {
+                caption: Some(format!("{}: {side}", j.layer)),
+                axes: Some(axes.clone()),
+                ..Panel::plain(block_picture(share, [columns, rows], scale, |v| color(v / largest)))
+            });
+        }
+    }
+    let title = "mass in a cell / largest".into();
+    let bar = ColourBar::logarithmic(title, [LEAST_SHARE, 1.0], |share| Colormap::Viridis.color(share));
+    Figure { bar: Some(bar), ground: PaperColour::White, ..Figure::plain(panels, 2) }
 }
 
 #[cfg(test)]

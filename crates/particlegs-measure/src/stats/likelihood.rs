@@ -1,10 +1,12 @@
 //! How likely particles are under a model: of particles that the fit has not seen, a yardstick that sees needles
 //! and holes where pictures and spectra do not.
 
-use super::Domain;
+use super::compare::ComparisonJob;
 use super::neighbours::sample;
 use super::points::PointGrid;
+use super::presentation::*;
 use super::subject::mixtures;
+use super::{Domain, Statistics, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Sym3, each_axis};
 use particlegs_core::model::{FieldMoments, Mixture, Model};
@@ -285,6 +287,27 @@ impl GaussianDensity {
             }
         });
     }
+}
+
+impl ComparisonJob<'_> {
+    /// `None` of two models or of two sets of particles.
+    pub fn likelihood(&self) -> Result<Option<Likelihood>> {
+        let (model, particles) = match self.pair {
+            [Subject::Model(m), Subject::Particles(p)] | [Subject::Particles(p), Subject::Model(m)] => (m, p),
+            _ => return Ok(None),
+        };
+        likelihood(model, particles, &self.domain, self.o.seed, self.context).map(Some)
+    }
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(l) = &s.likelihood else { return };
+    to.line(
+        "likelihood of the particles",
+        format!("{:.3} +- {:.3} bits per particle above uniform ({} particles)", l.bits, l.error, l.sampled),
+    );
+    to.line("needles", format!("{:.2} % of {} Gaussians", 100.0 * l.needles, l.gaussians));
 }
 
 #[cfg(test)]

@@ -173,14 +173,27 @@ impl LinkedParticles {
         if length > longest_link(domain) {
             return Ok(None);
         }
-        let Some(index) = &self.index else {
-            let groups = find_groups(positions, domain, length, smallest, context)?;
-            return Ok(Some(LinkedGroups { groups, linked: positions.len() as u64, contaminated: None }));
+        let groups = self.link(positions, domain, length, smallest, context)?;
+        let (linked, contaminated) = match &self.index {
+            None => (positions.len(), None),
+            Some(index) => (index.len(), Some(contaminated(&groups, positions, index, domain, context)?)),
         };
+        Ok(Some(LinkedGroups { groups, linked: linked as u64, contaminated }))
+    }
+
+    /// The groups by links of a length that the box allows, with members by their number among all particles.
+    pub fn link(
+        &self,
+        positions: &[[f64; 3]],
+        domain: &Domain,
+        length: f64,
+        smallest: usize,
+        context: &Context<'_>,
+    ) -> Result<Groups> {
+        let Some(index) = &self.index else { return find_groups(positions, domain, length, smallest, context) };
         let mut groups = find_groups(&gathered(positions, index), domain, length, smallest, context)?;
         parallel::for_each(&mut groups.members, |m| m.iter_mut().for_each(|i| *i = index[*i as usize]));
-        let contaminated = contaminated(&groups, positions, index, domain, context)?;
-        Ok(Some(LinkedGroups { groups, linked: index.len() as u64, contaminated: Some(contaminated) }))
+        Ok(groups)
     }
 }
 

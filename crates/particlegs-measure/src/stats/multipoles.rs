@@ -1,8 +1,10 @@
 //! Multipoles of the power spectrum in redshift space, and the power spectrum of the momentum.
 
-use super::spectrum::{ShellSums, SpectrumOptions, spectra_of_sums, transform_pair};
-use super::velocities::ParticleFields;
-use super::{Domain, Grid, Spectra, Subject};
+use super::compare::ComparisonJob;
+use super::presentation::*;
+use super::spectrum::{ShellSums, SpectrumOptions, last_while, limits, spectra_of_sums, transform_pair};
+use super::velocities::{ParticleFields, displacement};
+use super::{Domain, Grid, Spectra, Statistics, Subject};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
 
@@ -116,6 +118,85 @@ pub fn momentum_spectra(
     }
     let shot_noise = pair.map(|v| v.momentum_noise(domain));
     Ok(spectra_of_sums(&sums.unwrap_or_default(), shot_noise, &grid, domain, o))
+}
+
+impl ComparisonJob<'_> {
+    /// `None`, and a note, where velocities cannot be turned into lengths, and in a box that is not periodic.
+    pub fn multipoles(
+        &self,
+        pair: [&ParticleFields; 2],
+        unit: Option<&str>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<Multipoles>> {
+        let moved = match self.domain.periodic {
+            [true, true, true] => displacement(self.pair, unit),
+            _ => Err("the box is not periodic along all axes".into()),
+        };
+        match moved {
+            Ok(moved) => multipoles(pair, moved, &self.domain, &self.spectrum_options(), self.context).map(Some),
+            Err(why) => {
+                notes.push(format!("no multipoles: {why}"));
+                Ok(None)
+            }
+        }
+    }
+}
+
+impl Multipoles {
+    /// Shells in which P0 of the truth is more than its shot noise scatters.
+    fn judged(&self) -> impl Iterator<Item = &MultipoleShell> {
+        let scatter = |s: &MultipoleShell| self.shot_noise[0] / (0.5 * s.modes as f64).sqrt();
+        self.shells.iter().filter(move |s| s.monopole[0] > scatter(s))
+    }
+
+    /// The last judged shell's k up to which every P0 is within `limit` of the truth's.
+    pub fn monopole_within(&self, limit: f64) -> Option<f64> {
+        last_while(self.judged().map(|s| (s.k, (s.monopole[1] / s.monopole[0] - 1.0).abs() <= limit)))
+    }
+
+    /// The largest difference of P2 in any judged shell, in units of the truth's P0.
+    pub(super) fn largest_quadrupole_deviation(&self) -> Option<f64> {
+        let of = |s: &MultipoleShell| ((s.quadrupole[1] - s.quadrupole[0]) / s.monopole[0]).abs();
+        self.judged().map(of).reduce(f64::max)
+    }
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    if let Some(m) = &s.multipoles {
+        let row = |h: &MultipoleShell| {
+            let ([a, b], [c, d], [e, f]) = (h.monopole, h.quadrupole, h.hexadecapole);
+            row![h.edges[0], h.edges[1], h.k, h.modes, a, b, c, d, e, f]
+        };
+        let head = "k_low,k_high,k,modes,p0_truth,p0_other,p2_truth,p2_other,p4_truth,p4_other";
+        to.table("multipoles.csv", head, m.shells.iter().map(row));
+        // P0 and the size of P2; the ratio is that of P0.
+        let of = |pick: fn(&MultipoleShell) -> f64| m.shells.iter().map(|h| (h.k, pick(h))).collect::<Points>();
+        let series = vec![
+            curve("P0, truth", TRUTH, false, of(|h| h.monopole[0])),
+            curve("P0, other", OTHER, false, of(|h| h.monopole[1])),
+            curve("|P2|, truth", TRUTH, true, of(|h| h.quadrupole[0].abs())),
+            curve("|P2|, other", OTHER, true, of(|h| h.quadrupole[1].abs())),
+        ];
+        let axes = [log(format!("k{}", to.units.wave)), log(format!("P(k){}", to.units.volume))];
+        let ratio = m.shells.iter().filter(|h| h.monopole[0] > 0.0).map(|h| (h.k, h.monopole[1] / h.monopole[0]));
+        let title = "Multipoles in redshift space (shot noise subtracted); below, P0";
+        to.plot(chart("multipoles", title, axes, series, ratio.collect()));
+        to.line("P0(k): within 1, 5, 10 % up to k", limits(|limit| m.monopole_within(limit)) + &to.wave);
+        let deviation = m.largest_quadrupole_deviation().map_or("-".into(), |d| format!("{d:.3}"));
+        to.line("P2(k): largest difference / P0", deviation);
+    }
+    if let Some(m) = &s.momentum {
+        to.spectra_table("momentum.csv", m);
+        let rows: Vec<_> = m.shells.iter().map(|h| (h.k, h.power)).collect();
+        let unit = match (&s.velocity_unit, to.units.volume.trim().trim_matches(['[', ']'])) {
+            (Some(velocity), volume) if !volume.is_empty() => format!(" [({velocity})² {volume}]"),
+            _ => String::new(),
+        };
+        let axes = [log(format!("k{}", to.units.wave)), log(format!("P(k) of (1 + delta) v{unit}"))];
+        to.plot(compared("momentum", "Power spectrum of the momentum (shot noise subtracted)", axes, &rows, 0.0));
+        to.line("momentum: within 1, 5, 10 % up to k", limits(|limit| m.power_within(limit)) + &to.wave);
+    }
 }
 
 #[cfg(test)]

@@ -1,11 +1,15 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
-use super::Domain;
 use super::aperture::quantile;
+use super::compare::ComparisonJob;
+use super::presentation::*;
+use super::{Domain, Statistics};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random};
+use particlegs_core::model::decimals;
 use particlegs_core::{Error, Result, parallel};
 use particlegs_particles::{Neighbours, Particles, places_of};
+use serde::{Serialize, Serializer};
 
 /// Bins of the histogram, a decade.
 const PER_DECADE: f64 = 20.0;
@@ -114,6 +118,64 @@ fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
         edges,
         counts,
         zero: zero as u64,
+    }
+}
+
+impl ComparisonJob<'_> {
+    pub fn neighbours(&self, particles: [&Particles; 2]) -> Result<[NearestDistances; 2]> {
+        let options =
+            NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
+        let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.context);
+        Ok([of(0)?, of(1)?])
+    }
+}
+
+pub(super) fn with_distance_ratios<S: Serializer>(
+    pair: &Option<[NearestDistances; 2]>,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct DistancesForm<'a> {
+        distances: &'a [NearestDistances; 2],
+        mean_ratio: f64,
+        median_ratio: f64,
+    }
+    let ratio = |[truth, other]: &[NearestDistances; 2], of: fn(&NearestDistances) -> f64| of(other) / of(truth);
+    let form = pair.as_ref().map(|distances| DistancesForm {
+        distances,
+        mean_ratio: ratio(distances, |d| d.mean),
+        median_ratio: ratio(distances, |d| d.median),
+    });
+    form.serialize(serializer)
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(both) = &s.neighbours else { return };
+    let rows = ["truth", "other"]
+        .into_iter()
+        .zip(both)
+        .flat_map(|(side, d)| (0..d.counts.len()).map(move |i| row![side, d.edges[i], d.edges[i + 1], d.counts[i]]));
+    to.table("neighbours.csv", "side,low,high,particles", rows);
+    let of = |d: &NearestDistances| {
+        (0..d.counts.len())
+            .map(|i| ((d.edges[i] * d.edges[i + 1]).sqrt(), d.counts[i] as f64 / d.sampled as f64))
+            .collect::<Vec<_>>()
+    };
+    let [a, b] = both.each_ref().map(of);
+    // Both histograms share one grid of edges, but may have other ends.
+    let ratio = a
+        .iter()
+        .filter(|p| p.1 > 1e-4)
+        .filter_map(|p| Some((p.0, b.iter().find(|q| (q.0 / p.0 - 1.0).abs() < 1e-6)?.1 / p.1)))
+        .collect();
+    let axes = [log(format!("distance{}", to.units.length)), even("share per bin (20 per decade)")];
+    to.plot(chart("neighbours", "Distance to the nearest neighbour", axes, pair([a, b]), ratio));
+    let [truth, other] = both;
+    for (name, of) in [("mean", (|d| d.mean) as fn(&NearestDistances) -> f64), ("median", |d| d.median)] {
+        let (a, b) = (of(truth), of(other));
+        let value = format!("{}{}, truth {}: {:.3}", decimals(b), to.length, decimals(a), b / a);
+        to.line(&format!("nearest neighbour, {name}"), value);
     }
 }
 

@@ -5,13 +5,19 @@
 //! expected of a uniform distribution is in closed form, so no random catalogue is needed:
 //! 4 pi r^2 dr per volume, less what an open box's edges cut off.
 
-use super::Domain;
+use super::compare::ComparisonJob;
 use super::points::PointGrid;
+use super::presentation::*;
+use super::{Domain, Statistics, XiByTransform};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random, each_axis};
+use particlegs_core::model::decimals;
 use particlegs_core::{Error, Result, parallel};
+use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
 
+/// xi of the truth below which a ratio of xi says nothing.
+const LEAST_XI: f64 = 0.1;
 /// Primaries in one step of parallel work.
 const STEP: usize = 256;
 /// Parts of the square of a distance that are told apart before edges are compared.
@@ -232,6 +238,104 @@ fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], context: &Co
     Ok(pairs)
 }
 
+impl ComparisonJob<'_> {
+    /// Edges of the bins of separation.
+    pub fn edges(&self) -> Vec<f64> {
+        let longest = longest_separation(&self.domain);
+        let [low, high] =
+            self.o.separations.unwrap_or([0.05 * self.spacing(0), longest.min(0.125 * self.domain.shortest())]);
+        let high = high.min(longest);
+        logarithmic_edges(low.min(0.5 * high), high, self.o.bins_per_decade)
+    }
+
+    /// Pairs of both sides in the same bins.
+    pub fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
+        let options = PairOptions { edges: self.edges(), band: 3.0, budget: self.o.pair_budget, seed: self.o.seed };
+        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
+        let counts = [count(0)?, count(1)?];
+        if counts.iter().any(PairCounts::sampled) {
+            notes.push("pairs at large separations are counted for a random sample of particles".into());
+        }
+        Ok(counts)
+    }
+}
+
+/// xi of other / truth in each bin; `None` where the truth's is not above zero.
+pub(super) fn xi_ratio([truth, other]: &[PairCounts; 2]) -> Vec<Option<f64>> {
+    truth.xi.iter().zip(&other.xi).map(|(truth, other)| (*truth > 0.0).then(|| other / truth)).collect()
+}
+
+pub(super) fn with_xi_ratio<S: Serializer>(
+    pair: &Option<[PairCounts; 2]>,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct PairCountsForm<'a> {
+        counts: &'a [PairCounts; 2],
+        ratio: Vec<Option<f64>>,
+    }
+    pair.as_ref().map(|counts| PairCountsForm { counts, ratio: xi_ratio(counts) }).serialize(serializer)
+}
+
+/// The separation from which on xi is within 10 %, where the truth's says something: by pairs where all
+/// are counted, by transform where pairs are of a sample, which scatters as much.
+pub(super) fn xi_from(pairs: &[PairCounts; 2], transform: Option<&XiByTransform>) -> Option<f64> {
+    let (truth, ratio) = (&pairs[0], xi_ratio(pairs));
+    let sampled = |b: &usize| pairs.iter().any(|c| c.primaries[*b] < c.particles);
+    // The transform's bins are as wide as its shortest wave's half: the first two hold too little.
+    let join = match ((0..ratio.len()).find(sampled), transform) {
+        (Some(first), Some(t)) => t.edges.get(2).map_or(f64::INFINITY, |e| e.max(truth.edges[first])),
+        _ => f64::INFINITY,
+    };
+    let near = (0..ratio.len()).map(|b| (truth.edges[b], truth.xi[b], ratio[b]));
+    let far = transform.into_iter().flat_map(|t| {
+        let ratio = |i: usize| (t.xi[0][i] > 0.0).then(|| t.xi[1][i] / t.xi[0][i]);
+        (0..t.xi[0].len()).map(move |i| (t.edges[i], t.xi[0][i], ratio(i)))
+    });
+    let judged = near.filter(|b| b.0 < join).chain(far.filter(|b| b.0 >= join)).filter(|b| b.1 >= LEAST_XI);
+    let judged: Vec<(f64, bool)> =
+        judged.map(|(r, _, ratio)| (r, ratio.is_some_and(|r| (r - 1.0).abs() <= 0.1))).collect();
+    judged.iter().rev().take_while(|b| b.1).last().map(|b| b.0)
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    if let Some(pair) = &s.xi_by_pairs {
+        let ([a, b], ratio) = (pair, xi_ratio(pair));
+        let row = |i: usize| {
+            let edges = row![a.edges[i], a.edges[i + 1], a.pairs[i], b.pairs[i], a.primaries[i], b.primaries[i]];
+            row![edges, a.expected[i], b.expected[i], a.xi[i], b.xi[i], maybe(ratio[i])]
+        };
+        let head = "r_low,r_high,pairs_truth,pairs_other,primaries_truth,primaries_other,expected_truth,expected_other,xi_truth,xi_other,ratio";
+        to.table("xi_pairs.csv", head, (0..ratio.len()).map(row));
+        let from = s.summary.xi_within_10_percent_from.map_or("nowhere".into(), |r| decimals(r) + &to.length);
+        to.line("xi(r): within 10 % from r on", from);
+    }
+    if let Some(x) = &s.xi_by_transform {
+        let row = |i: usize| row![x.edges[i], x.edges[i + 1], x.xi[0][i], x.xi[1][i]];
+        to.table("xi_transform.csv", "r_low,r_high,xi_truth,xi_other", (1..x.edges.len()).map(|i| row(i - 1)));
+    }
+    let middle = |e: &[f64], i: usize| (e[i] * e[i + 1]).sqrt();
+    let axes = [log(format!("r{}", to.units.length)), log("xi(r)")];
+    let of = |edges: &[f64], xi: [&[f64]; 2]| {
+        let rows: Vec<_> = (0..xi[0].len()).map(|i| (middle(edges, i), [xi[0][i], xi[1][i]])).collect();
+        compared("xi", "Two-point correlation", axes.clone(), &rows, 0.0)
+    };
+    let by_pairs = s.xi_by_pairs.as_ref().map(|[a, b]| of(&a.edges, [&a.xi, &b.xi]));
+    let mut by_transform = s.xi_by_transform.as_ref().map(|x| of(&x.edges, x.xi.each_ref().map(|v| &v[..])));
+    for curve in by_transform.iter_mut().flat_map(|parts| &mut parts[0].series) {
+        (curve.name, curve.dashed) = (format!("{}, by transform", curve.name), true);
+    }
+    let mut all = by_pairs.into_iter().chain(by_transform);
+    let Some(mut whole) = all.next() else { return };
+    let mut more = all.flatten();
+    whole[0].series.extend(more.next().into_iter().flat_map(|plot| plot.series));
+    if whole.len() == 1 {
+        whole.extend(more);
+    }
+    to.plot(whole);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -340,5 +444,25 @@ mod tests {
                 particlegs_core::Error::Argument { .. }
             ));
         }
+    }
+
+    #[test]
+    fn xi_of_a_sample_is_judged_by_transform() {
+        let counts = |xi: [f64; 3], primaries: [u64; 3]| PairCounts {
+            edges: vec![0.1, 1.0, 2.0, 3.0],
+            pairs: vec![9; 3],
+            primaries: primaries.to_vec(),
+            expected: vec![1.0; 3],
+            xi: xi.to_vec(),
+            particles: 50,
+        };
+        // The last bin is of a sample, and off by its scatter.
+        let truth = counts([9.0, 4.0, 1.0], [50, 50, 7]);
+        let pairs = [truth, counts([18.0, 4.2, 0.8], [50, 50, 7])];
+        assert_eq!(xi_from(&pairs, None), None);
+        let edges: Vec<f64> = (1..8).map(|i| 0.5 * f64::from(i)).collect();
+        let transform =
+            XiByTransform { edges, xi: [vec![1.0, 1.0, 1.0, 1.0, 1.0, 0.05], vec![9.0, 9.0, 9.0, 1.02, 0.95, 0.5]] };
+        assert_eq!(xi_from(&pairs, Some(&transform)), Some(1.0));
     }
 }

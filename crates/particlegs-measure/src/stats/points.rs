@@ -130,6 +130,20 @@ impl PointGrid {
         (i - steps..=i + steps).map(|c| (c.rem_euclid(n) as usize, c.div_euclid(n) as f64)).collect()
     }
 
+    /// Calls `visit` with the number of each point within `radius` of a place, its offset from there and the square of its
+    /// distance. Each image of each point comes once.
+    pub fn within(&self, center: [f64; 3], radius: f64, mut visit: impl FnMut(usize, [f64; 3], f64)) {
+        self.near(self.cell_of(center), radius, |run, shift| {
+            for at in run {
+                let offset: [f64; 3] = each_axis(|k| self.position[at][k] + shift[k] - center[k]);
+                let square = offset.iter().map(|d| d * d).sum::<f64>();
+                if square <= radius * radius {
+                    visit(self.index[at] as usize, offset, square);
+                }
+            }
+        });
+    }
+
     /// Calls `visit` with runs of points that may lie within `reach` of one in row (i, j), cell k,
     /// and the shift to add to them. Each image of each point comes once.
     pub fn near(&self, [i, j, k]: [usize; 3], reach: f64, mut visit: impl FnMut(std::ops::Range<usize>, [f64; 3])) {
@@ -162,4 +176,32 @@ fn extent(positions: &[[f64; 3]], domain: &Domain) -> ([f64; 3], [f64; 3]) {
         }
     }
     (low, length)
+}
+
+/// A place, relative to the domain's corner, and how far from it a counterpart may lie.
+pub(crate) type SearchSphere = ([f64; 3], f64);
+
+/// The counterpart of each of `wanted` among `centers`: one after the other takes the nearest that is left, within its
+/// radius, and `alike`, which is asked for the numbers of both.
+pub(crate) fn counterparts(
+    wanted: impl IntoIterator<Item = SearchSphere>,
+    centers: &[[f64; 3]],
+    domain: &Domain,
+    alike: impl Fn(usize, usize) -> bool,
+) -> Result<Vec<Option<usize>>> {
+    let points = PointGrid::new(centers, domain, 0.0)?;
+    let mut taken = vec![false; centers.len()];
+    let find = |(number, (center, radius)): (usize, SearchSphere)| {
+        let mut nearest: Option<(f64, usize)> = None;
+        points.within(center, radius, |other, _, square| {
+            if nearest.is_none_or(|n| (square, other) < n) && !taken[other] && alike(number, other) {
+                nearest = Some((square, other));
+            }
+        });
+        nearest.map(|(_, other)| {
+            taken[other] = true;
+            other
+        })
+    };
+    Ok(wanted.into_iter().enumerate().map(find).collect())
 }

@@ -1,11 +1,12 @@
 //! Density along an axis: mass per volume in slabs, of particles by counting, of a mixture by error functions.
 
 use super::gaussian::shares;
+use super::presentation::*;
 use super::subject::mixtures;
-use super::{Domain, Grid, Subject};
+use super::{Domain, Grid, Statistics, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::{Mixture, Model};
+use particlegs_core::model::{Mixture, Model, decimals};
 use particlegs_core::{Result, parallel};
 use particlegs_particles::{ChunkBuffer, Particles, RUN};
 use std::f64::consts::TAU;
@@ -166,6 +167,36 @@ fn of_model(m: &Model, grid: &Grid, context: &Context<'_>) -> Result<AxisSlabs> 
             }
         }
     })
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(profiles) = &s.profiles else { return };
+    let share = |p: &AxisProfile, side: usize, i: usize| {
+        if p.mean[side] > 0.0 { p.density[side][i] / p.mean[side] } else { 0.0 }
+    };
+    let along = ["x", "y", "z"].into_iter().zip(profiles);
+    let rows = along.clone().flat_map(|(axis, p)| {
+        let [a, b] = &p.density;
+        (0..a.len()).map(move |i| row![axis, p.edges[i], p.edges[i + 1], share(p, 0, i), share(p, 1, i), a[i], b[i]])
+    });
+    to.table("profiles.csv", "axis,low,high,truth,other,density_truth,density_other", rows);
+    for (axis, p) in along {
+        let middles = p.edges.windows(2).map(|e| 0.5 * (e[0] + e[1]));
+        let rows: Vec<_> = middles.enumerate().map(|(i, at)| (at, [share(p, 0, i), share(p, 1, i)])).collect();
+        let axes = [even(format!("{axis}{}", to.units.length)), even("density / mean")];
+        to.plot(compared(&format!("profile_{axis}"), &format!("Density along {axis}"), axes, &rows, 0.0));
+    }
+    let Some((p, axis)) = s.profiles.as_ref().zip(["x", "y", "z"].get(s.options.profile_axis)) else { return };
+    let p = &p[s.options.profile_axis];
+    let [difference, noise] = [p.relative_difference, p.shot_noise].map(|v| 100.0 * v);
+    to.line(
+        &format!("profile along {axis}: RMS difference"),
+        format!("{difference:.2} % of the mean density, shot noise {noise:.2} %"),
+    );
+    let [truth, other] = p.half_mass_height;
+    let heights = format!("{}{}, truth {}", decimals(other), to.length, decimals(truth));
+    to.line(&format!("profile along {axis}: half-mass height"), heights);
 }
 
 #[cfg(test)]

@@ -1,9 +1,18 @@
 //! g(r), the radial distribution function of molecular dynamics: pair counts in linear bins over those of an
 //! ideal gas.
 
-use super::PairCounts;
+use super::compare::ComparisonJob;
+use super::pairs::{PairOptions, count_pairs, longest_separation};
+use super::presentation::*;
+use super::{PairCounts, Statistics};
+use particlegs_core::Result;
+use particlegs_core::model::decimals;
+use particlegs_figure::PlotAxis;
+use serde::{Serialize, Serializer};
 
 const BINS: usize = 200;
+/// How far it goes, in mean spacings.
+const RDF_SPACINGS: f64 = 4.0;
 /// A peak stands out from what is before and behind it by this share of its height, at least ...
 const PROMINENCE: f64 = 0.1;
 /// ... and by so many standard deviations of its pairs' number: 200 bins of noise span about six.
@@ -50,6 +59,75 @@ pub(super) fn largest_difference([truth, other]: &[PairCounts; 2]) -> Option<[f6
     let judged = |i: &usize| truth.expected[*i].min(other.expected[*i]) >= FEWEST_PAIRS;
     let at = |i: usize| [0.5 * (truth.edges[i] + truth.edges[i + 1]), other.xi[i] - truth.xi[i]];
     (0..truth.xi.len()).filter(judged).map(at).max_by(|a, b| a[1].abs().total_cmp(&b[1].abs()))
+}
+
+impl ComparisonJob<'_> {
+    /// g(r), of fewer pairs than xi(r): its bands are wider and its bins narrower.
+    pub fn rdf(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
+        let longest = longest_separation(&self.domain);
+        if let Some(wanted) = self.o.rdf_max.filter(|r| *r > longest) {
+            notes.push(format!("g(r) ends at {longest:.4e} instead of {wanted:.4e}, because the box is too small"));
+        }
+        let edges = rdf_edges(self.o.rdf_max.unwrap_or(RDF_SPACINGS * self.spacing(0)).min(longest));
+        let options = PairOptions { edges, band: 10.0, budget: self.o.pair_budget / 3, seed: self.o.seed };
+        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
+        let counts = [count(0)?, count(1)?];
+        if counts.iter().any(PairCounts::sampled) {
+            notes.push("g(r) is measured for a random sample of particles".into());
+        }
+        Ok(counts)
+    }
+}
+
+pub(super) fn with_g<S: Serializer>(
+    pair: &Option<[PairCounts; 2]>,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct CorrelationForm<'a> {
+        edges: &'a [f64],
+        pairs: [&'a [u64]; 2],
+        expected: [&'a [f64]; 2],
+        g: [Vec<f64>; 2],
+    }
+    let form = pair.as_ref().map(|counts| CorrelationForm {
+        edges: &counts[0].edges,
+        pairs: counts.each_ref().map(|c| &c.pairs[..]),
+        expected: counts.each_ref().map(|c| &c.expected[..]),
+        g: counts.each_ref().map(PairCounts::g),
+    });
+    form.serialize(serializer)
+}
+
+/// Above this g(r), a linear axis would show only the peak.
+const TALL: f64 = 30.0;
+/// Below this g(r) of the truth, ratios mean nothing.
+const LEAST_G: f64 = 0.2;
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(counts) = &s.rdf else { return };
+    let ([truth, other], [a, b]) = (counts, counts.each_ref().map(PairCounts::g));
+    let row = |i: usize| {
+        let pairs = row![truth.edges[i], truth.edges[i + 1], truth.pairs[i], other.pairs[i]];
+        row![pairs, truth.expected[i], other.expected[i], a[i], b[i]]
+    };
+    let head = "r_low,r_high,pairs_truth,pairs_other,ideal_truth,ideal_other,g_truth,g_other";
+    to.table("rdf.csv", head, (0..a.len()).map(row));
+    let middles = counts[0].edges.windows(2).map(|e| 0.5 * (e[0] + e[1]));
+    let rows: Vec<_> = middles.zip(a.iter().zip(&b)).map(|(r, (a, b))| (r, [*a, *b])).collect();
+    let g = PlotAxis { log: a.iter().chain(&b).any(|g| *g > TALL), ..even("g(r)") };
+    let axes = [even(format!("r{}", to.units.length)), g];
+    let mut parts = compared("rdf", "Radial distribution function", axes, &rows, LEAST_G);
+    parts[0].levels = vec![(String::new(), 1.0)];
+    to.plot(parts);
+    let peak = |side: usize| match counts[side].first_peak() {
+        Some([r, g]) => format!("{g:.3} at {}{}", decimals(r), to.length),
+        None => "none".into(),
+    };
+    let peaks = format!("{}, truth {}", peak(1), peak(0));
+    to.line("g(r): first peak", peaks);
+    to.line("g(r): largest difference", largest_difference(counts).map_or("-".into(), |[_, d]| format!("{d:+.3}")));
 }
 
 #[cfg(test)]

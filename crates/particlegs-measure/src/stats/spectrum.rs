@@ -5,12 +5,16 @@
 //! assignment's window, a power of sinc on each axis, is divided out, and the shot noise
 //! V sum w^2 / (sum w)^2 subtracted.
 
+use super::compare::ComparisonJob;
 use super::density::mean_mass;
 use super::deposit::deposit_again;
+use super::presentation::*;
 use super::transform::{Modes, transform, transform_bytes};
-use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
+use super::xi_transform::{XiByTransform, xi_of_modes};
+use super::{Assignment, Convention, Domain, Field, Grid, Statistics, Subject, deposit, deposit_bytes, deposit_steps};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
+use particlegs_core::model::decimals;
 use particlegs_core::{Result, parallel};
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
@@ -365,4 +369,166 @@ pub(crate) fn spectra_of(
         modes_of_fields(&|moved, _| field(side, moved), (scheme, None), most, o, context)
     };
     spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, context)
+}
+
+impl ComparisonJob<'_> {
+    pub fn spectrum_options(&self) -> SpectrumOptions {
+        let cells = self.o.spectrum_cells;
+        let grid_limit = PI * cells as f64 / self.domain.longest();
+        let wanted = self.o.k_max.unwrap_or(PI / self.spacing(0));
+        SpectrumOptions {
+            cells,
+            assignment: if self.paper() { Assignment::Ngp } else { self.o.spectrum_assignment },
+            interlaced: self.o.interlaced && !self.paper(),
+            deconvolved: !self.paper(),
+            shot_noise_subtracted: !self.paper(),
+            k_max: if self.paper() { grid_limit } else { wanted.min(grid_limit) },
+        }
+    }
+
+    /// Spectra, and xi(r) from the same modes.
+    pub fn spectrum(&self) -> Result<(Option<Spectra>, Option<XiByTransform>)> {
+        let domain = if self.paper() {
+            // One length for all three axes: the grid's cells are taken for cubes.
+            Domain { length: [self.domain.longest(); 3], ..self.domain }
+        } else {
+            self.domain
+        };
+        let (cells, options) = (self.o.spectrum_cells, self.spectrum_options());
+        let grid =
+            if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
+        let pair = transform_pair(self.pair, [None; 2], &grid, &domain, &options, self.context)?;
+        let spectra = spectra(&pair, &domain, &options, self.context)?;
+        // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
+        let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));
+        let edges: Vec<f64> = (1..=1000).map(|i| width * f64::from(i)).take_while(|r| *r <= last).collect();
+        let xi = if edges.len() > 1 && !self.paper() {
+            let xi = xi_of_modes(&pair, &domain, &options, &edges, self.context)?;
+            Some(XiByTransform { xi, edges })
+        } else {
+            None
+        };
+        Ok((Some(spectra), xi))
+    }
+}
+
+/// |P_other / P_truth - 1| of a shell.
+fn deviation(shell: &Shell) -> f64 {
+    shell.ratio.map_or(f64::INFINITY, |r| (r - 1.0).abs())
+}
+
+impl Spectra {
+    /// Shells in which the truth has power to be compared: more than its shot noise scatters. (A tiled
+    /// box has none between the harmonics of its tiles.)
+    fn judged(&self) -> impl Iterator<Item = &Shell> {
+        let scatter = |s: &Shell| self.shot_noise[0] / (0.5 * s.modes as f64).sqrt();
+        self.shells.iter().filter(move |s| s.power[0] > scatter(s))
+    }
+
+    /// The largest |P_other / P_truth - 1| of the judged shells.
+    pub(crate) fn largest_power_deviation(&self) -> Option<f64> {
+        self.judged().map(deviation).reduce(f64::max).filter(|d| d.is_finite())
+    }
+
+    /// The last shell's k up to which every shell's P(k) is within `limit` of the truth's (0.01 = 1 %),
+    /// shells apart in which the truth has no power above the scatter of its shot noise; `None` = not
+    /// even the first's.
+    pub fn power_within(&self, limit: f64) -> Option<f64> {
+        last_while(self.judged().map(|s| (s.k, deviation(s) <= limit)))
+    }
+
+    /// The same for r(k), noise included, of at least `limit`.
+    pub fn r_above(&self, limit: f64) -> Option<f64> {
+        last_while(self.judged().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))))
+    }
+}
+
+/// The last place up to which all is well.
+pub(super) fn last_while(places: impl Iterator<Item = (f64, bool)>) -> Option<f64> {
+    places.take_while(|(_, good)| *good).last().map(|(k, _)| k)
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(p) = &s.spectra else { return };
+    to.spectra_table("power.csv", p);
+    let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
+    let corrected = match s.options.convention {
+        Convention::Correct => "shot noise subtracted",
+        Convention::Paper => "shot noise included",
+    };
+    let picked = |pick: fn(&Shell) -> Option<f64>| p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect();
+    let k = log(format!("k{}", to.units.wave));
+    let power = [k.clone(), log(format!("P(k){}", to.units.volume))];
+    let title = format!("Power spectrum ({corrected})");
+    let curves = vec![
+        curve("with shot noise", OTHER, false, picked(|h| h.r)),
+        curve("without shot noise", THIRD, false, picked(|h| h.r_without_noise.filter(|r| *r < 1.5))),
+    ];
+    let mut coherence = chart("coherence", "Cross-correlation coefficient", [k, even("r(k)")], curves, Vec::new());
+    coherence[0].levels = [1.0, 0.99, 0.9].map(|level| (String::new(), level)).into();
+    to.plot(chart("power", &title, power, pair([of(0), of(1)]), picked(|h| h.ratio)));
+    to.plot(coherence);
+    let ([x, y, z], t, wave) = (p.cells, &s.summary, to.wave.clone());
+    let last = p.shells.last().map_or(0.0, |h| h.k);
+    to.line("P(k): grid; up to k", format!("{x}x{y}x{z}; {}{wave}", decimals(last)));
+    let deviation = t.largest_power_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
+    let at_end = t.r_at_k_max.map_or("-".into(), |r| format!("{r:.4}"));
+    to.line("P(k): largest deviation; r at end", format!("{deviation}; {at_end}"));
+    to.line("P(k): within 1, 5, 10 % up to k", format!("{}{wave}", limits(|limit| p.power_within(limit))));
+    let [high, low] = [0.99, 0.9].map(|r| limit_text(p.r_above(r)));
+    to.line("r(k): at least 0.99, 0.9 up to k", format!("{high}, {low}{wave}"));
+}
+
+impl Presentation {
+    pub fn spectra_table(&mut self, name: &'static str, spectra: &Spectra) {
+        let row = |h: &Shell| {
+            let ([low, high], [a, b], [ratio, r, without_noise]) =
+                (h.edges, h.power, [h.ratio, h.r, h.r_without_noise].map(maybe));
+            row![low, high, h.k, h.modes, a, b, h.cross, ratio, r, without_noise]
+        };
+        let head = "k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise";
+        self.table(name, head, spectra.shells.iter().map(row));
+    }
+}
+
+/// Up to where something is within 1, 5 and 10 %.
+pub(super) fn limits(within: impl Fn(f64) -> Option<f64>) -> String {
+    [0.01, 0.05, 0.1].map(|limit| limit_text(within(limit))).join(", ")
+}
+
+fn limit_text(limit: Option<f64>) -> String {
+    limit.map_or("nowhere".into(), decimals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shells_without_power_are_not_judged() {
+        let shell = |k: f64, truth: f64, other: f64| Shell {
+            edges: [k - 0.5, k + 0.5],
+            k,
+            modes: 200,
+            power: [truth, other],
+            cross: 0.0,
+            ratio: Some(other / truth),
+            r: Some(if truth > 1.0 { 0.999 } else { 0.2 }),
+            r_without_noise: None,
+        };
+        let options = SpectrumOptions {
+            cells: 8,
+            assignment: Assignment::Tsc,
+            interlaced: true,
+            deconvolved: true,
+            shot_noise_subtracted: true,
+            k_max: 4.0,
+        };
+        // The second holds the scatter of a noise of 1 in 100 independent modes, the third less than none.
+        let shells = vec![shell(1.0, 50.0, 50.2), shell(2.0, 0.09, 0.3), shell(3.0, -0.2, 0.3), shell(4.0, 9.0, 9.3)];
+        let spectra = Spectra { options, cells: [8; 3], shot_noise: [1.0, 1.0], shells };
+        assert_eq!((spectra.power_within(0.01), spectra.power_within(0.05)), (Some(1.0), Some(4.0)));
+        assert_eq!(spectra.r_above(0.99), Some(4.0));
+    }
 }

@@ -4,7 +4,7 @@ use super::Domain;
 use particlegs_core::Result;
 use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Mixture, Model, UnitSystem};
-use particlegs_core::space::Bounds;
+use particlegs_core::space::{Bounds, Cell};
 use particlegs_particles::{Particles, Storage};
 
 /// Particles, or a model.
@@ -32,14 +32,15 @@ impl ConvertedSubject {
 }
 
 impl<'a> Subject<'a> {
-    pub(super) fn moment(&self) -> (&'a Epoch, &'a Cosmology) {
+    pub(crate) fn moment(&self) -> (&'a Epoch, &'a Cosmology) {
         match self {
             Subject::Particles(p) => (&p.meta.epoch, &p.meta.cosmology),
             Subject::Model(m) => (&m.metadata.epoch, &m.metadata.cosmology),
         }
     }
 
-    pub(super) fn unit_system(&self) -> UnitSystem<'a> {
+    /// Units, and what they are relative to.
+    pub fn unit_system(&self) -> UnitSystem<'a> {
         match self {
             Subject::Particles(p) => p.meta.unit_system(),
             Subject::Model(m) => m.metadata.unit_system(),
@@ -78,6 +79,14 @@ impl<'a> Subject<'a> {
             )?))),
         };
         Ok((converted, words))
+    }
+
+    /// Its periodic box, if there is one.
+    pub fn cell(&self) -> Option<Cell> {
+        match self {
+            Subject::Particles(p) => p.meta.cell,
+            Subject::Model(m) => m.metadata.cell,
+        }
     }
 
     /// The box that it lies in.

@@ -1,7 +1,7 @@
 //! Particles with fields: velocities, what is measured of them, and how far they move particles in redshift space.
 
-use super::options::OF_VELOCITIES;
-use super::{Domain, StatsOptions, Subject};
+use super::compare::ComparisonJob;
+use super::{Domain, Measure, OF_VELOCITIES, StatsOptions, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Model};
 use particlegs_core::{Error, Result, parallel};
@@ -17,7 +17,7 @@ const SAME: f64 = 1e-5;
 
 /// Particles and their fields.
 #[derive(Clone)]
-pub struct ParticleFields {
+pub(crate) struct ParticleFields {
     pub(super) particles: Particles,
     /// Fields of each layer.
     pub(super) layers: Vec<LayerFields>,
@@ -27,19 +27,44 @@ pub struct ParticleFields {
     unit: Option<String>,
 }
 
-/// A side of a comparison: what is measured, and particles with fields. Of a model these are drawn from it.
+/// What is measured. Of a model, fields are those of particles drawn from it.
 #[derive(Clone, Copy)]
 pub struct StatsSide<'a> {
     /// Particles, or a model.
     pub subject: Subject<'a>,
-    /// The same particles, or those of the model, with fields, where there are any.
-    pub fields: Option<&'a ParticleFields>,
+    /// The fields of each layer of the particles, where there are any.
+    pub fields: &'a [LayerFields],
 }
 
 impl<'a> From<Subject<'a>> for StatsSide<'a> {
     fn from(subject: Subject<'a>) -> Self {
-        StatsSide { subject, fields: None }
+        StatsSide { subject, fields: &[] }
     }
+}
+
+impl StatsSide<'_> {
+    /// What `o` measures of the fields. Where it is everything, fields that cannot be used are left out with a note.
+    pub(super) fn read_fields(&self, o: &StatsOptions, context: &Context<'_>) -> Result<Option<ParticleFields>> {
+        let found = match self.subject {
+            _ if !o.needs_fields() => return Ok(None),
+            Subject::Particles(p) => ParticleFields::read(p, self.fields, o),
+            Subject::Model(m) => ParticleFields::draw(m, o, context),
+        };
+        match found {
+            Err(error @ (Error::Memory { .. } | Error::Input { .. })) if o.measures.len() == Measure::ALL.len() => {
+                context.note(&format!("fields are left out: {error}"));
+                Ok(None)
+            }
+            other => other,
+        }
+    }
+}
+
+/// A side of a comparison, and its particles, or those drawn from it, with fields.
+#[derive(Clone, Copy)]
+pub(super) struct FieldSide<'a> {
+    pub subject: Subject<'a>,
+    pub fields: Option<&'a ParticleFields>,
 }
 
 impl ParticleFields {
@@ -167,7 +192,7 @@ impl ParticleFields {
 
 /// The velocities of both sides, in the units of the truth; else why there are none that can be compared.
 pub(super) fn velocity_pair<'a>(
-    sides: [StatsSide<'a>; 2],
+    sides: [FieldSide<'a>; 2],
 ) -> Result<std::result::Result<[Cow<'a, ParticleFields>; 2], String>> {
     let moving = sides.map(|s| s.fields.filter(|f| f.has_velocities()));
     let [Some(truth), Some(other)] = moving else {
@@ -231,6 +256,22 @@ pub(super) fn displacement(subjects: [Subject<'_>; 2], unit: Option<&str>) -> st
     let hubble = if power == 0.0 { 1.0 } else { h.powf(power) };
     let moved = MEGAPARSEC / (100.0 * square.sqrt() * size.factor) * hubble / a.powf(f64::from(size.a));
     if moved > 0.0 && moved.is_finite() { Ok(moved) } else { Err("its cosmology has no rate of expansion".into()) }
+}
+
+impl ComparisonJob<'_> {
+    /// Velocities of both sides. `None`, and a note, where one has none.
+    pub fn velocities<'s>(
+        &self,
+        sides: [FieldSide<'s>; 2],
+        notes: &mut Vec<String>,
+    ) -> Result<Option<[Cow<'s, ParticleFields>; 2]>> {
+        let found = velocity_pair(sides)?;
+        if let Err(why) = &found {
+            let wanted: Vec<&str> = OF_VELOCITIES.iter().filter(|m| self.wants(&[**m])).map(|m| m.name()).collect();
+            notes.push(format!("no {}: {why}", wanted.join(", ")));
+        }
+        Ok(found.ok())
+    }
 }
 
 #[cfg(test)]
@@ -308,7 +349,7 @@ mod tests {
         assert!(error.to_string().contains("the velocity of particle 0"), "{error}");
         // What one side does not state is as in the other.
         let unstated = ParticleFields { unit: None, ..found.clone() };
-        let side = |fields| StatsSide { subject: Subject::Particles(&p), fields };
+        let side = |fields| FieldSide { subject: Subject::Particles(&p), fields };
         let pair = velocity_pair([side(Some(&unstated)), side(Some(&found))]).unwrap().unwrap();
         assert_eq!(unit_of(&pair), Some("km/s"));
         let other = ParticleFields { unit: Some("m/s".into()), ..found.clone() };

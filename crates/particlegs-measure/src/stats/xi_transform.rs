@@ -53,3 +53,12 @@ fn primitive(k: f64, r: f64) -> f64 {
     let (sin, cos) = x.sin_cos();
     3.0 * (sin - x * cos) / (k * k * k)
 }
+
+/// xi(r) from |delta_k|^2, in bins of pi / k_max from there on.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct XiByTransform {
+    /// Edges of the bins, world units: one more than bins.
+    pub edges: Vec<f64>,
+    /// xi in each bin, truth and other.
+    pub xi: [Vec<f64>; 2],
+}

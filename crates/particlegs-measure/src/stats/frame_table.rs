@@ -20,7 +20,7 @@ pub struct FrameTable<'a> {
     columns: Vec<FrameColumn>,
 }
 
-/// What a frame is.
+/// What a frame is, in a word.
 pub fn kind_of(kind: FrameCoding) -> &'static str {
     match kind {
         FrameCoding::Missing => "missing",
@@ -31,7 +31,12 @@ pub fn kind_of(kind: FrameCoding) -> &'static str {
 
 impl<'a> FrameTable<'a> {
     /// The number of each frame of a series, what it is, and when. `frames` are those that are there.
-    pub fn new(series: &'a SeriesFile<'_>, frames: &[Metadata], units: &Units) -> FrameTable<'a> {
+    pub fn new<'m>(
+        series: &'a SeriesFile<'_>,
+        frames: impl IntoIterator<Item = &'m Metadata>,
+        units: &Units,
+    ) -> FrameTable<'a> {
+        let frames: Vec<&Metadata> = frames.into_iter().collect();
         let mut table = FrameTable { series, columns: Vec::new() };
         let epoch = |pick: fn(&Epoch) -> Option<f64>| frames.iter().map(move |m| pick(&m.epoch));
         let time = units.time.as_ref().map(|u| u.text.clone());
@@ -79,7 +84,7 @@ impl<'a> FrameTable<'a> {
 }
 
 /// A number in as many digits as tell it from others; nothing where there is none.
-pub fn number(value: Option<f64>) -> String {
+pub(super) fn number(value: Option<f64>) -> String {
     match value.filter(|v| v.is_finite()) {
         None => String::new(),
         Some(v) if v == 0.0 || (1e-4..1e17).contains(&v.abs()) => format!("{v}"),

@@ -1,27 +1,29 @@
 //! Statistics of a whole series: a table with a row for each frame, its spectra, and plots over time.
 
-use crate::common::CommandContext;
-use crate::frame_table::{FrameTable, number};
-use crate::stats_plots::AxisUnits;
+use super::frame_table::{FrameTable, number};
+use super::presentation::{AxisUnits, ChartParts, chart, curve};
+use super::{Evolution, FieldMean, FrameStatistics, Measure, StatsOptions, WaveShell};
 use particlegs_core::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesDecoder, SeriesFile};
+use particlegs_core::context::Context;
 use particlegs_core::model::{Metadata, Model, Units, per_length};
 use particlegs_core::{Error, Result};
-use particlegs_figure::{self as figure, FileKind, Plot, PlotAxis, Point, Series, write_plots};
-use particlegs_files::output::write_bytes;
-use particlegs_measure::stats::{Evolution, FieldMean, FrameStatistics, StatsOptions, WaveShell};
-use serde::Serialize;
+use particlegs_figure::{FileKind, Plot, PlotAxis, Series, number as short, write_plots};
+use particlegs_files::output::{Outputs, write_bytes, write_json};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Wave numbers whose power is in the table and the plot.
 const WAVES: usize = 5;
 /// Groups are counted from so many particles on.
 const SIZES: [u64; 3] = [20, 100, 1000];
 
-/// The statistics of each frame that is there; `None` of one without the chosen layers.
-pub struct SeriesEvolution<'a> {
+/// Statistics of each frame of a series that is there. As JSON it is a record with a row for each frame.
+pub struct SeriesStatistics<'a> {
     series: &'a SeriesFile<'a>,
+    name: String,
+    options: Value,
     units: Units,
     frames: Vec<Metadata>,
     found: Vec<Option<FrameStatistics>>,
@@ -30,15 +32,30 @@ pub struct SeriesEvolution<'a> {
     waves: Vec<f64>,
 }
 
-impl<'a> SeriesEvolution<'a> {
-    /// Measures every frame, of the layers that `of` takes.
+impl<'a> SeriesStatistics<'a> {
+    /// Measures of a frame alone.
+    pub const MEASURES: [Measure; 2] = [Measure::Spectrum, Measure::Groups];
+
+    /// Measures every frame of the series called `name`, of the layers that `choose` takes: of [`Self::MEASURES`]
+    /// what the options name, and means of fields. A frame without these layers has no statistics.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for options out of range and other measures; [`Error::Input`] for frames that cannot be
+    /// compared, and where none has the layers; those of decoding.
     pub fn new(
+        name: &str,
         series: &'a SeriesFile<'a>,
-        place: &str,
         options: StatsOptions,
-        of: impl Fn(Model) -> Result<Model>,
-        context: &CommandContext,
+        choose: impl Fn(Model) -> Result<Model>,
+        context: &Context<'_>,
     ) -> Result<Self> {
+        let pairs = options.measures.iter().find(|m| !Self::MEASURES.contains(m));
+        if let Some(measure) = pairs.filter(|_| options.measures.len() < Measure::ALL.len()) {
+            let names = Self::MEASURES.map(Measure::name).join(" and ");
+            let what = format!("{} compares two inputs; of a series alone there are {names}", measure.name());
+            return Err(Error::argument(what));
+        }
+        let taken = json!(&options);
         let mut evolution = Evolution::new(options)?;
         let mut decoder = SeriesDecoder::new(series);
         let (mut frames, mut found, mut without) = (Vec::new(), Vec::new(), None);
@@ -46,7 +63,7 @@ impl<'a> SeriesEvolution<'a> {
             let model = decoder.frame(number, context)?.clone().into_model();
             let metadata = model.metadata.clone();
             // A species may appear later.
-            let model = match of(model) {
+            let model = match choose(model) {
                 Ok(model) => model,
                 Err(error) => {
                     without.get_or_insert(error);
@@ -56,17 +73,24 @@ impl<'a> SeriesEvolution<'a> {
                 }
             };
             let own = evolution.measure(&model, &series.name(number), context)?;
-            context.notes(&own.notes);
+            own.notes.iter().for_each(|note| context.note(note));
             frames.push(model.metadata);
             found.push(Some(own));
         }
         if found.iter().all(Option::is_none) {
-            return Err(without.unwrap_or_else(|| Error::input(place, "the series has no frames")));
+            return Err(without.unwrap_or_else(|| Error::input(name, "the series has no frames")));
         }
         let first = found.iter().flatten().next().map_or(&[][..], |f| &f.spectrum);
         let waves = chosen_waves(first);
         let linking_length = evolution.linking_length().map(String::from);
-        Ok(SeriesEvolution { series, units: series.units()?, frames, found, linking_length, waves })
+        let (name, units) = (name.to_string(), series.units()?);
+        Ok(SeriesStatistics { series, name, options: taken, units, frames, found, linking_length, waves })
+    }
+
+    /// What was measured of each frame that is there, in order; `None` of one without the chosen layers.
+    pub fn frames(&self) -> impl Iterator<Item = (usize, &Metadata, Option<&FrameStatistics>)> {
+        let all = self.series.there().zip(&self.frames).zip(&self.found);
+        all.map(|((number, metadata), found)| (number, metadata, found.as_ref()))
     }
 
     fn values<T>(&self, pick: impl Fn(&FrameStatistics) -> Option<T>) -> Vec<Option<T>> {
@@ -108,7 +132,7 @@ impl<'a> SeriesEvolution<'a> {
 
     fn wave_text(&self, k: f64) -> String {
         let unit = self.units.length_text().map_or(String::new(), |u| format!(" {}", per_length(u)));
-        format!("{}{unit}", figure::number(k))
+        format!("{}{unit}", short(k))
     }
 
     /// The rows of the frames as CSV.
@@ -116,7 +140,7 @@ impl<'a> SeriesEvolution<'a> {
         let mut table = FrameTable::new(self.series, &self.frames, &self.units);
         for &k in &self.waves {
             let about = format!("P(k) at k = {}, of the mixture", self.wave_text(k));
-            table.add((&format!("power_{}", figure::number(k)), self.volume_unit()), &about, self.power(k));
+            table.add((&format!("power_{}", short(k)), self.volume_unit()), &about, self.power(k));
         }
         if self.has_groups() {
             for from in SIZES {
@@ -153,42 +177,48 @@ impl<'a> SeriesEvolution<'a> {
         csv
     }
 
-    /// Writes `frames.csv`, where there are spectra `power_frames.csv`, and plots.
-    pub fn write(&self, folder: &Path, plots: Option<&[FileKind]>) -> Result<()> {
-        write_bytes(&folder.join("frames.csv"), self.table().as_bytes())?;
-        if !self.waves.is_empty() {
-            write_bytes(&folder.join("power_frames.csv"), self.spectra().as_bytes())?;
-        }
-        for figure in self.figures() {
-            write_plots(folder, &figure, plots.unwrap_or_default())?;
-        }
-        Ok(())
+    /// Writes `stats.json`, `frames.csv`, where there are spectra `power_frames.csv`, and plots of each kind into a folder,
+    /// all or none.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for a file that is there and was not made by this function; [`Error::Io`].
+    pub fn write(
+        &self,
+        folder: &Path,
+        plots: &[FileKind],
+        outputs: &Outputs,
+        context: &Context<'_>,
+    ) -> Result<Vec<PathBuf>> {
+        let fill = |folder: &Path| {
+            write_bytes(&folder.join("frames.csv"), self.table().as_bytes())?;
+            if !self.waves.is_empty() {
+                write_bytes(&folder.join("power_frames.csv"), self.spectra().as_bytes())?;
+            }
+            self.figures().iter().try_for_each(|figure| write_plots(folder, figure, plots))?;
+            write_json(&folder.join("stats.json"), self)
+        };
+        outputs.write_set(folder, fill, context)
     }
 
     /// Figures over time: power at a few wave numbers, numbers of groups, and means of fields below one another.
-    fn figures(&self) -> Vec<Vec<Plot>> {
+    fn figures(&self) -> Vec<ChartParts> {
         let brackets = |unit: Option<String>| unit.map_or(String::new(), |u| format!(" [{u}]"));
-        let plot = |name: &str, title: &str, y: PlotAxis, series: Vec<Series>| Plot {
-            name: name.into(),
-            title: title.into(),
-            x: self.clock_axis(),
-            y,
-            series,
-            levels: Vec::new(),
+        let plot = |name: &str, title: &str, y: PlotAxis, series: Vec<Series>| {
+            chart(name, title, [self.clock_axis(), y], series, Vec::new())
         };
         let power = self.waves.iter().enumerate().map(|(i, &k)| {
             let name = format!("k = {}", self.wave_text(k));
-            self.curve(&name, i, self.power(k).into_iter().map(|p| p.filter(|p| *p > 0.0)))
+            self.curve(&name, i, self.power(k).into_iter())
         });
         let y = PlotAxis::logarithmic(format!("P(k){}", AxisUnits::new(self.units.length_text()).volume));
-        let mut figures = vec![vec![plot("power_frames", "Power spectrum over time", y, power.collect())]];
+        let mut figures = vec![plot("power_frames", "Power spectrum over time", y, power.collect())];
         if self.has_groups() {
             let series = SIZES.iter().enumerate().map(|(i, from)| {
                 let name = format!("{from} particles and more");
                 self.curve(&name, i, self.groups(*from).into_iter())
             });
             let y = PlotAxis::linear("groups");
-            figures.push(vec![plot("groups_frames", "Friends-of-friends groups over time", y, series.collect())]);
+            figures.push(plot("groups_frames", "Friends-of-friends groups over time", y, series.collect()));
         }
         let mut fields: Vec<Plot> = Vec::new();
         let components = self.components();
@@ -200,7 +230,7 @@ impl<'a> SeriesEvolution<'a> {
             let title = if fields.is_empty() { "Fields over time" } else { "" };
             let word = if of[0].is_sum { "total" } else { "mean" };
             let y = PlotAxis::linear(format!("{word} {}{}", of[0].field, brackets(of[0].unit.clone())));
-            fields.push(plot("fields_frames", title, y, series.collect()));
+            fields.extend(plot("fields_frames", title, y, series.collect()));
         }
         figures.push(fields);
         figures
@@ -216,22 +246,19 @@ impl<'a> SeriesEvolution<'a> {
     }
 
     fn curve(&self, name: &str, style: usize, values: impl Iterator<Item = Option<f64>>) -> Series {
-        let at = |(value, frame): (Option<f64>, usize)| {
-            Some(Point::new(self.series.frames[frame].time, value.filter(|v| v.is_finite())?))
-        };
-        let points = values.zip(self.series.there()).filter_map(at).collect();
-        Series { name: name.into(), style, dashed: false, points }
+        let at = |(value, frame): (Option<f64>, usize)| Some((self.series.frames[frame].time, value?));
+        curve(name, style, false, values.zip(self.series.there()).filter_map(at).collect())
     }
 
-    /// What is printed: the first and the last value of each quantity.
-    pub fn summary(&self) -> String {
+    /// The first and the last value of each quantity, a line each.
+    pub fn text(&self) -> String {
         let numbers: Vec<usize> = self.series.there().collect();
         let there: Vec<usize> = (0..self.found.len()).filter(|&i| self.found[i].is_some()).collect();
         let (Some(&first), Some(&last)) = (there.first(), there.last()) else { return String::new() };
         let when = |i: usize| self.series.clock.text(self.series.frames[numbers[i]].time, &self.units);
         let mut text = format!("{} frames, {} to {}", there.len(), when(first), when(last));
         let mut line = |name: String, values: Vec<Option<f64>>, unit: Option<String>| {
-            let shown = |i: usize| values[i].map_or("-".into(), figure::number);
+            let shown = |i: usize| values[i].map_or("-".into(), short);
             let unit = unit.map_or(String::new(), |u| format!(" {u}"));
             let _ = write!(text, "\n{name:<36} {} to {}{unit}", shown(first), shown(last));
         };
@@ -248,50 +275,57 @@ impl<'a> SeriesEvolution<'a> {
         text
     }
 
-    /// The result as JSON.
-    pub fn report(&self, path: &Path, options: Value) -> EvolutionReport {
+    fn frame_record(&self, frame: usize, m: &Metadata, found: Option<&FrameStatistics>) -> SeriesRow {
         let nothing = FrameStatistics::default();
-        let mut there = self.found.iter().zip(&self.frames);
-        let frame = |(i, entry): (usize, &FrameEntry)| {
-            let own = if entry.kind == FrameCoding::Missing { None } else { there.next() };
-            let Some((found, m)) = own else { return FrameReport::Missing { frame: i, kind: "missing" } };
-            let found = found.as_ref().unwrap_or(&nothing);
-            let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
-                let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
-                SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()
-            });
-            FrameReport::There(json!({
-                "frame": i, "time": m.epoch.time, "step": m.epoch.step, "redshift": m.epoch.redshift(),
-                "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": found.spectrum,
-                "groups": groups, "fields": found.fields,
-            }))
+        let found = found.unwrap_or(&nothing);
+        let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
+            let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
+            SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()
+        });
+        SeriesRow::There(json!({
+            "frame": frame, "time": m.epoch.time, "step": m.epoch.step, "redshift": m.epoch.redshift(),
+            "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": found.spectrum,
+            "groups": groups, "fields": found.fields,
+        }))
+    }
+}
+
+impl Serialize for SeriesStatistics<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let mut there = self.frames();
+        let mut record = |(frame, entry): (usize, &FrameEntry)| match entry.kind {
+            FrameCoding::Missing => SeriesRow::Missing { frame, kind: "missing" },
+            _ => there.next().map_or(SeriesRow::Missing { frame, kind: "missing" }, |(frame, metadata, found)| {
+                self.frame_record(frame, metadata, found)
+            }),
         };
-        EvolutionReport {
-            series: path.display().to_string(),
+        SeriesRecord {
+            series: &self.name,
             clock: self.series.clock.name(),
-            length_unit: self.units.length_text().map(String::from),
-            linking_length: self.linking_length.clone(),
+            length_unit: self.units.length_text(),
+            linking_length: self.linking_length.as_deref(),
             tool_version: env!("CARGO_PKG_VERSION"),
-            options,
-            frames: self.series.frames.iter().enumerate().map(frame).collect(),
+            options: &self.options,
+            frames: self.series.frames.iter().enumerate().map(&mut record).collect(),
         }
+        .serialize(serializer)
     }
 }
 
 #[derive(Serialize)]
-pub struct EvolutionReport {
-    series: String,
+struct SeriesRecord<'a> {
+    series: &'a str,
     clock: &'static str,
-    length_unit: Option<String>,
-    linking_length: Option<String>,
+    length_unit: Option<&'a str>,
+    linking_length: Option<&'a str>,
     tool_version: &'static str,
-    options: Value,
-    frames: Vec<FrameReport>,
+    options: &'a Value,
+    frames: Vec<SeriesRow>,
 }
 
 #[derive(Serialize)]
 #[serde(untagged)]
-enum FrameReport {
+enum SeriesRow {
     Missing { frame: usize, kind: &'static str },
     There(Value),
 }

@@ -1,0 +1,215 @@
+//! Haloes of one input, alone or against those of a truth.
+
+use super::mass_function::{MassFunctionBin, mass_function};
+use super::matching::HaloMatch;
+use super::table::HaloCatalogue;
+use super::{HaloOptions, find_haloes};
+use crate::stats::presentation::{OTHER, TRUTH, chart, curve};
+use crate::stats::{StatsSide, Subject};
+use particlegs_core::context::Context;
+use particlegs_core::text::one_line;
+use particlegs_core::{Error, Result};
+use particlegs_figure::{FileKind, Plot, PlotAxis, Point, Series, plot_bytes};
+use particlegs_files::output::{write_atomic, write_bytes};
+use serde::Serialize;
+use std::path::Path;
+
+/// Haloes that were found, and how well they agree with those of a truth.
+#[derive(Clone, Debug, Serialize)]
+pub struct HaloReport {
+    /// Name of the input.
+    pub input: String,
+    /// Number of haloes.
+    pub haloes: usize,
+    /// Haloes with masses: 100 particles and more.
+    pub with_masses: usize,
+    /// Largest mass, in `mass_unit`.
+    pub largest_mass: Option<f64>,
+    /// Unit of masses; `particles` where these have none.
+    pub mass_unit: String,
+    /// Agreement with the truth's haloes, where a truth is given and both have masses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub agreement: Option<HaloMatch>,
+    /// Mass function, from the least mass of both catalogues to the largest.
+    pub mass_function: Vec<MassFunctionBin>,
+    /// That of the truth, in the same bins.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub mass_function_of_truth: Vec<MassFunctionBin>,
+    /// What a user should know, a sentence each.
+    pub notes: Vec<String>,
+    /// The haloes.
+    #[serde(skip)]
+    pub catalogue: HaloCatalogue,
+    /// Those of the truth.
+    #[serde(skip)]
+    pub truth: Option<HaloCatalogue>,
+    #[serde(skip)]
+    length_unit: Option<String>,
+}
+
+impl HaloReport {
+    /// Finds haloes in the input called `name`, and in the truth, if one is given with its name, whose catalogue they are
+    /// compared with. Notes also go to the context.
+    ///
+    /// # Errors
+    /// Those of [`find_haloes`]; [`Error::Input`] for a truth in another box or unit; [`Error::Argument`] where there are
+    /// no haloes.
+    pub fn new<'a>(
+        (input, name): (impl Into<StatsSide<'a>>, &str),
+        truth: Option<(StatsSide<'_>, &str)>,
+        options: &HaloOptions,
+        context: &Context<'_>,
+    ) -> Result<HaloReport> {
+        let input = input.into();
+        let found = find_haloes(input, options, context)?;
+        found.notes.iter().for_each(|note| context.note(note));
+        let truth = truth.map(|(truth, name)| {
+            check_same_box(input.subject, truth.subject, name)?;
+            find_haloes(truth, options, context)
+        });
+        let (truth, domain) = (truth.transpose()?, input.subject.domain());
+        let ends = ends([Some(&found), truth.as_ref()]);
+        let bins = |c: &HaloCatalogue| ends.map_or(Vec::new(), |ends| mass_function(c, &domain, ends));
+        let agreement = truth.as_ref().map(|truth| HaloMatch::new([truth, &found], &domain)).transpose()?.flatten();
+        context.check()?;
+        if found.is_empty() {
+            let what = format!("there are no haloes of {} linked particles and more", options.smallest);
+            return Err(Error::argument(what));
+        }
+        let (masses, unit) = found.masses().unwrap_or_default();
+        let masses: Vec<f64> = masses.into_iter().filter(|m| m.is_finite()).collect();
+        Ok(HaloReport {
+            input: name.into(),
+            haloes: found.len(),
+            with_masses: masses.len(),
+            largest_mass: masses.iter().copied().reduce(f64::max),
+            mass_unit: unit.to_string(),
+            agreement,
+            mass_function: bins(&found),
+            mass_function_of_truth: truth.as_ref().map_or(Vec::new(), bins),
+            notes: found.notes.clone(),
+            length_unit: input.subject.unit_system().units.length_text().map(String::from),
+            catalogue: found,
+            truth,
+        })
+    }
+
+    /// Writes the mass function: a plot, where the file's ending is one of [`FileKind`], else a table as CSV. With a truth,
+    /// both have that of the truth as well.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a plot without a halo that has a mass; [`Error::Io`].
+    pub fn write_mass_function(&self, path: &Path) -> Result<()> {
+        match FileKind::from_path(path) {
+            Some(kind) => {
+                let bytes = plot_bytes(&self.mass_plots(), kind)?;
+                let missing = || Error::argument("there is no halo with a mass to plot: 100 particles are needed");
+                write_bytes(path, &bytes.ok_or_else(missing)?)
+            }
+            None => self.write_mass_table(path),
+        }
+    }
+
+    fn write_mass_table(&self, path: &Path) -> Result<()> {
+        let truth = |i: usize| self.mass_function_of_truth.get(i);
+        write_atomic(path, |to| {
+            let columns = "mass_low,mass_high,haloes,density,error";
+            let of_truth = if truth(0).is_some() { ",haloes_truth,density_truth,error_truth" } else { "" };
+            writeln!(to, "{columns}{of_truth}")?;
+            let length = self.length_unit.as_deref().unwrap_or("unit of length");
+            let words = format!("masses in {}; haloes per volume ({length}^3) and decade of mass", self.mass_unit);
+            writeln!(to, "# {}", one_line(&words))?;
+            for (i, b) in self.mass_function.iter().enumerate() {
+                write!(to, "{:.6e},{:.6e},{},{:.6e},{:.6e}", b.masses[0], b.masses[1], b.haloes, b.density, b.error)?;
+                if let Some(b) = truth(i) {
+                    write!(to, ",{},{:.6e},{:.6e}", b.haloes, b.density, b.error)?;
+                }
+                writeln!(to)?;
+            }
+            Ok(())
+        })
+    }
+
+    fn mass_plots(&self) -> Vec<Plot> {
+        let (mass, length) = (&self.mass_unit[..], self.length_unit.as_deref());
+        let series = |name: &str, style: usize, bins: &[MassFunctionBin]| {
+            let point = |b: &MassFunctionBin| Point {
+                x: (b.masses[0] * b.masses[1]).sqrt(),
+                y: b.density,
+                range: Some([(b.density - b.error).max(0.1 * b.density), b.density + b.error]),
+            };
+            let points = bins.iter().filter(|b| b.haloes > 0).map(point).collect();
+            Series { name: name.into(), style, dashed: false, points }
+        };
+        let volume = length.map_or("volume".into(), |l| format!("({l})³"));
+        let mass_label = if mass == "particles" { "particles within R200m".into() } else { format!("M200m [{mass}]") };
+        let truth = &self.mass_function_of_truth;
+        let axes =
+            [PlotAxis::logarithmic(&mass_label), PlotAxis::logarithmic(format!("haloes per decade and {volume}"))];
+        let name = if truth.is_empty() { "haloes" } else { "input" };
+        let of_truth = (!truth.is_empty()).then(|| series("truth", TRUTH, truth));
+        let curves = of_truth.into_iter().chain([series(name, OTHER, &self.mass_function)]).collect();
+        let mut plots = chart("mass_function", "Mass function of haloes", axes, curves, Vec::new());
+        let both = self.mass_function.iter().zip(truth).filter(|(b, t)| b.haloes > 0 && t.haloes > 0);
+        let ratio =
+            |(b, t): (&MassFunctionBin, &MassFunctionBin)| ((b.masses[0] * b.masses[1]).sqrt(), b.density / t.density);
+        let ratio = curve("", OTHER, false, both.map(ratio).collect());
+        if !ratio.points.is_empty() {
+            let axes = [PlotAxis::logarithmic(&mass_label), PlotAxis::ratios("input / truth", [0.5, 1.5])];
+            plots.extend(chart("ratio", "", axes, vec![ratio], Vec::new()));
+        }
+        plots
+    }
+
+    /// The most important numbers, in words.
+    pub fn text(&self) -> String {
+        let unit = one_line(&self.mass_unit);
+        let mut text = format!("{} haloes, {} of them with masses", self.haloes, self.with_masses);
+        if let Some(mass) = self.largest_mass {
+            text += &format!("; the heaviest has {mass:.4e} {unit}");
+        }
+        if let (Some(m), Some(truth)) = (&self.agreement, &self.truth) {
+            let percent = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.1} %", 100.0 * v));
+            text += &format!(
+                "\ntruth: {} haloes; with 300 particles and more: {} in the truth, {} in the input",
+                truth.len(),
+                m.truth,
+                m.other
+            );
+            text += &format!("\ncompleteness {}, purity {}", percent(m.completeness), percent(m.purity));
+            text += &format!(
+                "\nM200m over the truth's: median {}, scatter {}",
+                m.mass_median.map_or("-".into(), |v| format!("{v:.4}")),
+                percent(m.mass_scatter)
+            );
+        }
+        text
+    }
+}
+
+/// Refuses catalogues of other units or another box.
+fn check_same_box(input: Subject<'_>, truth: Subject<'_>, name: &str) -> Result<()> {
+    let [own, other] = [input, truth].map(|s| s.unit_system().units.length_text().unwrap_or("none").to_string());
+    if own != other {
+        let what = format!("its unit of length is {other}, that of the input {own}");
+        return Err(Error::input_with(name, what, "convert one of them first"));
+    }
+    let [own, other] = [input, truth].map(|s| s.domain());
+    let same = (0..3).all(|k| (own.length[k] / other.length[k] - 1.0).abs() < 0.01);
+    if own.periodic != other.periodic || own.periodic.contains(&true) && !same {
+        let what = format!("its box is {:?}, that of the input {:?}", other.length, own.length);
+        return Err(Error::input_with(name, what, "compare haloes of the same box"));
+    }
+    Ok(())
+}
+
+/// Masses from those of 100 particles to the heaviest.
+fn ends(catalogues: [Option<&HaloCatalogue>; 2]) -> Option<[f64; 2]> {
+    let mut ends: Option<[f64; 2]> = None;
+    for c in catalogues.into_iter().flatten() {
+        for m in c.masses()?.0.into_iter().filter(|m| m.is_finite()) {
+            ends = Some(ends.map_or([m; 2], |[low, high]| [low.min(m), high.max(m)]));
+        }
+    }
+    ends
+}

@@ -1,0 +1,164 @@
+//! Groups of both sides by size, and the mass in their cores.
+
+use super::aperture::{aperture_mass, counts_within, group_center};
+use super::compare::ComparisonJob;
+use super::linking::{LinkedGroups, LinkedParticles, length_in};
+use super::pairs::longest_separation;
+use super::presentation::*;
+use super::{ApertureMass, Groups, Measure, SizeClass, Statistics, longest_link, size_histogram};
+use particlegs_core::model::decimals;
+use particlegs_core::{Result, parallel};
+
+/// Sizes of groups whose cores are compared.
+const CORES: [[u64; 2]; 3] = [[100, 299], [300, 999], [1000, u64::MAX]];
+
+/// Friends-of-friends groups.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct GroupReport {
+    /// Linking length of each, world units: the same share of its own mean spacing, where it is not stated.
+    pub linking_length: [f64; 2],
+    /// Particles that were linked: all, or the finest of a zoom.
+    pub linked: [u64; 2],
+    /// Groups that hold heavier particles, which were not linked.
+    pub contaminated: [Option<u64>; 2],
+    /// 20 to 49, 50 to 99, 100 and more.
+    pub classes: Vec<SizeClass>,
+    /// Sizes by a factor of the square root of 2.
+    pub histogram: Vec<SizeClass>,
+    /// Particles of the largest group, truth and other.
+    pub largest: [u64; 2],
+    /// Share of those particles in groups.
+    pub grouped: [f64; 2],
+    /// Mass within apertures about the truth's centres, by size of group.
+    pub apertures: Vec<ApertureMass>,
+}
+
+impl ComparisonJob<'_> {
+    /// The truth's groups, where they are asked for or stand for haloes' centres. `None`, and a note, in a box too
+    /// thin for links of that length.
+    pub fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<LinkedGroups>> {
+        let centers =
+            self.wants(&[Measure::Haloes, Measure::Dispersion]) && self.o.centers.is_none() && !positions.is_empty();
+        let measured = self.wants(&[Measure::Groups]) && self.both_particles().is_some();
+        if centers || measured { self.find_groups(positions, 0, notes) } else { Ok(None) }
+    }
+
+    pub fn find_groups(
+        &self,
+        positions: &[[f64; 3]],
+        side: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<LinkedGroups>> {
+        let Some(particles) = self.pair[side].particles() else { return Ok(None) };
+        let linked = LinkedParticles::new(particles, positions, &self.domain);
+        let length = match &self.o.linking_length {
+            Some(text) => length_in(text, &self.pair[0].unit_system())?,
+            None => self.o.linking * linked.spacing,
+        };
+        let found = linked.groups(positions, &self.domain, length, self.o.smallest_group, self.context)?;
+        match &found {
+            None => {
+                let longest = longest_link(&self.domain);
+                notes.push(format!(
+                    "no groups were measured: the linking length {length:.4e} exceeds a third of the box, {longest:.4e}"
+                ));
+            }
+            Some(LinkedGroups { groups, linked: number, contaminated: Some(contaminated) }) => notes.push(format!(
+                "groups of the {} link the lightest {number} of {} particles, which are {:.4e} apart on average: \
+                 {contaminated} of {} groups contain heavier particles",
+                ["truth", "other"][side],
+                positions.len(),
+                linked.spacing,
+                groups.members.len(),
+            )),
+            Some(_) => {}
+        }
+        Ok(found)
+    }
+
+    /// `None`, and a note, in a box too thin for links of the other's length.
+    pub fn groups(
+        &self,
+        positions: [&[[f64; 3]]; 2],
+        truth: &LinkedGroups,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<GroupReport>> {
+        let Some(other) = self.find_groups(positions[1], 1, notes)? else { return Ok(None) };
+        let pair = [truth, &other];
+        let apertures = self.apertures(positions, &truth.groups, notes)?;
+        let sizes = pair.map(|f| f.groups.sizes());
+        let smallest = self.o.smallest_group as u64;
+        let class = |from: u64, to: Option<u64>| SizeClass::new(sizes.each_ref().map(|s| &s[..]), from, to);
+        let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
+            .into_iter()
+            .filter(|(_, to)| to.is_none_or(|t| t >= smallest))
+            .map(|(from, to)| class(from.max(smallest), to))
+            .collect();
+        let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
+        let histogram = size_histogram(sizes.each_ref().map(|s| &s[..]), smallest);
+        Ok(Some(GroupReport {
+            linking_length: pair.map(|f| f.groups.linking_length),
+            linked: pair.map(|f| f.linked),
+            contaminated: pair.map(|f| f.contaminated),
+            classes,
+            histogram,
+            largest,
+            grouped: [0, 1].map(|s| sizes[s].iter().sum::<u64>() as f64 / pair[s].linked as f64),
+            apertures,
+        }))
+    }
+
+    /// Shares of all particles within the aperture, other over truth, by size of the truth's group.
+    /// None, and a note, where the aperture is wider than the box.
+    fn apertures(
+        &self,
+        positions: [&[[f64; 3]]; 2],
+        truth: &Groups,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<ApertureMass>> {
+        let radius = self.o.aperture * self.spacing(0);
+        let longest = longest_separation(&self.domain);
+        if radius > longest {
+            notes.push(format!("no core masses were measured: the aperture {radius:.4e} exceeds {longest:.4e}"));
+            return Ok(Vec::new());
+        }
+        let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
+        let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
+        let centers = parallel::map(&chosen.members, |m| group_center(positions[0], m, &self.domain));
+        let count = |side: usize| counts_within(positions[side], &self.domain, &centers, radius, self.context);
+        let (a, b) = (count(0)?, count(1)?);
+        let per = positions[0].len() as f64 / positions[1].len() as f64;
+        Ok(CORES.map(|sizes| aperture_mass(&chosen, &a, &b, per, radius, sizes)).to_vec())
+    }
+}
+
+/// Shows them.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    let Some(g) = &s.groups else { return };
+    let row = |c: &SizeClass| row![c.from, maybe(c.to), c.groups[0], c.groups[1], maybe(c.ratio)];
+    to.table("groups.csv", "from,to,groups_truth,groups_other,ratio", g.histogram.iter().map(row));
+    let of = |c: &SizeClass| {
+        let end = c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64);
+        ((c.from as f64 * end).sqrt(), c.groups.map(|n| n as f64))
+    };
+    let rows: Vec<_> = g.histogram.iter().map(of).collect();
+    let axes = [log("particles in a group"), log("groups per bin")];
+    to.plot(compared("groups", "Friends-of-friends groups by size", axes, &rows, 0.0));
+    for c in &g.classes {
+        let ratio = c.ratio.map_or(String::new(), |r| format!(" ({:+.1} %)", 100.0 * (r - 1.0)));
+        to.line(
+            &format!("groups of {} particles", sizes(c.from, c.to)),
+            format!("{}, truth {}{ratio}", c.groups[1], c.groups[0]),
+        );
+    }
+    for a in g.apertures.iter().filter(|a| a.groups > 0) {
+        let sizes = sizes(a.sizes[0], Some(a.sizes[1]).filter(|to| *to < u64::MAX));
+        let median = a.median.map_or("-".into(), |m| format!("{m:.3}"));
+        let value = format!("{median} of the truth (median, radius {}{})", decimals(a.radius), to.length);
+        to.line(&format!("core mass, groups of {sizes}"), value);
+    }
+}
+
+fn sizes(from: u64, to: Option<u64>) -> String {
+    to.map_or(format!("{from} and more"), |to| format!("{from} to {to}"))
+}
