@@ -16,8 +16,12 @@ ROWS = [(verb, row) for verb, rows in CASES.items() for row in rows]
 
 
 def paths_of(row):
-    columns = {"without a box": ["xx", "yy", "zz"], "another snapshot": ["yy", "xx", "zz"]}.get(row.get("input"))
-    return [SAMPLE] if columns is None else [SAMPLE / f"{name}.f32" for name in columns]
+    columns = ["yy", "xx", "zz"] if row.get("input") == "another snapshot" else []
+    return [SAMPLE / f"{name}.f32" for name in columns] or [SAMPLE]
+
+
+def region_of(row):
+    return (0, 12.5, 0, 25, 0, 25) if row.get("input") == "a region" else None
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +42,7 @@ def by_package(verb, row, made, folder):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            snapshot = pg.open(paths_of(row), every=16)
+            snapshot = pg.open(paths_of(row), every=16, region=region_of(row))
             model = pg.read(model_of(row, made))
             if verb == "compress":
                 pg.compress(snapshot, **keywords)
@@ -63,6 +67,8 @@ def by_command(verb, row, made, folder, command):
         words += [str(p) for p in paths_of(row)]
     if verb == "compress" or (verb == "verify" and "input" in row):
         words += ["--every", "16"]
+    if region := region_of(row):
+        words += [f"--region={','.join(map(str, region))}"]
     if verb != "verify":
         outputs = {"compress": "c.pgs", "simplify": "s.pgs", "recover": "drawn"}
         words += ["-o", str(folder / (outputs.get(verb) or row["output"])), "--force"]
