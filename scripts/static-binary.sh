@@ -25,7 +25,7 @@ if [ "$architecture" != "$machine" ]; then build=zigbuild; fi
 # only the standard library's weak wish for it is left after all units became one, and there may be no /dev.
 compile_with -C target-feature=+crt-static --cfg 'getrandom_backend="linux_raw"'
 # Not with `gpu`: a static program cannot load the driver of a GPU.
-cargo "$build" --profile dist --locked --target "$target" --package particlegs-cli --bin particlegs --features lab
+cargo "$build" --profile dist --locked --target "$target" --package particlegs-cli --bin particlegs
 
 binary=$built/$target/dist/particlegs
 if readelf --wide --program-headers --dynamic "$binary" | grep -E 'INTERP|NEEDED'; then

@@ -13,7 +13,7 @@ cd "$work"/particlegs-*-source
 bare=(env -i "PATH=$PATH" "HOME=$work" "CARGO_HOME=$work/cargo" "RUSTUP_HOME=${RUSTUP_HOME:-$HOME/.rustup}" CARGO_NET_OFFLINE=true)
 
 (cd python && "${bare[@]}" cargo metadata --locked --format-version 1 >/dev/null)
-"${bare[@]}" cargo install --quiet --locked --no-track --profile dist --features lab,gpu --path crates/particlegs-cli --root "$work/out"
+"${bare[@]}" cargo install --quiet --locked --no-track --profile dist --features gpu --path crates/particlegs-cli --root "$work/out"
 "$work/out/bin/particlegs" compress samples/nbody64 -o "$work/sample.pgs" --effort fast --quiet >/dev/null
 echo "$("$work/out/bin/particlegs" --version), from ${archive##*/} without a network"
 echo "the sample at --effort fast: $(sha256sum <"$work/sample.pgs" | cut -d ' ' -f 1)"

@@ -30,7 +30,7 @@ PATH=$tools/bin:$PATH
 # shellcheck disable=SC2119
 compile_with
 cargo zigbuild --profile dist --locked --target "$target.2.17" --package particlegs-cli --bin particlegs \
-    --features lab,gpu
+    --features gpu
 
 # The command lies where maturin looks for what a wheel has beside its package, for as long as that takes.
 beside=python/particlegs._particlegs.data

@@ -14,7 +14,7 @@ class Particlegs(CargoPackage):
 
     version("@VERSION@", sha256="@SHA256@")
 
-    variant("lab", default=True, description="The command bench: models beside other compressors")
+    variant("lab", default=False, description="The command bench: models beside other compressors")
     variant("gpu", default=True, description="Pictures and training on GPUs, by Vulkan")
 
     depends_on("rust@1.89:", type="build")

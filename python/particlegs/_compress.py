@@ -42,6 +42,9 @@ def compress(
     share_gaussians: Sharing = "auto",
     scratch: Optional[Path] = None,
     fields: Union[Mapping[str, Any], str, Sequence[str], None] = None,
+    output: Optional[Path] = None,
+    overwrite: bool = False,
+    resume: bool = False,
     box: Any = None,
     seed: int = 42,
     threads: Optional[int] = None,
@@ -92,6 +95,13 @@ def compress(
         Fields to store as well. For a snapshot from files their names, such as ``["velocity"]`` or ``"all"``; otherwise
         arrays by name: shape (n,) for a scalar, (n, 3) for a vector. Arrays with units keep them. All targets but
         `size_total` are met without the fields.
+    output : path, optional
+        Write the model to this file. Training keeps a checkpoint beside it, ``OUTPUT.checkpoint``, until it is done. A file
+        that was made from the same snapshot with the same options is kept.
+    overwrite : bool
+        Replace another model, and the checkpoint of an interrupted run.
+    resume : bool
+        Continue an interrupted run from its checkpoint.
     box : optional
         As for `Snapshot`; only if `snapshot` is an array of positions.
     seed : int
@@ -112,7 +122,7 @@ def compress(
     MemoryError
         If there is too little memory; checked before it is allocated.
     KeyboardInterrupt
-        On Ctrl-C, within half a second; no files are left behind.
+        On Ctrl-C, within half a second. Only the checkpoint of a training with `output` is left behind.
 
     Warns
     -----
@@ -145,12 +155,20 @@ def compress(
         fields=names,
         seed=seed,
     )
+    if resume and output is None:
+        raise InputError("resume=True needs output=, whose checkpoint is continued")
     if box is not None and isinstance(snapshot, Snapshot):
         raise InputError("a Snapshot has its own box: give box= to Snapshot or open instead")
     particles = as_snapshot(snapshot, box=box)
     folder = os.fspath(scratch) if scratch is not None else (tempfile.gettempdir() if memory is not None else None)
     own = [(name, *_coerce.field(values, name)) for name, values in (arrays or {}).items()]
-    native = _particlegs.compress(particles._native, asked, folder, own, threads, _coerce.progress(progress))
+    target = {
+        "output": None if output is None else os.fspath(output),
+        "overwrite": overwrite,
+        "resume": resume,
+        "scratch": folder,
+    }
+    native = _particlegs.compress(particles._native, asked, target, own, threads, _coerce.progress(progress))
     return Model._of(native)
 
 

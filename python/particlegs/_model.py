@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
@@ -322,7 +321,7 @@ class Model:
         Map
             float64, with `extent` and `unit`. Windows on a part of a periodic box include its periodic images.
         """
-        window = Window.of(self, center, width, depth, axis, shape)
+        window = Window.of(self._native, (self.bounds, self.box, self.length_unit), center, width, depth, axis, shape)
         names = _coerce.names(layers)
         values = self._native.density(window.pixels, window.camera, names, threads)
         return self._map(values, window.extent, window.axes, names)
@@ -373,7 +372,7 @@ class Model:
         Map
             float64, with `extent` and `unit`; NaN where there is no mass.
         """
-        window = Window.of(self, center, width, depth, axis, shape)
+        window = Window.of(self._native, (self.bounds, self.box, self.length_unit), center, width, depth, axis, shape)
         mean = isinstance(bulk, str)
         if mean and bulk != "mean":
             raise InputError(f'bulk is "mean" or three numbers, not {bulk!r}')
@@ -407,7 +406,7 @@ class Model:
             plus the mass beyond open edges (`Grid.outside`), is the total mass to one in a million.
         """
         names = _coerce.names(layers)
-        values, origin, spacing, outside = self._native.density_grid(_coerce.cells(cells), names, threads)
+        values, origin, spacing, outside = self._native.grid(_coerce.cells(cells), None, names, threads)
         return Grid._of(
             values,
             origin=tuple(origin),
@@ -443,9 +442,8 @@ class Model:
             `Grid.outside` is NaN.
         """
         name, dispersion = self._field(field)
-        values, origin, spacing = self._native.field_grid(
-            name, dispersion, _coerce.cells(cells), _coerce.names(layers), threads
-        )
+        names = _coerce.names(layers)
+        values, origin, spacing, outside = self._native.grid(_coerce.cells(cells), (name, dispersion), names, threads)
         return Grid._of(
             values,
             origin=tuple(origin),
@@ -454,7 +452,7 @@ class Model:
             length_unit=self.length_unit,
             periodic=self.periodic,
             hubble=self.metadata["hubble"],
-            outside=math.nan,
+            outside=outside,
             field=name,
         )
 
@@ -496,11 +494,8 @@ class Model:
             Mass (or number of particles) per volume, in the unit of `density_grid`. A field has its own unit, is NaN
             beyond all Gaussians, and has the shape (n, 3) if it is a vector.
         """
-        names = _coerce.names(layers)
-        if field is not None:
-            name, dispersion = self._field(field)
-            return self._native.field_at(name, _coerce.points(points, self.length_unit), dispersion, names, threads)
-        return self._native.at(_coerce.points(points, self.length_unit), names, threads)
+        asked = None if field is None else self._field(field)
+        return self._native.at(_coerce.points(points, self.length_unit), asked, _coerce.names(layers), threads)
 
     def recover(
         self,
@@ -632,7 +627,8 @@ class Model:
         full : bool
             Measure a full certificate even if the file has a smaller one.
         fields : dict of array_like, optional
-            The fields of the particles that the model has, as for `compress`. Without them fields are not compared.
+            The fields of the particles that the model has, as for `compress`. Those of files are read from them; others are
+            not compared without.
 
         Returns
         -------
@@ -764,7 +760,7 @@ class Model:
         picture = "style paraview"
         if colors is not None:
             picture = f"surface density, {colors[0]:.2g} to {colors[1]:.2g} {self._native.density_unit(2, None)}"
-        return {"text/plain": repr(self), "text/html": summary(self, png, picture)}
+        return {"text/plain": repr(self), "text/html": summary(self.name, [*_rows(self), ("picture", picture)], png)}
 
 
 def read(
@@ -795,6 +791,29 @@ def read(
     if isinstance(source, (bytes, bytearray, memoryview)):
         return Model._of(_particlegs.Model(bytes(source), name or "model", threads))
     return Model._of(_particlegs.Model.read(os.fspath(source), threads))
+
+
+def _rows(model: Model) -> Iterator[tuple[str, str]]:
+    """The rows of the table: names and values."""
+    scale_factor, unit = model.metadata["scale_factor"], model.length_unit or ""
+    low, high = model.bounds
+    size = " x ".join(f"{v:.4g}" for v in high - low)
+    yield "particles", f"{model.count:,}"
+    yield "Gaussians", f"{len(model.gaussians):,}"
+    yield "file", f"{model.nbytes:,} bytes, ratio {model.ratio:.0f}"
+    yield "extent", f"{size} {unit}".strip()
+    if len(model.layers) > 1:
+        yield "layers", ", ".join(layer["name"] for layer in model.layers)
+    if model.mass is not None:
+        yield "mass", f"{model.mass:.4g} {model.mass_unit or ''}".strip()
+    if scale_factor:
+        yield "redshift", f"{1.0 / scale_factor - 1.0:.3g}"
+    words: dict[str, list[str]] = {}
+    for finding in model.findings:
+        words.setdefault(finding["word"], []).append(finding["use"].replace("_", " "))
+    for word in ("holds", "roughly", "does not", "not measured"):
+        if word in words:
+            yield word, ", ".join(words[word])
 
 
 def _of_bytes(data: bytes, name: str) -> Model:

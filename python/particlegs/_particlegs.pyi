@@ -153,33 +153,19 @@ class Model:
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
     ) -> tuple[NDArray[np.float64], Optional[str], str, str]: ...
-    def field_at(
-        self,
-        field: str,
-        points: NDArray[np.float64],
-        dispersion: bool = False,
-        layers: Optional[Sequence[str]] = None,
-        threads: Optional[int] = None,
-    ) -> NDArray[np.float64]: ...
     def density_unit(self, power: int, layers: Optional[Sequence[str]] = None) -> str: ...
-    def density_grid(
+    def field_unit(self, field: str, dispersion: bool) -> Optional[str]: ...
+    def grid(
         self,
         cells: Union[int, Sequence[int]],
+        field: Optional[tuple[str, bool]] = None,
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
     ) -> tuple[NDArray[np.float64], list[float], list[float], float]: ...
-    def field_unit(self, field: str, dispersion: bool) -> Optional[str]: ...
-    def field_grid(
-        self,
-        field: str,
-        dispersion: bool,
-        cells: Union[int, Sequence[int]],
-        layers: Optional[Sequence[str]] = None,
-        threads: Optional[int] = None,
-    ) -> tuple[NDArray[np.float64], list[float], list[float]]: ...
     def at(
         self,
         points: NDArray[np.float64],
+        field: Optional[tuple[str, bool]] = None,
         layers: Optional[Sequence[str]] = None,
         threads: Optional[int] = None,
     ) -> NDArray[np.float64]: ...
@@ -215,7 +201,7 @@ def density_range(values: NDArray[np.float64]) -> tuple[Optional[list[float]], f
 def compress(
     snapshot: Snapshot,
     asked: _Asked,
-    scratch: Optional[_Path] = None,
+    target: _Asked,
     fields: Sequence[tuple[str, Optional[str], NDArray[np.float64]]] = ...,
     threads: Optional[int] = None,
     progress: _Progress = None,

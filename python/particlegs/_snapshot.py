@@ -217,7 +217,8 @@ class Snapshot:
 
     @property
     def fields(self) -> dict[str, Floats]:
-        """Fields that were drawn with the particles of a model, (n,) or (n, 3) each. `save` writes them.
+        """Fields that all layers have, (n,) or (n, 3) each: those of the files, which are read now, or those that were
+        drawn with the particles of a model. `save` writes drawn ones.
 
         They are float32, or float64 where that does not hold the values.
         """

@@ -5,15 +5,12 @@ from __future__ import annotations
 import base64
 import html
 import json
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from ._files import whole
 from ._particlegs import InputError
 from ._types import Path
-
-if TYPE_CHECKING:
-    from ._model import Model
 
 
 class View:
@@ -61,38 +58,14 @@ def opening_of(options: Mapping[str, Any]) -> str:
     return json.dumps(said, default=list)
 
 
-def _rows(model: Model) -> Iterator[tuple[str, str]]:
-    """The rows of the table: names and values."""
-    scale_factor, unit = model.metadata["scale_factor"], model.length_unit or ""
-    low, high = model.bounds
-    size = " x ".join(f"{v:.4g}" for v in high - low)
-    yield "particles", f"{model.count:,}"
-    yield "Gaussians", f"{len(model.gaussians):,}"
-    yield "file", f"{model.nbytes:,} bytes, ratio {model.ratio:.0f}"
-    yield "extent", f"{size} {unit}".strip()
-    if len(model.layers) > 1:
-        yield "layers", ", ".join(layer["name"] for layer in model.layers)
-    if model.mass is not None:
-        yield "mass", f"{model.mass:.4g} {model.mass_unit or ''}".strip()
-    if scale_factor:
-        yield "redshift", f"{1.0 / scale_factor - 1.0:.3g}"
-    words: dict[str, list[str]] = {}
-    for finding in model.findings:
-        words.setdefault(finding["word"], []).append(finding["use"].replace("_", " "))
-    for word in ("holds", "roughly", "does not", "not measured"):
-        if word in words:
-            yield word, ", ".join(words[word])
-
-
-def summary(model: Model, png: bytes, picture: str) -> str:
-    """A picture of 480 x 270 pixels and a table, as HTML; `picture` describes the picture."""
+def summary(name: str, table: Iterable[tuple[str, str]], png: bytes) -> str:
+    """A picture of 480 x 270 pixels and a table of names and values, as HTML."""
     coded = base64.b64encode(png).decode()
     left = "style='text-align:left'"
     rows = "".join(
-        f"<tr><th {left}>{html.escape(name)}</th><td {left}>{html.escape(value)}</td></tr>"
-        for name, value in [*_rows(model), ("picture", picture)]
+        f"<tr><th {left}>{html.escape(key)}</th><td {left}>{html.escape(value)}</td></tr>" for key, value in table
     )
-    name = html.escape(model.name)
+    name = html.escape(name)
     return (
         "<div style='display:flex;gap:1em;align-items:flex-start;flex-wrap:wrap'>"
         f"<img width='480' height='270' alt='{name}: picture of the model' src='data:image/png;base64,{coded}'>"

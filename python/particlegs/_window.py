@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
-from . import _coerce, _units
+from . import _coerce, _particlegs, _units
 from ._camera import Camera, point
 from ._particlegs import InputError
 from ._types import Extent, Float64
-
-if TYPE_CHECKING:
-    from ._model import Model
 
 #: Directions of view, up, and the world axes across and up a map, by the axis looked along.
 _ALONG = {
@@ -34,20 +31,29 @@ class Window(NamedTuple):
     axes: tuple[str, str]
 
     @classmethod
-    def of(cls, model: Model, center: Any, width: Any, depth: Any, axis: str, shape: tuple[int, int]) -> Window:
-        """The window for the given arguments; others follow from the model."""
+    def of(
+        cls,
+        model: _particlegs.Model,
+        space: tuple[Float64, Optional[Float64], Optional[str]],
+        center: Any,
+        width: Any,
+        depth: Any,
+        axis: str,
+        shape: tuple[int, int],
+    ) -> Window:
+        """The window for the given arguments; others follow from the model, whose `space` is bounds, box and unit."""
         if axis not in _ALONG:
             raise InputError(f'axis must be "x", "y" or "z", not "{axis}"')
         toward, up, across, upward = _ALONG[axis]
         rows, columns = _shape(shape)
-        unit = model.length_unit
-        center_whole, width_whole = model._native.whole(toward, up, (columns, rows))
+        bounds, box, unit = space
+        center_whole, width_whole = model.whole(toward, up, (columns, rows))
         middle = np.array(center_whole if center is None else point(center, "center", unit))
         wide = width_whole if width is None else _units.number_in(width, unit, "width")
         if not (np.isfinite(wide) and wide > 0):
             raise InputError("width must be positive and finite")
         tall = wide * rows / columns
-        reach = _beyond(model, middle) if depth is None else 0.5 * _units.number_in(depth, unit, "depth")
+        reach = _beyond(bounds, box, middle) if depth is None else 0.5 * _units.number_in(depth, unit, "depth")
         if not (np.isfinite(reach) and reach > 0):
             raise InputError("depth must be positive and finite")
         camera = Camera(
@@ -70,9 +76,9 @@ def _shape(shape: tuple[int, int]) -> tuple[int, int]:
     return rows, columns
 
 
-def _beyond(model: Model, middle: Float64) -> float:
+def _beyond(bounds: Float64, box: Optional[Float64], middle: Float64) -> float:
     """A distance from which all particles are in front of the camera."""
-    low, high = model.bounds
-    edges = np.linalg.norm(high - low) + (0.0 if model.box is None else np.abs(model.box).sum())
+    low, high = bounds
+    edges = np.linalg.norm(high - low) + (0.0 if box is None else np.abs(box).sum())
     # The extent is 0 if all particles are at one point.
     return float(4.0 * edges + np.linalg.norm(middle - 0.5 * (low + high))) or 1.0

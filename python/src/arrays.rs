@@ -1,7 +1,8 @@
 //! NumPy arrays as columns of the library, without copies.
 
 use crate::errors::InputError;
-use numpy::{PyArrayDescrMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::ndarray::{ArrayD, IxDyn};
+use numpy::{IntoPyArray, PyArrayDescrMethods, PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use particlegs_formats::Array;
 use particlegs_particles::Column;
 use pyo3::prelude::*;
@@ -79,4 +80,14 @@ pub fn points(array: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
     let [_, 3] = array.shape() else { return Err(InputError::new_err("points must have shape (n, 3)")) };
     let values = array.as_slice().map_err(|e| InputError::new_err(e.to_string()))?;
     Ok(values.as_chunks().0.to_vec())
+}
+
+/// Values in the order of C as an array of a shape.
+pub fn shaped<'py, T: numpy::Element>(
+    py: Python<'py>,
+    shape: &[usize],
+    values: Vec<T>,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let array = ArrayD::from_shape_vec(IxDyn(shape), values).map_err(|e| InputError::new_err(e.to_string()))?;
+    Ok(array.into_pyarray(py))
 }

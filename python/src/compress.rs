@@ -5,15 +5,14 @@ use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
-use particlegs_compress::{Compression, Options, Target};
-use particlegs_core::checkpoint::NoCheckpoints;
+use particlegs::RunOptions;
+use particlegs_compress::{Options, Target};
 use particlegs_core::model::{CertificateLevel, Goal, GoalKind, LawKind, Layer};
+use particlegs_files::output::Outputs;
 use particlegs_particles::{LayerFields, Number, Particles, SourceField, Storage};
 use particlegs_train::{Config, Preset};
-use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
-use std::ffi::CString;
 use std::path::PathBuf;
 
 /// Options; the names are those of the command.
@@ -143,14 +142,25 @@ pub fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResul
     Ok(particles.layers().iter().map(of).collect())
 }
 
-/// Compresses a snapshot with fields: arrays, or those of its files that the options name.
+/// Where a model is written, and how a run is continued.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct OutputOptions {
+    output: Option<PathBuf>,
+    overwrite: bool,
+    resume: bool,
+    scratch: Option<PathBuf>,
+}
+
+/// Compresses a snapshot with fields: arrays, or those of its files that the options name. With an output the model is
+/// written there, and training keeps a checkpoint beside it.
 #[pyfunction]
-#[pyo3(signature = (snapshot, asked, scratch=None, fields=Vec::new(), threads=None, progress=None))]
+#[pyo3(signature = (snapshot, asked, target, fields=Vec::new(), threads=None, progress=None))]
 pub fn compress(
     py: Python<'_>,
     snapshot: &Snapshot,
     mut asked: CompressOptions,
-    scratch: Option<PathBuf>,
+    target: OutputOptions,
     fields: Vec<FieldArray<'_>>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
@@ -158,22 +168,17 @@ pub fn compress(
     let from_files = !asked.fields.is_empty();
     asked.fields.extend(fields.iter().map(|f| f.0.clone()));
     let mut options = asked.options(&snapshot.read)?;
-    if let (Some(folder), Some(_)) = (scratch, options.memory) {
-        options.storage = Storage::Disk(folder);
+    if let (Some(folder), Some(_)) = (&target.scratch, options.memory) {
+        options.storage = Storage::Disk(folder.clone());
     }
-    let particles = snapshot.checked()?;
-    let name = particles.meta.name.clone();
-    let arrays = layer_fields(particles, &fields)?;
-    let made = WorkOptions { threads, progress }.run(py, |context| {
-        let sources = if from_files { snapshot.layer_fields(context)? } else { arrays };
-        Compression::plan(particles, &sources, &options, context)?.run(&mut NoCheckpoints, context)
+    let arrays = layer_fields(snapshot.checked()?, &fields)?;
+    let (outputs, replace) = (Outputs::new(target.overwrite), target.overwrite);
+    let run = RunOptions { resume: target.resume, replace, scratch: target.scratch, ..RunOptions::default() };
+    let model = WorkOptions { threads, progress }.run(py, |context| {
+        let source = snapshot.source(arrays, from_files, context)?;
+        let Some(out) = &target.output else { return particlegs::compress(&source, &options, context) };
+        let made = particlegs::compress_into(&source, out, (&options, &run), &outputs, context)?.made;
+        particlegs::Model::decode(made.bytes, &out.display().to_string(), context)
     })?;
-    // The warning points to the line that calls the package.
-    const CALLER: i32 = 2;
-    let (certificate, unit) = (made.model.certificate.as_ref(), made.model.metadata.units.length_text());
-    let differing = certificate.map_or_else(Vec::new, |c| c.differing_layers(&made.model.layers, unit));
-    for note in made.notes.into_iter().chain(differing) {
-        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &CString::new(note)?, CALLER)?;
-    }
-    Ok(Model::new(made.bytes, made.model, name))
+    Ok(model.into())
 }

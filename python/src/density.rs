@@ -1,10 +1,9 @@
 //! Densities and fields of a model, in cells or at points.
 
-use crate::arrays;
+use crate::arrays::{self, shaped};
 use crate::errors::InputError;
 use crate::work::WorkOptions;
-use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArrayDyn};
+use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs_core::model::{LawKind, Mass, Model};
 use particlegs_export::{Cells, Density};
 use particlegs_measure::stats;
@@ -46,72 +45,58 @@ pub fn refuse_without_masses(model: &Model, shown: &[bool]) -> PyResult<()> {
     Ok(())
 }
 
-/// Density in cells: values, origin, cell edges, mass beyond the grid.
+/// A field's name, and whether its dispersion is meant; `None` for the density.
+pub type FieldName = Option<(String, bool)>;
+
+/// Values in cells: array, origin, cell edges, mass beyond the grid.
+type CellValues<'py> = (Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64);
+
+/// Density, or means (or dispersions) of a field, over cells: for a vector with a last axis of 3.
 pub fn grid<'py>(
     py: Python<'py>,
     model: &Model,
+    field: FieldName,
     cells: CellNumbers,
     threads: Option<usize>,
-) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
-    refuse_without_masses(model, &vec![true; model.layers.len()])?;
-    let how = WorkOptions::quietly(threads);
-    let density = how.run(py, |progress| Density::new(model, cells.into(), progress))?;
-    let values: Vec<f64> = density.values.iter().map(|v| f64::from(*v)).collect();
-    let array = ArrayD::from_shape_vec(IxDyn(&density.grid.cells), values);
-    let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
-    Ok((array, density.grid.min, density.grid.side, density.outside))
-}
-
-/// Means (or dispersions) of a field over cells: values with a last axis of 3 for a vector, origin, cell edges.
-pub fn field_grid<'py>(
-    py: Python<'py>,
-    model: &Model,
-    (field, dispersion): (&str, bool),
-    cells: CellNumbers,
-    threads: Option<usize>,
-) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {
-    let (grid, found) = WorkOptions::quietly(threads).run(py, |progress| {
-        let grid = Cells::from(cells).over_model(model)?;
-        Ok((grid, field_in_cells(model, field, &grid, progress)?))
+) -> PyResult<CellValues<'py>> {
+    let (work, cells) = (WorkOptions::quietly(threads), Cells::from(cells));
+    let Some((field, dispersion)) = field else {
+        refuse_without_masses(model, &vec![true; model.layers.len()])?;
+        let density = work.run(py, |context| Density::new(model, cells, context))?;
+        let values = density.values.iter().map(|v| f64::from(*v)).collect();
+        return Ok((shaped(py, &density.grid.cells, values)?, density.grid.min, density.grid.side, density.outside));
+    };
+    let (grid, moments) = work.run(py, |context| {
+        let grid = cells.over_model(model)?;
+        Ok((grid, field_in_cells(model, &field, &grid, context)?))
     })?;
-    let columns = if dispersion { found.dispersion } else { found.mean };
-    let values = (0..grid.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
-    let components = Some(columns.len()).filter(|n| *n > 1);
-    let shape: Vec<usize> = grid.cells.into_iter().chain(components).collect();
-    let array = ArrayD::from_shape_vec(IxDyn(&shape), values);
-    let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
-    Ok((array, grid.min, grid.side))
+    let columns = if dispersion { moments.dispersion } else { moments.mean };
+    Ok((columns_of(py, &grid.cells, &columns)?, grid.min, grid.side, f64::NAN))
 }
 
-/// Means (or dispersions) of a field at points: (n,) of a scalar, (n, 3) of a vector.
-pub fn field_at<'py>(
-    py: Python<'py>,
-    model: &Model,
-    (field, dispersion): (&str, bool),
-    points: &PyReadonlyArrayDyn<'py, f64>,
-    threads: Option<usize>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let points = arrays::points(points)?;
-    let found = WorkOptions::quietly(threads)
-        .run(py, |progress| stats::field_at(&Domain::from_model(model), model, field, &points, progress))?;
-    let columns = if dispersion { found.dispersion } else { found.mean };
-    let rows: Vec<f64> = (0..points.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
-    let shape = if columns.len() == 1 { vec![points.len()] } else { vec![points.len(), columns.len()] };
-    let array = ArrayD::from_shape_vec(IxDyn(&shape), rows);
-    Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
-}
-
-/// Density at points, (n,).
+/// Density, or means (or dispersions) of a field, at points: (n,), or (n, 3) of a vector.
 pub fn at<'py>(
     py: Python<'py>,
     model: &Model,
+    field: FieldName,
     points: &PyReadonlyArrayDyn<'py, f64>,
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    refuse_without_masses(model, &vec![true; model.layers.len()])?;
-    let points = arrays::points(points)?;
-    let values = WorkOptions::quietly(threads)
-        .run(py, |progress| stats::density_at(&Domain::from_model(model), model, &points, progress))?;
-    let array = ArrayD::from_shape_vec(IxDyn(&[values.len()]), values);
-    Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
+    let (points, domain) = (arrays::points(points)?, Domain::from_model(model));
+    let work = WorkOptions::quietly(threads);
+    let Some((field, dispersion)) = field else {
+        refuse_without_masses(model, &vec![true; model.layers.len()])?;
+        let values = work.run(py, |context| stats::density_at(&domain, model, &points, context))?;
+        return shaped(py, &[points.len()], values);
+    };
+    let moments = work.run(py, |context| stats::field_at(&domain, model, &field, &points, context))?;
+    columns_of(py, &[points.len()], if dispersion { &moments.dispersion } else { &moments.mean })
+}
+
+/// Columns of equal length as the last axis of an array, if there are several.
+fn columns_of<'py>(py: Python<'py>, shape: &[usize], columns: &[Vec<f64>]) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let rows = 0..shape.iter().product();
+    let values = rows.flat_map(|i| columns.iter().map(move |c| c[i])).collect();
+    let components = Some(columns.len()).filter(|n| *n > 1);
+    shaped(py, &shape.iter().copied().chain(components).collect::<Vec<_>>(), values)
 }

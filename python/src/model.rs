@@ -1,15 +1,14 @@
 //! A model: its bytes, its Gaussians, pictures and densities.
 
-use crate::density::{self, CellNumbers};
+use crate::density::{self, CellNumbers, FieldName};
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::gaussians::Gaussians;
 use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs_compress::verify::StoredModel;
+use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
+use particlegs::input::FrameChoice;
 use particlegs_core::camera::{Camera, Projection, View};
-use particlegs_core::codec::SeriesDecoder;
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Layer, Mass, Metadata, Quantity};
 use particlegs_core::picture::{Gray8, Pixels, Plane, Size};
@@ -17,36 +16,31 @@ use particlegs_core::render::{
     FieldQuery, Scene, Scratch, draw_into, extent, field_map, first_means, mean_vector, optical_depth_into,
     surface_density,
 };
-use particlegs_core::{Result, codec, parallel};
+use particlegs_core::{codec, parallel};
 use particlegs_export::density_unit;
-use particlegs_files::model_file;
-use particlegs_files::output;
 use particlegs_fit::recover::Options;
 use particlegs_measure::score::Assessment;
 use particlegs_particles::RawForm;
-use particlegs_view::page::{ModelFile, PageOpening, offline};
+use particlegs_view::page::PageOpening;
 use particlegs_view::poster;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::OnceLock;
 
 /// A model. Immutable.
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
 pub struct Model {
-    bytes: Vec<u8>,
-    model: particlegs_core::model::Model,
-    name: String,
+    pub file: particlegs::Model,
     scratch: parallel::Scratch<Scratch>,
     gaussians: OnceLock<Py<Gaussians>>,
-    frame: Option<SeriesFrame>,
 }
 
-/// A frame of a series, and what decodes it.
-pub struct SeriesFrame {
-    pub decoder: Arc<Mutex<SeriesDecoder<'static>>>,
-    pub number: usize,
+impl From<particlegs::Model> for Model {
+    fn from(file: particlegs::Model) -> Self {
+        Model { file, scratch: parallel::Scratch::default(), gaussians: OnceLock::new() }
+    }
 }
 
 /// Refuses to write to an existing path.
@@ -59,56 +53,26 @@ pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
 }
 
 impl Model {
-    pub fn new(bytes: Vec<u8>, model: particlegs_core::model::Model, name: String) -> Self {
-        Model { bytes, model, name, scratch: parallel::Scratch::default(), gaussians: OnceLock::new(), frame: None }
-    }
-
-    /// The model of a frame of a series, which was coded anew.
-    pub fn with_frame(self, frame: Option<SeriesFrame>) -> Self {
-        Model { frame, ..self }
-    }
-
-    /// The model as its file or its series has it.
-    pub fn stored(&self, context: &Context<'_>) -> Result<StoredModel> {
-        match &self.frame {
-            Some(SeriesFrame { decoder, number }) => {
-                let mut decoder = decoder.lock().unwrap_or_else(PoisonError::into_inner);
-                StoredModel::of_frame(&mut decoder, *number, context)
-            }
-            None => StoredModel::new(self.model.clone(), &self.bytes, &self.name),
-        }
-    }
-
-    /// The file's bytes.
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// The name of the file or of the snapshot.
-    pub fn called(&self) -> &str {
-        &self.name
-    }
-
     pub fn inner(&self) -> &particlegs_core::model::Model {
-        &self.model
+        self.file.decoded()
     }
 
     fn looking(&self) -> ViewDefaults {
-        let m = &self.model.metadata;
+        let m = &self.inner().metadata;
         ViewDefaults { bounds: m.bounds, cell: m.cell, usual: [m.default_radius, m.default_opacity] }
     }
 
     /// Which layers to use; all without names.
     fn shown(&self, names: Option<&[String]>) -> PyResult<Vec<bool>> {
-        let Some(names) = names else { return Ok(vec![true; self.model.layers.len()]) };
-        self.model.which(names).or_raise()
+        let Some(names) = names else { return Ok(vec![true; self.inner().layers.len()]) };
+        self.inner().which(names).or_raise()
     }
 
     /// The model with only some layers, copied unless these are all.
     fn only(&self, names: Option<&[String]>) -> PyResult<std::borrow::Cow<'_, particlegs_core::model::Model>> {
         Ok(match names {
-            None => std::borrow::Cow::Borrowed(&self.model),
-            Some(names) => std::borrow::Cow::Owned(self.model.clone().only(names).or_raise()?),
+            None => std::borrow::Cow::Borrowed(self.inner()),
+            Some(names) => std::borrow::Cow::Owned(self.inner().clone().only(names).or_raise()?),
         })
     }
 
@@ -118,9 +82,9 @@ impl Model {
         (shown, view, size): (&[bool], &View, Size),
         threads: Option<usize>,
     ) -> PyResult<Plane> {
-        density::refuse_without_masses(&self.model, shown)?;
+        density::refuse_without_masses(self.inner(), shown)?;
         let view = self.looking().density_view(view, size);
-        let scene = Scene::from_layers(&self.model, |l| shown[l]);
+        let scene = Scene::from_layers(self.inner(), |l| shown[l]);
         WorkOptions::quietly(threads).run(py, |progress| surface_density(&scene, &view, size, progress))
     }
 }
@@ -131,51 +95,44 @@ impl Model {
     #[new]
     #[pyo3(signature = (bytes, name, threads=None))]
     fn decode(py: Python<'_>, bytes: Vec<u8>, name: String, threads: Option<usize>) -> PyResult<Self> {
-        let model = WorkOptions::quietly(threads).run(py, |progress| codec::decode_with(&bytes, &name, progress))?;
-        Ok(Model::new(bytes, model, name))
+        WorkOptions::quietly(threads)
+            .run(py, |context| particlegs::Model::decode(bytes, &name, context))
+            .map(Model::from)
     }
 
     /// Reads a model file.
     #[staticmethod]
     #[pyo3(signature = (path, threads=None))]
     fn read(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
-        let place = path.display().to_string();
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_else(|| place.clone());
-        let (bytes, model) = WorkOptions::quietly(threads).run(py, |progress| {
-            let source = particlegs_files::input::Source::open(&path, progress)?;
-            let bytes = model_file::read_source(source, &place)?;
-            let model = codec::decode_with(&bytes, &place, progress)?;
-            Ok((bytes, model))
-        })?;
-        Ok(Model::new(bytes, model, name))
+        let read = |context: &Context<'_>| particlegs::Model::open_frame(&path, &FrameChoice::Last, context);
+        WorkOptions::quietly(threads).run(py, read).map(Model::from)
     }
 
     #[getter]
-    fn name(&self) -> &str {
-        &self.name
+    fn name(&self) -> String {
+        self.file.file_name()
     }
 
     #[getter]
     fn nbytes(&self) -> usize {
-        self.bytes.len()
+        self.file.bytes().len()
     }
 
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.bytes)
+        PyBytes::new(py, self.file.bytes())
     }
 
     /// Writes the file, completely or not at all.
     #[pyo3(signature = (path, overwrite=false))]
     fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
-        model_file::check_name(&path).or_raise()?;
         refuse(&path, overwrite)?;
-        output::write_bytes(&path, &self.bytes).or_raise()
+        self.file.save(path).or_raise()
     }
 
     /// Metadata, layers, certificate and verdict, as JSON.
     #[getter]
     fn description(&self) -> String {
-        let m = &self.model;
+        let m = self.inner();
         let layer = |l: &Layer<Vec<particlegs_core::model::Block>>| {
             serde_json::json!({
                 "name": l.name, "particles": l.count(), "particle_mass": l.mass.unit(),
@@ -205,7 +162,7 @@ impl Model {
         let projection = Projection::Orthographic { height_world: 1.0 };
         let camera = Camera { position: toward, focal_point: [0.0; 3], view_up: up, projection, clipping_range: None };
         let frame = camera.frame().or_raise()?;
-        let whole = extent(&Scene::new(&self.model), self.model.metadata.cell.as_ref());
+        let whole = extent(&Scene::new(self.inner()), self.inner().metadata.cell.as_ref());
         Ok((whole.center, whole.width(&frame, size)))
     }
 
@@ -215,7 +172,7 @@ impl Model {
         if let Some(there) = this.gaussians.get() {
             return Ok(there.clone_ref(py));
         }
-        let made = Py::new(py, py.detach(|| Gaussians::of(&this.model)))?;
+        let made = Py::new(py, py.detach(|| Gaussians::of(this.inner())))?;
         Ok(this.gaussians.get_or_init(|| made).clone_ref(py))
     }
 
@@ -235,7 +192,7 @@ impl Model {
         let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
         let view = self.looking().view(&camera, size, radius, opacity).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
-        let scene = Scene::from_layers(&self.model, |l| shown[l]);
+        let scene = Scene::from_layers(self.inner(), |l| shown[l]);
         let how = WorkOptions::quietly(threads);
         match look {
             Some(look) => {
@@ -271,7 +228,7 @@ impl Model {
         camera: CameraArgs,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let size = Size { width: size.0, height: size.1 };
         let view = self.looking().view(&camera, size, None, None).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
@@ -291,27 +248,27 @@ impl Model {
         weight: &str,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<String>, String, &'static str)> {
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Option<String>, String, &'static str)> {
         let size = Size { width: size.0, height: size.1 };
         let view = self.looking().view(&camera, size, None, None).or_raise()?;
         let view = self.looking().density_view(&view, size);
         let shown = self.shown(layers.as_deref())?;
-        let mut query = FieldQuery::new(field, &self.model.metadata.fields).or_raise()?;
+        let mut query = FieldQuery::new(field, &self.inner().metadata.fields).or_raise()?;
         if weight != "mass" {
-            query = query.weighted(weight, &self.model.metadata.fields).or_raise()?;
+            query = query.weighted(weight, &self.inner().metadata.fields).or_raise()?;
         }
         if subtract_mean {
-            query.bulk = mean_vector(&self.model.layers, &query.name);
+            query.bulk = mean_vector(&self.inner().layers, &query.name);
         }
         query.bulk = bulk.unwrap_or(query.bulk);
-        let scene = Scene::from_layers(&self.model, |l| shown[l]);
+        let scene = Scene::from_layers(self.inner(), |l| shown[l]);
         let map = WorkOptions::quietly(threads).run(py, |progress| field_map(&scene, &query, &view, size, progress))?;
         Ok((
             pictures::plane(py, map.wanted(&query))?,
-            Some(query.unit(&self.model.metadata.fields, self.model.metadata.units.length_text()))
+            Some(query.unit(&self.inner().metadata.fields, self.inner().metadata.units.length_text()))
                 .filter(|u| !u.is_empty()),
             query.title(),
-            query.scale(|| first_means(&self.model.layers, &query.name)).name(),
+            query.scale(|| first_means(&self.inner().layers, &query.name)).name(),
         ))
     }
 
@@ -322,73 +279,47 @@ impl Model {
             let unit = q.unit.as_ref().map(|u| u.text.clone());
             (q.name.clone(), kind_of(q), unit, if q.by_mass { "mass" } else { "count" })
         };
-        self.model.metadata.fields.iter().map(of).collect()
-    }
-
-    /// A field at points, (n,) or (n, 3): means, or dispersions.
-    #[pyo3(signature = (field, points, dispersion=false, layers=None, threads=None))]
-    fn field_at<'py>(
-        &self,
-        py: Python<'py>,
-        field: &str,
-        points: PyReadonlyArrayDyn<'py, f64>,
-        dispersion: bool,
-        layers: Option<Vec<String>>,
-        threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        density::field_at(py, &*self.only(layers.as_deref())?, (field, dispersion), &points, threads)
+        self.inner().metadata.fields.iter().map(of).collect()
     }
 
     /// Unit of the densities of some layers, per area (2) or volume (3).
     #[pyo3(signature = (power, layers=None))]
     fn density_unit(&self, power: u8, layers: Option<Vec<String>>) -> PyResult<String> {
         let shown = self.shown(layers.as_deref())?;
-        let mut masses = self.model.layers.iter().zip(shown).filter(|(_, shown)| *shown).map(|(l, _)| l.mass);
-        Ok(density_unit(&self.model.metadata, masses.all(|m| m != Mass::Unknown), power))
-    }
-
-    /// Density in cells: values, origin, cell edges, mass beyond the grid.
-    #[pyo3(signature = (cells, layers=None, threads=None))]
-    fn density_grid<'py>(
-        &self,
-        py: Python<'py>,
-        cells: CellNumbers,
-        layers: Option<Vec<String>>,
-        threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
-        density::grid(py, &*self.only(layers.as_deref())?, cells, threads)
+        let mut masses = self.inner().layers.iter().zip(shown).filter(|(_, shown)| *shown).map(|(l, _)| l.mass);
+        Ok(density_unit(&self.inner().metadata, masses.all(|m| m != Mass::Unknown), power))
     }
 
     /// Unit of a field's mean, or of its dispersion, at places and in cells.
     fn field_unit(&self, field: &str, dispersion: bool) -> Option<String> {
-        let q = self.model.metadata.fields.iter().find(|q| q.name == field)?;
-        if dispersion { q.dispersion_unit() } else { q.place_unit(self.model.metadata.units.length_text()) }
+        let q = self.inner().metadata.fields.iter().find(|q| q.name == field)?;
+        if dispersion { q.dispersion_unit() } else { q.place_unit(self.inner().metadata.units.length_text()) }
     }
 
-    /// A field in cells, means or dispersions: values, origin, cell edges.
-    #[pyo3(signature = (field, dispersion, cells, layers=None, threads=None))]
-    fn field_grid<'py>(
+    /// Density, or a field, in cells: values, origin, cell edges, mass beyond the grid.
+    #[pyo3(signature = (cells, field=None, layers=None, threads=None))]
+    fn grid<'py>(
         &self,
         py: Python<'py>,
-        field: &str,
-        dispersion: bool,
         cells: CellNumbers,
+        field: FieldName,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3])> {
-        density::field_grid(py, &*self.only(layers.as_deref())?, (field, dispersion), cells, threads)
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
+        density::grid(py, &*self.only(layers.as_deref())?, field, cells, threads)
     }
 
-    /// Density at points.
-    #[pyo3(signature = (points, layers=None, threads=None))]
+    /// Density, or a field, at points.
+    #[pyo3(signature = (points, field=None, layers=None, threads=None))]
     fn at<'py>(
         &self,
         py: Python<'py>,
         points: PyReadonlyArrayDyn<'py, f64>,
+        field: FieldName,
         layers: Option<Vec<String>>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        density::at(py, &*self.only(layers.as_deref())?, &points, threads)
+        density::at(py, &*self.only(layers.as_deref())?, field, &points, threads)
     }
 
     /// Synthetic particles.
@@ -406,9 +337,9 @@ impl Model {
     ) -> PyResult<Snapshot> {
         let method = named("method", method)?;
         let options =
-            Options { particles: n, method, scale, seed, form: RawForm::Columns, model_name: self.name.clone() };
+            Options { particles: n, method, scale, seed, form: RawForm::Columns, model_name: self.file.file_name() };
         let model = self.only(layers.as_deref())?.into_owned();
-        let notes = options.notes(&model, codec::file_hash(&self.bytes)).to_string();
+        let notes = options.notes(&model, codec::file_hash(self.file.bytes())).to_string();
         let drawn = WorkOptions { threads, progress }.run(py, |progress| options.draw_with_fields(model, progress))?;
         let (drawn, fields) = drawn;
         Ok(Snapshot { drawn: Some(notes), fields, ..Snapshot::of(drawn, BTreeMap::new()) })
@@ -417,10 +348,7 @@ impl Model {
     /// A web page that shows the model offline; `opening` is JSON.
     fn to_html(&self, py: Python<'_>, opening: &str) -> PyResult<String> {
         let opening: PageOpening = serde_json::from_str(opening).map_err(|e| InputError::new_err(e.to_string()))?;
-        self.only((!opening.layers.is_empty()).then_some(&opening.layers[..]))?;
-        let file = ModelFile { name: &self.name, bytes: &self.bytes };
-        let page =
-            WorkOptions::quietly(None).run(py, |progress| offline(&[(file, &self.model)], &opening, progress))?;
+        let page = WorkOptions::quietly(None).run(py, |context| self.file.page(&opening, context))?;
         String::from_utf8(page).map_err(|e| InputError::new_err(e.to_string()))
     }
 
@@ -428,13 +356,13 @@ impl Model {
     fn poster<'py>(&self, py: Python<'py>, size: (usize, usize)) -> PyResult<(Bound<'py, PyBytes>, Option<[f64; 2]>)> {
         let size = Size { width: size.0, height: size.1 };
         pictures::check(size).or_raise()?;
-        let poster = WorkOptions::quietly(None).run(py, |progress| poster::draw(&self.model, size, progress))?;
+        let poster = WorkOptions::quietly(None).run(py, |progress| poster::draw(self.inner(), size, progress))?;
         Ok((PyBytes::new(py, &poster.png), poster.range))
     }
 
     #[getter]
     fn is_alpha_blend(&self) -> bool {
-        self.model.metadata.law == LawKind::AlphaBlend
+        self.inner().metadata.law == LawKind::AlphaBlend
     }
 }
 

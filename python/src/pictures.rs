@@ -1,8 +1,8 @@
 //! Cameras, and pictures as arrays.
 
+use crate::arrays::shaped;
 use crate::errors::{InputError, IntoPyResult, named};
-use numpy::ndarray::Array2;
-use numpy::{PyArray2, PyReadonlyArrayDyn, ToPyArray};
+use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs_core::camera::{Camera, DensityView, View, Window, base_distance, spherical_camera};
 use particlegs_core::picture::{DensityColors, Gray8, Plane, Size};
 use particlegs_core::space::{Bounds, Cell};
@@ -118,16 +118,13 @@ pub fn brightness<'py>(py: Python<'py>, depth: &Plane) -> PyResult<Bound<'py, Py
 }
 
 /// Values of a picture, (height, width).
-pub fn array<T: numpy::Element>(py: Python<'_>, size: Size, values: Vec<T>) -> PyResult<Bound<'_, PyArray2<T>>> {
-    let array = Array2::from_shape_vec((size.height, size.width), values);
-    Ok(numpy::IntoPyArray::into_pyarray(array.map_err(|e| InputError::new_err(e.to_string()))?, py))
+pub fn array<T: numpy::Element>(py: Python<'_>, size: Size, values: Vec<T>) -> PyResult<Bound<'_, PyArrayDyn<T>>> {
+    shaped(py, &[size.height, size.width], values)
 }
 
 /// float64 values of a plane, (height, width).
-pub fn plane<'py, T: Copy + Into<f64>>(py: Python<'py>, plane: &Plane<T>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let values = plane.data.iter().map(|v| (*v).into()).collect();
-    let array = Array2::from_shape_vec((plane.size.height, plane.size.width), values);
-    Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.to_pyarray(py))
+pub fn plane<'py, T: Copy + Into<f64>>(py: Python<'py>, plane: &Plane<T>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    array(py, plane.size, plane.data.iter().map(|v| (*v).into()).collect())
 }
 
 /// The density range of a map, unless it is empty, and the position of its lowest colour in a colour map.

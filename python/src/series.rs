@@ -3,51 +3,17 @@
 use crate::choice::ReadOptions;
 use crate::compress::CompressOptions;
 use crate::errors::IntoPyResult;
-use crate::model::{Model, SeriesFrame};
+use crate::model::Model;
 use crate::work::WorkOptions;
 use particlegs::SeriesOptions;
-use particlegs_compress::verify::SeriesVerification;
-use particlegs_core::codec::{FrameCoding, SeriesDecoder, SeriesFile};
-use particlegs_core::context::Context;
-use particlegs_core::{Result, codec};
-use particlegs_files::input::Source;
-use particlegs_files::model_file;
+use particlegs_core::codec;
 use pyo3::prelude::*;
-use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::{Path, PathBuf};
 
 /// A series. Immutable; what was decoded lately is kept, so that frames in order cost one step each.
 #[pyclass(frozen, name = "Series", module = "particlegs._particlegs")]
 pub struct ModelSeries {
-    name: String,
-    place: String,
-    nbytes: usize,
-    clock: &'static str,
-    times: Vec<Option<f64>>,
-    decoder: Arc<Mutex<SeriesDecoder<'static>>>,
-}
-
-impl ModelSeries {
-    fn model(
-        &self,
-        py: Python<'_>,
-        name: String,
-        frame: Option<usize>,
-        threads: Option<usize>,
-        file: impl FnOnce(&mut SeriesDecoder<'_>, &Context<'_>) -> Result<Vec<u8>> + Send,
-    ) -> PyResult<Model> {
-        let (bytes, model) = WorkOptions::quietly(threads).run(py, |context| {
-            let mut decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
-            let bytes = file(&mut decoder, context)?;
-            let mut model = codec::decode_with(&bytes, &self.place, context)?;
-            if let Some(frame) = frame {
-                model.certificate = decoder.series().certificate(frame)?;
-            }
-            Ok((bytes, model))
-        })?;
-        let frame = frame.map(|number| SeriesFrame { decoder: self.decoder.clone(), number });
-        Ok(Model::new(bytes, model, name).with_frame(frame))
-    }
+    pub file: particlegs::Series,
 }
 
 #[pymethods]
@@ -56,21 +22,8 @@ impl ModelSeries {
     #[staticmethod]
     #[pyo3(signature = (path, threads=None))]
     fn read(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
-        let place = path.display().to_string();
-        WorkOptions::quietly(threads).run(py, |context| {
-            let bytes = model_file::read_source(Source::open(&path, context)?, &place)?;
-            SeriesFile::read(&bytes, &place)?;
-            let series = SeriesFile::read_start(&bytes, &place)?;
-            let there = |f: &codec::FrameEntry| (f.kind != FrameCoding::Missing).then_some(f.time);
-            Ok(ModelSeries {
-                name: path.file_name().map_or_else(|| place.clone(), |n| n.to_string_lossy().into_owned()),
-                nbytes: bytes.len(),
-                clock: series.clock.name(),
-                times: series.frames.iter().map(there).collect(),
-                decoder: Arc::new(Mutex::new(SeriesDecoder::of(series))),
-                place,
-            })
-        })
+        let file = WorkOptions::quietly(threads).run(py, |_| particlegs::Series::open(&path))?;
+        Ok(ModelSeries { file })
     }
 
     /// Does a file that begins with these bytes hold a series?
@@ -80,31 +33,30 @@ impl ModelSeries {
     }
 
     #[getter]
-    fn name(&self) -> &str {
-        &self.name
+    fn name(&self) -> String {
+        Path::new(self.file.name()).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
     }
 
     #[getter]
     fn nbytes(&self) -> usize {
-        self.nbytes
+        self.file.bytes().len()
     }
 
     #[getter]
     fn clock(&self) -> &str {
-        self.clock
+        self.file.clock()
     }
 
     /// What the clock shows for each frame; `None` for a frame that is missing.
     #[getter]
     fn times(&self) -> Vec<Option<f64>> {
-        self.times.clone()
+        self.file.times()
     }
 
     /// The model of a frame.
     #[pyo3(signature = (frame, threads=None))]
     fn frame(&self, py: Python<'_>, frame: usize, threads: Option<usize>) -> PyResult<Model> {
-        let name = format!("{}, frame {frame}", self.name);
-        self.model(py, name, Some(frame), threads, move |decoder, context| decoder.extract(frame, context))
+        WorkOptions::quietly(threads).run(py, |context| self.file.frame(frame, context)).map(Model::from)
     }
 
     /// Decodes every frame: JSON, and what is wrong where anything is.
@@ -115,25 +67,20 @@ impl ModelSeries {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(String, Option<String>)> {
-        let found = WorkOptions { threads, progress }.run(py, |context| {
-            let decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
-            SeriesVerification::new(decoder.series(), context)
-        })?;
-        let wrong = found.judge(&self.place).err().map(|e| e.to_string());
-        Ok((serde_json::to_string(&found).expect("plain data"), wrong))
+        let verified = WorkOptions { threads, progress }.run(py, |context| self.file.verify(context))?;
+        let wrong = verified.judge(self.file.name()).err().map(|e| e.to_string());
+        Ok((serde_json::to_string(&verified).expect("plain data"), wrong))
     }
 
     /// The time of the clock at a moment such as `z=1`.
     fn moment(&self, text: &str) -> PyResult<f64> {
-        let decoder = self.decoder.lock().unwrap_or_else(PoisonError::into_inner);
-        decoder.series().moment(text).or_raise()
+        self.file.moment(text).or_raise()
     }
 
     /// The model at a time of the clock, between frames interpolated.
     #[pyo3(signature = (time, threads=None))]
     fn at(&self, py: Python<'_>, time: f64, threads: Option<usize>) -> PyResult<Model> {
-        let name = format!("{}, {} {time}", self.name, self.clock);
-        self.model(py, name, None, threads, move |decoder, context| decoder.extract_at(time, context))
+        WorkOptions::quietly(threads).run(py, |context| self.file.at(time, context)).map(Model::from)
     }
 }
 

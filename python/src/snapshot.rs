@@ -4,17 +4,17 @@ use crate::arrays;
 use crate::errors::{InputError, IntoPyResult};
 use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::work::WorkOptions;
-use numpy::ndarray::{ArrayD, ArrayView, IxDyn};
-use numpy::{IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
+use numpy::ndarray::ArrayView;
+use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs_core::picture::Size;
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::splat::DEFAULT_OPACITY;
-use particlegs_formats::{Choice, Writer};
+use particlegs_files::output::Outputs;
+use particlegs_formats::Choice;
 use particlegs_particles::{
-    LayerFields, LayeredParticles, Number, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage,
-    Tiling,
+    LayerFields, LayeredParticles, Number, Particles, Positions, Selection, SnapshotMeta, SourceField, Storage,
 };
 use particlegs_reference::Reference;
 use pyo3::prelude::*;
@@ -58,6 +58,21 @@ impl Snapshot {
             ));
         }
         Ok(fields)
+    }
+
+    /// The particles for the library, with fields: arrays, or if `with_fields` its own.
+    pub fn source(
+        &self,
+        arrays: Vec<LayerFields>,
+        with_fields: bool,
+        context: &Context<'_>,
+    ) -> particlegs_core::Result<particlegs::Snapshot> {
+        self.particles.check_files()?;
+        let fields = match with_fields && arrays.is_empty() && (self.files.is_some() || !self.fields.is_empty()) {
+            true => self.layer_fields(context)?,
+            false => arrays,
+        };
+        particlegs::Snapshot::from((*self.particles).clone()).with_fields(fields)
     }
 
     /// The particles, to be read: refused where their file has become shorter.
@@ -301,36 +316,38 @@ impl Snapshot {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<u64> {
         crate::model::refuse(&path, overwrite)?;
-        let particles = self.checked()?;
-        WorkOptions { threads, progress }.run(py, |progress| {
-            let mut kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), progress)?;
-            if !self.fields.is_empty() {
-                kept = kept.with_fields(self.fields.clone());
-            }
-            Writer::for_output(&path, None)?.write(&kept, &path, progress)
-        })
+        let saved = WorkOptions { threads, progress }.run(py, |context| {
+            let source = self.source(self.fields.clone(), false, context)?;
+            source.convert(&path, (None, None), &Outputs::new(overwrite), context)
+        })?;
+        Ok(saved.bytes)
     }
 
-    /// Fields that were drawn with the particles: name, unit, values of shape (n,) or (n, 3), float64 where float32 does
-    /// not hold them.
+    /// Fields of the files, or those that were drawn with the particles, that every layer has: name, unit, values of shape
+    /// (n,) or (n, 3), float64 where float32 does not hold them.
     #[getter]
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, Option<String>, Bound<'py, PyAny>)>> {
-        let Some(first) = self.fields.first() else { return Ok(Vec::new()) };
+        let layers = match &self.files {
+            Some(_) => WorkOptions::quietly(None).run(py, |context| self.layer_fields(context))?,
+            None => self.fields.clone(),
+        };
+        let Some(first) = layers.first() else { return Ok(Vec::new()) };
         let mut all = Vec::with_capacity(first.fields.len());
-        for (number, field) in first.fields.iter().enumerate() {
+        for field in &first.fields {
+            let same = |f: &SourceField| f.name == field.name && f.components == field.components;
+            let numbers: Option<Vec<usize>> = layers.iter().map(|l| l.fields.iter().position(same)).collect();
+            let Some(numbers) = numbers else { continue };
             let components = field.components as usize;
             let mut rows: Vec<f64> = Vec::with_capacity(components * self.particles.len());
-            for (layer, own) in self.particles.layers().iter().zip(&self.fields) {
+            for ((layer, own), number) in self.particles.layers().iter().zip(&layers).zip(numbers) {
                 let columns = own.values(number, layer.content.len()).or_raise()?;
                 rows.extend((0..layer.content.len()).flat_map(|i| columns.iter().map(move |c| c[i])));
             }
             let mut shape = vec![self.particles.len()];
             shape.extend((components > 1).then_some(components));
-            let array = ArrayD::from_shape_vec(IxDyn(&shape), rows);
-            let array = array.map_err(|e| InputError::new_err(e.to_string()))?;
             let array = match field.number {
-                Number::F32 => array.mapv(|v| v as f32).into_pyarray(py).into_any(),
-                _ => array.into_pyarray(py).into_any(),
+                Number::F32 => arrays::shaped(py, &shape, rows.iter().map(|v| *v as f32).collect())?.into_any(),
+                _ => arrays::shaped(py, &shape, rows)?.into_any(),
             };
             all.push((field.name.clone(), field.unit.clone(), array));
         }

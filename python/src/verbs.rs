@@ -5,18 +5,14 @@ use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs_core::codec;
-use particlegs_core::codec::Merge;
+use particlegs::plan_export;
 use particlegs_core::model::Target;
 use particlegs_core::picture::Size;
-use particlegs_export::{
-    Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density,
-    write_gaussians,
-};
+use particlegs_export::{Cells, Kind};
 use particlegs_files::model_file;
-use particlegs_files::output::write_bytes;
+use particlegs_files::output::Outputs;
 use particlegs_measure::score;
-use particlegs_view::page::{ModelFile, PageOpening, offline};
+use particlegs_view::page::PageOpening;
 use pyo3::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
@@ -39,10 +35,7 @@ pub fn simplify(
         (None, None, Some(number)) => Target::Gaussians(number),
         _ => return Err(InputError::new_err("give one target: ratio, size or gaussians")),
     };
-    let (whole, bytes) = (model.inner().clone(), model.bytes().len() as u64);
-    made(py, model.called(), WorkOptions { threads, progress }, |progress| {
-        particlegs_compress::simplify(whole, bytes, target, progress)
-    })
+    WorkOptions { threads, progress }.run(py, |context| model.file.simplify(target, context)).map(Model::from)
 }
 
 /// Merges models; their coded blocks are copied.
@@ -55,28 +48,8 @@ pub fn merge(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
-    let parts: Vec<&Model> = models.iter().map(|m| m.get()).collect();
-    let name = parts.first().map_or("merged", |m| m.called());
-    made(py, name, WorkOptions { threads, progress }, |progress| {
-        let mut merge = fields.map_or_else(Merge::default, Merge::with_fields);
-        parts.iter().try_for_each(|part| merge.add(part.bytes(), part.called(), progress))?;
-        merge.finish()
-    })
-}
-
-/// The model from a file made by `work`.
-fn made(
-    py: Python<'_>,
-    name: &str,
-    how: WorkOptions,
-    work: impl FnOnce(&particlegs_core::context::Context<'_>) -> particlegs_core::Result<Vec<u8>> + Send,
-) -> PyResult<Model> {
-    let (bytes, model) = how.run(py, |progress| {
-        let bytes = work(progress)?;
-        let model = codec::decode_with(&bytes, name, progress)?;
-        Ok((bytes, model))
-    })?;
-    Ok(Model::new(bytes, model, name.into()))
+    let parts: Vec<&particlegs::Model> = models.iter().map(|m| &m.get().file).collect();
+    WorkOptions { threads, progress }.run(py, |context| particlegs::merge(&parts, fields, context)).map(Model::from)
 }
 
 /// Scores over views, as JSON.
@@ -99,7 +72,7 @@ pub fn evaluate(
     let views = score::evaluation_views(&whole.metadata, size, seed, frames);
     let particles = snapshot.checked()?;
     let scores = WorkOptions { threads, progress }.run(py, |progress| {
-        let of_several = model_file::is_of_several(model.bytes(), &whole.metadata, model.called())?;
+        let of_several = model_file::is_of_several(model.file.bytes(), &whole.metadata, model.file.name())?;
         let matches = particlegs_compress::source_difference(particles, whole, of_several).is_none();
         let mut scores = json!(score::evaluate(whole, particles, &views, size, None, progress)?);
         scores["source_matches"] = matches.into();
@@ -120,19 +93,15 @@ pub fn verify(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Option<String>)> {
-    let particles = snapshot.map(Snapshot::checked).transpose()?;
-    let sources = match particles {
-        Some(particles) if !fields.is_empty() => layer_fields(particles, &fields)?,
-        _ => Vec::new(),
-    };
-    let (found, sound) = WorkOptions { threads, progress }.run(py, |context| {
-        let stored = model.stored(context)?;
-        let snapshot = particles.map(|particles| (particles, &sources[..]));
-        let found = stored.verify(snapshot, (full, 42), context)?;
-        let wrong = found.judge(&stored.place).err().map(|e| e.to_string());
-        Ok((found, wrong))
+    let arrays = snapshot.map_or(Ok(Vec::new()), |s| layer_fields(s.checked()?, &fields))?;
+    let with_fields = !model.inner().metadata.fields.is_empty();
+    let (verified, wrong) = WorkOptions { threads, progress }.run(py, |context| {
+        let source = snapshot.map(|s| s.source(arrays, with_fields, context)).transpose()?;
+        let verified = model.file.verify(source.as_ref(), (full, 42), context)?;
+        let wrong = verified.judge().err().map(|e| e.to_string());
+        Ok((verified, wrong))
     })?;
-    Ok((serde_json::to_string(&found).expect("plain data"), sound))
+    Ok((serde_json::to_string(&verified).expect("plain data"), wrong))
 }
 
 /// Options of an export.
@@ -160,44 +129,23 @@ pub fn export(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<u64> {
-    let kind = asked.kind.as_deref().map(|name| named("kind", name)).transpose()?;
-    let kind = Kind::for_output(&path, kind).or_raise()?;
-    let color: ColorBy = named("color", &asked.color)?;
-    refuse(&path, asked.overwrite)?;
-    let mut shown = match &asked.layers {
-        None => model.inner().clone(),
-        Some(names) => model.inner().clone().only(names).or_raise()?,
+    let options = particlegs::ExportOptions {
+        kind: asked.kind.as_deref().map(|name| named("kind", name)).transpose()?,
+        layers: asked.layers.clone().unwrap_or_default(),
+        cells: asked.cells.map_or_else(Cells::default, Cells::Along),
+        fields: asked.fields,
+        color: named("color", &asked.color)?,
+        radius: asked.radius,
+        opacity: asked.opacity,
+        opening: PageOpening { layers: asked.layers.unwrap_or_default(), ..PageOpening::default() },
+        ..particlegs::ExportOptions::default()
     };
-    shown.drop_empty();
-    let fields = fields_named(kind, &shown, &asked.fields).or_raise()?;
-    let mut notes = Notes::new(kind, &shown, model.called(), &fields);
-    WorkOptions { threads, progress }.run(py, |progress| match kind.group() {
-        Group::Page if asked.layers.is_some() => {
-            Err(particlegs_core::Error::argument("an exported page contains all layers: leave layers= out"))
-        }
-        Group::Page => {
-            let file = ModelFile { name: model.called(), bytes: model.bytes() };
-            let html = offline(&[(file, model.inner())], &PageOpening::default(), progress)?;
-            write_bytes(&path, &html).map(|()| html.len() as u64)
-        }
-        Group::Gaussians => write_gaussians(kind, &shown, &notes, &path, progress),
-        Group::Splats => {
-            let m = &shown.metadata;
-            let (radius, opacity) =
-                (asked.radius.unwrap_or(m.default_radius), asked.opacity.unwrap_or(m.default_opacity));
-            let coloring = Coloring::new(&shown, color, Default::default(), None)?;
-            notes.set("radius", radius);
-            notes.set("opacity", opacity);
-            coloring.describe(&shown, color, Default::default(), &mut notes);
-            let (splats, faint) = as_splats(shown, radius, opacity, progress)?;
-            notes.set("fainter_than_viewers_draw", json!(faint));
-            write_as_splats(kind, &splats, coloring.colors.as_deref(), &notes, &path, progress)
-        }
-        Group::Grid => {
-            let mut density = Density::new(&shown, asked.cells.map_or_else(Cells::default, Cells::Along), progress)?;
-            density.add_fields(&shown, fields, progress)?;
-            notes.set("density", json!({ "unit": density.unit, "total": density.total, "outside": density.outside }));
-            write_density(kind, &density, &notes, &path, progress)
-        }
-    })
+    Kind::for_output(&path, options.kind).or_raise()?;
+    refuse(&path, asked.overwrite)?;
+    let outputs = Outputs::new(asked.overwrite);
+    let made = WorkOptions { threads, progress }.run(py, |context| {
+        plan_export(&path, options.kind, &outputs, context)?;
+        model.file.export(&path, &options, &outputs, context)
+    })?;
+    Ok(made.bytes)
 }

@@ -6,7 +6,7 @@ cd "$root"
 
 # The program under test; cargo builds the default where it is missing.
 program=${PARTICLEGS:-$root/target/debug/particlegs}
-[ -x "$program" ] || cargo build --locked -p particlegs-cli --features lab
+[ -x "$program" ] || cargo build --locked -p particlegs-cli
 work=$(mktemp -d)
 job="$work/a job"
 # The sample, each particle four times, as eight layers: a block has eight fits of its own, and a checkpoint after each.

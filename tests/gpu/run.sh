@@ -12,6 +12,6 @@ export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$(mktemp -d)}
 those=(--skip slow_)
 if [ "${1:-}" = slow ]; then those=(slow_); fi
 # Chosen together, these packages are those of `cargo test --workspace --all-features`: nothing is compiled again.
-tests=(cargo test --locked --all-features -p particlegs-gpu -p particlegs-cli)
+tests=(cargo test --locked --all-features -p particlegs-gpu -p particlegs-lab -p particlegs-cli)
 "${tests[@]}" --lib -- --ignored "${those[@]}"
 "${tests[@]}" --test it gpu:: -- --ignored "${those[@]}"

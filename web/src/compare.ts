@@ -2,7 +2,7 @@
 // moves.
 
 import { h } from "./dom";
-import type { Page } from "./main";
+import type { Page } from "./page";
 import type { Setup } from "./protocol";
 import { paintOf, sceneOf } from "./state";
 import { rmsDex, differenceImage, greyLevels, colorImage, SplitView, ReferenceClient, type ComparisonMode, type ReferencePicture } from "./reference";

@@ -5,7 +5,7 @@ import { asWide } from "./camera";
 import { askForm, field } from "./dialog";
 import { withColorBar } from "./colorbar";
 import { drawOverlay } from "./overlay";
-import type { Page } from "./main";
+import type { Page } from "./page";
 import type { Size } from "./protocol";
 import type { SeriesFrames } from "./series";
 import { fromViewsFile, hasColorBar, mapOf, paintOf, sceneOf, toLink, viewsFile, type State } from "./state";

@@ -2,10 +2,11 @@
 
 import { panned, turned, zoomed } from "./camera";
 import type { KeyBinding } from "./input";
-import type { Page } from "./main";
+import type { Page } from "./page";
 import type { Action } from "./panel";
 import type { Timeline } from "./timeline";
-import { LOOKS, idleReason, nextField, type Control, type State } from "./state";
+import { LOOKS } from "./protocol";
+import { idleReason, nextField, type Control, type State } from "./state";
 
 /** All keys of a page; `look(i)` views from +x, -x, +y, -y, +z or -z. */
 export function keyBindings(

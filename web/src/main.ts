@@ -8,6 +8,7 @@ import { summaryTable, summaryLine, probeText, probeFieldsTexts } from "./summar
 import { listenToPointer, listenToKeys } from "./input";
 import { keyBindings } from "./keys";
 import { Pane } from "./pane";
+import type { Page } from "./page";
 import { panel, preset, parseTarget, type Action, type PanelContext } from "./panel";
 import type { ProbeHit, Setup, Vec3 } from "./protocol";
 import { EngineClient } from "./engine";
@@ -17,11 +18,6 @@ import { cameraFor, densityDiffers, fromLink, hasColorBar, initialState, mapOf, 
 import { copyCommand, copyLink, exportNpy, exportPng, exportTurn, exportViews, importViews } from "./export";
 import { Timeline } from "./timeline";
 import { lengthUnit, formatNumber, formatWhole } from "./units";
-
-/** What the parts of the page share; `layers` is the number of different layer names of all models. */
-export interface Page {
-  setup: Setup; remote: EngineClient; panes: Pane[]; layers: number; state: State; change(part: Partial<State>): void; say(text: string): void;
-}
 
 const setup = JSON.parse(document.getElementById("setup")!.textContent!) as Setup;
 const app = document.getElementById("app")!;

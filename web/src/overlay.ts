@@ -2,8 +2,8 @@
 // colour, so that it stands out without hiding the picture.
 
 import { add, axes, heightAt, projected, projection } from "./camera";
-import type { ModelSummary, Bounds, Size, Vec3 } from "./protocol";
-import { clipOf, type Circle, type State } from "./state";
+import type { ModelSummary, Bounds, Circle, Size, Vec3 } from "./protocol";
+import { clipOf, type State } from "./state";
 import { lengthUnit, formatNumber, roundBelow } from "./units";
 
 const AXES: [string, Vec3, string][] =

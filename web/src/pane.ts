@@ -5,10 +5,10 @@ import { h } from "./dom";
 import { GlRenderer } from "./gl";
 import { drawOverlay, type Marker } from "./overlay";
 import type { BarContent } from "./colorbar";
-import { LOWEST, type ModelSummary, type MomentSummary, type OpenedModel, type PictureAnswer, type PlaneColours, type Scene, type Size, type StrokePlanes, type ToneCurve, type Vec3, type ValueScale } from "./protocol";
+import { LOWEST, type Circle, type ModelSummary, type MomentSummary, type OpenedModel, type PictureAnswer, type PlaneColours, type Scene, type Size, type StrokePlanes, type ToneCurve, type Vec3, type ValueScale } from "./protocol";
 import type { EngineClient } from "./engine";
 import type { SeriesFrames } from "./series";
-import { hasColorBar, mapOf, paintOf, sceneOf, type Circle, type State } from "./state";
+import { hasColorBar, mapOf, paintOf, sceneOf, type State } from "./state";
 
 /** Frames that take longer, in milliseconds, are drawn coarser in motion. */
 const SMOOTH = 30;

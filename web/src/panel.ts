@@ -1,8 +1,8 @@
 // The panel of controls: each is a native input with a label.
 
 import { h } from "./dom";
-import type { ModelSummary, Vec3 } from "./protocol";
-import { LOOKS, diagonal, idleReason, isDispersion, nextField, type Control, type FieldColours, type Slab, type State } from "./state";
+import { LOOKS, type ModelSummary, type Vec3 } from "./protocol";
+import { diagonal, idleReason, isDispersion, nextField, type Control, type FieldColours, type Slab, type State } from "./state";
 import { formatNumber } from "./units";
 
 /** What the panel needs from the page. */

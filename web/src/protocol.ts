@@ -1,11 +1,28 @@
 // The messages between the page, its worker and the engine (crates/particlegs-web).
 
-import type { Opening } from "./state";
-
 /** Index of the lowest density's colour among 256, as in core's `DensityColors`; index 0 is for empty pixels. */
 export const LOWEST = 51;
 
 export type Vec3 = [number, number, number];
+
+export const LOOKS = ["density", "paraview", "expected"] as const;
+export type PageStyle = (typeof LOOKS)[number];
+
+/** A centre and a radius, in world units. */
+export type Circle = [Vec3, number];
+
+/** View settings from the command; each replaces a default of `initialState`. */
+export interface Opening {
+  style?: PageStyle; field?: string; colormap?: string; range?: [number, number]; white?: boolean; color_by_layer?: boolean;
+  /** Names of the layers that are drawn. */
+  layers?: string[];
+  radius?: number; opacity?: number;
+  /** A views file. */
+  views?: unknown;
+  /** The camera: angles in degrees, distance in base distances. */
+  azimuth?: number; elevation?: number; distance?: number; look_at?: Vec3; orthographic?: boolean;
+  circles?: Circle[];
+}
 
 /** The page's input, from the server or from the offline page itself. */
 export interface Setup {

@@ -1,9 +1,8 @@
 // The state of the page: everything that a link restores.
 
 import { FOV, add, axes, cameraOf, center, dot, length, orbitOf, scaled, type Orbit } from "./camera";
-import { SCALES, type ModelSummary, type Bounds, type Camera, type FieldRequest, type ToneStyle, type PlaneColours, type Scene, type Size, type Vec3 } from "./protocol";
+import { LOOKS, SCALES, type ModelSummary, type Bounds, type Camera, type FieldRequest, type Opening, type PageStyle, type ToneStyle, type PlaneColours, type Scene, type Size, type Vec3 } from "./protocol";
 
-export const LOOKS = ["density", "paraview", "expected"] as const;
 export interface Slab { axis: "x" | "y" | "z" | "view"; middle: number; thickness: number }
 
 /** A field that colours the picture; an empty colour map is that of the scale. */
@@ -15,7 +14,7 @@ export interface State {
   time: number | null;
   radius: number;
   opacity: number;
-  look: (typeof LOOKS)[number];
+  look: PageStyle;
   /** Drawn instead of the style. */
   field: FieldColours | null;
   exposure: number;
@@ -45,22 +44,6 @@ export function initialState(about: ModelSummary, orbit: Orbit, time: number | n
     colormap: "inferno", range: null, white: false, hidden: [], byLayer: false, slab: null,
     clip: null, images: false, box: false, axes: true, scale: true, circles: true,
   };
-}
-
-/** A centre and a radius, in world units. */
-export type Circle = [Vec3, number];
-
-/** View settings from the command; each replaces a default of `initialState`. */
-export interface Opening {
-  style?: State["look"]; field?: string; colormap?: string; range?: [number, number]; white?: boolean; color_by_layer?: boolean;
-  /** Names of the layers that are drawn. */
-  layers?: string[];
-  radius?: number; opacity?: number;
-  /** A views file. */
-  views?: unknown;
-  /** The camera: angles in degrees, distance in base distances. */
-  azimuth?: number; elevation?: number; distance?: number; look_at?: Vec3; orthographic?: boolean;
-  circles?: Circle[];
 }
 
 /** The default state with the settings of an opening; `layers` are those of all models. */

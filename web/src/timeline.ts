@@ -1,7 +1,7 @@
 // The bar of a series: a slider over its frames, play, speed, loop.
 
 import { h } from "./dom";
-import type { Page } from "./main";
+import type { Page } from "./page";
 import type { SeriesFrames } from "./series";
 
 /** Frames of the series per second. */

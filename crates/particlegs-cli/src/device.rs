@@ -61,9 +61,9 @@ impl DeviceArgs {
 
     /// The requested GPU, or the first real one, with kernels that can be timed.
     #[cfg(all(feature = "gpu", feature = "lab"))]
-    pub fn open_timed(&self) -> Result<Arc<particlegs_gpu::Device>> {
+    pub fn open_timed(&self) -> Result<particlegs_lab::gpu::TimedDevice> {
         let number = if let DeviceRequest::Number(n) = self.device { Some(n) } else { None };
-        particlegs_gpu::Device::open_timed(choice(number), particlegs_gpu::Checks::Off).map(Arc::new)
+        particlegs_lab::gpu::TimedDevice::open(choice(number), particlegs_gpu::Checks::Off)
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::common::CommandContext;
 use crate::frame_table::{FrameTable, kind_of};
 use crate::info_model;
-use crate::inputs::{self, FrameArgs};
+use crate::inputs::{self, FrameChoice};
 use particlegs_core::codec::{FileInfo, FrameCoding, SeriesDecoder, SeriesFile};
 use particlegs_core::model::{Certificate, PictureScore};
 use particlegs_core::{Result, codec};
@@ -40,8 +40,8 @@ pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> 
 }
 
 /// A frame as a model, with its certificate in the series.
-pub fn print_frame(context: &CommandContext, path: &Path, frame: &FrameArgs) -> Result<()> {
-    let (bytes, place) = (inputs::model_or_series(path, context)?, name_of(path));
+pub fn print_frame(context: &CommandContext, path: &Path, frame: &FrameChoice) -> Result<()> {
+    let (bytes, place) = (inputs::read_file(path, context)?, name_of(path));
     let series = SeriesFile::read(&bytes, &place)?;
     let number = frame.number(&series, &place, context)?;
     context.message("note: sizes are those of the frame as a model file of its own, as `extract` writes it");

@@ -1,7 +1,5 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
-#[cfg(feature = "lab")]
-mod bench_files;
 mod commands;
 mod common;
 mod cpu_count;
@@ -35,7 +33,6 @@ mod stats_tables;
 mod target_args;
 mod text_wrap;
 mod train_args;
-mod train_log;
 mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};

@@ -1,8 +1,8 @@
 //! Refuses options that have no effect, since ignoring them would mislead. One table holds the rules.
 
-use crate::inputs::{is_series, is_single};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
+use particlegs::input::{is_series, is_single};
 use particlegs_core::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
 use particlegs_figure::FileKind;

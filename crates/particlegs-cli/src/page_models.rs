@@ -34,7 +34,7 @@ impl ModelFiles {
             let place = name_of(path);
             let bytes = match &mut snapshot {
                 Some(snapshot) => inputs::model_with_snapshot(path, snapshot, context)?,
-                None => inputs::model_or_series(path, context)?,
+                None => inputs::read_file(path, context)?,
             };
             if codec::is_series(&bytes) {
                 let series = SeriesFile::read(&bytes, &place)?;

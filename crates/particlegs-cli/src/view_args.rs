@@ -44,7 +44,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "A")]
     pub opacity: Option<f64>,
     /// Picture size in pixels [default: the views file's, else 1920x1080].
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
     /// Projection of the camera.
     #[arg(
@@ -109,30 +109,6 @@ impl ViewArgs {
             width: self.width,
             depth: self.depth,
             fit: self.fit,
-        }
-    }
-}
-
-/// `1920x1080`.
-pub fn parse_size(text: &str) -> std::result::Result<Size, String> {
-    let fail = || format!("`{text}` is not a picture size: give WIDTHxHEIGHT, such as 1920x1080, each from 1 to 32768");
-    let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
-    let side = |t: &str| t.trim().parse::<usize>().ok().filter(|n| (1..=32_768).contains(n));
-    match (side(w), side(h)) {
-        (Some(width), Some(height)) => Ok(Size { width, height }),
-        _ => Err(fail()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes() {
-        assert_eq!(parse_size("640x360"), Ok(Size { width: 640, height: 360 }));
-        for bad in ["", "640", "0x5", "-1x5", "5x99999", "axb"] {
-            assert!(parse_size(bad).is_err(), "{bad}");
         }
     }
 }

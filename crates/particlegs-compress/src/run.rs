@@ -49,6 +49,14 @@ pub struct CompressedModel {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
+impl CompressedModel {
+    /// A model that was there already, with its file's bytes.
+    pub fn existing(bytes: Vec<u8>, model: Model) -> CompressedModel {
+        let (reached, trained, stopped, notes, seconds) = Default::default();
+        CompressedModel { bytes, model, reached, step_factor: 1.0, trained, stopped, notes, seconds }
+    }
+}
+
 /// Compresses a snapshot; `pieces` keeps what an interrupted run can go on from.
 pub fn compress(
     particles: &Particles,

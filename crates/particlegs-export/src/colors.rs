@@ -9,9 +9,10 @@ use particlegs_core::{Error, Result};
 use serde_json::{Map, json};
 
 particlegs_core::named_values! {
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum ColorBy {
         /// Grey levels, as in pictures: white, or those that an alpha-blend model was trained to.
+        #[default]
         Grey = "grey",
         Layer = "layer",
         /// Each Gaussian's own density at its centre, in logarithmic colours.

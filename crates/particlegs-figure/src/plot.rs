@@ -2,31 +2,6 @@
 
 use serde::Serialize;
 
-/// Are these the decibels of nothing but pictures that do not differ from the truth?
-pub fn is_identical(values: &[f64]) -> bool {
-    !values.is_empty() && values.iter().all(|v| *v == f64::INFINITY)
-}
-
-/// The median of some values, and how far they lie apart.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
-    /// Of an even number the mean of the two in the middle.
-    pub median: f64,
-    pub low: f64,
-    pub high: f64,
-}
-
-impl Spread {
-    /// Of values; `None` where there is none that is finite.
-    pub fn new(values: &[f64]) -> Option<Spread> {
-        let mut v: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-        v.sort_by(f64::total_cmp);
-        let (first, last) = (*v.first()?, *v.last()?);
-        let median = 0.5 * (v[(v.len() - 1) / 2] + v[v.len() / 2]);
-        Some(Spread { median, low: first, high: last })
-    }
-}
-
 /// One pair of axes with curves.
 #[derive(Clone, Debug, Serialize)]
 pub struct Plot {
@@ -72,12 +47,6 @@ impl PlotAxis {
         let bands = vec![("within 10 %".into(), [0.9, 1.1]), ("within 5 %".into(), [0.95, 1.05])];
         PlotAxis { range: Some(range), bands, ..PlotAxis::linear(label) }
     }
-
-    /// Of things without an order.
-    pub fn named(label: impl Into<String>, names: Vec<String>) -> PlotAxis {
-        let range = Some([0.5, names.len() as f64 + 0.5]);
-        PlotAxis { range, names, ..PlotAxis::linear(label) }
-    }
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -105,16 +74,5 @@ pub struct Point {
 impl Point {
     pub fn new(x: f64, y: f64) -> Point {
         Point { x, y, range: None }
-    }
-
-    /// Of values of several seeds; `None` without one.
-    pub fn spread(x: f64, values: &[f64]) -> Option<Point> {
-        let s = Spread::new(values)?;
-        Some(Point { x, y: s.median, range: (values.len() > 1).then_some([s.low, s.high]) })
-    }
-
-    /// Of decibels of several seeds; infinite where no picture of any differs from the truth.
-    pub fn decibels(x: f64, values: &[f64]) -> Option<Point> {
-        if is_identical(values) { Some(Point::new(x, f64::INFINITY)) } else { Point::spread(x, values) }
     }
 }

@@ -398,6 +398,11 @@ mod tests {
     use super::*;
     use crate::plot::Point;
 
+    fn two_names() -> PlotAxis {
+        let names = vec!["box".into(), "melt".into()];
+        PlotAxis { range: Some([0.5, 2.5]), names, ..PlotAxis::linear("data set") }
+    }
+
     fn plot(points: Vec<Point>) -> Plot {
         Plot {
             name: "p".into(),
@@ -416,7 +421,8 @@ mod tests {
     #[test]
     fn what_can_be_shown_is_drawn() {
         let text =
-            svg(&plot(vec![Point::new(20.0, 31.0), Point::spread(300.0, &[29.0, 30.0, 30.5]).unwrap()])).unwrap();
+            svg(&plot(vec![Point::new(20.0, 31.0), Point { range: Some([29.0, 30.5]), ..Point::new(300.0, 30.0) }]))
+                .unwrap();
         for said in ["Quality by size", "ratio", "masked PSNR, dB", "model", "noise-free (33.5)", ">100<", ">20<"] {
             assert!(text.contains(said), "{said}");
         }
@@ -430,7 +436,7 @@ mod tests {
         assert!(both.contains("low (outside)") && !both.contains("model (outside)"));
         // Things without an order have their names, and no line from one to the next.
         let joined = plot(vec![Point::new(1.0, 31.0), Point::new(2.0, 29.0)]);
-        let x = PlotAxis::named("data set", vec!["box".into(), "melt".into()]);
+        let x = two_names();
         let apart = svg(&Plot { x, ..joined.clone() }).unwrap();
         let lines = |text: &str| text.matches("<polyline").count();
         assert!(apart.contains("box") && apart.contains("melt") && !apart.contains(">1.5<"));
@@ -497,7 +503,7 @@ mod tests {
 
     #[test]
     fn series_without_an_order_stand_beside_each_other() {
-        let x = PlotAxis::named("data set", vec!["box".into(), "melt".into()]);
+        let x = two_names();
         let named = Plot { x, ..plot(vec![Point::new(1.0, 31.0)]) };
         let second = Series { style: 3, points: vec![], ..named.series[0].clone() };
         let two = Plot { series: vec![named.series[0].clone(), second], ..named.clone() };

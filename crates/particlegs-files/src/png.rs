@@ -3,32 +3,36 @@
 use crate::{input, memory, output};
 use particlegs_core::picture::{Gray8, Size};
 use particlegs_core::{Error, Result};
-use std::io::Write;
 use std::path::Path;
 
 /// Pictures larger than this in either direction are refused before memory is taken.
 const LARGEST_SIDE: u32 = 65_536;
 
-/// Writes an 8-bit PNG, whole or not at all: of grey levels, or of red, green and blue where there are three
-/// bytes a pixel (a [`Gray8`]'s `data`, or an [`Rgb8`](particlegs_core::picture::Rgb8)'s `data.as_flattened()`). The
-/// top row is first.
+/// Writes an 8-bit PNG, whole or not at all: [`png_bytes`].
 pub fn write_png(path: &Path, size: Size, bytes: &[u8]) -> Result<()> {
+    output::write_bytes(path, &png_bytes(size, bytes)?)
+}
+
+/// An 8-bit PNG: of grey levels, or of red, green and blue where there are three bytes a pixel (a [`Gray8`]'s `data`, or an
+/// [`Rgb8`](particlegs_core::picture::Rgb8)'s `data.as_flattened()`). The top row is first.
+pub fn png_bytes(size: Size, bytes: &[u8]) -> Result<Vec<u8>> {
     let color = match bytes.len() {
         n if n == size.pixels() => png::ColorType::Grayscale,
         n if n == 3 * size.pixels() => png::ColorType::Rgb,
         n => return Err(Error::argument(format!("{n} bytes for a picture of {}x{}", size.width, size.height))),
     };
-    // The coder holds what it has coded until it is whole: no more than the picture, and a little.
+    // No more than the picture, and a little.
     memory::require("writing a picture", bytes.len() as u64 + bytes.len() as u64 / 64)?;
-    output::write_atomic(path, |w: &mut dyn Write| {
-        let mut encoder = png::Encoder::new(w, size.width as u32, size.height as u32);
-        encoder.set_color(color);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header()?;
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, size.width as u32, size.height as u32);
+    encoder.set_color(color);
+    encoder.set_depth(png::BitDepth::Eight);
+    let written = encoder.write_header().and_then(|mut writer| {
         writer.write_image_data(bytes)?;
-        writer.finish()?;
-        Ok(())
-    })
+        writer.finish()
+    });
+    written.map_err(|e| Error::argument(format!("a picture cannot be written as PNG: {e}")))?;
+    Ok(out)
 }
 
 /// Reads a PNG as grey levels. Colour pictures are taken where R = G = B, else by Rec. 601 luma.

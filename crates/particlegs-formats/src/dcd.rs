@@ -281,18 +281,20 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let frames = TrajectoryFrames { count, chosen, step };
     let unit = (!header.is_lammps).then_some("Angstrom");
     let units = Units { time: Some(Unit::parse("ps", Dimension::Time)), ..Units::new(unit, None, None) };
+    let meta = SnapshotMeta {
+        cell: if header.has_cell { header.cell(&bytes, header.place(chosen)) } else { None },
+        units,
+        epoch: Epoch { time, ..frames.epoch() },
+        ..named(path)
+    };
     let description = Description {
-        format: format!("{}, {}-endian", FORMAT.title, if header.records.big_endian { "big" } else { "little" }),
-        files: paths.to_vec(),
-        meta: SnapshotMeta {
-            cell: if header.has_cell { header.cell(&bytes, header.place(chosen)) } else { None },
-            units,
-            epoch: Epoch { time, ..frames.epoch() },
-            ..named(path)
-        },
         frames: Some(frames),
         notes,
-        ..Description::default()
+        ..Description::new(
+            format!("{}, {}-endian", FORMAT.title, if header.records.big_endian { "big" } else { "little" }),
+            paths,
+            meta,
+        )
     };
     let (bytes, place) = match own {
         None => (bytes, [header.coordinate(chosen, 0), header.axis(chosen)]),

@@ -1,7 +1,7 @@
 //! The snapshot that a folder holds.
 
 use crate::format::{FileHead, Format};
-use crate::snapshot_order::natural_key;
+use crate::natural_order::natural_key;
 use crate::vtk_xml::lists;
 use crate::{Choice, PathKind, csv, hdf5, raw, registry};
 use particlegs_core::{Error, Hint, Result};

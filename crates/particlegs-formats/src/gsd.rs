@@ -199,19 +199,13 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     }
     let step = first("configuration/step")?.unwrap_or(0.0) as i64;
     let frames = TrajectoryFrames { count: file.frames, chosen, step: Some(step) };
-    let description = Description {
-        format: FORMAT.title.into(),
-        files: paths.to_vec(),
-        meta: SnapshotMeta {
-            cell: chunk("configuration/box")?.and_then(|c| cell(bytes, &c, dimensions)),
-            epoch: frames.epoch(),
-            ..named(path)
-        },
-        frames: Some(frames),
-        absent,
-        notes,
-        ..Description::default()
+    let meta = SnapshotMeta {
+        cell: chunk("configuration/box")?.and_then(|c| cell(bytes, &c, dimensions)),
+        epoch: frames.epoch(),
+        ..named(path)
     };
+    let description =
+        Description { frames: Some(frames), absent, notes, ..Description::new(FORMAT.title, paths, meta) };
     let mut atoms = AtomSpecies::all(fields, rows);
     if atoms.mass == SpeciesMass::Unknown {
         // The schema says so.

@@ -35,6 +35,7 @@ mod folder;
 mod foreign;
 mod format;
 mod halo_file;
+mod natural_order;
 mod open;
 mod path_kind;
 mod physical;

@@ -2,7 +2,7 @@
 
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result, parallel};
-use particlegs_particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
+use particlegs_particles::{Chunk, InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
 use std::ops::Range;
 
 /// Rows as numbers, before they become f32 about an origin; the reader owns and reuses them.
@@ -128,12 +128,7 @@ impl SnapshotReader for PieceReader {
         self.origin
     }
 
-    fn read(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    fn read(&self, runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let scratch = parallel::Scratch::<(RowBuffer, [Vec<f32>; 4])>::default();
         let read = |run: u64, (rows, columns): &mut (RowBuffer, [Vec<f32>; 4])| {
             context.check()?;

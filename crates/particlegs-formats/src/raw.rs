@@ -43,11 +43,8 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     // Masses of layers weigh particles, too.
     let has_weights = paths.len() == 4 || folder.join("ww.f32").exists();
     let description = Description {
-        format: "raw float32 columns, little-endian".into(),
-        files: paths.to_vec(),
-        meta: particles.meta.clone(),
         species: particles.layers().iter().map(|l| species(l, has_weights, &others, &particles.meta)).collect(),
-        ..Description::default()
+        ..Description::new("raw float32 columns, little-endian", paths, particles.meta.clone())
     };
     Ok(Box::new(RawSnapshot { description, particles, folder, double }))
 }

@@ -58,6 +58,11 @@ impl Description {
     /// The note about splats.
     pub(crate) const SPLATS: &str = "Gaussian splats: only their centres are read, as points";
 
+    /// Of files that say nothing else yet.
+    pub(crate) fn new(format: impl Into<String>, files: &[PathBuf], meta: SnapshotMeta) -> Description {
+        Description { format: format.into(), files: files.to_vec(), meta, ..Description::default() }
+    }
+
     /// Of a reader of a species.
     pub(crate) fn meta_of(&self, species: &Species) -> SnapshotMeta {
         let mut meta = self.meta.clone();

@@ -2,6 +2,7 @@
 
 use crate::Choice;
 use crate::folder::folder_snapshots;
+use crate::natural_order::natural_key;
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
 use particlegs_files::input::is_stream;
@@ -41,21 +42,6 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>> {
     let matches = glob::glob(pattern).map_err(|e| Error::argument(format!("{pattern}: {e}")))?;
     let paths: Vec<PathBuf> = matches.filter_map(|path| path.ok()).collect();
     if paths.is_empty() { Err(Error::argument(format!("no file matches {pattern}"))) } else { Ok(paths) }
-}
-
-/// Text and numbers in turn, the numbers as their digits without leading zeros: `snap_2` sorts before `snap_10`.
-pub(crate) fn natural_key(path: &Path) -> Vec<(String, usize, String)> {
-    let text = path.to_string_lossy();
-    let mut parts = Vec::new();
-    let mut rest = &*text;
-    while !rest.is_empty() {
-        let (words, tail) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
-        let (digits, tail) = tail.split_at(tail.find(|c: char| !c.is_ascii_digit()).unwrap_or(tail.len()));
-        let number = digits.trim_start_matches('0');
-        parts.push((words.to_string(), number.len(), number.to_string()));
-        rest = tail;
-    }
-    parts
 }
 
 /// Sorts each stretch of names that differ in numbers alone, if it is sorted as text: what a user has put into another

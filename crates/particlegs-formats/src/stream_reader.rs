@@ -6,7 +6,7 @@ use crate::pieces::{RowBuffer, origin_of};
 use crate::stored_bytes::StoredBytes;
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
-use particlegs_particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
+use particlegs_particles::{RUN, RunSink, SnapshotMeta, SnapshotReader};
 use std::io::Read;
 use std::ops::Range;
 
@@ -155,12 +155,7 @@ impl SnapshotReader for StreamReader {
         false
     }
 
-    fn read(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    fn read(&self, runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let mut columns = <[Vec<f32>; 4]>::default();
         self.rows(runs, &mut |run, rows| {
             context.check()?;

@@ -86,16 +86,11 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         }
         start += count * stride;
     }
-    let description = Description {
-        format: format!("{}, {order}", FORMAT.title),
-        files: paths.to_vec(),
-        meta: SnapshotMeta {
-            epoch: Epoch { time: Some(header.time).filter(|t| t.is_finite()), ..Epoch::default() },
-            ..named(path)
-        },
-        notes,
-        ..Description::default()
+    let meta = SnapshotMeta {
+        epoch: Epoch { time: Some(header.time).filter(|t| t.is_finite()), ..Epoch::default() },
+        ..named(path)
     };
+    let description = Description { notes, ..Description::new(format!("{}, {order}", FORMAT.title), paths, meta) };
     Ok(Box::new(AtomSnapshot::new(description, bytes, species)))
 }
 

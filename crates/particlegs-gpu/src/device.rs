@@ -1,7 +1,6 @@
 //! An adapter that was opened.
 
 use crate::adapters::{AdapterChoice, chosen, memory_of};
-use crate::timer::{self, Timer};
 use particlegs_core::picture::Size;
 use particlegs_core::{Error, Hint, Result};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,16 +14,22 @@ pub enum Checks {
     On,
 }
 
+/// Runs kernels in its own way, as a clock does that stands about them.
+pub trait KernelWatch: Send + Sync {
+    /// `run` dispatches the kernel of this name.
+    fn around(&self, kernel: &'static str, pass: &mut wgpu::ComputePass<'_>, run: &dyn Fn(&mut wgpu::ComputePass<'_>));
+}
+
 /// Bytes that any GPU can hold.
 const UNKNOWN_ROOM: u64 = 1 << 30;
 
 /// A device and its queue.
 pub struct Device {
-    pub(crate) device: wgpu::Device,
-    pub(crate) queue: wgpu::Queue,
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
     pub(crate) checks: Checks,
-    /// What kernels are timed by, where it was opened for that.
-    pub(crate) timer: Option<Arc<Timer>>,
+    /// Who runs its kernels, where it was opened with somebody.
+    pub(crate) watch: Option<Arc<dyn KernelWatch>>,
     name: String,
     /// Bytes of its own memory, where that is known.
     memory: Option<u64>,
@@ -41,22 +46,21 @@ enum DeviceFault {
 impl Device {
     /// Opens an adapter with the limits that it has and without any feature.
     pub fn open(choice: AdapterChoice, checks: Checks) -> Result<Device> {
-        Device::open_with(chosen(choice)?, checks, wgpu::Features::empty())
+        Device::open_watched(choice, checks, wgpu::Features::empty(), |_| None)
     }
 
-    /// [`Device::open`], to be [timed](Device::timed) where the adapter offers it.
-    pub fn open_timed(choice: AdapterChoice, checks: Checks) -> Result<Device> {
+    /// [`Device::open`], with the features of these that the adapter has, and somebody who runs its kernels.
+    pub fn open_watched(
+        choice: AdapterChoice,
+        checks: Checks,
+        features: wgpu::Features,
+        watch: impl FnOnce(&wgpu::Device) -> Option<Arc<dyn KernelWatch>>,
+    ) -> Result<Device> {
         let adapter = chosen(choice)?;
-        let offered = adapter.features().contains(timer::WANTED);
-        let features = if offered { timer::WANTED } else { wgpu::Features::empty() };
-        Device::open_with(adapter, checks, features)
-    }
-
-    fn open_with(adapter: wgpu::Adapter, checks: Checks, features: wgpu::Features) -> Result<Device> {
         let (name, memory) = (adapter.get_info().name, memory_of(&adapter));
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("particlegs"),
-            required_features: features,
+            required_features: adapter.features() & features,
             required_limits: adapter.limits(),
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
@@ -82,8 +86,8 @@ impl Device {
                 of_loss(DeviceFault::Lost(text));
             }
         });
-        let timer = features.contains(timer::WANTED).then(|| Arc::new(Timer::new(&device)));
-        Ok(Device { device, queue, checks, timer, name, memory, fault })
+        let watch = watch(&device);
+        Ok(Device { device, queue, checks, watch, name, memory, fault })
     }
 
     pub fn name(&self) -> &str {
@@ -127,11 +131,6 @@ impl Device {
         waited.map(drop).map_err(|e| Error::input(format!("device {}", self.name), e.to_string()))
     }
 
-    /// Bytes of device memory that are taken, where the interface says.
-    pub fn allocated(&self) -> Option<u64> {
-        self.device.generate_allocator_report().map(|r| r.total_reserved_bytes)
-    }
-
     /// May `what`, which takes so many bytes in a buffer, be on the device?
     pub(crate) fn holds(&self, what: &str, bytes: u64) -> Result<()> {
         let most = self.largest_binding();
@@ -153,7 +152,7 @@ impl Device {
     }
 
     /// A buffer of zeros.
-    pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         // Empty buffers cannot be bound.
         let size = bytes.max(16).next_multiple_of(16);
         self.device.create_buffer(&wgpu::BufferDescriptor {
@@ -178,7 +177,7 @@ impl Device {
     }
 
     /// The bytes of a buffer, once all that was given to the device is done.
-    pub(crate) fn read(&self, from: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>> {
+    pub fn read(&self, from: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>> {
         let size = bytes.next_multiple_of(4);
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
         let to = self.buffer("read back", size, usage);

@@ -1,8 +1,7 @@
 //! A kernel: a pipeline, and what is bound to it.
 
 use crate::Device;
-use crate::device::Checks;
-use crate::timer::Timer;
+use crate::device::{Checks, KernelWatch};
 use std::sync::Arc;
 
 /// The end of kernels that write grey levels.
@@ -10,7 +9,7 @@ pub(crate) const FOUR_LEVELS: &str = include_str!("four_levels_main.wgsl");
 
 /// What a kernel does with a buffer.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum BufferUse {
+pub enum BufferUse {
     /// Records that all threads read.
     Uniform,
     Read,
@@ -18,11 +17,11 @@ pub(crate) enum BufferUse {
 }
 
 /// A kernel whose entry is `main`.
-pub(crate) struct Kernel {
+pub struct Kernel {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    timer: Option<Arc<Timer>>,
+    watch: Option<Arc<dyn KernelWatch>>,
 }
 
 impl Kernel {
@@ -69,7 +68,7 @@ impl Kernel {
             compilation_options: Default::default(),
             cache: None,
         });
-        Kernel { label, pipeline, layout, timer: device.timer.clone() }
+        Kernel { label, pipeline, layout, watch: device.watch.clone() }
     }
 
     /// With buffers for its bindings.
@@ -87,9 +86,10 @@ impl Kernel {
     pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, bound: &wgpu::BindGroup, groups: [u32; 2]) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, bound, &[]);
-        match &self.timer {
-            None => pass.dispatch_workgroups(groups[0], groups[1], 1),
-            Some(timer) => timer.around(self.label, pass, |pass| pass.dispatch_workgroups(groups[0], groups[1], 1)),
+        let run = |pass: &mut wgpu::ComputePass<'_>| pass.dispatch_workgroups(groups[0], groups[1], 1);
+        match &self.watch {
+            None => run(pass),
+            Some(watch) => watch.around(self.label, pass, &run),
         }
     }
 }

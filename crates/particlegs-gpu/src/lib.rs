@@ -13,21 +13,17 @@ mod accelerator;
 mod adapters;
 pub mod alpha;
 mod device;
-mod kernel;
-mod rates;
+pub mod kernel;
 pub mod reference;
 pub mod render;
 mod sort;
 #[cfg(test)]
 mod tests;
-mod timer;
 mod train;
 
 pub use accelerator::GpuAccelerator;
 pub use adapters::{Adapter, AdapterChoice, adapters, advice};
-pub use device::{Checks, Device};
-pub use rates::Rates;
-pub use timer::KernelTime;
+pub use device::{Checks, Device, KernelWatch};
 
 /// Threads of a group in kernels of one dimension.
 const THREADS: u64 = 64;

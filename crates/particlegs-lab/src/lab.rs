@@ -43,7 +43,7 @@ pub struct Lab<'a> {
     pub on_device: ResultStore,
     /// The GPU to measure, with kernels that can be timed.
     #[cfg(feature = "gpu")]
-    pub gpu: Option<std::sync::Arc<particlegs_gpu::Device>>,
+    pub gpu: Option<crate::gpu::TimedDevice>,
     /// Other compressors: the built-in ones, and those of the user's Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     pub context: &'a Context<'a>,

@@ -12,10 +12,13 @@
 
 #![allow(missing_docs)]
 
+pub mod bench;
 mod bins;
 pub mod density;
 pub mod experiments;
 pub mod external;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod jitter;
 pub mod lab;
 pub mod lcp;

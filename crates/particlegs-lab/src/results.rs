@@ -1,9 +1,44 @@
 //! Results of an experiment as plain data: tables, plots, pictures and notes.
 
 use particlegs_core::picture::{Colormap, Rgb8};
-use particlegs_figure::is_identical;
-pub use particlegs_figure::{Plot, PlotAxis, Point, Series, Spread};
+pub use particlegs_figure::{Plot, PlotAxis, Point, Series};
 use serde::{Deserialize, Serialize};
+
+/// Are these the decibels of nothing but pictures that do not differ from the truth?
+pub fn is_identical(values: &[f64]) -> bool {
+    !values.is_empty() && values.iter().all(|v| *v == f64::INFINITY)
+}
+
+/// The median of some values, and how far they lie apart.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Of an even number the mean of the two in the middle.
+    pub median: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Spread {
+    /// Of values; `None` where there is none that is finite.
+    pub fn new(values: &[f64]) -> Option<Spread> {
+        let mut v: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        v.sort_by(f64::total_cmp);
+        let (first, last) = (*v.first()?, *v.last()?);
+        let median = 0.5 * (v[(v.len() - 1) / 2] + v[v.len() / 2]);
+        Some(Spread { median, low: first, high: last })
+    }
+}
+
+/// A point of values of several seeds; `None` without one.
+pub fn spread(x: f64, values: &[f64]) -> Option<Point> {
+    let s = Spread::new(values)?;
+    Some(Point { x, y: s.median, range: (values.len() > 1).then_some([s.low, s.high]) })
+}
+
+/// A point of decibels of several seeds; infinite where no picture of any differs from the truth.
+pub fn decibels(x: f64, values: &[f64]) -> Option<Point> {
+    if is_identical(values) { Some(Point::new(x, f64::INFINITY)) } else { spread(x, values) }
+}
 
 #[derive(Debug, Default, Serialize)]
 pub struct ExperimentResults {
@@ -192,7 +227,7 @@ mod tests {
             (TableCell::text("identical"), TableCell::Empty)
         );
         assert_eq!(TableCell::decibels(&[30.0, f64::INFINITY]).describe(), "30.00");
-        assert_eq!(Point::decibels(3.0, &same).map(|p| (p.x, p.y)), Some((3.0, f64::INFINITY)));
-        assert!(Point::decibels(3.0, &[]).is_none());
+        assert_eq!(decibels(3.0, &same).map(|p| (p.x, p.y)), Some((3.0, f64::INFINITY)));
+        assert!(decibels(3.0, &[]).is_none());
     }
 }

@@ -49,7 +49,8 @@ mod tests {
     /// Writes what a selection keeps; says how many particles that are.
     fn convert(p: &Particles, tiling: Tiling, selection: Selection, out: &Path, context: &Context<'_>) -> Result<u64> {
         let kept = SelectedParticles::new(p, tiling, selection, context)?;
-        kept.write_raw(out, RawForm::from_name(out), context).map(|_| kept.total())
+        let form = if out.extension().is_some_and(|e| e == "npy") { RawForm::Npy } else { RawForm::Columns };
+        kept.write_raw(out, form, context).map(|_| kept.total())
     }
 
     fn ramp() -> Particles {

@@ -1,6 +1,6 @@
 //! The layers of a snapshot, read run by run as if they were in memory.
 
-use super::{Chunk, ChunkBuffer, LayerFields, Particles, RUN, SnapshotMeta, SnapshotReader};
+use super::{Chunk, ChunkBuffer, LayerFields, Particles, RUN, RunSink, SnapshotMeta, SnapshotReader};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{Layer, Mass};
@@ -109,13 +109,7 @@ impl ReadLayer {
 
     /// Hands over the runs of `runs` in any order, about `origin`, with weights where the layer has
     /// them.
-    pub fn read(
-        &self,
-        origin: [f64; 3],
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    pub fn read(&self, origin: [f64; 3], runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let reader = &*self.reader;
         let shift: [f64; 3] = each_axis(|k| reader.origin()[k] - origin[k]);
         let wrong = |what: String| Error::input(&self.layer.name, what);

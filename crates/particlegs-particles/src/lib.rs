@@ -53,7 +53,7 @@ pub use open::InvalidParticles;
 pub use open::invalid;
 pub use scratch::{ColumnBuffer, Storage};
 pub use select::{Run, SelectedParticles, Selection};
-pub use source::{InPlace, SnapshotReader};
+pub use source::{InPlace, RunSink, SnapshotReader};
 pub use storage::{CHUNK, Column, Particles, Positions};
 pub use tile::Tiling;
 pub use write::{RawForm, SnapshotDescription, SnapshotLayout, SnapshotWriter};

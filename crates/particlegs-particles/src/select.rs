@@ -41,6 +41,11 @@ impl Selection {
         Selection { crop: None, wrap: false, every: 1, sample: None, left_out: false, seed: 0 }
     }
 
+    /// One of every `k` particles, the first of them, in the order of the file.
+    pub fn one_in(k: u64) -> Self {
+        Selection { every: k, ..Selection::all() }
+    }
+
     /// Keeps the particles in a window about a point, across the periodic boundary.
     pub fn window(center: [f64; 3], width: [f64; 3]) -> Self {
         let (min, max) = (each_axis(|k| center[k] - 0.5 * width[k]), each_axis(|k| center[k] + 0.5 * width[k]));

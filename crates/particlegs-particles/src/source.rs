@@ -15,6 +15,9 @@ pub struct InPlace {
     pub weights: Option<Column>,
 }
 
+/// Takes runs of particles by their numbers, in any order and from any thread.
+pub type RunSink<'a> = dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync + 'a;
+
 /// A snapshot that is read run by run in bounded memory: metadata first, then particles.
 pub trait SnapshotReader: Send + Sync {
     /// What the snapshot says about itself.
@@ -29,12 +32,7 @@ pub trait SnapshotReader: Send + Sync {
     /// last one what is left. Readers of streams pass over what comes before. Values are as the
     /// source has them: NaN and infinity are the caller's to find. Particles read are reported to
     /// `progress.advance`.
-    fn read(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()>;
+    fn read(&self, runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()>;
     /// Hands over the positions of every run of `runs` in order, as f64 about 0, to as many digits as the source has.
     fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         let origin = self.origin();
@@ -78,12 +76,7 @@ impl SnapshotReader for Particles {
         self.origin
     }
 
-    fn read(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    fn read(&self, runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let buffers = parallel::Scratch::<ChunkBuffer>::default();
         parallel::try_for_each(runs, |run| {
             context.check()?;

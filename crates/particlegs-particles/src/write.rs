@@ -29,11 +29,6 @@ pub enum RawForm {
 impl RawForm {
     /// The names that a folder of particles may hold, whatever its form.
     pub const FOLDER_FILES: [&str; 6] = [COLUMNS[0], COLUMNS[1], COLUMNS[2], COLUMNS[3], TRIPLES, SIDECAR];
-
-    /// What the name of an output means: a .npy, or a folder of columns.
-    pub fn from_name(out: &Path) -> Self {
-        if out.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) { RawForm::Npy } else { RawForm::Columns }
-    }
 }
 
 /// What is known about a snapshot that is written: its meta.json.

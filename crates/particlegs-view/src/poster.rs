@@ -1,13 +1,14 @@
 //! The picture that a page shows until it has drawn its own.
 
-use crate::page::PageOpening;
+use crate::opening::PageOpening;
+use particlegs_core::Result;
 use particlegs_core::camera::{DensityView, View, base_distance, spherical_camera};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Model};
 use particlegs_core::picture::{Colormap, DensityColors, Size};
 use particlegs_core::render::{Scene, draw as draw_scene, surface_density};
 use particlegs_core::splat::ToneStyle;
-use particlegs_core::{Error, Result};
+use particlegs_files::png::png_bytes;
 
 /// Up to this number of Gaussians the page draws as soon as a poster would be ready.
 pub const MORE_THAN: usize = 100_000;
@@ -39,24 +40,11 @@ pub fn draw(model: &Model, size: Size, context: &Context<'_>) -> Result<Poster> 
     let scene = Scene::new(model);
     if m.law == LawKind::AlphaBlend {
         let picture = draw_scene(&scene, &view, size, ToneStyle::Paraview, context)?;
-        return Ok(Poster { png: png(png::ColorType::Grayscale, size, &picture.data)?, range: None });
+        return Ok(Poster { png: png_bytes(size, &picture.data)?, range: None });
     }
     let plane = surface_density(&scene, &DensityView::of_view(&view, scene.bounds()), size, context)?;
     let range = plane.first_range();
     let colors = DensityColors::new(Colormap::default(), false, range.unwrap_or([1.0, 10.0]));
     let pixels: Vec<u8> = plane.data.iter().flat_map(|v| colors.of(*v)).collect();
-    Ok(Poster { png: png(png::ColorType::Rgb, size, &pixels)?, range })
-}
-
-fn png(color: png::ColorType, size: Size, pixels: &[u8]) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, size.width as u32, size.height as u32);
-    encoder.set_color(color);
-    encoder.set_depth(png::BitDepth::Eight);
-    let written = encoder.write_header().and_then(|mut w| {
-        w.write_image_data(pixels)?;
-        w.finish()
-    });
-    written.map_err(|e| Error::io("the poster", e.into()))?;
-    Ok(bytes)
+    Ok(Poster { png: png_bytes(size, &pixels)?, range })
 }

@@ -32,11 +32,18 @@
 //! `particlegs-compress` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 
+mod export;
+pub mod input;
+mod merge;
 mod model;
+mod particle_files;
 mod picture;
 pub mod pictures;
+mod run;
 mod series;
 mod snapshot;
+mod training_log;
+mod verification;
 
 /// What most programs need.
 ///
@@ -130,18 +137,25 @@ pub mod training {
     pub use particlegs_train::{Config, Limits, Preset};
 }
 
+pub use export::{ExportOptions, ExportResult, plan_export};
+pub use merge::{merge, merge_files};
 pub use model::{CompressOptions, Model, compress};
+pub use particle_files::ParticleFile;
+pub use particlegs_compress::verify::{SeriesVerification, StatedFigure, Verification};
 pub use particlegs_core::context::{Context, Level, ProgressEvent, ProgressSink};
 pub use particlegs_core::parallel::with_threads;
 pub use particlegs_core::picture::{Gray8, Plane, Size};
 pub use particlegs_core::splat::ToneStyle;
-pub use particlegs_core::{Error, Hint, Result};
-pub use particlegs_export::Density;
+pub use particlegs_core::{Error, Hint, NamedValue, Result};
+pub use particlegs_export::{Cells, Density};
 pub use particlegs_files::memory::available_bytes as available_memory;
+pub use particlegs_files::output::Outputs;
 pub use particlegs_fit::recover::{Method as RecoverMethod, Options as RecoverOptions};
 pub use particlegs_formats::{Choice, Description, Species, SpeciesField, SpeciesMass, Weights};
-pub use particlegs_measure::score::Evaluation;
+pub use particlegs_measure::score::{Assessment, Evaluation, Grade, UseCase};
 pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
 pub use picture::SavePng;
-pub use series::{FrameRange, FrameResult, SeriesOptions, SeriesResult, make_series};
+pub use run::{ModelOutput, RunOptions, compress_into};
+pub use series::{FrameRange, FrameResult, Series, SeriesOptions, SeriesResult, make_series};
 pub use snapshot::Snapshot;
+pub use verification::FileVerification;

@@ -1,20 +1,26 @@
 //! A model as a user holds it: its file's bytes, and what they decode to.
 
 use crate::camera::{DensityView, View, base_distance, spherical_camera};
+use crate::input::{FileContent, FrameChoice};
 use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
+use crate::series::SeriesFrame;
 use crate::{
-    Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, ToneStyle,
+    Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, Storage,
+    ToneStyle,
 };
 use particlegs_compress::Compression;
+use particlegs_compress::verify::StoredModel;
 use particlegs_core::checkpoint::NoCheckpoints;
-use particlegs_core::render::Scene;
+use particlegs_core::codec::FileInfo;
+use particlegs_core::model::Target;
+use particlegs_core::render::{FieldQuery, Scene};
 use particlegs_core::{codec, model, render};
 use particlegs_export::Cells;
-use particlegs_files::input::{Source, name_of};
 use particlegs_files::model_file;
 use particlegs_files::output::write_bytes;
-use particlegs_measure::score;
+use particlegs_measure::score::{self, Assessment};
 use particlegs_pictures::PictureSource;
+use std::fmt::{Debug, Formatter};
 use std::path::Path;
 
 pub use particlegs_compress::Options as CompressOptions;
@@ -22,8 +28,18 @@ pub use particlegs_compress::Options as CompressOptions;
 /// A mixture of Gaussians with its file.
 #[derive(Clone)]
 pub struct Model {
+    name: String,
     bytes: Vec<u8>,
     decoded: model::Model,
+    frame: Option<SeriesFrame>,
+}
+
+impl Debug for Model {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let [gaussians, particles] = [self.decoded.gaussians() as u64, self.metadata().count];
+        let (name, bytes) = (&self.name, self.bytes.len());
+        write!(f, "Model({name}: {gaussians} Gaussians for {particles} particles, {bytes} bytes)")
+    }
 }
 
 /// Compresses a snapshot; the same snapshot, options and seed give the same bytes, whatever the threads. What a user should
@@ -33,40 +49,118 @@ pub struct Model {
 /// [`crate::Error::Input`] for particles that cannot be compressed; [`crate::Error::Argument`] for a target out of
 /// range; [`crate::Error::Memory`]; [`crate::Error::Cancelled`]; those of reading.
 pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Context<'_>) -> Result<Model> {
-    let (particles, fields) = snapshot.particles_with(!options.fields.is_empty(), context)?;
+    options.check()?;
+    let (particles, fields) = snapshot.read(!options.fields.is_empty(), &Storage::Memory, context)?;
     let mut options = options.clone();
     options.read.extend(snapshot.options());
     let made = Compression::plan(&particles, &fields, &options, context)?.run(&mut NoCheckpoints, context)?;
     made.notes.iter().for_each(|note| context.note(note));
-    Ok(Model { bytes: made.bytes, decoded: made.model })
+    let certificate = made.model.certificate.as_ref();
+    let unit = made.model.metadata.units.length_text();
+    let differing = certificate.map_or_else(Vec::new, |c| c.differing_layers(&made.model.layers, unit));
+    differing.iter().for_each(|note| context.note(note));
+    Ok(Model { name: particles.meta.name.clone(), bytes: made.bytes, decoded: made.model, frame: None })
 }
 
 impl Model {
-    /// Reads a model file; `-` is standard input.
+    /// Reads a model file, or the last frame of a series; `-` is standard input.
     ///
     /// # Errors
-    /// [`crate::Error::Io`]; [`crate::Error::Input`] for what is no model, or a damaged one.
+    /// [`crate::Error::Io`]; [`crate::Error::Input`] for what is no model; [`crate::Error::Corrupt`].
     pub fn open(path: impl AsRef<Path>) -> Result<Model> {
-        let name = name_of(path.as_ref());
-        let source = Source::open(path.as_ref(), &Context::SILENT)?;
-        Model::from_bytes(model_file::read_source(source, &name)?, &name)
+        Model::open_frame(path, &FrameChoice::Last, &Context::SILENT)
+    }
+
+    /// Reads a model file, or a frame or moment of a series, coded as a model of its own.
+    ///
+    /// # Errors
+    /// As [`Model::open`]; [`crate::Error::Input`] for a frame that there is not.
+    pub fn open_frame(path: impl AsRef<Path>, frame: &FrameChoice, context: &Context<'_>) -> Result<Model> {
+        match FileContent::open(path, context)? {
+            FileContent::Model(model) => frame.check_model(&model.name).map(|()| *model),
+            FileContent::Series(series) => series.model(frame, context),
+        }
     }
 
     /// Decodes a model file's bytes; errors name it `name`.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] for what is no model, or a damaged one.
+    /// [`crate::Error::Input`] for what is no model; [`crate::Error::Corrupt`].
     pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Model> {
-        let decoded = codec::decode(&bytes, name)?;
-        Ok(Model { bytes, decoded })
+        Model::decode(bytes, name, &Context::SILENT)
+    }
+
+    /// [`Model::from_bytes`] that can be cancelled.
+    ///
+    /// # Errors
+    /// As [`Model::from_bytes`]; [`crate::Error::Cancelled`].
+    pub fn decode(bytes: Vec<u8>, name: &str, context: &Context<'_>) -> Result<Model> {
+        let decoded = codec::decode_with(&bytes, name, context)?;
+        Ok(Model { name: name.into(), bytes, decoded, frame: None })
+    }
+
+    /// The model of a frame of a series, with the certificate that the series has for it.
+    pub(crate) fn of_frame(bytes: Vec<u8>, name: String, frame: SeriesFrame, context: &Context<'_>) -> Result<Model> {
+        let mut model = Model::decode(bytes, &name, context)?;
+        model.decoded.certificate = frame.lock().series().certificate(frame.number)?;
+        Ok(Model { frame: Some(frame), ..model })
+    }
+
+    /// The path that it was read from, or the name of its snapshot.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The name of its file, without folders.
+    pub fn file_name(&self) -> String {
+        Path::new(&self.name).file_name().map_or_else(|| self.name.clone(), |n| n.to_string_lossy().into_owned())
     }
 
     /// Writes the file, whole or not at all; `-` is standard output.
     ///
     /// # Errors
-    /// [`crate::Error::Io`].
+    /// [`crate::Error::Io`]; [`crate::Error::Argument`] for a name that means another kind of file.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        model_file::check_name(path.as_ref())?;
         write_bytes(path.as_ref(), &self.bytes)
+    }
+
+    /// Merges Gaussians in pairs, the least visible merges first, down to a ratio, a size or a number of Gaussians.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for another target, a larger model than this, and alpha-blend models;
+    /// [`crate::Error::Cancelled`].
+    pub fn simplify(&self, target: Target, context: &Context<'_>) -> Result<Model> {
+        self.info()?.left_out().iter().for_each(|note| context.note(note));
+        let bytes = particlegs_compress::simplify(self.decoded.clone(), self.bytes.len() as u64, target, context)?;
+        Model::decode(bytes, &self.name, context)
+    }
+
+    /// The model as its file or its series has it.
+    pub(crate) fn stored(&self, context: &Context<'_>) -> Result<StoredModel> {
+        match &self.frame {
+            Some(frame) => StoredModel::of_frame(&mut frame.lock(), frame.number, context),
+            None => StoredModel::new(self.decoded.clone(), &self.bytes, &self.name),
+        }
+    }
+
+    /// The same blocks with another certificate, or none.
+    ///
+    /// # Errors
+    /// [`crate::Error::Corrupt`].
+    pub fn with_certificate(&self, certificate: Option<&Certificate>) -> Result<Model> {
+        let layers = codec::coded_layers(&self.bytes, &self.name)?;
+        let network = self.decoded.vizmapper().map(|v| &**v);
+        let metadata = codec::read_metadata(&self.bytes, &self.name)?;
+        Model::from_bytes(codec::assemble_with(&metadata, network, certificate, layers)?, &self.name)
+    }
+
+    /// The index of the file: its layers and blocks.
+    ///
+    /// # Errors
+    /// [`crate::Error::Corrupt`].
+    pub fn info(&self) -> Result<FileInfo> {
+        codec::read_info(&self.bytes, &self.name)
     }
 
     /// The file's bytes.
@@ -133,6 +227,22 @@ impl Model {
     pub fn density_map(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
         self.check_density()?;
         render::surface_density(&Scene::new(&self.decoded), view, size, context)
+    }
+
+    /// The mean of a field along the line of sight of each pixel, in its unit; NaN where there is no mass. `field` is a
+    /// scalar's name such as `temperature`, a component of a vector such as `velocity.los`, or `dispersion.` and a name.
+    ///
+    /// # Errors
+    /// As [`Model::density_map`]; [`crate::Error::Argument`] for a field that the model lacks.
+    pub fn field_map(&self, field: &str, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane<f64>> {
+        let query = FieldQuery::new(field, &self.metadata().fields)?;
+        let map = render::field_map(&Scene::new(&self.decoded), &query, view, size, context)?;
+        Ok(map.wanted(&query).clone())
+    }
+
+    /// What its certificate says that it is good for: a word and a reason for each use.
+    pub fn verdict(&self) -> Vec<Assessment> {
+        Assessment::verdict(self.certificate(), self.metadata())
     }
 
     /// The density integrated over cells, `longest` of them along the longest edge.

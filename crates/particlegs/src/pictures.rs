@@ -29,7 +29,7 @@
 //! # Ok::<(), particlegs::Error>(())
 //! ```
 
-use crate::{Context, Model, Result, Snapshot};
+use crate::{Context, Model, Result, Snapshot, Storage};
 use particlegs_pictures::certificate;
 use std::path::{Path, PathBuf};
 
@@ -55,7 +55,7 @@ pub fn render_snapshot(
     context: &Context<'_>,
 ) -> Result<PictureReport> {
     options.check()?;
-    let (particles, fields) = snapshot.particles_with(options.field.name.is_some(), context)?;
+    let (particles, fields) = snapshot.read(options.field.name.is_some(), &Storage::Memory, context)?;
     particlegs_pictures::render_particles(&particles, &fields, &snapshot.name(), options, outputs, context)
 }
 

@@ -17,7 +17,8 @@ pub struct Snapshot {
 #[derive(Clone)]
 enum SnapshotSource {
     Files(Vec<PathBuf>),
-    Memory(Box<Particles>),
+    /// Particles, and fields of each layer, if there are any.
+    Memory(Box<Particles>, Vec<LayerFields>),
 }
 
 impl Snapshot {
@@ -76,7 +77,7 @@ impl Snapshot {
     pub fn describe(&self, context: &Context<'_>) -> Result<Description> {
         match &self.source {
             SnapshotSource::Files(paths) => Ok(self.choice.describe(paths, false, context)?.0),
-            SnapshotSource::Memory(_) => Err(Error::argument("particles in memory have no files to describe")),
+            SnapshotSource::Memory(..) => Err(Error::argument("particles in memory have no files to describe")),
         }
     }
 
@@ -90,23 +91,79 @@ impl Snapshot {
     /// [`Error::Input`] for a species that there is not, and invalid values; [`Error::Argument`] for a species of
     /// particles in memory; [`Error::Memory`]; [`Error::Cancelled`].
     pub fn particles(&self, context: &Context<'_>) -> Result<Particles> {
+        Ok(self.read(false, &Storage::Memory, context)?.0)
+    }
+
+    /// The particles, with their fields if those are wanted; what cannot be used in place goes to `storage`.
+    pub(crate) fn read(
+        &self,
+        with_fields: bool,
+        storage: &Storage,
+        context: &Context<'_>,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
         match (&self.source, self.choice.selection) {
-            (SnapshotSource::Files(paths), _) => self.choice.read(paths, &Storage::Memory, context),
-            (SnapshotSource::Memory(_), _) if !self.choice.species.is_empty() => {
+            (SnapshotSource::Files(paths), _) if with_fields => {
+                self.choice.clone().read_fields(paths, storage, context)
+            }
+            (SnapshotSource::Files(paths), _) => Ok((self.choice.read(paths, storage, context)?, Vec::new())),
+            (SnapshotSource::Memory(_, fields), _) if with_fields && fields.is_empty() => {
+                Err(Error::argument("particles in memory have no fields to store"))
+            }
+            (SnapshotSource::Memory(..), Some(_)) if with_fields => {
+                Err(Error::argument("a selection of particles in memory leaves their fields out"))
+            }
+            (SnapshotSource::Memory(..), _) if !self.choice.species.is_empty() => {
                 Err(Error::argument("particles in memory have no species to choose from"))
             }
-            (SnapshotSource::Memory(all), Some(part)) => all.select(part, &Storage::Memory, context),
-            (SnapshotSource::Memory(all), None) => Ok((**all).clone()),
+            (SnapshotSource::Memory(all, _), Some(part)) => Ok((all.select(part, storage, context)?, Vec::new())),
+            (SnapshotSource::Memory(all, fields), None) => {
+                Ok(((**all).clone(), if with_fields { fields.clone() } else { Vec::new() }))
+            }
         }
     }
 
-    /// The particles, and the fields of each layer where they are wanted.
-    pub(crate) fn particles_with(&self, fields: bool, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
-        match &self.source {
-            _ if !fields => Ok((self.particles(context)?, Vec::new())),
-            SnapshotSource::Files(paths) => self.choice.clone().read_fields(paths, &Storage::Memory, context),
-            SnapshotSource::Memory(_) => Err(Error::argument("particles in memory have no fields")),
+    /// The particles, and the fields of each layer: those of the files, or those that it was given.
+    ///
+    /// # Errors
+    /// As [`Snapshot::particles`]; [`Error::Argument`] for a selection of particles in memory that have fields.
+    pub fn particles_and_fields(&self, context: &Context<'_>) -> Result<(Particles, Vec<LayerFields>)> {
+        self.read(true, &Storage::Memory, context)
+    }
+
+    /// Whether fields can be read with the particles.
+    pub fn has_fields(&self) -> bool {
+        !matches!(&self.source, SnapshotSource::Memory(_, fields) if fields.is_empty())
+    }
+
+    /// Gives particles in memory the fields of each layer, in the order of the layers.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for particles of files, which have their own, and for another number of layers.
+    pub fn with_fields(self, fields: Vec<LayerFields>) -> Result<Snapshot> {
+        match self.source {
+            SnapshotSource::Memory(particles, _) if fields.is_empty() || fields.len() == particles.layers().len() => {
+                Ok(Snapshot { source: SnapshotSource::Memory(particles, fields), choice: self.choice })
+            }
+            SnapshotSource::Memory(..) => Err(Error::argument("give fields for each layer")),
+            SnapshotSource::Files(_) => Err(Error::argument("files have fields of their own")),
         }
+    }
+
+    /// Names files that were opened before, such as a pipe's, and how they are read.
+    pub fn of_files(paths: &[PathBuf], choice: Choice) -> Snapshot {
+        Snapshot { source: SnapshotSource::Files(paths.to_vec()), choice }
+    }
+
+    /// Reads another frame of a trajectory; of particles in memory there is but one.
+    pub(crate) fn with_frame(mut self, frame: Option<i64>) -> Snapshot {
+        self.choice.frame = frame;
+        self
+    }
+
+    /// All particles, and the part that was selected.
+    pub(crate) fn without_selection(mut self) -> (Snapshot, Selection) {
+        let selection = self.choice.selection.take();
+        (self, selection.unwrap_or_else(Selection::all))
     }
 
     /// Draws all particles, as ParaView's point Gaussians, to the last level.
@@ -125,7 +182,7 @@ impl Snapshot {
                 let name = paths.first().and_then(|path| path.file_name());
                 name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
             }
-            SnapshotSource::Memory(_) => String::new(),
+            SnapshotSource::Memory(..) => String::new(),
         }
     }
 
@@ -137,7 +194,7 @@ impl Snapshot {
 
 impl From<Particles> for Snapshot {
     fn from(particles: Particles) -> Snapshot {
-        Snapshot { source: SnapshotSource::Memory(particles.into()), choice: Choice::default() }
+        Snapshot { source: SnapshotSource::Memory(particles.into(), Vec::new()), choice: Choice::default() }
     }
 }
 

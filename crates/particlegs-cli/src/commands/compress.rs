@@ -9,13 +9,11 @@ use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{HEADING, parse_bytes};
 use clap::{Args, ValueHint};
-use particlegs_compress::{CompressedModel, Compression, Options, SharingPolicy, Target};
-use particlegs_core::checkpoint::CheckpointStore;
-use particlegs_core::context::Context;
+use particlegs::{RunOptions, Snapshot, compress_into};
+use particlegs_compress::{CompressedModel, SharingPolicy, Target};
 use particlegs_core::model::Model;
 use particlegs_core::{Result, codec};
-use particlegs_files::output;
-use particlegs_particles::{Particles, Storage};
+use particlegs_particles::Particles;
 use particlegs_pictures::certificate;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -113,75 +111,33 @@ pub fn run(a: Arguments) -> Result<()> {
         options.target = Target::Size(total);
         options.size_with_fields = true;
     }
-    options.check()?;
     let context = a.common.clone().start()?;
+    let inputs = a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path);
+    context.reads(inputs.chain(a.fit.train.tune.config_file()), a.force.force)?;
+    if let Some(folder) = &a.pictures {
+        // The model may go into the same folder.
+        context.outputs.make_folder(folder)?;
+        certificate::declare(folder, &context.outputs, &context)?;
+    }
     let start = Instant::now();
-    options.limits = a.run.limits(start, a.scratch_folder())?;
-    options.limits.device = a.device.trainer(options.training.is_some())?;
-    let kept = a.plan(&options, &context)?;
-    if options.memory.is_some() {
-        options.storage = Storage::Disk(a.scratch_folder());
+    let device = a.device.trainer(options.training.is_some())?;
+    let run = RunOptions { scratch: a.scratch.clone(), device, ..a.run.options(a.force.force) };
+    if options.training.is_some() {
+        context.finishes_its_steps();
     }
-    let mut choice = a.particles.choice(a.common.seed)?;
-    let (particles, sources) = match options.fields.is_empty() {
-        true => (choice.read(&a.input, &options.storage, &context)?, Vec::new()),
-        false => choice.read_fields(&a.input, &options.storage, &context)?,
-    };
-    let blocks = options.blocks_of(&particles)?;
-    if options.memory.is_some() && blocks > 1 {
-        options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
+    let snapshot = Snapshot::of_files(&a.input, a.particles.choice(a.common.seed)?);
+    let made = compress_into(&snapshot, a.output(), (&options, &run), &context.outputs, &context)?;
+    a.write_pictures(&made.made.model, &made.particles, &context)?;
+    match made.existing {
+        true => report_existing(&a, &made.made, &context),
+        false => report(&a, &context, &made.made, start.elapsed().as_secs_f64()),
     }
-    if kept {
-        return there_already(&a, &options, &particles, &context);
-    }
-    let planned = Compression::plan(&particles, &sources, &options, &context)?;
-    context.notes(planned.notes());
-    let checkpoint = match options.training {
-        Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
-        None => None,
-    };
-    let work = |checkpoints: &mut dyn CheckpointStore, context: &Context<'_>| planned.run(checkpoints, context);
-    let done = a.run.run(a.output(), &context, checkpoint, work)?;
-    let seconds = start.elapsed().as_secs_f64();
-    a.write_pictures(&done.model, &particles, &context)?;
-    report(&a, &context, &done, seconds)
 }
 
 impl Arguments {
     /// The model file; empty if only the configuration is printed.
     fn output(&self) -> &Path {
         self.output.as_deref().unwrap_or(Path::new(""))
-    }
-
-    fn scratch_folder(&self) -> PathBuf {
-        self.scratch.clone().unwrap_or_else(|| output::scratch_folder(self.output()))
-    }
-
-    /// Declares inputs and outputs. Returns whether there is a model already that this command may have made.
-    fn plan(&self, options: &Options, context: &CommandContext) -> Result<bool> {
-        let inputs = self.input.iter().chain(&self.particles.opening.topology).map(PathBuf::as_path);
-        let inputs = inputs.chain(self.fit.train.tune.config_file());
-        context.reads(inputs, self.force.force)?;
-        if let Some(folder) = &self.pictures {
-            // The model may go into the same folder.
-            certificate::declare(folder, &context.outputs, context)?;
-        }
-        let there = context.outputs.writes_model(self.output(), context)?;
-        if options.training.is_some() {
-            self.run.plan(self.output(), self.force.force, context)?;
-        }
-        if let Some(folder) = &self.scratch {
-            output::check_writable(&folder.join("scratch"))?;
-        }
-        let kept = there && !self.run.goes_on();
-        if kept {
-            let bytes = crate::inputs::model(self.output(), context)?;
-            let told = codec::read_metadata(&bytes, &self.output().display().to_string())?;
-            if !options.ask_for(&told) {
-                return Err(context.refused(self.output()));
-            }
-        }
-        Ok(kept)
     }
 
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &CommandContext) -> Result<()> {
@@ -192,16 +148,10 @@ impl Arguments {
     }
 }
 
-/// For an existing model: accepts it if this command makes the same one, else refuses to replace it. Draws its pictures
-/// in any case.
-fn there_already(a: &Arguments, options: &Options, particles: &Particles, context: &CommandContext) -> Result<()> {
-    let (bytes, place) = (crate::inputs::model(a.output(), context)?, a.output().display().to_string());
-    let model = codec::decode_with(&bytes, &place, context)?;
+fn report_existing(a: &Arguments, made: &CompressedModel, context: &CommandContext) -> Result<()> {
+    let (model, bytes, place) = (&made.model, &made.bytes, a.output().display().to_string());
     let certificate = model.certificate.as_ref();
-    if !options.made(&model.metadata, certificate.is_some(), particles)? {
-        return Err(context.refused(a.output()));
-    }
-    let info = codec::read_info(&bytes, &place)?;
+    let info = codec::read_info(bytes, &place)?;
     let gaussians = info.gaussians();
     let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
@@ -215,7 +165,6 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
         "output": a.output().to_string_lossy(), "there_already": true, "particles": model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes.len(), "raw_bytes": info.raw_bytes(), "compression_ratio": info.compression_ratio(), "certificate": certificate,
     });
-    a.write_pictures(&model, particles, context)?;
     context.finish(&text, &value)
 }
 

@@ -1,16 +1,17 @@
 //! `particlegs convert IN... -o OUT`.
 
 use crate::common::{CommandContext, Common};
-use crate::inputs::{self, PathContent};
-use crate::outputs::{ForceArgs, PARTICLES};
+use crate::inputs::{self, Input};
+use crate::outputs::ForceArgs;
 use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
-use particlegs_core::{Error, Result, codec};
+use particlegs::{Model, Snapshot};
+use particlegs_core::{Error, Result};
 use particlegs_files::input::name_of;
-use particlegs_formats::{Writer, write_splats};
-use particlegs_particles::{RawForm, SelectedParticles, Storage, Tiling};
+use particlegs_formats::Writer;
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
@@ -69,61 +70,40 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
     let mut choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.particles.opening, &context)? {
-            PathContent::Model(bytes) => return splats(&a, one, &bytes, &context),
-            PathContent::Snapshot(choice) => *choice,
+            Input::Model(bytes) => return splats(&a, one, bytes, &context),
+            Input::Snapshot(choice) => *choice,
         },
         _ => a.particles.opening.choice()?,
     };
-    let writer = match Writer::for_output(&a.output, a.to.as_deref()) {
-        Ok(writer) => writer,
-        // First check that the output is neither an input nor another output.
-        Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
-    };
-    match writer.folder {
-        true => context.outputs.writes_folder(&a.output, &RawForm::FOLDER_FILES)?,
-        false => context.writes(&a.output, &PARTICLES)?,
-    };
-    let (particles, fields) = choice.read_fields(&a.input, &Storage::Memory, &context)?;
-    let tiling = match a.tile.as_deref() {
-        None => Tiling::single(),
-        Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,
+    let copies = match a.tile.as_deref() {
+        None => None,
+        Some(&[x, y, z]) => Some([x, y, z]),
         Some(_) => return Err(Error::argument("--tile takes three numbers, such as 2,8,8")),
     };
-    let selection = a.particles.selection.selection(&a.particles.window, context.common.seed)?;
-    let start = std::time::Instant::now();
-    let mut kept = SelectedParticles::new(&particles, tiling, selection, &context)?;
-    if !fields.is_empty() {
-        kept = kept.with_fields(fields);
-    }
-    if let Some(left_out) = writer.left_out(&kept) {
-        context.message(&format!("note: {left_out}"));
-    }
-    let bytes = context.outputs.write_file(&a.output, |out| writer.write(&kept, out, &context), &context)?;
-    let seconds = start.elapsed().as_secs_f64();
-    let count = kept.total();
-    let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
+    choice.selection = Some(a.particles.selection.selection(&a.particles.window, context.common.seed)?);
+    let start = Instant::now();
+    let snapshot = Snapshot::of_files(&a.input, choice);
+    let made = snapshot.convert(&a.output, (a.to.as_deref(), copies), &context.outputs, &context)?;
+    let (seconds, count, megabytes) = (start.elapsed().as_secs_f64(), made.particles, made.bytes as f64 / 1e6);
+    let text = format!("{}: {count} particles, {megabytes:.1} MB, in {seconds:.1} s", a.output.display());
     let report = json!({
-        "output": a.output.to_string_lossy(), "particles_in": particles.len(), "particles": count, "bytes": bytes,
-        "seconds": seconds,
+        "output": a.output.to_string_lossy(), "particles_in": made.particles_in, "particles": count,
+        "bytes": made.bytes, "seconds": seconds,
     });
     context.finish(&text, &report)
 }
 
-fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &CommandContext) -> Result<()> {
-    let start = std::time::Instant::now();
+fn splats(a: &Arguments, path: &Path, bytes: Vec<u8>, context: &CommandContext) -> Result<()> {
+    let start = Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
         let what = "a model can only be converted to splats, with an output name that ends in .ply";
         let hint = "draw particles with `recover`, then convert them";
         return Err(Error::argument_with(what, hint));
     }
-    context.outputs.writes_new(&a.output, &PARTICLES, context)?;
-    let decoded = codec::decode_with(bytes, &name_of(model), context)?;
-    let bytes = write_splats(&decoded, None, &[], &a.output, context)?;
-    if decoded.vizmapper().is_some() {
-        context.message("note: the VizMapper is left out: a PLY file holds only splats");
-    }
-    let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());
+    let model = Model::decode(bytes, &name_of(path), context)?;
+    let bytes = model.save_splats(&a.output, &context.outputs, context)?;
+    let (gaussians, seconds) = (model.decoded().gaussians(), start.elapsed().as_secs_f64());
     let text = format!("{}: {gaussians} splats, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
     let report = json!({
         "output": a.output.to_string_lossy(), "gaussians": gaussians, "bytes": bytes, "seconds": seconds,

@@ -5,7 +5,6 @@ use crate::device::DeviceArgs;
 use crate::inputs;
 use crate::snapshot_args::ParticleArgs;
 use crate::text_wrap::counted;
-use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs_compress::source_difference;
 use particlegs_core::camera::View;
@@ -51,7 +50,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "frames")]
     views: Option<PathBuf>,
     /// Picture size in pixels.
-    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, conflicts_with = "views")]
+    #[arg(long, value_name = "WxH", default_value = "1920x1080", conflicts_with = "views")]
     size: Size,
     /// Folder for pictures of snapshot, model, error and surface density.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]

@@ -2,22 +2,19 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::density_args::range_of;
-use crate::inputs::{self, FrameArgs};
+use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
-use particlegs_core::codec::{FileInfo, SeriesFile};
-use particlegs_core::model::{LawKind, Model, Quantity};
-use particlegs_core::{Error, Result, codec};
-use particlegs_export::{
-    Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, fields_named, write_as_splats, write_density,
-    write_gaussians,
-};
-use particlegs_files::input::{self, name_of};
-use particlegs_files::output::{is_stream, write_bytes};
-use particlegs_view::page::{ModelFile, linked, offline};
-use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use particlegs::input::FileContent;
+use particlegs::{ExportOptions, Model, plan_export};
+use particlegs_core::codec::FileInfo;
+use particlegs_core::{Error, Result};
+use particlegs_export::{Cells, ColorBy, Group, Kind};
+use particlegs_files::input::is_stream;
+use particlegs_view::page::PageOpening;
+use serde_json::json;
+use std::path::PathBuf;
 use std::time::Instant;
 
 #[derive(Args)]
@@ -120,178 +117,61 @@ struct GridArgs {
     fields: Vec<String>,
 }
 
-/// What was written: its size, a description, and further keys of the report.
-type ExportSummary = (u64, String, Value);
-
-struct Export<'a> {
-    a: &'a Arguments,
-    kind: Kind,
-    notes: Notes,
-    context: &'a CommandContext,
-}
-
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([&a.model].into_iter().chain(a.page.files()).map(PathBuf::as_path), a.force.force)?;
-    let kind = match Kind::for_output(&a.output, a.kind) {
-        Ok(kind) => kind,
-        // First check that the output is neither an input nor another output.
-        Err(error) => return context.writes(&a.output, &crate::outputs::PARTICLES).and(Err(error)),
-    };
-    context.writes(&a.output, &kind.file())?;
+    let kind = plan_export(&a.output, a.kind, &context.outputs, &context)?;
     let start = Instant::now();
-    let paged = kind.group() == Group::Page;
-    if a.link && !paged {
-        return Err(Error::argument(format!("--link is for pages, not for .{}", kind.ending())));
-    }
-    if a.link && input::is_stream(&a.model) {
+    if a.link && is_stream(&a.model) {
         return Err(Error::argument("--link needs the name of a file that the page can load, not standard input"));
     }
     if a.link && a.series.is_given() {
         let what = "--link leaves the whole file beside the page, so it takes no --frame or --time";
         return Err(Error::argument_with(what, "extract the frame first, or leave out --link"));
     }
-    let bytes = if paged && !a.series.is_given() {
-        inputs::model_or_series(&a.model, &context)?
-    } else {
-        inputs::model_of(&a.model, &a.series, &context)?
+    let paged = kind.group() == Group::Page;
+    let content = match paged && !a.series.is_given() {
+        true => FileContent::open(&a.model, &context)?,
+        false => FileContent::Model(Model::open_frame(&a.model, &a.series.choice(), &context)?.into()),
     };
-    let name = a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let place = name_of(&a.model);
-    let series = if codec::is_series(&bytes) { Some(SeriesFile::read(&bytes, &place)?) } else { None };
-    let first = match &series {
-        Some(series) => series.frame_bytes(series.first()?)?,
-        None => &bytes,
+    let opening = match (&content, paged) {
+        (_, false) => PageOpening::default(),
+        (FileContent::Model(model), _) => a.opening(&model.info()?, &context)?,
+        (FileContent::Series(series), _) => a.opening(&series.first_info()?, &context)?,
     };
-    let model = codec::decode_with(first, &place, &context)?;
-    let whole = a.layers == ["all"] || paged;
-    let mut model = if whole { model } else { model.only(&a.layers)? };
-    if !paged {
-        model.drop_empty();
-    }
-    let fields = fields_named(kind, &model, &a.grid.fields)?;
-    let notes = Notes::new(kind, &model, &name, &fields);
-    let (gaussians, lost) = (model.gaussians(), notes.lost.clone());
-    let mut export = Export { a: &a, kind, notes, context: &context };
-    let (bytes, what, more) = match kind.group() {
-        Group::Splats => export.splats(model)?,
-        Group::Grid => export.grid(&model, fields)?,
-        Group::Page => {
-            let info = codec::read_info(first, &place)?;
-            let written = export.page(ModelFile { name: &name, bytes: &bytes }, &model, &info)?;
-            let what = match &series {
-                Some(series) => format!("a page of {} frames", series.frames.len()),
-                None => format!("a page of {gaussians} Gaussians"),
-            };
-            (written, what, json!({}))
-        }
-        Group::Gaussians => {
-            let write = |out: &Path| write_gaussians(kind, &model, &export.notes, out, &context);
-            (context.outputs.write_file(&a.output, write, &context)?, format!("{gaussians} Gaussians"), json!({}))
-        }
-    };
-    let (out, megabytes, seconds) = (a.output.display(), bytes as f64 / 1e6, start.elapsed().as_secs_f64());
-    let text = format!("{out}: {what}, {megabytes:.1} MB, in {seconds:.2} s");
-    let mut report = json!({
-        "output": a.output.to_string_lossy(), "kind": kind.ending(), "gaussians": gaussians, "bytes": bytes,
-        "seconds": seconds, "lost": lost,
-    });
-    report.as_object_mut().into_iter().for_each(|r| r.extend(more.as_object().cloned().unwrap_or_default()));
-    context.finish(&text, &report)
-}
-
-impl Export<'_> {
-    /// The page, which contains the unchanged file or requests it.
-    fn page(&self, file: ModelFile<'_>, model: &Model, info: &FileInfo) -> Result<u64> {
-        let a = self.a;
-        let opening = a.page.opening(&a.dials, &a.layers, &[info], self.context)?;
-        let html = if a.link {
-            self.context.message(&format!("note: put the page and {} into one folder of a web server", file.name));
-            linked(file, &opening)
-        } else {
-            offline(&[(file, model)], &opening, self.context)?
-        };
-        let write = |out: &Path| write_bytes(out, &html).map(|()| html.len() as u64);
-        self.context.outputs.write_file(&a.output, write, self.context)
-    }
-
-    fn splats(&mut self, model: Model) -> Result<ExportSummary> {
-        let (a, color, context, m) = (&self.a.dials, self.a.splats.color, self.context, &model.metadata);
-        if m.law == LawKind::AlphaBlend
-            && model.vizmapper().is_none()
-            && let Some(option) = a.radius.map(|_| "--radius").or(a.opacity.map(|_| "--opacity"))
-        {
-            let what = format!("{option} has no effect here: this alpha-blend model has no VizMapper");
-            return Err(Error::argument(what));
-        }
-        let (range, colormap) = (range_of(a.range.as_deref())?, a.colormap.unwrap_or_default());
-        let (radius, opacity) = (a.radius.unwrap_or(m.default_radius), a.opacity.unwrap_or(m.default_opacity));
-        // Memory besides the model: colours, and for glTF its arrays.
-        context.require_memory("splats", 40 * model.gaussians() as u64)?;
-        let coloring = Coloring::new(&model, color, colormap, range)?;
-        let notes = &mut self.notes;
-        notes.set("radius", radius);
-        notes.set("opacity", opacity);
-        notes.say(format!("particles of radius {radius} and opacity {opacity}"));
-        coloring.describe(&model, color, colormap, notes);
-        let (splats, faint) = as_splats(model, radius, opacity, context)?;
-        notes.set("fainter_than_viewers_draw", json!(faint));
-        let write =
-            |out: &Path| write_as_splats(self.kind, &splats, coloring.colors.as_deref(), &self.notes, out, context);
-        let bytes = context.outputs.write_file(&self.a.output, write, context)?;
-        if faint.particles > 0.01 {
-            context.message(&format!(
-                "note: {:.0} % of the Gaussians, with {:.0} % of the particles, are fainter than 1/255, so viewers \
-                 do not draw them; a larger --opacity or --radius shows them",
-                100.0 * faint.gaussians,
-                100.0 * faint.particles
-            ));
-        }
-        let mut report = json!({ "radius": radius, "opacity": opacity, "fainter_than_viewers_draw": faint });
-        coloring.range.iter().for_each(|range| report["color_range"] = json!(range));
-        Ok((bytes, format!("{} splats", splats.gaussians()), json!({ "splats": report })))
-    }
-
-    fn grid(&mut self, model: &Model, fields: Vec<Quantity>) -> Result<ExportSummary> {
-        let (a, context) = (self.a, self.context);
-        if model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no density: its splats hold opacities, not masses";
-            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)";
-            return Err(Error::argument_with(what, hint));
-        }
-        let beside = (self.kind == Kind::Npy && !is_stream(&a.output)?).then(|| a.output.with_extension("json"));
-        if let Some(beside) = &beside {
-            context.writes(beside, &Kind::description())?;
-        }
-        let cells = match (a.grid.grid, a.grid.cell) {
+    let options = ExportOptions {
+        kind: a.kind,
+        layers: a.layers,
+        cells: match (a.grid.grid, a.grid.cell) {
             (_, Some(side)) => Cells::OfSide(side),
             (Some(n), None) => Cells::Along(n),
             (None, None) => Cells::default(),
-        };
-        let mut density = Density::new(model, cells, context)?;
-        density.add_fields(model, fields, context)?;
-        let (grid, unit, total, outside) = (&density.grid, &density.unit, density.total, density.outside);
-        let report = json!({
-            "cells": grid.cells, "origin": grid.min, "cell": grid.side, "periodic": grid.periodic, "unit": unit,
-            "total": total, "outside": outside,
-            "fields": density.fields.iter().map(|f| json!({ "name": f.quantity.name, "unit": f.unit })).collect::<Value>(),
-        });
-        self.notes.set("density", report.clone());
-        self.notes.say(format!("{total} in all cells, {outside} beyond them; unit of density: {unit}"));
-        let write = |out: &Path| write_density(self.kind, &density, &self.notes, out, context);
-        let bytes = match beside {
-            None => context.outputs.write_file(&a.output, write, context)?,
-            Some(beside) => {
-                let mut all = self.notes.json();
-                all["values"] = "float32, little-endian; the first index is x, the last z".into();
-                all["quantity"] = "density".into();
-                let mut text = serde_json::to_vec_pretty(&all).expect("plain data");
-                text.push(b'\n');
-                context.outputs.write_described(&a.output, (&beside, &text), write, context)?
-            }
-        };
-        let [x, y, z] = grid.cells;
-        let what = format!("{x} x {y} x {z} cells, {} in total, in {unit}", total as f32);
-        Ok((bytes, what, json!({ "grid": report })))
+        },
+        fields: a.grid.fields,
+        color: a.splats.color,
+        colormap: a.dials.colormap.unwrap_or_default(),
+        range: range_of(a.dials.range.as_deref())?,
+        radius: a.dials.radius,
+        opacity: a.dials.opacity,
+        opening,
+        link: a.link,
+    };
+    let made = match content {
+        FileContent::Model(model) => model.export(&a.output, &options, &context.outputs, &context)?,
+        FileContent::Series(series) => series.export(&a.output, &options, &context.outputs, &context)?,
+    };
+    let (out, megabytes, seconds) = (a.output.display(), made.bytes as f64 / 1e6, start.elapsed().as_secs_f64());
+    let text = format!("{out}: {}, {megabytes:.1} MB, in {seconds:.2} s", made.content);
+    let mut report = json!({
+        "output": a.output.to_string_lossy(), "kind": kind.ending(), "gaussians": made.gaussians, "bytes": made.bytes,
+        "seconds": seconds, "lost": made.lost,
+    });
+    report.as_object_mut().into_iter().for_each(|r| r.extend(made.figures.as_object().cloned().unwrap_or_default()));
+    context.finish(&text, &report)
+}
+
+impl Arguments {
+    fn opening(&self, info: &FileInfo, context: &CommandContext) -> Result<PageOpening> {
+        self.page.opening(&self.dials, &self.layers, &[info], context)
     }
 }

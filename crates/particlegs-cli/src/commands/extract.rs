@@ -1,10 +1,11 @@
 //! `particlegs extract RUN.pgs --frame N -o M.pgs`.
 
 use crate::common::Common;
-use crate::inputs::{self, FrameArgs};
+use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use clap::{Args, ValueHint};
-use particlegs_core::{Error, Result, codec};
+use particlegs::input::FileContent;
+use particlegs_core::{Error, Result};
 use particlegs_files::input::name_of;
 use serde_json::json;
 use std::path::PathBuf;
@@ -36,17 +37,16 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.series.as_path()], a.force.force)?;
     context.outputs.writes_model(&a.output, &context)?;
-    let (series, place) = (inputs::model_or_series(&a.series, &context)?, name_of(&a.series));
-    if !codec::is_series(&series) {
+    let FileContent::Series(series) = FileContent::open(&a.series, &context)? else {
         let what = "it is one model, not a series: there is nothing to extract";
-        return Err(Error::input_with(place, what, "use the file as it is"));
-    }
-    let bytes = inputs::frame_of(series, &a.frame, &place, &context)?;
-    let info = codec::read_info(&bytes, &name_of(&a.output))?;
-    context.outputs.write_model(&a.output, &bytes, &context)?;
-    let text = format!("{}: {} Gaussians, {} bytes", a.output.display(), info.gaussians(), bytes.len());
+        return Err(Error::input_with(name_of(&a.series), what, "use the file as it is"));
+    };
+    let model = series.model(&a.frame.choice(), &context)?;
+    let (bytes, gaussians) = (model.bytes(), model.info()?.gaussians());
+    context.outputs.write_model(&a.output, bytes, &context)?;
+    let text = format!("{}: {} Gaussians, {} bytes", a.output.display(), gaussians, bytes.len());
     let report = json!({
-        "output": a.output.to_string_lossy(), "gaussians": info.gaussians(), "model_bytes": bytes.len(),
+        "output": a.output.to_string_lossy(), "gaussians": gaussians, "model_bytes": bytes.len(),
     });
     context.finish(&text, &report)
 }

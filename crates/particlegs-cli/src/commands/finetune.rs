@@ -2,23 +2,19 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::device::DeviceArgs;
+use crate::info_model;
+use crate::inputs::FrameChoice;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{TargetArgs, parse_bytes, with_default};
 use crate::train_args::TuneArgs;
-use crate::{info_model, inputs};
 use clap::{Args, ValueHint};
-use particlegs_compress::{CompressedModel, FineTuning, finetune, verify};
-use particlegs_core::checkpoint::CheckpointStore;
-use particlegs_core::context::Context;
+use particlegs::{Model, RunOptions, Snapshot};
+use particlegs_compress::{CompressedModel, FineTuning};
+use particlegs_core::Result;
 use particlegs_core::model::{CertificateLevel, LawKind};
-use particlegs_core::{Error, Result, codec};
-use particlegs_files::input::name_of;
-use particlegs_files::model_file;
-use particlegs_files::output;
-use particlegs_particles::Storage;
-use particlegs_train::Config;
+use particlegs_train::{Config, Limits};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -78,55 +74,24 @@ pub fn run(a: Arguments) -> Result<()> {
     let none = Path::new("");
     let (path, out) = (a.model.as_deref().unwrap_or(none), a.output.as_deref().unwrap_or(none));
     let start = Instant::now();
-    let mut options = a.options(out, start)?;
-    options.limits.device = a.device.trainer(true)?;
+    let options = FineTuning {
+        target: a.target.target()?,
+        training: a.tune.config(Config::fine_tuning(), LAW)?,
+        limits: Limits::default(),
+        memory: a.memory.as_deref().map(parse_bytes).transpose()?,
+        seed: a.common.seed,
+        certificate: a.certificate,
+    };
+    let run = RunOptions { device: a.device.trainer(true)?, ..a.run.options(a.force.force) };
     let context = a.common.clone().start()?;
     let inputs = a.snapshot.iter().map(PathBuf::as_path).chain([path]).chain(a.tune.config_file());
     context.reads(inputs, a.force.force)?;
-    // A run with a time limit cannot be compared with another.
-    if context.outputs.writes_model(out, &context)? && !a.run.goes_on() {
-        return Err(context.refused(out));
-    }
-    a.run.plan(out, a.force.force, &context)?;
-    let (bytes, place) = (inputs::model(path, &context)?, name_of(path));
-    let model = codec::decode_with(&bytes, &place, &context)?;
-    context.notes(codec::read_info(&bytes, &place)?.left_out().as_slice());
-    if model.metadata.law != LawKind::AlphaBlend {
-        let what = format!(
-            "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
-            model.metadata.law.name()
-        );
-        let hint = "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
-        return Err(Error::argument_with(what, hint));
-    }
-    let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
-    let particles = a.particles.read(&a.snapshot, a.common.seed, &storage, &context)?;
-    let of_several = model_file::is_of_several(&bytes, &model.metadata, &place)?;
-    verify::check_source(&model, of_several, &particles, &particles.meta.name, &place)?;
-    let checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
-    let size = bytes.len() as u64;
-    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
-        finetune(&model, size, &particles, &options, pieces, context)
-    };
-    let done = a.run.run(out, &context, checkpoint, work)?;
-    report(out, &context, model.gaussians(), size, &done, start.elapsed().as_secs_f64())
-}
-
-impl Arguments {
-    fn options(&self, out: &Path, start: Instant) -> Result<FineTuning> {
-        Ok(FineTuning {
-            target: self.target.target()?,
-            training: self.tune.config(Config::fine_tuning(), LAW)?,
-            limits: self.run.limits(start, self.folder(out))?,
-            memory: self.memory.as_deref().map(parse_bytes).transpose()?,
-            seed: self.common.seed,
-            certificate: self.certificate,
-        })
-    }
-
-    fn folder(&self, out: &Path) -> PathBuf {
-        output::scratch_folder(out)
-    }
+    context.finishes_its_steps();
+    let model = Model::open_frame(path, &FrameChoice::Last, &context)?;
+    let snapshot = Snapshot::of_files(&a.snapshot, a.particles.choice(a.common.seed)?);
+    let done = model.finetune_into(&snapshot, out, (&options, &run), &context.outputs, &context)?;
+    let (gaussians, size) = (model.decoded().gaussians(), model.bytes().len() as u64);
+    report(out, &context, gaussians, size, &done, start.elapsed().as_secs_f64())
 }
 
 fn report(

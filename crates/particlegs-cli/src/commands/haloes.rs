@@ -1,7 +1,7 @@
 //! `particlegs haloes MODEL|SNAPSHOT -o haloes.csv`.
 
 use crate::common::Common;
-use crate::inputs::{self, PathContent};
+use crate::inputs::{self, Input};
 use crate::outputs::{CSV, ForceArgs, HDF5, PDF, PNG, SVG};
 use crate::snapshot_args::SnapshotArgs;
 use clap::{Args, ValueHint};
@@ -99,11 +99,11 @@ impl HaloInput {
     fn open(path: &Path, other: Option<&Path>, a: &Arguments, context: &Context<'_>) -> Result<HaloInput> {
         let opening = inputs::opening_beside(path, other, &a.snapshot);
         Ok(match inputs::model_or_snapshot(path, &opening, context)? {
-            PathContent::Model(bytes) => {
+            Input::Model(bytes) => {
                 let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
                 HaloInput::Model(model.into())
             }
-            PathContent::Snapshot(mut choice) => {
+            Input::Snapshot(mut choice) => {
                 let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
                 let velocities = ParticleFields::moving(&particles, &fields)?;
                 HaloInput::Particles(particles.into(), velocities.map(Box::new))

@@ -1,7 +1,7 @@
 //! `particlegs info FILE`: a model file, or a snapshot in any format.
 
 use crate::common::Common;
-use crate::inputs::{self, FrameArgs, PathContent};
+use crate::inputs::{self, Input};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_series, info_snapshot};
 use clap::Args;
@@ -39,14 +39,12 @@ pub fn run(a: Arguments) -> Result<()> {
     match &a.input[..] {
         [one] if a.snapshot.frame.is_none() && inputs::is_series(one) => {
             let print = if a.csv { info_series::print_table } else { info_series::print };
-            print(&context, one, &inputs::model_or_series(one, &context)?)
+            print(&context, one, &inputs::read_file(one, &context)?)
         }
-        [one] if inputs::is_series(one) => {
-            info_series::print_frame(&context, one, &FrameArgs::numbered(a.snapshot.frame))
-        }
+        [one] if inputs::is_series(one) => info_series::print_frame(&context, one, &a.snapshot.frame.into()),
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
-            PathContent::Model(bytes) => info_model::print(&context, one, &bytes),
-            PathContent::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
+            Input::Model(bytes) => info_model::print(&context, one, &bytes),
+            Input::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
         },
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),
     }

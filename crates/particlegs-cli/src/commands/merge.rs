@@ -1,16 +1,15 @@
 //! `particlegs merge A.pgs B.pgs ... -o M.pgs`, `particlegs merge JOB -o M.pgs`.
 
 use crate::common::{CommandContext, Common, named};
+use crate::info_model;
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
 use crate::text_wrap::counted;
-use crate::{info_model, inputs};
 use clap::{Args, ValueHint};
+use particlegs::merge_files;
 use particlegs_compress::job::Job;
-use particlegs_core::codec::Merge;
-use particlegs_core::model::{CertificateLevel, LawKind};
+use particlegs_core::model::CertificateLevel;
 use particlegs_core::{Error, Result, codec};
-use particlegs_files::input::name_of;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -56,19 +55,18 @@ pub fn run(a: Arguments) -> Result<()> {
         parts => {
             context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
             context.outputs.writes_model(&a.output, &context)?;
-            (merge_files(parts, &a.fields, &context)?, parts.len())
+            let fields = match &a.fields[..] {
+                [] => None,
+                [none] if none == "none" => Some(Vec::new()),
+                names => Some(names.to_vec()),
+            };
+            (merge_files(parts, fields, &context)?, parts.len())
         }
     };
     context.check()?;
     context.outputs.write_model(&a.output, &bytes, &context)?;
     let seconds = start.elapsed().as_secs_f64();
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
-    if info.metadata.law == LawKind::AlphaBlend && parts > 1 {
-        context.message(match info.vizmapper {
-            Some(_) => "note: the VizMapper is that of the part with the first block, as published; it was trained on that part only",
-            None => "note: the part with the first block has no VizMapper, so the merged file has none",
-        });
-    }
     let blocks: Vec<_> = info.layers.iter().flat_map(|l| &l.content).collect();
     let gaussians: u64 = blocks.iter().map(|b| u64::from(b.gaussians)).sum();
     let (layers, blocks, particles) = (info.layers.len(), blocks.len(), info.metadata.count);
@@ -96,22 +94,6 @@ pub fn run(a: Arguments) -> Result<()> {
         "particles": particles, "model_bytes": bytes.len(), "seconds": seconds,
     });
     context.finish(&text, &report)
-}
-
-fn merge_files(parts: &[PathBuf], fields: &[String], context: &CommandContext) -> Result<Vec<u8>> {
-    let mut merge = match fields {
-        [] => Merge::default(),
-        [none] if none == "none" => Merge::with_fields(Vec::new()),
-        names => Merge::with_fields(names.to_vec()),
-    };
-    context.begin("merging", parts.len() as u64);
-    for part in parts {
-        context.check()?;
-        merge.add(&inputs::model(part, context)?, &name_of(part), context)?;
-        context.advance(1);
-    }
-    context.end();
-    merge.finish()
 }
 
 /// The file of a job, and the number of its blocks.

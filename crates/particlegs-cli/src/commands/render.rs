@@ -5,11 +5,12 @@ use crate::density_args::DensityArgs;
 use crate::device::DeviceArgs;
 use crate::field_args::FieldArgs;
 use crate::figure_args::FigureArgs;
-use crate::inputs::{self, DecodedModel, FrameArgs};
+use crate::inputs::{self, FrameArgs};
 use crate::picture_table::pictures_text;
 use crate::sequence_args::SequenceArgs;
 use crate::view_args::ViewArgs;
 use clap::{Args, ValueHint};
+use particlegs::input::DecodedModel;
 use particlegs_core::{Error, Result};
 use particlegs_pictures::{
     HaloNumber, PictureOptions, PictureSource, PictureStyle, RenderOptions, render_models, render_series,
@@ -162,11 +163,11 @@ pub fn run(a: &Arguments) -> Result<()> {
             if a.series.is_given() {
                 return Err(Error::argument("--frames makes a film of the whole series: omit --frame and --time"));
             }
-            render_series(path, &inputs::model_or_series(path, &context)?, &options, &context.outputs, &context)?
+            render_series(path, &inputs::read_file(path, &context)?, &options, &context.outputs, &context)?
         }
         paths => {
             let source = |path: &PathBuf| {
-                let decoded = inputs::decoded_model(path, &a.series, &context)?;
+                let decoded = inputs::decoded_model(path, &a.series.choice(), &context)?;
                 let DecodedModel { model, blake3, moment, interpolated } = decoded;
                 Ok(PictureSource { path: path.clone(), model, blake3, moment, interpolated })
             };

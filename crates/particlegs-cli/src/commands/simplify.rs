@@ -2,14 +2,13 @@
 
 use crate::common::Common;
 use crate::info_model;
-use crate::inputs::{self, FrameArgs};
+use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
-use particlegs_compress::simplify;
+use particlegs::Model;
+use particlegs_core::Result;
 use particlegs_core::model::RecipeStep;
-use particlegs_core::{Result, codec};
-use particlegs_files::input::name_of;
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -45,20 +44,17 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
     let kept = context.outputs.writes_model(&a.output, &context)?;
-    let bytes = inputs::model_of(&a.model, &a.series, &context)?;
-    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
-    context.notes(codec::read_info(&bytes, &name_of(&a.model))?.left_out().as_slice());
+    let model = Model::open_frame(&a.model, &a.series.choice(), &context)?;
     // The same options give the same bytes; refuse another model before any work.
-    let recipe = model.metadata.recipe.clone().then(RecipeStep::Simplify(target));
+    let recipe = model.metadata().recipe.clone().then(RecipeStep::Simplify(target));
     if kept && !info_model::is_of_recipe(&a.output, &recipe, &context)? {
         return Err(context.refused(&a.output));
     }
-    let gaussians_in = model.gaussians();
-    let bytes = simplify(model, bytes.len() as u64, target, &context)?;
+    let small = model.simplify(target, &context)?;
     context.check()?;
-    let info = codec::read_info(&bytes, &name_of(&a.output))?;
-    context.outputs.write_model(&a.output, &bytes, &context)?;
-    let gaussians: u64 = info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum();
+    let (bytes, info) = (small.bytes(), small.info()?);
+    context.outputs.write_model(&a.output, bytes, &context)?;
+    let [gaussians_in, gaussians] = [&model, &small].map(|m| m.decoded().gaussians());
     let seconds = start.elapsed().as_secs_f64();
     let text = format!(
         "{}: {gaussians_in} -> {gaussians} Gaussians, {} bytes, {}, in {seconds:.2} s",

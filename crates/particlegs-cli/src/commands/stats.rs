@@ -2,7 +2,7 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::evolution::SeriesEvolution;
-use crate::inputs::{self, PathContent};
+use crate::inputs::{self, Input};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
@@ -171,18 +171,18 @@ struct StatsInput {
 impl StatsInput {
     fn open(path: &Path, args: &SnapshotArgs, o: &StatsOptions, context: &Context<'_>) -> Result<Self> {
         match inputs::model_or_snapshot(path, args, context)? {
-            PathContent::Model(bytes) => {
+            Input::Model(bytes) => {
                 let model = args.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
                 let drawn = o.needs_fields().then(|| ParticleFields::draw(&model, o, context));
                 let fields = found(drawn.unwrap_or(Ok(None)), o, context)?;
                 Ok(StatsInput { source: StatsSubject::Model(model.into()), fields })
             }
-            PathContent::Snapshot(mut choice) if o.needs_fields() => {
+            Input::Snapshot(mut choice) if o.needs_fields() => {
                 let (particles, fields) = choice.read_fields(&[path.to_path_buf()], &Storage::Memory, context)?;
                 let fields = found(ParticleFields::read(&particles, &fields, o), o, context)?;
                 Ok(StatsInput { source: StatsSubject::Particles(particles.into()), fields })
             }
-            PathContent::Snapshot(choice) => {
+            Input::Snapshot(choice) => {
                 let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, context)?;
                 Ok(StatsInput { source: StatsSubject::Particles(particles.into()), fields: None })
             }
@@ -294,7 +294,7 @@ fn run_series(a: &Arguments, options: StatsOptions, context: &CommandContext) ->
     context.reads([a.truth.as_path()], false)?;
     context.outputs.make_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
-    let (bytes, place) = (inputs::model_or_series(&a.truth, context)?, name_of(&a.truth));
+    let (bytes, place) = (inputs::read_file(&a.truth, context)?, name_of(&a.truth));
     let series = SeriesFile::read(&bytes, &place)?;
     let taken = json!(&options);
     let found = SeriesEvolution::new(&series, &place, options, |model| a.snapshot.layers_of(model), context)?;

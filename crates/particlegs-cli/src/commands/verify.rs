@@ -2,20 +2,15 @@
 
 use crate::common::{CommandContext, Common};
 use crate::info_model;
-use crate::inputs::{self, FrameArgs};
 use crate::job_args::JobSnapshot;
 use crate::snapshot_args::ParticleArgs;
 use clap::Args;
+use particlegs::input::{FileContent, is_series};
+use particlegs::{FileVerification, Snapshot, StatedFigure};
 use particlegs_compress::job::{Job, State};
-use particlegs_compress::verify::{SeriesVerification, StatedFigure, StoredModel, Verification};
-use particlegs_core::codec::{SeriesDecoder, SeriesFile};
-use particlegs_core::model::{Certificate, Metadata, Model};
-use particlegs_core::{Error, Result, codec};
-use particlegs_files::input::name_of;
-use particlegs_files::output;
-use particlegs_particles::{LayerFields, Particles, Storage};
-use serde::Serialize;
-use std::path::{Path, PathBuf};
+use particlegs_core::{Error, Result};
+use particlegs_files::output::write_bytes;
+use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
@@ -41,21 +36,6 @@ pub struct Arguments {
     common: Common,
 }
 
-#[derive(Serialize)]
-struct VerifyReport<'a> {
-    #[serde(flatten)]
-    of_model: &'a Verification,
-    #[serde(flatten)]
-    of_series: Option<SeriesFrameReport<'a>>,
-}
-
-/// What is told of a series beside its frame.
-#[derive(Serialize)]
-struct SeriesFrameReport<'a> {
-    frame: usize,
-    series: &'a SeriesVerification,
-}
-
 /// Reads the whole file, decodes every block and checks the sums; with a snapshot also compares its hash and measures
 /// the certificate again.
 pub fn run(mut a: Arguments) -> Result<()> {
@@ -65,108 +45,46 @@ pub fn run(mut a: Arguments) -> Result<()> {
     }
     context
         .reads(a.snapshot.iter().chain([&a.model]).chain(&a.particles.opening.topology).map(PathBuf::as_path), false)?;
-    if a.store && inputs::is_series(&a.model) {
+    if a.store && is_series(&a.model) {
         return Err(Error::argument("--store does not write into a series: its frames have their own certificates"));
     }
     if a.store {
         context.outputs.rewrites(&a.model)?;
     }
-    let (bytes, place) = (inputs::model_or_series(&a.model, &context)?, name_of(&a.model));
-    if codec::is_series(&bytes) {
-        return verify_series(&mut a, &bytes, &place, &context);
-    }
-    let stored = StoredModel::new(codec::decode_with(&bytes, &place, &context)?, &bytes, &place)?;
-    let snapshot = a.snapshot(&stored.model.metadata, &context)?;
-    let found = a.verify(&stored, snapshot.as_ref(), &context)?;
-    let sound = found.judge(&place);
-    if a.store && sound.is_ok() {
-        store(&a.model, &bytes, &stored.model, found.measured_again.as_ref())?;
-        context.message(&format!("{place}: stored the measured certificate"));
-    }
-    let report = VerifyReport { of_model: &found, of_series: None };
-    context.finish(text(&found, &stored).trim_end(), &report)?;
-    sound
-}
-
-/// A snapshot and the fields of its layers.
-type Snapshot = (Particles, Vec<LayerFields>);
-
-/// All frames of a series; then one of them as a model: that of --frame, or that which was made from the snapshot, or the
-/// last.
-fn verify_series(a: &mut Arguments, bytes: &[u8], place: &str, context: &CommandContext) -> Result<()> {
-    let series = SeriesFile::read(bytes, place)?;
-    let all = SeriesVerification::new(&series, context)?;
-    all.judge(place)?;
-    let mut decoder = SeriesDecoder::new(&series);
-    let named = a.particles.opening.frame.take();
-    let mut frame = match named {
-        None if !a.snapshot.is_empty() => series.last()?,
-        named => FrameArgs::numbered(named).number(&series, place, context)?,
+    let content = FileContent::open(&a.model, &context)?;
+    let frame = match content {
+        FileContent::Series(_) => a.particles.opening.frame.take(),
+        FileContent::Model(_) => None,
     };
-    let mut snapshot = None;
-    if !a.snapshot.is_empty() {
-        let metadata = decoder.frame(frame, context)?.metadata.clone();
-        a.particles.opening.frame = inputs::frame_of_snapshot(&metadata, place, context);
-        snapshot = a.snapshot(&metadata, context)?;
-    }
-    if let (Some((particles, _)), None) = (&snapshot, named) {
-        frame = all.frame_of(particles).unwrap_or(frame);
-        context.message(&format!("note: {place}: frame {frame} of {} is compared with the snapshot", all.frames));
-    }
-    let stored = StoredModel::of_frame(&mut decoder, frame, context)?;
-    let found = a.verify(&stored, snapshot.as_ref(), context)?;
-    let missing = match all.frames - all.there.len() {
-        0 => String::new(),
-        n => format!(", {n} missing"),
+    let snapshot = match a.snapshot.is_empty() {
+        true => None,
+        false => Some(Snapshot::of_files(&a.snapshot, a.particles.choice(a.common.seed)?)),
     };
-    let whole = format!(
-        "{place}: intact: {} bytes, a series of {} frames, {} of them keyframes{missing}; each was decoded and agrees with the index\n",
-        bytes.len(),
-        all.frames,
-        all.keyframes
-    );
-    let report = VerifyReport { of_model: &found, of_series: Some(SeriesFrameReport { frame, series: &all }) };
-    context.finish((whole + &text(&found, &stored)).trim_end(), &report)?;
-    found.judge(&stored.place)
-}
-
-impl Arguments {
-    /// The snapshot, with the fields that a model has.
-    fn snapshot(&self, metadata: &Metadata, context: &CommandContext) -> Result<Option<Snapshot>> {
-        if self.snapshot.is_empty() {
-            return Ok(None);
-        }
-        let mut choice = self.particles.choice(self.common.seed)?;
-        match metadata.fields.is_empty() {
-            true => Ok(Some((choice.read(&self.snapshot, &Storage::Memory, context)?, Vec::new()))),
-            false => choice.read_fields(&self.snapshot, &Storage::Memory, context).map(Some),
-        }
+    let verified = content.verify(snapshot.as_ref(), frame, (a.full, a.common.seed), &context)?;
+    let verdict = verified.judge();
+    if let (true, Ok(()), FileContent::Model(model)) = (a.store, &verdict, &content) {
+        let certified = model.with_certificate(verified.model.measured_again.as_ref())?;
+        write_bytes(&a.model, certified.bytes())?;
+        context.message(&format!("{}: stored the measured certificate", verified.place));
     }
-
-    fn verify(
-        &self,
-        stored: &StoredModel,
-        snapshot: Option<&Snapshot>,
-        context: &CommandContext,
-    ) -> Result<Verification> {
-        let snapshot = snapshot.map(|(particles, fields)| (particles, &fields[..]));
-        stored.verify(snapshot, (self.full, self.common.seed), context)
+    let mut of_series = String::new();
+    if let (Some(all), FileContent::Series(series)) = (&verified.series, &content) {
+        let (place, bytes, keyframes) = (series.name(), series.bytes().len(), all.keyframes);
+        let missing = match all.frames - all.there.len() {
+            0 => String::new(),
+            n => format!(", {n} missing"),
+        };
+        of_series = format!(
+            "{place}: intact: {bytes} bytes, a series of {} frames, {keyframes} of them keyframes{missing}; each was decoded and agrees with the index\n",
+            all.frames
+        );
     }
+    context.finish((of_series + &text(&verified)).trim_end(), &verified)?;
+    verdict
 }
 
-fn store(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<()> {
-    output::write_bytes(path, &with_certificate(path, bytes, model, certificate)?)
-}
-
-/// The same blocks with another certificate, or none.
-fn with_certificate(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<Vec<u8>> {
-    let layers = codec::coded_layers(bytes, &name_of(path))?;
-    let network = model.vizmapper().map(|v| &**v);
-    codec::assemble_with(&codec::read_metadata(bytes, &name_of(path))?, network, certificate, layers)
-}
-
-fn text(r: &Verification, stored: &StoredModel) -> String {
-    let StoredModel { model, place, of_several, .. } = stored;
+fn text(file: &FileVerification) -> String {
+    let FileVerification { model: r, place, of_several, length_unit, .. } = file;
     let mut text = format!(
         "{place}: intact: {} bytes, law {}, {} Gaussians for {} particles, relative mass error {:.1e}\n",
         r.model_bytes, r.law, r.gaussians, r.particles, r.mass_error
@@ -177,7 +95,7 @@ fn text(r: &Verification, stored: &StoredModel) -> String {
         text += "source: this is the snapshot that the file was made from\n";
     }
     text += &format!("certificate: {}\n", r.certificate);
-    let unit = model.metadata.units.length_text();
+    let unit = length_unit.as_deref();
     match (&r.stored, &r.measured_again) {
         (Some(_), Some(_)) => text += &beside(&r.figures),
         (Some(stored), None) => {

@@ -264,7 +264,7 @@ fn contradictions_are_refused_before_the_work() {
     dir.fails(&format!("{plain} --law alpha-blend"), 2, "--train");
     let trained = |more: &str| format!("{plain} --train fast --config tiny.toml --effort fast {more}");
     for (more, code, text) in [
-        ("--minutes 0", 2, "--minutes"),
+        ("--minutes 0", 2, "the minutes of a run must be positive"),
         ("--scale 2", 2, "--scale"),
         ("--iterations 0", 2, "--iterations"),
         ("--law alpha-blend --size 5kB", 5, "the header and the network"),

@@ -91,7 +91,7 @@ impl Encoder {
     /// The block's bytes at a precision.
     pub fn encode(&self, precision: &Precision) -> Vec<u8> {
         let (mut header, leaves) = self.quantise(precision);
-        let (trunk, segments) = self.record(&header, &leaves, RansWriter::default);
+        let (trunk, segments) = self.record(&header, &leaves);
         if self.len() >= STAGED {
             header.cuts = cuts(&segments);
         }
@@ -113,29 +113,12 @@ impl Encoder {
         out
     }
 
-    /// Bits a Gaussian by what they are spent on, headers apart.
-    pub fn breakdown(&self, precision: &Precision) -> Vec<(&'static str, f64)> {
-        let (header, leaves) = self.quantise(precision);
-        let (trunk, segments) = self.record(&header, &leaves, RansWriter::with_parts);
-        let mut bits = trunk.bits_by_part();
-        for segment in segments.iter().map(RansWriter::bits_by_part) {
-            (0..bits.len()).for_each(|p| bits[p] += segment[p]);
-        }
-        let [count, mass] = if self.shaded { ["opacity", "grey"] } else { ["count", "mass"] };
-        ["tree", "size", count, mass, "shape", "place"].into_iter().zip(bits.map(|b| b / self.len() as f64)).collect()
-    }
-
-    fn record(
-        &self,
-        header: &BlockHeader,
-        leaves: &[Leaf],
-        recorder: impl Fn() -> RansWriter + Sync,
-    ) -> (RansWriter, Vec<RansWriter>) {
-        let mut above = recorder();
+    fn record(&self, header: &BlockHeader, leaves: &[Leaf]) -> (RansWriter, Vec<RansWriter>) {
+        let mut above = RansWriter::default();
         let walked = trunk(&mut above, header, &self.tree.trunk);
         debug_assert!(walked.is_ok(), "splits are those of the tree");
         let segment = |((segment, tree), range): ((&super::tree::Segment, &SegmentTree), Range<usize>)| {
-            let mut recorder = recorder();
+            let mut recorder = RansWriter::default();
             let leaves = &leaves[range];
             let mut source = SegmentSource::new(tree, leaves, header.steps[2]);
             let mut record = || {

@@ -1,10 +1,10 @@
 //! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
 //! already decoded, in a change from the frame before (section 16), and coded in steps of each Gaussian's own standard error.
 
-use super::change::{ChangeModels, LARGEST_LOG as LARGEST_CHANGE, NumberContext, in_steps};
 use super::cholesky::CholeskyFactor;
 use super::exact::{exp, exp_twice, to_five};
 use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
+use super::number_model::{ChangeModels, LARGEST_LOG as LARGEST_CHANGE, NumberContext, in_steps};
 use super::rans::{Coder, RansReader, RansWriter};
 use super::sums::compensated;
 use super::wire::WireReader;

@@ -5,7 +5,7 @@ use super::OutOfRange;
 use super::exact::exp;
 use super::header::{BlockHeader, cholesky, limited};
 use super::levels::{NodeContent, TreeNode};
-use super::rans::{Coder, StreamPart};
+use super::rans::Coder;
 use super::splits::long_uniform;
 use super::symbols::Residual;
 use super::tree::TreeCell;
@@ -85,7 +85,6 @@ impl<'a> FineWalk<'a> {
 
     #[inline(always)]
     fn shape(&mut self, c: &mut impl Coder, leaf: &mut Leaf) -> Result<(), OutOfRange> {
-        c.part(StreamPart::Shape);
         let h = self.header;
         // Numbers of this Gaussian, and with less and less weight the block's.
         let mean = f64::from(h.spreads[2]) / leaf.factor;
@@ -107,7 +106,6 @@ impl<'a> FineWalk<'a> {
 
     #[inline(always)]
     fn place(&mut self, c: &mut impl Coder, leaf: &mut Leaf, bits: [u8; 3], part: [u8; 3]) -> Result<(), OutOfRange> {
-        c.part(StreamPart::Place);
         let h = self.header;
         let step = h.place_step(leaf.radius, leaf.factor);
         leaf.levels = h.levels(&leaf.cell, self.extent, step, cholesky(&leaf.unit).0);

@@ -5,7 +5,7 @@
 use super::OutOfRange;
 use super::exact::exp;
 use super::header::{BlockHeader, limited};
-use super::rans::{Coder, StreamPart};
+use super::rans::Coder;
 use super::symbols::{Residual, SymbolModel};
 use super::tree::{SplitNode, TreeCell};
 
@@ -177,9 +177,7 @@ impl<'a> LevelWalk<'a> {
         };
         for (number, node) in nodes.iter().enumerate() {
             let [count, mass] = source.root(number);
-            c.part(StreamPart::Count);
             let count = plain(c, count)?;
-            c.part(StreamPart::Mass);
             let mass = if header.has_w() { plain(c, mass)? } else { 0 };
             walk.roots.push((f64::from(node.count), count));
             walk.total += node.count as usize;
@@ -254,7 +252,6 @@ impl<'a> LevelWalk<'a> {
         let node = self.nodes[number];
         let axis = node.cell.axis(self.extent);
         let given = source.division(number);
-        c.part(StreamPart::Tree);
         let class = self.class(&node);
         let halves = self.models.halves[class].code(c, given.halves.symbol());
         let halves = NodeHalves::from_symbol(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
@@ -273,12 +270,10 @@ impl<'a> LevelWalk<'a> {
         }
         // One number for two counts: their sum is the node's, which is known.
         let [count_a, count_b] = {
-            c.part(StreamPart::Count);
             let difference = self.count(c, halves, given.count);
             self.sums.parts(node.count, difference)
         };
         let [mass_a, mass_b] = if self.header.has_w() {
-            c.part(StreamPart::Mass);
             let difference = self.models.mass.code(c, u32::from(self.header.low[2]), given.mass);
             // The node's is the mean of the two, rounded down: what the halving loses the difference gives back.
             let mass = node.mass.saturating_sub(difference >> 1);
@@ -333,12 +328,10 @@ impl<'a> LevelWalk<'a> {
     fn resolve(&mut self, c: &mut impl Coder, source: &mut impl NodeSource, number: usize) -> Result<bool, OutOfRange> {
         let node = self.nodes[number];
         let given = source.single(number);
-        c.part(StreamPart::Size);
         let h = self.header;
         let predicted = h.predict_size(node.cell.level(), node.count, node.parent);
         let size = self.models.size.code(c, u32::from(h.low[0]), given.size.saturating_sub(predicted));
         let size = size.saturating_add(predicted);
-        c.part(StreamPart::Place);
         let bits = self.place_bits(&node, size);
         let mut place = [0; 3];
         for k in 0..3 {

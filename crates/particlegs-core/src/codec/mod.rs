@@ -27,6 +27,7 @@ mod interpolation;
 mod levels;
 mod merge;
 mod metadata;
+mod number_model;
 mod place;
 mod points;
 mod precision;

@@ -4,16 +4,6 @@
 pub(crate) const PROBABILITY_BITS: u32 = 15;
 const LOW: u32 = 1 << 16;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum StreamPart {
-    Tree,
-    Size,
-    Count,
-    Mass,
-    Shape,
-    Place,
-}
-
 /// What a value is coded with: the encoder records, the decoder reads. One walk over the content
 /// serves both, so that they cannot differ.
 pub(crate) trait Coder {
@@ -30,9 +20,6 @@ pub(crate) trait Coder {
 
     /// A level of a walk is done.
     fn end_of_level(&mut self) {}
-
-    /// What follows belongs to `part` (of [`StreamPart`]); for accounts of where the bits go.
-    fn part(&mut self, _part: StreamPart) {}
 
     /// A value in `0 .. n` that is as likely as any other; `n` in 1 ..= 2^12.
     #[inline(always)]
@@ -99,19 +86,11 @@ pub(crate) struct RansWriter {
     intervals: Vec<(u16, u16)>,
     /// Where each level of a walk ends.
     levels: Vec<usize>,
-    /// Where runs of one part begin, if asked for.
-    parts: Option<Vec<(StreamPart, usize)>>,
 }
 
 impl Coder for RansWriter {
     fn end_of_level(&mut self) {
         self.levels.push(self.intervals.len());
-    }
-
-    fn part(&mut self, part: StreamPart) {
-        if let Some(parts) = &mut self.parts {
-            parts.push((part, self.intervals.len()));
-        }
     }
 
     #[inline(always)]
@@ -127,25 +106,10 @@ impl Coder for RansWriter {
 }
 
 impl RansWriter {
-    /// Keeps account of the parts.
-    pub(crate) fn with_parts() -> Self {
-        RansWriter { parts: Some(Vec::new()), ..RansWriter::default() }
-    }
-
     /// Bits that the recorded probabilities ask for.
     #[cfg(test)]
     pub(crate) fn entropy_bits(&self) -> f64 {
-        self.intervals.iter().map(bits).sum()
-    }
-
-    pub(crate) fn bits_by_part(&self) -> [f64; 6] {
-        let mut out = [0.0; 6];
-        let parts = self.parts.as_deref().unwrap_or(&[]);
-        for (i, &(part, start)) in parts.iter().enumerate() {
-            let end = parts.get(i + 1).map_or(self.intervals.len(), |p| p.1);
-            out[part as usize] += self.intervals[start..end].iter().map(bits).sum::<f64>();
-        }
-        out
+        self.intervals.iter().map(|i| f64::from(PROBABILITY_BITS) - libm::log2(f64::from(i.1))).sum()
     }
 
     /// How much was recorded by the end of each level.
@@ -184,10 +148,6 @@ impl RansWriter {
         out.extend(words.iter().rev().flat_map(|w| w.to_le_bytes()));
         out
     }
-}
-
-fn bits(interval: &(u16, u16)) -> f64 {
-    f64::from(PROBABILITY_BITS) - libm::log2(f64::from(interval.1))
 }
 
 /// Reads a stream. After the end it goes on with zeros; [`RansReader::finished`] tells.

@@ -206,6 +206,13 @@ impl<'a> SeriesFile<'a> {
         Ok(SeriesFile { place: place.into(), files, clock, frames, recipe })
     }
 
+    /// The same with copies of the frames' bytes.
+    pub fn into_owned(self) -> SeriesFile<'static> {
+        let SeriesFile { place, files, clock, frames, recipe } = self;
+        let files = files.into_iter().map(|file| file.map(|bytes| Cow::Owned(bytes.into_owned()))).collect();
+        SeriesFile { place, files, clock, frames, recipe }
+    }
+
     /// Where the index of a series ends that begins with `head`, of at least [`INDEX_FROM`] bytes.
     pub fn index_end(head: &[u8], place: &str) -> Result<usize> {
         container::promised_length(head, place)?;

@@ -2,7 +2,7 @@
 
 use super::OutOfRange;
 use super::header::BlockHeader;
-use super::rans::{Coder, StreamPart};
+use super::rans::Coder;
 use super::symbols::SymbolModel;
 use super::tree::{SplitNode, segments};
 
@@ -31,7 +31,6 @@ impl Splits {
     #[inline(always)]
     pub(super) fn code(&mut self, c: &mut impl Coder, node: &SplitNode, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;
-        c.part(StreamPart::Tree);
         if n < 16 {
             let low = self.0[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
             return if low <= n { Ok(low) } else { Err(OutOfRange) };

@@ -21,6 +21,19 @@ impl Size {
     }
 }
 
+/// `1920x1080`.
+impl std::str::FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let fail =
+            || format!("`{text}` is not a picture size: give WIDTHxHEIGHT, such as 1920x1080, each from 1 to 32768");
+        let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
+        let side = |t: &str| t.trim().parse::<usize>().ok().filter(|n| (1..=32_768).contains(n)).ok_or_else(fail);
+        Ok(Size { width: side(w)?, height: side(h)? })
+    }
+}
+
 /// A plane of floats (optical depth, surface density; values of a field as f64), top row first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane<T = f32> {
@@ -202,6 +215,14 @@ pub struct Rgb8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!("640x360".parse(), Ok(Size { width: 640, height: 360 }));
+        for bad in ["", "640", "0x5", "-1x5", "5x99999", "axb"] {
+            assert!(bad.parse::<Size>().is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn a_range_is_of_occupied_pixels_without_tails() {

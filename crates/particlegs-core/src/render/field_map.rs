@@ -1,6 +1,7 @@
 //! Maps of a field: its weighted mean along each line of sight, and its dispersion about that (docs/law/fields.md).
 
 use super::bin::{SMALL, lattice_sum};
+use super::depth_cut::{DepthCut, LogExcess};
 use super::field_query::{FieldQuery, MapComponent};
 use super::lens::Lens;
 use super::project::{CameraGaussian, DepthMoments, Footprint, slices};
@@ -12,15 +13,12 @@ use crate::context::Context;
 use crate::math::{Sym3, dot, each_axis, float32_scale, norm};
 use crate::model::{FieldMoments, Mixture};
 use crate::picture::{Plane, Size};
-use crate::splat::erf;
 use crate::{Error, Hint, Result, parallel};
 use std::borrow::Cow;
-use std::f64::consts::{FRAC_1_SQRT_2, LN_10, PI};
+use std::f64::consts::{LN_10, PI};
 
 /// Footprints end at these many deviations, squared: 3e-7 of the mass lies beyond.
 const CUT: f64 = 30.0;
-/// A slab that leaves less of a Gaussian at a pixel leaves nothing.
-const LEAST_SHARE: f64 = 1e-9;
 /// Pixels with less than this of what one particle gives, over the disc of its default radius or a pixel where that is
 /// larger, count as empty: tails of Gaussians, where values mean nothing.
 const LEAST_DENSITY: f64 = 1e-4;
@@ -238,64 +236,6 @@ struct FieldFootprint {
     slab: Option<DepthCut>,
     /// Another field that weighs.
     by: Option<WeightFootprint>,
-}
-
-/// What turns a mean of logarithms into the mean of values.
-#[derive(Clone, Copy)]
-pub(super) struct LogExcess {
-    /// Added to the logarithm of a log-normal distribution's mean.
-    pub added: f64,
-    /// The logarithms' least and largest value.
-    pub range: [f64; 2],
-}
-
-/// A normal distribution of depth at each pixel, cut off at two depths, and how values change with depth there.
-#[derive(Clone, Copy)]
-pub(super) struct DepthCut {
-    /// The mean depth at the footprint's centre, and how it changes per pixel.
-    mean: f64,
-    tilt: [f64; 2],
-    pub deviation: f64,
-    /// The nearest and farthest depth that count.
-    range: [f64; 2],
-    /// Change of the value per depth, at one pixel.
-    pub slope: f64,
-}
-
-impl DepthCut {
-    /// The share of the mass that is left at a place, in pixels from the centre, and what that makes of depth's mean, variance
-    /// and third moment (the changes of the first two), in its deviations: those of a truncated normal distribution whose mean
-    /// is moved by `tilt` of them, as a weight of exp(tilt) for each does.
-    pub fn moments(&self, from_center: [f64; 2], tilt: f64) -> [f64; 4] {
-        let mean = self.mean + self.tilt[0] * from_center[0] + self.tilt[1] * from_center[1];
-        let [low, high] = self.range.map(|d| (d - mean) / self.deviation - tilt);
-        let share = 0.5 * (erf(high * FRAC_1_SQRT_2) - erf(low * FRAC_1_SQRT_2));
-        if share < LEAST_SHARE {
-            return [0.0; 4];
-        }
-        let density = |z: f64| libm::exp(-0.5 * z * z) / (2.0 * PI).sqrt();
-        let [at_low, at_high] = [density(low), density(high)];
-        // An end at infinity adds nothing.
-        let end = |z: f64, density: f64| if density > 0.0 { z * density } else { 0.0 };
-        let shift = (at_low - at_high) / share;
-        let square = (end(low, at_low) - end(high, at_high)) / share;
-        let cube = (end(low * low, at_low) - end(high * high, at_high)) / share;
-        let skew = cube - shift * (1.0 + 3.0 * square - 2.0 * shift * shift);
-        [share, shift, square - shift * shift, skew]
-    }
-
-    /// The share that is left at a place, the value's change on average, and that of its variance.
-    fn at(&self, from_center: [f64; 2]) -> [f64; 3] {
-        let [share, shift, change, _] = self.moments(from_center, 0.0);
-        let scale = self.slope * self.deviation;
-        [share, scale * shift, scale * scale * change]
-    }
-
-    /// What the cut makes of the mean of exp(value): the share of the mass that is left where each depth weighs by it, over
-    /// [`DepthCut::at`]'s share.
-    fn tilted(&self, from_center: [f64; 2], share: f64) -> f64 {
-        self.moments(from_center, self.slope * self.deviation)[0] / share
-    }
 }
 
 /// Planes of weight, weight times value and weight times value squared; of a logarithmic field these are of logarithms, and

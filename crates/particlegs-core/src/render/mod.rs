@@ -22,6 +22,7 @@
 pub mod alpha;
 pub mod bin;
 pub mod depth;
+mod depth_cut;
 mod field_map;
 mod field_query;
 pub mod lens;

@@ -1,6 +1,6 @@
 //! A field's mean weighted by another field: what that one adds at each pixel of a footprint (docs/law/fields.md).
 
-use super::field_map::{DepthCut, LogExcess};
+use super::depth_cut::{DepthCut, LogExcess};
 
 /// The field that weighs, on a footprint of the one that is mapped.
 pub(super) struct WeightFootprint {

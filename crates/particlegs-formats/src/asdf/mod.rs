@@ -299,10 +299,9 @@ impl AsdfSnapshot {
         };
         species.fields = fields;
         let packed = parts[0].file.packed.map(|name| format!(", Abacus's {name}")).unwrap_or_default();
-        let files = parts.iter().map(|p| p.file.path.clone()).collect();
+        let files: Vec<_> = parts.iter().map(|p| p.file.path.clone()).collect();
         let format = format!("ASDF{packed}");
-        let description =
-            Description { format, files, meta, species: vec![species], frames: None, absent: Vec::new(), notes };
+        let description = Description { species: vec![species], notes, ..Description::new(format, &files, meta) };
         Ok(AsdfSnapshot { description, parts })
     }
 }

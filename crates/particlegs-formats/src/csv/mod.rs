@@ -54,13 +54,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let kinds = kinds(&table);
     let columns = columns(&guess, &kinds);
     let meta = meta(path, &columns);
-    let description = Description {
-        format: content.title(FORMAT.title),
-        files: paths.to_vec(),
-        meta,
-        notes,
-        ..Description::default()
-    };
+    let description = Description { notes, ..Description::new(content.title(FORMAT.title), paths, meta) };
     Ok(Box::new(TextSnapshot::new(description, table, columns, "particles", "")))
 }
 

@@ -74,8 +74,8 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
     if !first.unknown.is_empty() {
         notes.push(format!("skipped blocks of unknown layout: {}", first.unknown.join(", ")));
     }
-    let files = parts.iter().map(|p| p.path.clone()).collect();
-    Description { format, files, meta: h.meta(named(&paths[0])), species, frames: None, absent: Vec::new(), notes }
+    let files: Vec<_> = parts.iter().map(|p| p.path.clone()).collect();
+    Description { species, notes, ..Description::new(format, &files, h.meta(named(&paths[0]))) }
 }
 
 fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {

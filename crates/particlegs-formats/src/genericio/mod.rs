@@ -75,16 +75,8 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
         (!other.is_empty()).then(|| format!("variables that are not numbers are skipped: {}", other.join(", ")));
     let notes = std::iter::once(units.to_string()).chain(unread).collect();
     let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };
-    let files = files.iter().map(|f| f.path.clone()).collect();
-    Ok(Description {
-        format,
-        files,
-        meta: meta(path, first),
-        species: vec![species],
-        frames: None,
-        absent: Vec::new(),
-        notes,
-    })
+    let files: Vec<_> = files.iter().map(|f| f.path.clone()).collect();
+    Ok(Description { species: vec![species], notes, ..Description::new(format, &files, meta(path, first)) })
 }
 
 fn meta(path: &Path, file: &GenericIoFile) -> SnapshotMeta {

@@ -66,12 +66,9 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     };
     let columns = columns(&found.head, &found.table);
     let description = Description {
-        format: content.title(FORMAT.title),
-        files: paths.to_vec(),
-        meta,
         frames: Some(found.frames),
         notes: found.notes,
-        ..Description::default()
+        ..Description::new(content.title(FORMAT.title), paths, meta)
     };
     let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
     Ok(Box::new(made.with_unwrapped(false, options)?))

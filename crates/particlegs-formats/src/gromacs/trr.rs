@@ -102,19 +102,17 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let mut notes = found.notes;
     notes.push(NO_NAMES.into());
     notes.extend(absent.iter().map(|field| field.why.clone()));
+    let meta = SnapshotMeta {
+        cell: frame.cell,
+        units: units(),
+        epoch: Epoch { time: Some(frame.time), ..frames.epoch() },
+        ..named(path)
+    };
     let description = Description {
-        format: format!("{}, f{}", FORMAT.title, 8 * frame.real),
-        files: paths.to_vec(),
-        meta: SnapshotMeta {
-            cell: frame.cell,
-            units: units(),
-            epoch: Epoch { time: Some(frame.time), ..frames.epoch() },
-            ..named(path)
-        },
         frames: Some(frames),
         absent,
         notes,
-        ..Description::default()
+        ..Description::new(format!("{}, f{}", FORMAT.title, 8 * frame.real), paths, meta)
     };
     let kind = if frame.real == 8 { NumberType::F64 } else { NumberType::F32 };
     let mut start = at + frame.before;

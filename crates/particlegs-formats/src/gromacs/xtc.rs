@@ -115,19 +115,13 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         notes.push(format!("the file stores positions rounded to {grid} nm"));
     }
     notes.push(NO_NAMES.into());
-    let description = Description {
-        format: FORMAT.title.into(),
-        files: paths.to_vec(),
-        meta: SnapshotMeta {
-            cell: frame.cell,
-            units: units(),
-            epoch: Epoch { time: Some(frame.time), ..frames.epoch() },
-            ..named(path)
-        },
-        frames: Some(frames),
-        notes,
-        ..Description::default()
+    let meta = SnapshotMeta {
+        cell: frame.cell,
+        units: units(),
+        epoch: Epoch { time: Some(frame.time), ..frames.epoch() },
+        ..named(path)
     };
+    let description = Description { frames: Some(frames), notes, ..Description::new(FORMAT.title, paths, meta) };
     let fields = vec![(array("pos", NumberType::F32, 3, 0, false), Some("nm"))];
     let atoms = AtomSpecies::all(fields, frame.atoms);
     let snapshot = AtomSnapshot::new(description, Bytes::Owned(Arc::new(positions)), vec![atoms]);

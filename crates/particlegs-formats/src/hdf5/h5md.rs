@@ -161,21 +161,19 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
         _ => None,
     };
     let is_last = choice.frame.is_none() && count > 1;
-    let description = Description {
-        format: "HDF5, arrays of frames".into(),
-        files: vec![path.to_path_buf()],
-        meta: SnapshotMeta {
-            cell,
-            units: Units {
-                time: time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
-                ..Units::new(length.as_deref(), None, None)
-            },
-            epoch: Epoch { time: own("time").and_then(|t| t.first().copied()), ..frames.epoch() },
-            ..named(path)
+    let meta = SnapshotMeta {
+        cell,
+        units: Units {
+            time: time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
+            ..Units::new(length.as_deref(), None, None)
         },
+        epoch: Epoch { time: own("time").and_then(|t| t.first().copied()), ..frames.epoch() },
+        ..named(path)
+    };
+    let description = Description {
         frames: Some(frames),
         notes: is_last.then(|| ChosenFrame::<()>::note_of_the_last(count)).into_iter().collect(),
-        ..Description::default()
+        ..Description::new("HDF5, arrays of frames", &[path.to_path_buf()], meta)
     };
     let mut groups = vec![group];
     groups[0].elements.iter_mut().for_each(|e| e.row = frame);
@@ -221,19 +219,17 @@ pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dy
             None,
         )
     };
+    let meta = SnapshotMeta {
+        cell: cell(&container, &format!("{group}/box"), (&place, count), frame, &mut notes)?,
+        units,
+        epoch: Epoch { time: at("time").filter(|t| t.is_finite()), ..frames.epoch() },
+        ..named(path)
+    };
     let description = Description {
-        format: "HDF5, H5MD trajectory".into(),
-        files: vec![path.to_path_buf()],
-        meta: SnapshotMeta {
-            cell: cell(&container, &format!("{group}/box"), (&place, count), frame, &mut notes)?,
-            units,
-            epoch: Epoch { time: at("time").filter(|t| t.is_finite()), ..frames.epoch() },
-            ..named(path)
-        },
         frames: Some(frames),
         absent,
         notes,
-        ..Description::default()
+        ..Description::new("HDF5, H5MD trajectory", &[path.to_path_buf()], meta)
     };
     let mut snapshot = H5mdSnapshot { description, container, groups, species: Vec::new(), wraps: false };
     snapshot.find_species(choice.by_atoms())?;

@@ -2,6 +2,7 @@
 
 use super::attributes::Attributes;
 use super::container::Container;
+use super::header_groups::HeaderGroups;
 use super::units;
 use crate::physical::{SAME_MOMENT, VelocityConvention, is_isolated};
 use particlegs_core::model::Cosmology;
@@ -10,20 +11,6 @@ use particlegs_core::{Error, Result};
 
 /// Types of particles that are looked for; SWIFT has 7, other codes 6.
 pub const TYPES: usize = 16;
-
-#[derive(Clone, Default)]
-pub struct HeaderGroups {
-    /// `Header`.
-    pub header: Attributes,
-    /// `Parameters` (Gadget-4, AREPO, SWIFT).
-    pub parameters: Attributes,
-    /// `Config` (Gadget-4, AREPO).
-    pub config: Attributes,
-    /// `Units` (SWIFT).
-    pub units: Attributes,
-    /// `Cosmology` (SWIFT).
-    pub cosmology: Attributes,
-}
 
 #[derive(Clone)]
 pub struct Hdf5Header {

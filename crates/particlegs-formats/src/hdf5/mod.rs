@@ -12,6 +12,7 @@ mod files;
 mod filters;
 mod h5md;
 mod header;
+mod header_groups;
 mod packed;
 mod reader;
 mod snapshot;

@@ -328,8 +328,8 @@ impl SnapshotBuilder {
         }
         let code = self.header.code().map(|c| format!(", {c}")).unwrap_or_default();
         let format = format!("HDF5 snapshot{code}");
-        let files = paths.into_iter().chain(self.sources).collect();
-        let description = Description { format, files, meta, species, frames: None, absent: Vec::new(), notes };
+        let files: Vec<_> = paths.into_iter().chain(self.sources).collect();
+        let description = Description { species, notes, ..Description::new(format, &files, meta) };
         Ok(Box::new(Hdf5Snapshot { description, convention, parts: self.parts, types }))
     }
 

@@ -3,7 +3,8 @@
 
 use super::attributes::Attributes;
 use super::container::{Container, DataSet, TOP};
-use super::header::{HeaderGroups, TYPES};
+use super::header::TYPES;
+use super::header_groups::HeaderGroups;
 use super::reader::{self, FilePart, GroupSource};
 use super::units::{self, Simulation};
 use crate::foreign::{YT, python};
@@ -110,13 +111,14 @@ pub fn open(
     let mut rows = [0; TYPES];
     rows.iter_mut().zip(&tables).for_each(|(rows, table)| *rows = table.species.count);
     let description = Description {
-        format: header.map_or("HDF5 tables".into(), |h| format!("HDF5, OpenCosmo ({})", h.kind)),
-        files: vec![path.to_path_buf()],
-        meta,
         species: tables.iter().map(|t| t.species.clone()).collect(),
         frames,
-        absent: Vec::new(),
         notes,
+        ..Description::new(
+            header.map_or("HDF5 tables".into(), |h| format!("HDF5, OpenCosmo ({})", h.kind)),
+            &[path.to_path_buf()],
+            meta,
+        )
     };
     let groups = tables.into_iter().map(|t| t.group).collect();
     let parts = [FilePart { path: PathBuf::from(path), map: container.map.clone(), rows }];

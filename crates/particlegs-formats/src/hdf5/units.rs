@@ -1,7 +1,7 @@
 //! Units: what a file says in centimetres, grams and powers of h and a, by name where it has one.
 
 use super::attributes::Attributes;
-use super::header::HeaderGroups;
+use super::header_groups::HeaderGroups;
 use crate::physical::SWIFT_CGS;
 use particlegs_core::model::{Dimension, Si, Unit};
 

@@ -342,21 +342,13 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         let number = names.iter().position(|n| n.0 == one.name).map(|k| &data.types[k]);
         one.mass = number.and_then(|n| data.mass(n)).map_or(SpeciesMass::Unknown, SpeciesMass::Each);
     }
-    let description = Description {
-        format: content.title(FORMAT.title),
-        files: paths.to_vec(),
-        meta: SnapshotMeta {
-            cell,
-            units: Units {
-                time: time.map(|text| Unit::parse(text, Dimension::Time)),
-                ..Units::new(length, mass, None)
-            },
-            epoch: Epoch { step: data.step, ..Epoch::default() },
-            ..named(path)
-        },
-        notes,
-        ..Description::default()
+    let meta = SnapshotMeta {
+        cell,
+        units: Units { time: time.map(|text| Unit::parse(text, Dimension::Time)), ..Units::new(length, mass, None) },
+        epoch: Epoch { step: data.step, ..Epoch::default() },
+        ..named(path)
     };
+    let description = Description { notes, ..Description::new(content.title(FORMAT.title), paths, meta) };
     Ok(Box::new(AtomSnapshot::new(description, bytes, species).with_unwrapped(choice)?))
 }
 

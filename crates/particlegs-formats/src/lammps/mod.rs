@@ -50,14 +50,8 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     }
     let meta = meta(path, &found, units.as_deref(), &mut notes);
     let columns = columns(&found.table.layout.columns, &kinds(&found.table), meta.units.length_text());
-    let description = Description {
-        format: content.title(FORMAT.title),
-        files: paths.to_vec(),
-        meta,
-        frames: Some(found.frames),
-        notes,
-        ..Description::default()
-    };
+    let description =
+        Description { frames: Some(found.frames), notes, ..Description::new(content.title(FORMAT.title), paths, meta) };
     let scaling = Scaling { origin: found.head.cell.origin, vectors: found.head.cell.vectors };
     let noun = found.head.noun();
     let positions = options.positions.as_ref().unwrap_or(&columns.positions);

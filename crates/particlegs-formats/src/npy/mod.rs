@@ -44,12 +44,13 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     }
     let species = one_species(count, &fields, positions, layout::mass_named);
     let description = Description {
-        format: format!("NumPy array {} of {}", header.shape_text(), header.kind_text()),
-        files: vec![path.clone()],
-        meta: named(path),
         species: vec![species],
         notes,
-        ..Description::default()
+        ..Description::new(
+            format!("NumPy array {} of {}", header.shape_text(), header.kind_text()),
+            std::slice::from_ref(path),
+            named(path),
+        )
     };
     Ok(Box::new(ColumnarSnapshot {
         description,

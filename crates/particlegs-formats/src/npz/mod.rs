@@ -66,12 +66,9 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         }
     }
     let description = Description {
-        format: format!("NumPy archive of {} arrays", arrays.len()),
-        files: vec![path.clone()],
-        meta,
         species: vec![species],
         notes,
-        ..Description::default()
+        ..Description::new(format!("NumPy archive of {} arrays", arrays.len()), std::slice::from_ref(path), meta)
     };
     Ok(Box::new(ColumnarSnapshot { description, place, stored, fields, world: Affine::IDENTITY }))
 }

@@ -110,12 +110,9 @@ fn describe(path: &PathBuf, header: &PlyHeader, element: &PlyElement, fields: &[
         notes.push(Description::SPLATS.to_string());
     }
     Ok(Description {
-        format: format!("PLY, {encoding}"),
-        files: vec![path.clone()],
-        meta: named(path),
         species: vec![one_species(element.count, fields, positions, layout::mass_named)],
         notes,
-        ..Description::default()
+        ..Description::new(format!("PLY, {encoding}"), std::slice::from_ref(path), named(path))
     })
 }
 

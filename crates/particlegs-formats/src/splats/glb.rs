@@ -57,12 +57,9 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let species = Species { name, aliases, count, mass: SpeciesMass::Unknown, positions, fields };
     let title = if splats { "glTF 2.0 (binary) with KHR_gaussian_splatting" } else { "glTF 2.0 (binary), points" };
     let description = Description {
-        format: title.into(),
-        files: vec![path.clone()],
-        meta: named(path),
         species: vec![species],
         notes: if splats { vec![Description::SPLATS.into()] } else { Vec::new() },
-        ..Description::default()
+        ..Description::new(title, std::slice::from_ref(path), named(path))
     };
     Ok(Box::new(Glb { description, place: path.display().to_string(), bytes, parts }))
 }

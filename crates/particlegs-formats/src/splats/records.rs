@@ -44,12 +44,9 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     ];
     let count = length / stride;
     let description = Description {
-        format: ".splat records".into(),
-        files: vec![path.clone()],
-        meta: named(path),
         species: vec![one_species(count, &fields, "position".into(), |_| None)],
         notes: vec![Description::SPLATS.into()],
-        ..Description::default()
+        ..Description::new(".splat records", std::slice::from_ref(path), named(path))
     };
     let place = path.display().to_string();
     Ok(Box::new(ColumnarSnapshot { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))

@@ -86,12 +86,13 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         notes.push(format!("the flags {:#x} mark extensions, which are skipped", header.flags));
     }
     let description = Description {
-        format: format!("SPZ version {}, spherical harmonics of degree {}", header.version, header.degree),
-        files: vec![path.clone()],
-        meta: named(path),
         species: vec![one_species(header.count, &fields, "position".into(), |_| None)],
         notes,
-        ..Description::default()
+        ..Description::new(
+            format!("SPZ version {}, spherical harmonics of degree {}", header.version, header.degree),
+            std::slice::from_ref(path),
+            named(path),
+        )
     };
     let place = path.display().to_string();
     Ok(Box::new(ColumnarSnapshot { description, place, stored: vec![stored], fields, world }))

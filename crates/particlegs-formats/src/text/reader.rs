@@ -6,7 +6,7 @@ use super::table::TextTable;
 use crate::pieces::origin_of;
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result, parallel};
-use particlegs_particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
+use particlegs_particles::{Chunk, RUN, RunSink, SnapshotMeta, SnapshotReader};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -105,12 +105,7 @@ impl RowReader {
     }
 
     /// Reads a compressed file from its beginning to the last of `runs`.
-    fn stream(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    fn stream(&self, runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let mut lines = LineReader::open(&self.table.content, self.table.start, Some(self.table.end.offset))?;
         let mut waiting = ParticleColumns::default();
         let mut next = 0;
@@ -209,12 +204,7 @@ impl SnapshotReader for RowReader {
         self.table.content.is_seekable()
     }
 
-    fn read(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    fn read(&self, runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let runs = runs.start..runs.end.min(self.count().div_ceil(RUN as u64));
         if !self.table.content.is_seekable() {
             return self.stream(runs, context, sink);

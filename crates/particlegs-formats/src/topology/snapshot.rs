@@ -11,7 +11,7 @@ use particlegs_core::context::Context;
 use particlegs_core::model::{Dimension, Unit};
 use particlegs_core::{Error, Hint, Result, parallel};
 use particlegs_files::memory;
-use particlegs_particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
+use particlegs_particles::{RUN, RunSink, SnapshotMeta, SnapshotReader};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -280,12 +280,7 @@ impl SnapshotReader for AtomReader {
         self.inner.random_access()
     }
 
-    fn read(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    fn read(&self, runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let pass = |runs: Range<u64>| {
             let mut columns = <[Vec<f32>; 4]>::default();
             self.pass(runs, &mut |run, rows| {

@@ -46,14 +46,15 @@ impl LegacySnapshot {
         let fields: Vec<SpeciesField> = scanned.arrays.iter().map(field).collect();
         let (name, count, mass) = ("points".into(), scanned.points, mass_of(&fields));
         let species = Species { name, aliases: vec![], count, mass, positions: "POINTS".into(), fields };
+        let meta = SnapshotMeta { epoch: Epoch { time: scanned.time, ..Epoch::default() }, ..named(path) };
         let description = Description {
-            format: format!("legacy VTK {}, {}, {coding}", scanned.version, scanned.dataset),
-            files: vec![path.clone()],
-            meta: SnapshotMeta { epoch: Epoch { time: scanned.time, ..Epoch::default() }, ..named(path) },
             species: vec![species],
-            frames: None,
-            absent: Vec::new(),
             notes: scanned.note.iter().cloned().collect(),
+            ..Description::new(
+                format!("legacy VTK {}, {}, {coding}", scanned.version, scanned.dataset),
+                std::slice::from_ref(path),
+                meta,
+            )
         };
         Ok(LegacySnapshot { place: path.display().to_string(), bytes, scanned, description })
     }

@@ -101,9 +101,9 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
     let epoch = Epoch { time: parts.time.or(file.time()), ..parts.frames.map_or_else(Epoch::default, |f| f.epoch()) };
     let meta = SnapshotMeta { epoch, ..named(path) };
     let species = Species { name: "points".into(), aliases: vec![], count, mass, positions, fields };
-    let files = files.iter().map(|f| f.path.clone()).collect();
+    let files: Vec<_> = files.iter().map(|f| f.path.clone()).collect();
     let (frames, notes) = (parts.frames, parts.notes.clone());
-    Ok(Description { format, files, meta, species: vec![species], frames, absent: Vec::new(), notes })
+    Ok(Description { species: vec![species], frames, notes, ..Description::new(format, &files, meta) })
 }
 
 pub(crate) fn mass_of(fields: &[SpeciesField]) -> SpeciesMass {

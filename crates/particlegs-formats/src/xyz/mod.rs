@@ -64,14 +64,8 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         ..named(path)
     };
     let columns = columns(found.head.fields, &found.table);
-    let description = Description {
-        format: content.title(title),
-        files: paths.to_vec(),
-        meta,
-        frames: Some(found.frames),
-        notes,
-        ..Description::default()
-    };
+    let description =
+        Description { frames: Some(found.frames), notes, ..Description::new(content.title(title), paths, meta) };
     let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
     Ok(Box::new(made.with_unwrapped(false, options)?))
 }

@@ -1,55 +1,11 @@
 //! The network that follows radius and opacity: adapt_main.wgsl and what it reads. It runs where they change alone.
 
-use super::gaussians::{AlphaGaussianChunk, Gaussians};
+use super::gaussians::Gaussians;
+use super::network_buffers::SettingRecord;
 use crate::kernel::{BufferUse, Kernel};
 use crate::{Device, groups};
-use particlegs_core::model::{VizMapper, VizRanges};
 use particlegs_core::render::alpha::network::Setting;
-use std::sync::{Mutex, PoisonError};
-
-/// A scene's network on the device.
-pub(super) struct NetworkBuffers {
-    weights: wgpu::Buffer,
-    ranges: VizRanges,
-    /// A record for each part of the Gaussians.
-    settings: Vec<wgpu::Buffer>,
-    /// Factors on radius and opacity that the Gaussians are bent for.
-    of: Mutex<Option<[u64; 2]>>,
-}
-
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct SettingRecord {
-    wanted: [f32; 2],
-    shares: [f32; 2],
-    floor: f32,
-    count: u32,
-    pad: [u32; 2],
-}
-
-impl NetworkBuffers {
-    pub fn new(device: &Device, of: &VizMapper, chunks: &[AlphaGaussianChunk]) -> NetworkBuffers {
-        let weights = device.filled("network", &of.parameters, wgpu::BufferUsages::STORAGE);
-        NetworkBuffers::of_buffer(device, weights, of.ranges, chunks)
-    }
-
-    /// Whose numbers lie in a buffer.
-    pub fn of_buffer(
-        device: &Device,
-        weights: wgpu::Buffer,
-        ranges: VizRanges,
-        chunks: &[AlphaGaussianChunk],
-    ) -> NetworkBuffers {
-        use wgpu::BufferUsages as Use;
-        let record = || device.buffer("setting", size_of::<SettingRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
-        NetworkBuffers { weights, ranges, settings: chunks.iter().map(|_| record()).collect(), of: Mutex::default() }
-    }
-
-    /// Gaussians are to be bent anew.
-    pub fn forget(&self) {
-        *self.of.lock().unwrap_or_else(PoisonError::into_inner) = None;
-    }
-}
+use std::sync::PoisonError;
 
 pub(super) struct AdaptationKernel(Kernel);
 
@@ -85,18 +41,6 @@ impl AdaptationKernel {
             let own = SettingRecord::new(setting, network.ranges, chunk.count);
             queue.write_buffer(record, 0, bytemuck::bytes_of(&own));
             self.0.run(pass, bound, groups(u64::from(chunk.count)));
-        }
-    }
-}
-
-impl SettingRecord {
-    fn new(of: Setting, ranges: VizRanges, count: u32) -> SettingRecord {
-        SettingRecord {
-            wanted: [of.radius, of.opacity].map(|v| v as f32),
-            shares: [ranges.scale, ranges.opacity].map(|v| v as f32),
-            floor: ranges.floor as f32,
-            count,
-            pad: [0; 2],
         }
     }
 }

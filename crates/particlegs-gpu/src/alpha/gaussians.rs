@@ -1,7 +1,7 @@
 //! Gaussians on the device, in the training frame.
 
-use super::adapt::NetworkBuffers;
 use super::fixed;
+use super::network_buffers::NetworkBuffers;
 use crate::Device;
 use crate::render::factor;
 use particlegs_core::camera::View;
@@ -60,7 +60,7 @@ impl Gaussians {
             chunks.push(AlphaGaussianChunk::new(device, &blend, some.by_ref().take(n), [first, n])?);
             device.check()?;
         }
-        let network = blend.vizmapper.map(|v| NetworkBuffers::new(device, v, &chunks));
+        let network = blend.vizmapper.map(|v| NetworkBuffers::new(device, v, chunks.len()));
         device.check()?;
         Ok(Gaussians { chunks, network, blend: Blend { vizmapper: None, ..blend } })
     }
@@ -75,7 +75,7 @@ impl Gaussians {
         blend: Blend<'static>,
     ) -> Gaussians {
         let chunks = vec![AlphaGaussianChunk { columns, bent, first: 0, count }];
-        let network = network.map(|(weights, ranges)| NetworkBuffers::of_buffer(device, weights, ranges, &chunks));
+        let network = network.map(|(weights, ranges)| NetworkBuffers::of_buffer(device, weights, ranges, chunks.len()));
         Gaussians { chunks, network, blend }
     }
 

@@ -21,6 +21,7 @@ mod fixed;
 mod frame;
 pub(crate) mod gaussians;
 mod kernels;
+mod network_buffers;
 mod slabs;
 #[cfg(test)]
 mod tests;
@@ -68,11 +69,6 @@ impl AlphaRenderer {
         let own = AlphaRenderer::new(device)?;
         let most = own.most.min((device.largest_binding() / (4 * backward::SUMS)).min(u64::from(u32::MAX)) as u32);
         Ok(AlphaRenderer { most, ..own })
-    }
-
-    /// What it draws on.
-    pub fn device(&self) -> &Device {
-        &self.device
     }
 
     /// Memory for pictures of `size` of these Gaussians.

@@ -114,7 +114,7 @@ fn cases() -> Vec<AlphaRenderCase> {
 /// hundredth of one, decibels, and the largest difference after rounding.
 fn apart(renderer: &AlphaRenderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let scene = scene(&case.gaussians);
-    let there = Gaussians::upload(renderer.device(), &scene).unwrap();
+    let there = Gaussians::upload(&renderer.device, &scene).unwrap();
     let mut canvas = renderer.canvas(&there, case.size).unwrap();
     renderer.submit(&there, &mut canvas, &case.view).unwrap();
     let seen = renderer.brightness(&canvas).unwrap();
@@ -371,7 +371,7 @@ struct TileFootprint {
 /// The footprints of the last picture, front to back.
 fn drawn(renderer: &AlphaRenderer, canvas: &AlphaCanvas) -> Vec<TileFootprint> {
     let read =
-        |b: &wgpu::Buffer| -> Vec<u32> { bytemuck::pod_collect_to_vec(&renderer.device().read(b, b.size()).unwrap()) };
+        |b: &wgpu::Buffer| -> Vec<u32> { bytemuck::pod_collect_to_vec(&renderer.device.read(b, b.size()).unwrap()) };
     let (order, keys) = (read(&canvas.order.values), read(&canvas.order.keys));
     let (touched, splats) = (read(&canvas.touched), read(&canvas.splats));
     let seen = order.iter().zip(&keys).filter(|(_, key)| **key != u32::MAX);

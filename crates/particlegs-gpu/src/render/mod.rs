@@ -131,11 +131,6 @@ impl DepthRenderer {
         Ok(DepthRenderer { device: device.clone(), kernels, tones })
     }
 
-    /// What it draws on.
-    pub fn device(&self) -> &Device {
-        &self.device
-    }
-
     /// Memory for pictures of `size` of these Gaussians.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<DepthCanvas> {
         let (device, kernels) = (&*self.device, &self.kernels);

@@ -5,7 +5,7 @@ use super::Experiment;
 use super::shared::rates::{COMPARED, NOT_OF_THIS_SIZE, RatePoint, ReferenceScores, beside, rows, series};
 use crate::lab::{Lab, ModelSettings};
 use crate::method::CompressionMethod;
-use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
+use crate::results::{ExperimentResults, Plot, PlotAxis, ResultTable, Spread, TableCell, decibels};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, identical_note, mean, psnr, ssim};
 use particlegs_core::model::Model;
@@ -202,13 +202,17 @@ fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
 fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {
     let curve = |method: CompressionMethod| {
         let there = sets.iter().enumerate().filter(|(_, s)| !s.missed(method));
-        let point = |(i, s): (usize, &DatasetComparison<'_>)| Point::decibels((i + 1) as f64, &s.masked(method));
+        let point = |(i, s): (usize, &DatasetComparison<'_>)| decibels((i + 1) as f64, &s.masked(method));
         series(lab, method, there.filter_map(point).collect())
     };
     Plot {
         name: "datasets".into(),
         title: format!("Masked PSNR at ratio {COMPARED} by data set"),
-        x: PlotAxis::named("data set", sets.iter().map(|s| s.snapshot.name.clone()).collect()),
+        x: PlotAxis {
+            range: Some([0.5, sets.len() as f64 + 0.5]),
+            names: sets.iter().map(|s| s.snapshot.name.clone()).collect(),
+            ..PlotAxis::linear("data set")
+        },
         y: PlotAxis::linear("masked PSNR, dB"),
         series: CompressionMethod::all(lab).into_iter().map(curve).collect(),
         levels: Vec::new(),

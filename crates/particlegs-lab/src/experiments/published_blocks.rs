@@ -8,7 +8,7 @@ use super::groups::{ViewGroup, masked, means_over};
 use super::published::{self as paper, BYTES_A_GAUSSIAN, same_sign};
 use super::shared::published_models::{fine_tuning, merged, whole};
 use crate::lab::Lab;
-use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell, spread};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, scale, tuned};
 use particlegs_core::Result;
@@ -163,7 +163,7 @@ fn growth(all: &[BlockTuningRow], particles: usize) -> Plot {
         .filter_map(|m| {
             let k = f64::from(m.blocks);
             let each: Vec<f64> = m.merged.gaussians.iter().map(|n| n / k).collect();
-            Point::spread(particles as f64 / k, &each)
+            spread(particles as f64 / k, &each)
         })
         .collect();
     let whole = points.last().copied();

@@ -7,7 +7,7 @@ use super::shared::rates::{BY_SIZE, COMPARED, NOT_OF_THIS_SIZE, RatePoint, Refer
 use crate::density::all_particles_bits;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::method::CompressionMethod;
-use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
+use crate::results::{ExperimentResults, Plot, PlotAxis, ResultTable, Spread, TableCell, decibels};
 use crate::snapshot::Snapshot;
 use crate::training;
 use crate::views::{ReferenceViews, Score, identical_note, masked, mean, mean_of, psnr, ssim};
@@ -228,7 +228,7 @@ fn picture_plot(
 ) -> Plot {
     let curve = |method: CompressionMethod| {
         let own = rows.iter().filter(|r| r.method == method);
-        series(lab, method, own.filter_map(|r| Point::decibels(raw / r.bytes()?, &r.values(of))).collect())
+        series(lab, method, own.filter_map(|r| decibels(raw / r.bytes()?, &r.values(of))).collect())
     };
     Plot {
         name: format!("rate-distortion-{name}"),

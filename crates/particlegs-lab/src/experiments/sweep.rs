@@ -1,7 +1,7 @@
 //! Scores of models over the distance, the radius or the opacity of views.
 
 use super::groups::{ViewGroup, masked, means_over, psnr, ssim};
-use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell, decibels};
 use crate::views::Score;
 
 /// One value of the varied parameter.
@@ -80,7 +80,7 @@ impl Sweep {
             all
         };
         let measured = |scores: &[Vec<Score>]| {
-            points(&|s| Point::decibels(s.at, &means_over(scores, std::slice::from_ref(&s.group), masked)))
+            points(&|s| decibels(s.at, &means_over(scores, std::slice::from_ref(&s.group), masked)))
         };
         let mut series: Vec<Series> = models
             .iter()

@@ -2,11 +2,13 @@
 
 mod frames;
 mod particles;
+mod rates;
 mod scenes;
 mod steps;
 mod work;
 
 use super::{Experiment, published_run};
+use crate::gpu::TimedDevice;
 use crate::lab::Lab;
 use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
@@ -16,9 +18,10 @@ use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
 use particlegs_core::picture::Size;
 use particlegs_core::{Error, Result};
-use particlegs_gpu::{Device, Rates};
+use particlegs_gpu::Device;
 use particlegs_particles::Particles;
 use particlegs_train::{Config, Preset};
+use rates::Rates;
 use scenes::TiledScene;
 use std::sync::Arc;
 use std::time::Duration;
@@ -50,6 +53,7 @@ const WORK: [&str; 7] = ["MB of GPU memory", "GB", "G adds", "G ops", "copies, %
 #[derive(Clone, Copy)]
 struct GpuBench<'a> {
     device: &'a Arc<Device>,
+    timed: &'a TimedDevice,
     rates: Rates,
     quick: bool,
     context: &'a Context<'a>,
@@ -88,9 +92,10 @@ fn tilings(quick: bool) -> [(usize, [usize; 3]); 3] {
     }
 }
 
-fn measure(device: &Arc<Device>, quick: bool, context: &Context<'_>) -> Result<(Vec<ResultTable>, Vec<String>)> {
+fn measure(timed: &TimedDevice, quick: bool, context: &Context<'_>) -> Result<(Vec<ResultTable>, Vec<String>)> {
+    let device = &timed.device;
     let rates = Rates::measure(device)?;
-    let bench = GpuBench { device, rates, quick, context };
+    let bench = GpuBench { device, timed, rates, quick, context };
     let (sizes, hd) = if quick { (&[SMALL][..], SMALL) } else { (&[HD, UHD][..], HD) };
     let [few, more, most] = tilings(quick).map(|(sample, tiles)| scenes::tiled(sample, tiles));
     let (few, more, most) = (few?, more?, most?);
@@ -192,7 +197,7 @@ impl GpuTables {
         number: usize,
         work: impl FnOnce() -> Result<()>,
     ) -> Result<()> {
-        let mut all = bench.device.timed(work)?.unwrap_or_default();
+        let mut all = bench.timed.timed(work)?.unwrap_or_default();
         all.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
         for k in all {
             let (runs, ms) = (k.runs as f64 / number as f64, 1e3 * k.seconds / number as f64);
@@ -211,7 +216,7 @@ impl GpuBench<'_> {
 
     /// The last columns for this work at this rate.
     fn work(&self, per_second: f64, least: &WorkBound) -> [TableCell; WORK.len()] {
-        let memory = self.device.allocated().map(|b| 1e-6 * b as f64);
+        let memory = self.device.device.generate_allocator_report().map(|r| 1e-6 * r.total_reserved_bytes as f64);
         let all = [least.bytes, least.additions, least.operations];
         let rates = [self.rates.copied_bytes, self.rates.additions, self.rates.operations];
         let share = |k: usize| TableCell::number(100.0 * per_second * all[k] / rates[k], 1);

@@ -2,7 +2,7 @@
 
 use super::facts::{Facts, Power, Xi};
 use super::{MethodRecovery, RATIO, RecoveryMeasurements, tables};
-use crate::results::{Plot, PlotAxis, Point, Series};
+use crate::results::{Plot, PlotAxis, Point, Series, spread};
 
 /// Range of ratios, slightly wider than in the paper's figure.
 const RATIOS: [f64; 2] = [0.6, 1.4];
@@ -34,7 +34,7 @@ fn points<T>(sets: &[Vec<T>], x: impl Fn(&T) -> f64, y: impl Fn(&T) -> Option<f6
     let Some(first) = sets.first() else { return vec![] };
     let at = |i: usize| {
         let values: Option<Vec<f64>> = sets.iter().map(|s| y(s.get(i)?)).collect();
-        Point::spread(x(&first[i]), &values?)
+        spread(x(&first[i]), &values?)
     };
     (0..first.len()).filter_map(at).collect()
 }

@@ -1,8 +1,8 @@
 //! What a device does at most: beside it stands what is measured.
 
-use crate::Device;
-use crate::kernel::{BufferUse, Kernel};
 use particlegs_core::Result;
+use particlegs_gpu::Device;
+use particlegs_gpu::kernel::{BufferUse, Kernel};
 use std::time::{Duration, Instant};
 
 /// Bytes of what is copied, and words that are added to: as many as a picture of 1920 x 1080 has.
@@ -73,11 +73,12 @@ fn rate(device: &Device, each: impl Fn(&mut wgpu::CommandEncoder)) -> Result<f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs_gpu::{AdapterChoice, Checks};
 
     #[test]
     #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
     fn a_device_copies_adds_and_computes() {
-        let device = crate::tests::device();
+        let device = Device::open(AdapterChoice::Number(0), Checks::On).unwrap();
         let rates = Rates::measure(&device).unwrap();
         eprintln!("{rates:?}");
         // A machine that does less is no machine.

@@ -1,4 +1,4 @@
-//! A series of models, made of the snapshots of a run.
+//! Makes a series of models of the snapshots of a run.
 
 use crate::{Choice, Context, Error, Hint, Particles, Result, Storage};
 use particlegs_compress::series::{FrameStore, KEYFRAME_INTERVAL, SERIES_FILE, SeriesBuilder};

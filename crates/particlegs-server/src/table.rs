@@ -1,10 +1,8 @@
 //! All addresses behind the token. There are no others: nothing is looked up in a file system.
 
-use super::answer::{HttpResponse, bytes, part, refusal, with};
-use crate::assets;
-use crate::page::Page;
-use crate::truth::RenderRequest;
-use crate::truth::queue::RenderQueue;
+use crate::answer::{HttpResponse, bytes, part, refusal, with};
+use crate::render_queue::RenderQueue;
+use crate::render_request::RenderRequest;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -12,6 +10,8 @@ use hyper::body::Bytes;
 use hyper::header::{self, HeaderMap, HeaderValue};
 use hyper::{Method, StatusCode};
 use particlegs_core::{Error, Result};
+use particlegs_view::assets;
+use particlegs_view::page::Page;
 use std::io::{Read, Write};
 use std::sync::Arc;
 use tokio::sync::watch;

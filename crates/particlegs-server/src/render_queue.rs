@@ -1,10 +1,11 @@
 //! The queue of the thread that draws. A new request cancels the one before.
 
-use super::{RenderRequest, smoothed};
+use crate::render_request::RenderRequest;
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
 use particlegs_particles::{Particles, Selection, Storage};
 use particlegs_reference::Reference;
+use particlegs_view::page::smoothed;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -27,6 +27,7 @@ impl Token {
         Ok(Token(bits.iter().map(|byte| format!("{byte:02x}")).collect()))
     }
 
+    /// Its text, hexadecimal.
     pub fn as_str(&self) -> &str {
         &self.0
     }

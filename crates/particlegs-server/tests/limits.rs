@@ -1,8 +1,8 @@
 //! Limits for clients: silent clients, slow clients, many clients and no clients.
 
 use particlegs_core::context::Context;
+use particlegs_server::{Event, Limits, Options, Server, Token, ViewerContent};
 use particlegs_view::page::PageOpening;
-use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Mutex;

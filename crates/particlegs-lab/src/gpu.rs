@@ -1,18 +1,17 @@
 //! Where the time of a picture or a step goes: the device's clock before and after each kernel, where it has one.
 
-use crate::Device;
 use particlegs_core::Result;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use particlegs_gpu::{AdapterChoice, Checks, Device, KernelWatch};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wgpu::BufferUsages as Use;
 
 /// What a device must offer for that.
-pub(crate) const WANTED: wgpu::Features =
-    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
+const WANTED: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
 /// Kernels that are timed together, at most: a set of queries has 4096 at most.
 const MOST: usize = 2048;
 
 /// A clock that kernels are timed by while somebody asks.
-pub(crate) struct Timer {
+struct Timer {
     queries: wgpu::QuerySet,
     /// The names of the kernels that were run since somebody asked; `None` = nobody does.
     asked: Mutex<Option<Vec<&'static str>>>,
@@ -28,21 +27,28 @@ pub struct KernelTime {
     pub seconds: f64,
 }
 
+/// A device whose kernels are timed where it has a clock.
+pub struct TimedDevice {
+    pub device: Arc<Device>,
+    timer: Option<Arc<Timer>>,
+}
+
 impl Timer {
     /// Of a device that has what is [`WANTED`].
-    pub fn new(device: &wgpu::Device) -> Timer {
+    fn new(device: &wgpu::Device) -> Timer {
         let (ty, count) = (wgpu::QueryType::Timestamp, 2 * MOST as u32);
         let queries = device.create_query_set(&wgpu::QuerySetDescriptor { label: Some("clock"), ty, count });
         Timer { queries, asked: Mutex::default() }
     }
 
+    fn asked(&self) -> MutexGuard<'_, Option<Vec<&'static str>>> {
+        self.asked.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl KernelWatch for Timer {
     /// Runs a kernel, timed where somebody asks.
-    pub fn around(
-        &self,
-        kernel: &'static str,
-        pass: &mut wgpu::ComputePass<'_>,
-        run: impl FnOnce(&mut wgpu::ComputePass<'_>),
-    ) {
+    fn around(&self, kernel: &'static str, pass: &mut wgpu::ComputePass<'_>, run: &dyn Fn(&mut wgpu::ComputePass<'_>)) {
         let place = self.asked().as_mut().map(|runs| {
             runs.push(kernel);
             2 * (runs.len() as u32 - 1)
@@ -52,18 +58,24 @@ impl Timer {
         run(pass);
         pass.write_timestamp(&self.queries, place + 1);
     }
-
-    fn asked(&self) -> MutexGuard<'_, Option<Vec<&'static str>>> {
-        self.asked.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
-impl Device {
+impl TimedDevice {
+    pub fn open(choice: AdapterChoice, checks: Checks) -> Result<TimedDevice> {
+        let mut timer = None;
+        let device = Device::open_watched(choice, checks, WANTED, |device| {
+            timer = device.features().contains(WANTED).then(|| Arc::new(Timer::new(device)));
+            timer.clone().map(|t| t as Arc<dyn KernelWatch>)
+        })?;
+        Ok(TimedDevice { device: Arc::new(device), timer })
+    }
+
     /// The kernels that `work` runs, in the order of their first runs, and how long each takes. `None` where the device
     /// has no clock that it shows, was not opened for it, or more was run than it times together.
     pub fn timed(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<Vec<KernelTime>>> {
         let Some(timer) = &self.timer else { return work().map(|()| None) };
-        self.wait()?;
+        let device = &self.device;
+        device.wait()?;
         *timer.asked() = Some(Vec::new());
         let done = work();
         let runs = timer.asked().take().unwrap_or_default();
@@ -72,13 +84,13 @@ impl Device {
             return Ok(None);
         }
         let bytes = 16 * runs.len() as u64;
-        let times = self.buffer("times", bytes, Use::QUERY_RESOLVE | Use::COPY_SRC);
-        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let times = device.buffer("times", bytes, Use::QUERY_RESOLVE | Use::COPY_SRC);
+        let mut encoder = device.device.create_command_encoder(&Default::default());
         encoder.resolve_query_set(&timer.queries, 0..2 * runs.len() as u32, &times, 0);
-        self.queue.submit([encoder.finish()]);
-        let bytes = self.read(&times, bytes)?;
+        device.queue.submit([encoder.finish()]);
+        let bytes = device.read(&times, bytes)?;
         let ticks = |b: &[u8]| u64::from_le_bytes(std::array::from_fn(|k| b[k]));
-        let second = 1e-9 * f64::from(self.queue.get_timestamp_period());
+        let second = 1e-9 * f64::from(device.queue.get_timestamp_period());
         let mut stages: Vec<KernelTime> = Vec::new();
         for (kernel, both) in runs.into_iter().zip(bytes.chunks_exact(16)) {
             let seconds = ticks(&both[8..]).saturating_sub(ticks(&both[..8])) as f64 * second;
@@ -93,34 +105,40 @@ impl Device {
 
 #[cfg(test)]
 mod tests {
-    use crate::kernel::{BufferUse, Kernel};
-    use crate::{AdapterChoice, Checks, Device, groups};
+    use super::*;
+    use particlegs_gpu::kernel::{BufferUse, Kernel};
 
     #[test]
     #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
     fn kernels_are_timed_while_somebody_asks() {
-        let device = Device::open_timed(AdapterChoice::Number(0), Checks::On).unwrap();
+        let timed = TimedDevice::open(AdapterChoice::Number(0), Checks::On).unwrap();
+        let device = &timed.device;
         let words = device.buffer("words", 1 << 20, wgpu::BufferUsages::STORAGE);
-        let kernel = Kernel::new(&device, "additions", &[include_str!("additions_main.wgsl")], &[BufferUse::Write]);
-        let bound = kernel.bind(&device, &[&words]);
+        let kernel = Kernel::new(
+            device,
+            "additions",
+            &[include_str!("experiments/gpu/additions_main.wgsl")],
+            &[BufferUse::Write],
+        );
+        let bound = kernel.bind(device, &[&words]);
         let run = |times: usize| {
             let mut encoder = device.device.create_command_encoder(&Default::default());
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            (0..times).for_each(|_| kernel.run(&mut pass, &bound, groups(1 << 10)));
+            (0..times).for_each(|_| kernel.run(&mut pass, &bound, [16, 1]));
             drop(pass);
             device.queue.submit([encoder.finish()]);
             Ok(())
         };
         run(2).unwrap();
-        let Some(stages) = device.timed(|| run(3)).unwrap() else {
-            assert!(device.timer.is_none());
+        let Some(stages) = timed.timed(|| run(3)).unwrap() else {
+            assert!(timed.timer.is_none());
             return;
         };
         assert_eq!((stages.len(), stages[0].kernel, stages[0].runs), (1, "additions", 3));
         assert!(stages[0].seconds > 0.0 && stages[0].seconds < 60.0, "{stages:?}");
         // More than are timed together; then as before.
-        assert_eq!(device.timed(|| run(super::MOST + 1)).unwrap(), None);
-        assert_eq!(device.timed(|| run(1)).unwrap().unwrap()[0].runs, 1);
+        assert_eq!(timed.timed(|| run(super::MOST + 1)).unwrap(), None);
+        assert_eq!(timed.timed(|| run(1)).unwrap().unwrap()[0].runs, 1);
         device.check().unwrap();
     }
 }

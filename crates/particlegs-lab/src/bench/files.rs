@@ -1,19 +1,18 @@
 //! Writes the results of experiments to a folder.
 
-use crate::common::CommandContext;
+use crate::report::{Provenance, Section, csv, html, markdown};
+use crate::results::{Colours, Pictures};
 use particlegs_core::picture::{Gray8, Rgb8};
 use particlegs_core::{Error, Result};
 use particlegs_figure::png_file::{PngEffort, PngMetadata, coded};
 use particlegs_figure::{ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, layout, raster, write_plots};
 use particlegs_files::output::write_bytes;
-use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
-use particlegs_lab::results::{Colours, Pictures};
 use std::path::{Path, PathBuf};
 
 const RESULTS: &str = "results.json";
 
-/// The cache in an output folder, which must be new, empty or contain results.
-pub fn folder(output: &Path, context: &CommandContext) -> Result<PathBuf> {
+/// The cache in an output folder, which must be new, empty or contain results; `make` makes the folder.
+pub fn folder(output: &Path, make: impl FnOnce(&Path) -> Result<()>) -> Result<PathBuf> {
     let io = |e| Error::io(output, e);
     if output.is_dir() {
         let names: Vec<_> = std::fs::read_dir(output).map_err(io)?.filter_map(|e| Some(e.ok()?.file_name())).collect();
@@ -21,7 +20,7 @@ pub fn folder(output: &Path, context: &CommandContext) -> Result<PathBuf> {
             return Err(Error::output(output, "contains other files and no results of `bench`", "name another folder"));
         }
     }
-    context.outputs.make_folder(output)?;
+    make(output)?;
     let kept = output.join("kept");
     std::fs::create_dir_all(&kept).map_err(|e| Error::io(&kept, e))?;
     Ok(kept)

@@ -1,8 +1,6 @@
 //! Writes the log of a training run and its curves.
 
-use crate::common::CommandContext;
-use particlegs_core::Result;
-use particlegs_core::context::{Context, ProgressEvent, ProgressSink};
+use crate::{Context, ProgressEvent, ProgressSink, Result};
 use particlegs_figure::{FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;
@@ -17,7 +15,7 @@ const FILE: Form = Form { title: "a log of training", begins: Begins::Text, most
 
 /// A sink that writes log lines to a file.
 struct LoggedProgress<'a> {
-    context: &'a CommandContext,
+    context: &'a Context<'a>,
     path: PathBuf,
     file: Mutex<Option<Box<dyn Write + Send>>>,
 }
@@ -27,7 +25,7 @@ impl ProgressSink for LoggedProgress<'_> {
         let ProgressEvent::Log(line) = event else { return self.context.sink().event(event) };
         let mut file = self.file.lock().unwrap_or_else(|e| e.into_inner());
         if let Some(Err(error)) = file.as_mut().map(|f| writeln!(f, "{line}")) {
-            self.context.message(&format!("warning: {}: {error}; nothing more is logged", self.path.display()));
+            self.context.warn(&format!("{}: {error}; nothing more is logged", self.path.display()));
             *file = None;
         }
     }
@@ -41,7 +39,7 @@ impl ProgressSink for LoggedProgress<'_> {
 pub fn logged<T>(
     path: &Path,
     append: bool,
-    context: &CommandContext,
+    context: &Context<'_>,
     work: impl FnOnce(&Context<'_>) -> Result<T>,
 ) -> Result<T> {
     let file = output::open_log(path, append)?;
@@ -53,7 +51,7 @@ pub fn logged<T>(
         && !output::is_stream(path)?
         && let Err(error) = draw(path)
     {
-        context.message(&format!("warning: the curves of {} could not be drawn: {error}", path.display()));
+        context.warn(&format!("the curves of {} could not be drawn: {error}", path.display()));
     }
     done
 }

@@ -7,10 +7,11 @@ mod answer;
 mod connection;
 mod door;
 mod guard;
+mod render_queue;
+mod render_request;
 mod table;
+pub mod tunnel;
 
-use crate::page::{ModelFile, PageOpening, Snapshot, served};
-use crate::truth::queue;
 use connection::SiteServer;
 pub use door::Token;
 use door::TokenAuth;
@@ -19,6 +20,7 @@ use hyper::body::Bytes;
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
 use particlegs_reference::Reference;
+use particlegs_view::page::{ModelFile, PageOpening, Snapshot, served};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, ToSocketAddrs};
 use std::sync::Arc;
 use std::time::Duration;
@@ -40,6 +42,7 @@ pub struct Options {
     pub node: Option<String>,
     /// The secret in the address.
     pub token: Token,
+    /// What one client may use.
     pub limits: Limits,
 }
 
@@ -70,6 +73,7 @@ impl Default for Limits {
     }
 }
 
+/// What is shown.
 pub struct ViewerContent<'a> {
     /// Model files: name and bytes.
     pub models: Vec<(String, Vec<u8>)>,
@@ -163,7 +167,7 @@ impl Server {
         let ViewerContent { models, truth, opening, poster } = shown;
         let named = models.iter().map(|(name, bytes)| ModelFile { name, bytes });
         let page = served(named, truth.as_ref().map(|t| &t.0), &opening, poster.is_some());
-        let (queue, worker) = truth.as_ref().map(|_| queue::open()).unzip();
+        let (queue, worker) = truth.as_ref().map(|_| render_queue::open()).unzip();
         let queue = queue.map(Arc::new);
         let models: Vec<Bytes> = models.into_iter().map(|m| Bytes::from(m.1)).collect();
         let first = models.first().cloned().unwrap_or_default();

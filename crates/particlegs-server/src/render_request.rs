@@ -54,12 +54,12 @@ impl RenderRequest {
     }
 
     /// Whether it is a surface density.
-    pub(super) fn is_density(&self) -> bool {
+    pub fn is_density(&self) -> bool {
         self.look == RequestLook::Density
     }
 
     /// Number of particles to draw out of `all`.
-    pub(super) fn particles(&self, all: usize) -> usize {
+    pub fn particles(&self, all: usize) -> usize {
         ((self.share.unwrap_or(1.0) * all as f64).round() as usize).clamp(1, all.max(1))
     }
 
@@ -91,7 +91,7 @@ impl RenderRequest {
 
     /// [`RenderRequest::draw`] from a sample in which each particle stands for `many`: the expected picture of all
     /// particles, without the shot noise of ParaView's styles.
-    pub(super) fn draw_some(&self, some: &Reference<'_>, many: f64, context: &Context<'_>) -> Result<Vec<u8>> {
+    pub fn draw_some(&self, some: &Reference<'_>, many: f64, context: &Context<'_>) -> Result<Vec<u8>> {
         let for_all = |mut plane: Plane| {
             plane.data.iter_mut().for_each(|v| *v = (f64::from(*v) * many) as f32);
             plane

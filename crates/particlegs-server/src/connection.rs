@@ -1,10 +1,10 @@
 //! Connections and requests, bounded in number, size and time.
 
-use super::answer::{HttpResponse, refusal, with};
-use super::door::{PathAccess, TokenAuth};
-use super::guard::{Guard, Refusal};
-use super::table::{Route, RouteTable};
-use super::{Event, Limits};
+use crate::answer::{HttpResponse, refusal, with};
+use crate::door::{PathAccess, TokenAuth};
+use crate::guard::{Guard, Refusal};
+use crate::table::{Route, RouteTable};
+use crate::{Event, Limits};
 use http_body_util::{BodyExt, LengthLimitError, Limited};
 use hyper::body::Incoming;
 use hyper::header::{self, HeaderMap, HeaderName, HeaderValue};

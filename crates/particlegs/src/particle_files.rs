@@ -1,0 +1,150 @@
+//! Particles as files: drawn from a model, or converted.
+
+use crate::{Context, Error, Model, Particles, RecoverOptions, Result, Snapshot, Storage};
+use particlegs_core::codec;
+use particlegs_files::output::{Outputs, kinds::PARTICLES};
+use particlegs_fit::recover::{drawn_fields, recover};
+use particlegs_formats::{Writer, write_splats};
+use particlegs_particles::{RawForm, SelectedParticles, Selection, Tiling};
+use std::path::Path;
+
+/// Particles that were written to a file or folder.
+#[derive(Clone, Copy, Debug)]
+pub struct ParticleFile {
+    /// Particles that were there to choose from.
+    pub particles_in: u64,
+    /// Particles that the file holds.
+    pub particles: u64,
+    /// Bytes that were written; 0 where it held the same already.
+    pub bytes: u64,
+}
+
+/// The writer of an output by its ending or a format's name; a file is declared, a folder is not.
+fn writer_of(out: &Path, format: Option<&str>, outputs: &Outputs, context: &Context<'_>) -> Result<&'static Writer> {
+    match Writer::for_output(out, format) {
+        Ok(writer) if writer.folder => Ok(writer),
+        Ok(writer) => outputs.writes(out, &PARTICLES, context).map(|_| writer),
+        // First check that the output is neither an input nor another output.
+        Err(error) => outputs.writes(out, &PARTICLES, context).and(Err(error)),
+    }
+}
+
+impl Model {
+    /// Draws synthetic particles into a folder, which may be larger than memory, or into a file in the format of its
+    /// ending, from some layers or, without names, from all. What is there already is kept if it is the same.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for options out of range; [`Error::Output`] for what may not be replaced; [`Error::Memory`];
+    /// [`Error::Io`]; [`Error::Cancelled`].
+    pub fn recover_into(
+        &self,
+        out: &Path,
+        (options, layers): (&RecoverOptions, &[String]),
+        outputs: &Outputs,
+        context: &Context<'_>,
+    ) -> Result<ParticleFile> {
+        let writer = writer_of(out, None, outputs, context)?;
+        if !writer.folder && options.form != RawForm::Columns {
+            return Err(Error::argument("the form is that of a folder: a file's extension selects its format"));
+        }
+        let drawn = drawn_fields(out);
+        let files: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(drawn.iter().map(String::as_str)).collect();
+        let kept = writer.folder && outputs.writes_folder(out, &files)?;
+        let mut model = self.decoded().clone();
+        if !layers.is_empty() {
+            let certificate = model.certificate.take();
+            model = model.only(layers)?;
+            // Scores of the whole model say little about some layers.
+            if certificate.is_some() {
+                context.note("the scores in the model file are for all layers together, not for these");
+            }
+        }
+        let (hash, particles) = (codec::file_hash(self.bytes()), options.total(&model));
+        if kept && !options.is_there(out, &model, hash)? {
+            return Err(outputs.refused(out));
+        }
+        let bytes = match (kept, writer.folder) {
+            (true, _) => 0,
+            (_, true) => recover(model, hash, options, out, context)?,
+            _ => {
+                let (particles, fields) = options.draw_with_fields(model, context)?;
+                let all = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), context)?;
+                write(writer, &all.with_fields(fields), out, outputs, context)?
+            }
+        };
+        Ok(ParticleFile { particles_in: particles, particles, bytes })
+    }
+
+    /// Synthetic particles with the fields that are drawn with them, as a snapshot.
+    ///
+    /// # Errors
+    /// As [`Model::recover`].
+    pub fn recover_snapshot(&self, options: &RecoverOptions, context: &Context<'_>) -> Result<Snapshot> {
+        let (particles, fields): (Particles, _) = options.draw_with_fields(self.decoded().clone(), context)?;
+        Snapshot::from(particles).with_fields(fields)
+    }
+
+    /// Writes the splats of an alpha-blend model as the PLY of 3-D Gaussian splatting, y down. Gives the bytes.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for optical-depth models; [`Error::Output`]; [`Error::Io`]; [`Error::Cancelled`].
+    pub fn save_splats(&self, out: &Path, outputs: &Outputs, context: &Context<'_>) -> Result<u64> {
+        outputs.writes_new(out, &PARTICLES, context)?;
+        let bytes = write_splats(self.decoded(), None, &[], out, context)?;
+        if self.decoded().vizmapper().is_some() {
+            context.note("the VizMapper is left out: a PLY file holds only splats");
+        }
+        Ok(bytes)
+    }
+}
+
+impl Snapshot {
+    /// Writes the selected particles, with their fields, in the format of the output's ending or of a name; `copies` of a
+    /// periodic box along x, y and z lie one after the other, z fastest, before the selection.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for an unknown format, and copies of what is not periodic; [`Error::Output`] for what may not
+    /// be replaced; those of reading; [`Error::Io`]; [`Error::Cancelled`].
+    pub fn convert(
+        &self,
+        out: &Path,
+        (format, copies): (Option<&str>, Option<[u32; 3]>),
+        outputs: &Outputs,
+        context: &Context<'_>,
+    ) -> Result<ParticleFile> {
+        let writer = writer_of(out, format, outputs, context)?;
+        if writer.folder {
+            outputs.writes_folder(out, &RawForm::FOLDER_FILES)?;
+        }
+        let (whole, selection) = self.clone().without_selection();
+        let (particles, fields) = whole.read(whole.has_fields(), &Storage::Memory, context)?;
+        let tiling = copies.map_or(Ok(Tiling::single()), |copies| Tiling::new(copies, &particles))?;
+        let mut kept = SelectedParticles::new(&particles, tiling, selection, context)?;
+        if !fields.is_empty() {
+            kept = kept.with_fields(fields);
+        }
+        let bytes = write(writer, &kept, out, outputs, context)?;
+        Ok(ParticleFile { particles_in: particles.len() as u64, particles: kept.total(), bytes })
+    }
+
+    /// Writes the selected particles in the format of the output's ending, over no other file.
+    ///
+    /// # Errors
+    /// As [`Snapshot::convert`].
+    pub fn save(&self, out: impl AsRef<Path>, context: &Context<'_>) -> Result<ParticleFile> {
+        self.convert(out.as_ref(), (None, None), &Outputs::new(false), context)
+    }
+}
+
+fn write(
+    writer: &Writer,
+    kept: &SelectedParticles<'_>,
+    out: &Path,
+    outputs: &Outputs,
+    context: &Context<'_>,
+) -> Result<u64> {
+    if let Some(left_out) = writer.left_out(kept) {
+        context.note(&left_out);
+    }
+    outputs.write_file(out, |out| writer.write(kept, out, context), context)
+}

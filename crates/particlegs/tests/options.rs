@@ -1,0 +1,191 @@
+//! The rows of tests/options/cases.json: what the library refuses, notes and verifies. `python/tests/test_options.py` runs
+//! the same rows through the command and the Python package.
+
+use particlegs::metadata::{Effort, Goal, GoalKind, Target};
+use particlegs::training::{Config, Preset};
+use particlegs::{
+    Choice, CompressOptions, Context, ExportOptions, Model, NamedValue, Outputs, ProgressSink, RecoverOptions, Result,
+    Selection, Snapshot, compress, plan_export,
+};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+#[derive(Default)]
+struct Notes(Mutex<Vec<String>>);
+
+impl ProgressSink for Notes {
+    fn message(&self, text: &str) {
+        self.0.lock().unwrap().extend(text.strip_prefix("note: ").map(String::from));
+    }
+}
+
+/// The options of a row, each taken once: one that nobody takes is unknown.
+struct RowOptions(BTreeMap<String, Value>);
+
+impl RowOptions {
+    fn number(&mut self, name: &str) -> Option<f64> {
+        self.0.remove(name).and_then(|v| v.as_f64())
+    }
+
+    fn count(&mut self, name: &str) -> Option<u64> {
+        self.0.remove(name).and_then(|v| v.as_u64())
+    }
+
+    fn named<T: NamedValue>(&mut self, name: &str) -> Option<T> {
+        self.0.remove(name).map(|v| T::from_name(v.as_str().unwrap()).unwrap())
+    }
+
+    fn list(&mut self, name: &str) -> Vec<String> {
+        self.0.remove(name).map_or_else(Vec::new, |v| serde_json::from_value(v).unwrap())
+    }
+
+    fn target(&mut self) -> Target {
+        let goal = |kind, asked: Option<f64>, at: Option<f64>| {
+            asked.zip(at).map(|(asked, at)| Target::Goal(Goal { kind, asked, at }))
+        };
+        let targets = [
+            self.number("ratio").map(Target::Ratio),
+            self.count("size").map(Target::Size),
+            self.count("size-total").map(Target::Size),
+            self.count("gaussians").map(Target::Gaussians),
+            self.number("psnr").map(Target::Psnr),
+            goal(GoalKind::PowerSpectrum, self.number("max-pk-error"), self.number("k-max")),
+            goal(GoalKind::Correlation, self.number("min-correlation"), self.number("cell")),
+            goal(GoalKind::Groups, self.number("groups-within"), self.number("from")),
+        ];
+        targets.into_iter().flatten().next().unwrap_or(Target::Default)
+    }
+
+    fn finish(self) {
+        assert!(self.0.is_empty(), "no test sets the options {:?}", self.0);
+    }
+}
+
+fn root(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
+}
+
+fn snapshot(input: Option<&str>) -> Snapshot {
+    let columns = |names: [&str; 3]| names.map(|name| root("samples/nbody64").join(format!("{name}.f32"))).to_vec();
+    let paths = match input {
+        Some("without a box") => columns(["xx", "yy", "zz"]),
+        Some("another snapshot") => columns(["yy", "xx", "zz"]),
+        _ => vec![root("samples/nbody64")],
+    };
+    Snapshot::open_with(&paths, Choice { selection: Some(Selection::one_in(16)), ..Choice::default() }).unwrap()
+}
+
+fn small_model() -> Model {
+    let options = CompressOptions { effort: Effort::Fast, ..CompressOptions::gaussians(60) };
+    compress(&snapshot(None), &options, &Context::default()).unwrap()
+}
+
+fn run(verb: &str, row: &Value, model: &Model, folder: &Path, context: &Context<'_>) -> Result<()> {
+    let mut given = RowOptions(serde_json::from_value(row["options"].clone()).unwrap());
+    let (outputs, input) = (Outputs::new(true), row["input"].as_str());
+    match verb {
+        "compress" => {
+            let options = CompressOptions {
+                size_with_fields: given.0.contains_key("size-total"),
+                target: given.target(),
+                radius: given.number("radius"),
+                opacity: given.number("opacity"),
+                blocks: given.count("blocks").map(|n| n as u32),
+                memory: given.count("memory"),
+                fields: given.list("fields"),
+                training: given.named::<Preset>("train").map(|preset| Config::preset(preset, Default::default())),
+                effort: given.named("effort").unwrap_or_default(),
+                certificate: given.named("certificate").unwrap_or(CompressOptions::default().certificate),
+                seed: given.count("seed").unwrap_or(42),
+                ..CompressOptions::default()
+            };
+            given.finish();
+            compress(&snapshot(input), &options, context)?;
+        }
+        "simplify" => {
+            let target = given.target();
+            given.finish();
+            model.simplify(target, context)?;
+        }
+        "recover" => {
+            let layers = given.list("layers");
+            let options = RecoverOptions {
+                particles: given.count("particles"),
+                method: given.named("method").unwrap_or_default(),
+                scale: given.number("scale").unwrap_or(1.0),
+                seed: given.count("seed").unwrap_or(42),
+                ..RecoverOptions::default()
+            };
+            given.finish();
+            model.recover_into(&folder.join("drawn"), (&options, &layers), &outputs, context)?;
+        }
+        "export" => {
+            let (out, layers) = (folder.join(row["output"].as_str().unwrap()), given.list("layers"));
+            let mut options = ExportOptions {
+                kind: given.named("kind"),
+                fields: given.list("fields"),
+                color: given.named("color").unwrap_or_default(),
+                radius: given.number("radius"),
+                opacity: given.number("opacity"),
+                layers: layers.clone(),
+                ..ExportOptions::default()
+            };
+            options.opening.layers = layers;
+            if let Some(cells) = given.count("cells") {
+                options.cells = particlegs::Cells::Along(cells as usize);
+            }
+            given.finish();
+            plan_export(&out, options.kind, &outputs, context)?;
+            model.export(&out, &options, &outputs, context)?;
+        }
+        "verify" => {
+            let full = given.0.remove("full").is_some();
+            given.finish();
+            let altered = Model::open(root("tests/options/altered.pgs"))?;
+            let model = if row["model"] == "altered" { &altered } else { model };
+            let source = input.map(|input| snapshot(Some(input)));
+            let verified = model.verify(source.as_ref(), (full, 42), context)?;
+            assert_eq!(row["certificate"], verified.model.certificate, "{row}");
+            let (expected, wrong) = (row["wrong"].as_str(), verified.judge().err().map(|e| e.to_string()));
+            assert_eq!(expected.is_some(), wrong.is_some(), "{row}: {wrong:?}");
+            assert!(expected.is_none_or(|text| wrong.as_ref().unwrap().contains(text)), "{row}: {wrong:?}");
+        }
+        other => panic!("no verb {other}"),
+    }
+    Ok(())
+}
+
+#[test]
+fn rows_are_refused_and_noted_as_the_table_says() {
+    let table = std::fs::read(root("tests/options/cases.json")).unwrap();
+    let table: BTreeMap<String, Vec<Value>> = serde_json::from_slice(&table).unwrap();
+    let (folder, model) = (tempfile::tempdir().unwrap(), small_model());
+    for (verb, row) in table.iter().flat_map(|(verb, rows)| rows.iter().map(move |row| (verb, row))) {
+        let notes = Notes::default();
+        let done = run(verb, row, &model, folder.path(), &Context::default().with_sink(&notes));
+        let notes = notes.0.into_inner().unwrap();
+        match (row["error"].as_str(), &done) {
+            (Some(text), Err(error)) => assert!(error.to_string().contains(text), "{verb} {row}: {error}"),
+            (Some(_), Ok(())) => panic!("{verb} {row}: nothing was refused"),
+            (None, Err(error)) => panic!("{verb} {row}: {error}"),
+            (None, Ok(())) => {}
+        }
+        if let Some(expected) = row["notes"].as_array() {
+            assert_eq!(expected.len(), notes.len(), "{verb} {row}: {notes:?}");
+            let same = expected.iter().zip(&notes).all(|(text, note)| note.contains(text.as_str().unwrap()));
+            assert!(same, "{verb} {row}: {notes:?}");
+        }
+    }
+}
+
+/// Writes tests/options/altered.pgs: a model whose certificate says another correlation than was measured.
+#[test]
+#[ignore = "writes a fixture"]
+fn write_altered_model() {
+    let model = small_model();
+    let mut certificate = *model.certificate().unwrap();
+    certificate.density.correlation -= 0.1;
+    model.with_certificate(Some(&certificate)).unwrap().save(root("tests/options/altered.pgs")).unwrap();
+}

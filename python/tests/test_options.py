@@ -1,0 +1,97 @@
+"""The rows of tests/options/cases.json through the package and the command; crates/particlegs runs them in Rust."""
+
+import json
+import subprocess
+import warnings
+from pathlib import Path
+
+import particlegs as pg
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CASES = json.loads((ROOT / "tests/options/cases.json").read_text())
+SAMPLE = ROOT / "samples/nbody64"
+KEYWORDS = {"from": "from_size", "particles": "n"}
+ROWS = [(verb, row) for verb, rows in CASES.items() for row in rows]
+
+
+def paths_of(row):
+    columns = {"without a box": ["xx", "yy", "zz"], "another snapshot": ["yy", "xx", "zz"]}.get(row.get("input"))
+    return [SAMPLE] if columns is None else [SAMPLE / f"{name}.f32" for name in columns]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    path = tmp_path_factory.mktemp("options") / "m.pgs"
+    pg.compress(pg.open(SAMPLE, every=16), gaussians=60, effort="fast").save(path)
+    return path
+
+
+def model_of(row, made):
+    return ROOT / "tests/options/altered.pgs" if row.get("model") == "altered" else made
+
+
+def by_package(verb, row, made, folder):
+    """Notes, the error and the JSON of a row."""
+    keywords = {KEYWORDS.get(name, name.replace("-", "_")): value for name, value in row["options"].items()}
+    record = None
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            snapshot = pg.open(paths_of(row), every=16)
+            model = pg.read(model_of(row, made))
+            if verb == "compress":
+                pg.compress(snapshot, **keywords)
+            elif verb == "export":
+                model.export(folder / row["output"], overwrite=True, **keywords)
+            elif verb == "verify":
+                record = model.verify(snapshot if "input" in row else None, **keywords)
+            elif verb == "recover":
+                model.recover(**keywords)
+            else:
+                getattr(model, verb)(**keywords)
+            error = None
+        except (ValueError, MemoryError, OSError) as refused:
+            error = str(refused)
+    return [str(w.message) for w in caught], error, record
+
+
+def by_command(verb, row, made, folder, command):
+    words = [command, verb]
+    words += [str(p) for p in paths_of(row)] if verb == "compress" else [str(model_of(row, made))]
+    if verb == "verify" and "input" in row:
+        words += [str(p) for p in paths_of(row)]
+    if verb == "compress" or (verb == "verify" and "input" in row):
+        words += ["--every", "16"]
+    if verb != "verify":
+        outputs = {"compress": "c.pgs", "simplify": "s.pgs", "recover": "drawn"}
+        words += ["-o", str(folder / (outputs.get(verb) or row["output"])), "--force"]
+    for name, value in row["options"].items():
+        name = {"cells": "grid", "layers": "layer"}.get(name, name)
+        text = ",".join(value) if isinstance(value, list) else str(value)
+        words += [f"--{name}"] if value is True else [f"--{name}={text}"]
+    done = subprocess.run([*words, "--json", "-"], capture_output=True, text=True, cwd=folder)
+    lines = done.stderr.splitlines()
+    notes = [line.removeprefix("note: ") for line in lines if line.startswith("note: ")]
+    errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
+    record = json.loads(done.stdout) if done.stdout.startswith("{") else None
+    assert (done.returncode != 0) == bool(errors), done.stderr
+    return notes, "\n".join(errors) or None, record
+
+
+@pytest.mark.parametrize(("verb", "row"), ROWS, ids=[f"{verb} {row['options']}" for verb, row in ROWS])
+def test_package_and_command_say_what_the_table_says(verb, row, made, tmp_path, command):
+    results = by_package(verb, row, made, tmp_path), by_command(verb, row, made, tmp_path, command)
+    for notes, error, record in results:
+        wrong = record["wrong"] if record and "wrong" in record else error
+        expected = row.get("error", row.get("wrong"))
+        assert (expected is None) == (wrong is None), wrong
+        assert expected is None or expected in wrong
+        if "notes" in row:
+            assert len(notes) == len(row["notes"]), notes
+            assert all(text in note for text, note in zip(row["notes"], notes)), notes
+        if "certificate" in row:
+            assert record["certificate"] == row["certificate"]
+    if verb == "verify" and "error" not in row:
+        of_package, of_command = (record for _, _, record in results)
+        assert {key: of_package[key] for key in of_command} == of_command
