@@ -62,6 +62,10 @@ const RULES: &[OptionRule] = rules! {
         "figures: with --no-annotations a PNG is only the picture", "set its number of pixels with --size";
     "render reference": "FigureArgs colormap range video", |g| g.has("raw") => "pictures: --raw writes values";
     "render": "follow", |g| !g.series("models") => "films of a series (run.pgs)";
+    "render reference": "frames", |g| !g.has("path") && !g.has("turntable") && !g.series("models") =>
+        "--path and to series", "add --path FILE";
+    "render reference": "video", |g| !g.has("path") && !g.has("turntable") && !g.has("frames") =>
+        "--turntable, --path and --frames", "add --turntable N or --path FILE";
     "compress": "resume minutes log", |g| !g.trains() => "training: it needs --train fast|best|paper";
     "compress plan": "law scale iterations", |g| !g.trains() =>
         "training: it needs --train fast|best|paper, or --config";

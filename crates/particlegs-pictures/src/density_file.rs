@@ -136,8 +136,8 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
 pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, Plane)> {
     let path = file.with_extension("json");
     let text = read_whole(&path, DESCRIPTION, context)?;
-    let described: DensityDescription =
-        serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not of raw values: {e}")))?;
+    let described: DensityDescription = serde_json::from_slice(&text)
+        .map_err(|e| Error::input(&path, format!("it does not describe raw values: {e}")))?;
     let size = Size { width: described.width, height: described.height };
     if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
         return Err(Error::input(&path, format!("{}x{} pixels: out of range", size.width, size.height)));

@@ -199,9 +199,9 @@ impl Model {
         render::whole_view("whole", &Scene::new(&self.decoded), self.metadata().cell, size)
     }
 
-    /// What [`crate::pictures::render_models`] draws; pictures store the name of `path` as the model's.
-    pub fn picture_source(&self, path: impl AsRef<Path>) -> PictureSource {
-        PictureSource::new(path.as_ref(), &self.bytes, self.decoded.clone())
+    /// What [`crate::pictures::render_models`] draws.
+    pub fn picture_source(&self) -> PictureSource {
+        PictureSource::new(self.name().as_ref(), &self.bytes, self.decoded.clone())
     }
 
     /// Draws it as ParaView draws the particles.

@@ -24,7 +24,7 @@
 //!     ..PictureOptions::default()
 //! };
 //! let options = RenderOptions { pictures, ..RenderOptions::default() };
-//! let drawn = render_models(vec![model.picture_source("m.pgs")], &options, &Outputs::default(), &context)?;
+//! let drawn = render_models(vec![model.picture_source()], &options, &Outputs::default(), &context)?;
 //! assert!(drawn.range.is_none() && folder.path().join("density.pdf").is_file());
 //! # Ok::<(), particlegs::Error>(())
 //! ```

@@ -227,11 +227,11 @@ fn maps_of_a_model_are_those_of_its_particles() {
     for (options, what) in [
         ("--field velocity", "field `velocity` is a vector"),
         ("--field entropy", "the model has no field `entropy`"),
-        ("--field temperature --bulk mean", "--bulk needs a vector"),
-        ("--field velocity.x --bulk 1,2", "--bulk takes `mean` or three numbers"),
+        ("--field temperature --bulk mean", "a bulk motion is subtracted from a vector"),
+        ("--field velocity.x --bulk 1,2", "the bulk motion is `mean` or three numbers"),
         ("--field temperature --style expected", "--style has no effect"),
         ("--field temperature --radius 0.1", "--radius has no effect"),
-        ("--field temperature --range=5,1", "--range takes LO,HI"),
+        ("--field temperature --range=5,1", "the range of colours takes LO,HI"),
         ("--field temperature --scale log --range=-5,1", "both positive on a logarithmic scale"),
     ] {
         dir.fails(&format!("render m.pgs {options} -o no.png"), 2, what);

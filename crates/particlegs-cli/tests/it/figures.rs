@@ -187,8 +187,8 @@ fn impossible_figures_are_refused() {
     let s = folder();
     refused(&s, "a.pgs -o x.pdf --axes frame", 2, "need an orthographic view");
     refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "too narrow");
-    refused(&s, "a.pgs -o x.png --depth=-1", 2, "--depth -1");
-    refused(&s, "a.pgs -o x.png --center 1,2", 2, "--center takes");
+    refused(&s, "a.pgs -o x.png --depth=-1", 2, "the depth -1");
+    refused(&s, "a.pgs -o x.png --center 1,2", 2, "a centre is X,Y,Z");
     for words in ["render a.pgs -o x.png --figure-width 84 --quiet", "render a.pgs --quiet"] {
         s.command(words).assert().failure().code(2);
     }

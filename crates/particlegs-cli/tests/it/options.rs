@@ -87,7 +87,7 @@ fn one_picture_may_be_named() {
     dir.write("note.txt", two);
     dir.fails("render m.pgs -o note.txt", 2, "does not end in .png");
     assert_eq!(dir.text("note.txt"), two);
-    dir.fails("render m.pgs -o d.png --style density --raw", 2, "--raw writes values");
+    dir.fails("render m.pgs -o d.png --style density --raw", 2, "raw values are written");
     assert!(!dir.at("d.png").exists());
 }
 

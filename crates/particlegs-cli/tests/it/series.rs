@@ -535,7 +535,7 @@ fn pictures_are_about_the_mass_of_a_region_or_of_layers() {
     dir.fails("render run.pgs --frame 0 --center all -o no", 3, "fills the periodic box");
     dir.fails("render run.pgs --frames all --center stars -o no", 2, "no layer `stars`");
     dir.fails("render run.pgs --frame 0 --center 20,21,20,21,20,21 -o no", 3, "there is no mass");
-    dir.fails("reference snap-0 --center stars -o no", 2, "--center takes X,Y,Z here");
+    dir.fails("reference snap-0 --center stars -o no", 2, "a centre is X,Y,Z here");
     dir.runs("extract run.pgs --frame 0 -o m.pgs --quiet");
     dir.fails("render m.pgs --frames all --follow a.csv:1 -o no", 2, "--follow has no effect here");
 }

@@ -101,6 +101,6 @@ fn impossible_smoothing_and_comparison_are_refused() {
     dir.write("b/view.f32", vec![0xff; whole.len()]);
     assert!(said(&compare()).contains("not finite"));
     dir.write("b/view.json", "{}");
-    assert!(said(&compare()).contains("not written by --raw"));
+    assert!(said(&compare()).contains("does not describe raw values"));
     assert_eq!(listing(&dir.at("b")), ["view.f32", "view.json"]);
 }

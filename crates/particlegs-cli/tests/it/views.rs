@@ -65,7 +65,7 @@ fn the_default_window_is_reported() {
     let out = dir.command("reference SAMPLE --projection orthographic --size 40x40 -o a.png").output().unwrap();
     let said = said(&out);
     assert!(
-        said.contains("no --width given: the window spans the particles' bounds") && !said.contains("box"),
+        said.contains("no width is given: the window spans the particles' bounds") && !said.contains("box"),
         "{said}"
     );
 }
