@@ -147,7 +147,8 @@ class Series:
         interlacing : bool
             Measure P(k) on two grids half a cell apart, to reduce aliasing.
         k_max : float, optional
-            Largest wave number, 1 over the unit of length; by default the Nyquist frequency of the first frame's particles.
+            Largest wave number, 1 over the unit of length; by default the Nyquist frequency of the first
+            frame's particles.
         linking : float
             Linking length of groups in mean spacings of the first frame.
         linking_length : float or str, optional

@@ -216,11 +216,9 @@ impl CommandMatches<'_> {
             let Some(option) = options.split(' ').find_map(|o| self.first_of(o)) else { continue };
             if self.has("only") && !measures.iter().any(|m| self.is("only", m)) {
                 let names: Vec<String> = measures.iter().map(|m| format!("`{m}`")).collect();
-                let belongs = match &names[..] {
-                    [first @ .., last] if !first.is_empty() => format!("measures {} and {last}", first.join(", ")),
-                    _ => format!("measure {}", names.concat()),
-                };
-                return Err(no_effect(&option, &format!("the {belongs}, which --only leaves out"), ""));
+                let (ending, names) = (if names.len() > 1 { "s" } else { "" }, names.join(", "));
+                let names = names.rsplit_once(", ").map_or(names.clone(), |(most, last)| format!("{most} and {last}"));
+                return Err(no_effect(&option, &format!("the measure{ending} {names}, which --only leaves out"), ""));
             }
             if self.measures_series() && !measures.iter().any(|m| ["spectrum", "groups"].contains(m)) {
                 return Err(no_effect(&option, SERIES_ALONE, ""));

@@ -2,7 +2,7 @@
 
 use super::dense::dense_part;
 use super::mass_curve::{HaloSphere, SPHERES, integrated};
-use super::members::{LinkOptions, LinkedHaloes, density_peak};
+use super::members::{LinkedHaloes, density_peak};
 use super::overdensity::{HaloDensities, Overdensity};
 use super::properties::SphereProperties;
 use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
@@ -239,10 +239,9 @@ impl<'a> HaloSearch<'a> {
     }
 
     fn catalogue(&self, model: Option<&GaussianSpheres>, context: &Context<'_>) -> Result<HaloCatalogue> {
-        let HaloOptions { linking, smallest, ref linked, .. } = *self.o;
-        let link = LinkOptions { number: self.number, linking, smallest, linked };
         let mass = |i: u32| self.mass_of(i);
-        let found = LinkedHaloes::find(self.particles, self.positions, self.domain, &link, &mass, context)?;
+        let found =
+            LinkedHaloes::find(self.particles, self.positions, self.domain, (self.o, self.number), &mass, context)?;
         context.begin("haloes", found.members.len() as u64);
         let points = PointGrid::new(self.positions, self.domain, 0.0)?;
         let softening = self.o.softening.unwrap_or(SOFTENING * found.number_density.powf(-1.0 / 3.0));

@@ -1,5 +1,6 @@
 //! Groups of linked particles, what is attached to them, and where they are densest.
 
+use super::HaloOptions;
 use crate::stats::{LinkedParticles, PointGrid, gathered, group_offsets, longest_link, mean_place, shrunk_center};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
@@ -33,27 +34,17 @@ pub struct LinkedHaloes {
     pub note: Option<String>,
 }
 
-/// What is linked.
-pub struct LinkOptions<'a> {
-    /// Particles of the source, of which all are there or the dense part.
-    pub number: u64,
-    /// Linking length in mean spacings of the linked particles.
-    pub linking: f64,
-    pub smallest: usize,
-    /// Layers that are linked; by default those of dark matter where there are some, else all.
-    pub linked: &'a [String],
-}
-
 impl LinkedHaloes {
+    /// Links particles of a source of `number`, of which all are there or the dense part.
     pub fn find(
         p: &Particles,
         positions: &[[f64; 3]],
         domain: &Domain,
-        o: &LinkOptions<'_>,
+        (o, number): (&HaloOptions, u64),
         mass: &(impl Fn(u32) -> f64 + Sync),
         context: &Context<'_>,
     ) -> Result<LinkedHaloes> {
-        let chosen = linked_layers(p, o.linked)?;
+        let chosen = linked_layers(p, &o.linked)?;
         let finest = LinkedParticles::new(p, positions, domain);
         let fine = finest.index().map(|index| {
             let mut fine = vec![false; p.len()];
@@ -64,7 +55,7 @@ impl LinkedHaloes {
             Some(layers) => finest.only(&ranges(p, layers), p.len()),
             None => finest,
         };
-        let spacing = linked.spacing * (p.len() as f64 / o.number as f64).cbrt();
+        let spacing = linked.spacing * (p.len() as f64 / number as f64).cbrt();
         let length = o.linking * spacing;
         if length > longest_link(domain) {
             let what =

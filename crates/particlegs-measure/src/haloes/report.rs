@@ -170,18 +170,11 @@ impl HaloReport {
         }
         if let (Some(m), Some(truth)) = (&self.agreement, &self.truth) {
             let percent = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.1} %", 100.0 * v));
-            text += &format!(
-                "\ntruth: {} haloes; with 300 particles and more: {} in the truth, {} in the input",
-                truth.len(),
-                m.truth,
-                m.other
-            );
+            let found = format!("{} in the truth, {} in the input", m.truth, m.other);
+            text += &format!("\ntruth: {} haloes; with 300 particles and more: {found}", truth.len());
             text += &format!("\ncompleteness {}, purity {}", percent(m.completeness), percent(m.purity));
-            text += &format!(
-                "\nM200m over the truth's: median {}, scatter {}",
-                m.mass_median.map_or("-".into(), |v| format!("{v:.4}")),
-                percent(m.mass_scatter)
-            );
+            let (median, scatter) = (m.mass_median.map_or("-".into(), |v| format!("{v:.4}")), percent(m.mass_scatter));
+            text += &format!("\nM200m over the truth's: median {median}, scatter {scatter}");
         }
         text
     }
@@ -205,11 +198,7 @@ fn check_same_box(input: Subject<'_>, truth: Subject<'_>, name: &str) -> Result<
 
 /// Masses from those of 100 particles to the heaviest.
 fn ends(catalogues: [Option<&HaloCatalogue>; 2]) -> Option<[f64; 2]> {
-    let mut ends: Option<[f64; 2]> = None;
-    for c in catalogues.into_iter().flatten() {
-        for m in c.masses()?.0.into_iter().filter(|m| m.is_finite()) {
-            ends = Some(ends.map_or([m; 2], |[low, high]| [low.min(m), high.max(m)]));
-        }
-    }
-    ends
+    let masses = catalogues.into_iter().flatten().map(|c| Some(c.masses()?.0)).collect::<Option<Vec<_>>>()?.concat();
+    let finite = || masses.iter().copied().filter(|m| m.is_finite());
+    Some([finite().reduce(f64::min)?, finite().reduce(f64::max)?])
 }

@@ -47,7 +47,7 @@ impl GroupFinder<'_> {
         context: &Context<'_>,
     ) -> Result<(Groups, Option<f64>)> {
         let linked = LinkedParticles::new(particles, positions, self.domain);
-        let finest = linked.is_part().then_some(linked.spacing);
+        let finest = linked.index().map(|_| linked.spacing);
         let length = finest.map_or(self.length, |spacing| self.length / self.spacing * spacing);
         let found = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, context)?;
         Ok((found.map_or_else(|| Groups { linking_length: length, members: Vec::new() }, |f| f.groups), finest))

@@ -14,16 +14,10 @@ use super::presentation::Presentation;
 use super::profile::axis_profiles;
 use super::rdf::{largest_difference, with_g};
 use super::subject::ConvertedSubject;
-use super::velocities::{FieldSide, unit_of};
-use super::{
-    AxisMoments, AxisProfile, Convention, DensityReport, Domain, GroupReport, HaloDispersions, HaloProfiles,
-    JointHistogram, Likelihood, Measure, Multipoles, NearestDistances, PairCounts, Spectra, StatsOptions, StatsSide,
-    Subject, XiByTransform, density, dispersion, group_report, haloes, joint, likelihood, multipoles, neighbours,
-    pairs, profile, rdf, sizes_within, spectrum,
-};
+use super::velocities::unit_of;
+use super::*;
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, check_densities};
-use particlegs_core::{Error, Result};
 use particlegs_particles::Particles;
 use serde::Serialize;
 
@@ -206,8 +200,7 @@ pub fn compare<'a>(
     let of_masses = check_masses([truth, other])?;
     o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
     let fields = [sides[0].read_fields(o, context)?, sides[1].read_fields(o, context)?];
-    let side = |k: usize| FieldSide { subject: sides[k].subject, fields: fields[k].as_ref() };
-    let sides = [side(0), side(1)];
+    let fields = fields.each_ref().map(Option::as_ref);
     let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, context };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
@@ -223,33 +216,27 @@ pub fn compare<'a>(
     if particles.is_none() && of_particles.iter().any(|m| wants(*m)) {
         notes.push("pairs, groups, neighbours and g(r) were skipped: recover particles from the model first".into());
     }
-    let neighbours = match particles {
-        Some(pair) if wants(Measure::Neighbours) => Some(job.neighbours(pair)?),
-        _ => None,
-    };
+    let both = particles.filter(|_| wants(Measure::Neighbours));
+    let neighbours = both.map(|pair| job.neighbours(pair)).transpose()?;
     let positions = job.positions()?;
     let positions = [&positions[0][..], &positions[1][..]];
     let truth_groups = job.truth_groups(positions[0], &mut notes)?;
     let xi_by_pairs = if of_pairs(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
     let rdf = if of_pairs(Measure::Rdf) { Some(job.rdf(positions, &mut notes)?) } else { None };
-    let groups = match &truth_groups {
-        Some(truth) if of_pairs(Measure::Groups) => job.groups(positions, truth, &mut notes)?,
-        _ => None,
-    };
-    let moving = if o.needs_velocities() { job.velocities(sides, &mut notes)? } else { None };
+    let compared = truth_groups.as_ref().filter(|_| of_pairs(Measure::Groups));
+    let groups = compared.map(|truth| job.groups(positions, truth, &mut notes)).transpose()?.flatten();
+    let moving = if o.needs_velocities() { job.velocities(fields, &mut notes)? } else { None };
     let about_centers = wants(Measure::Haloes) || wants(Measure::Dispersion) && moving.is_some();
     let centers = if about_centers { job.centers(positions[0], truth_groups.as_ref(), &mut notes)? } else { None };
     let places = centers.as_ref().map(|(centers, radii)| HaloPlaces { centers, radii, bins: o.halo_bins });
-    let haloes = match &places {
-        Some(places) if wants(Measure::Haloes) => Some(job.haloes(positions, places)?),
-        _ => None,
-    };
+    let around = places.as_ref().filter(|_| wants(Measure::Haloes));
+    let haloes = around.map(|places| job.haloes(positions, places)).transpose()?;
     let of_velocities = |m| moving.as_ref().filter(|_| wants(m)).map(|pair| [&*pair[0], &*pair[1]]);
     let velocity_unit = moving.as_ref().and_then(unit_of).map(str::to_string);
-    let multipoles = match of_velocities(Measure::Multipoles) {
-        Some(pair) => job.multipoles(pair, velocity_unit.as_deref(), &mut notes)?,
-        None => None,
-    };
+    let multipoles = of_velocities(Measure::Multipoles)
+        .map(|pair| job.multipoles(pair, velocity_unit.as_deref(), &mut notes))
+        .transpose()?
+        .flatten();
     let momentum = of_velocities(Measure::Momentum)
         .map(|pair| momentum_spectra(pair, &job.domain, &job.spectrum_options(), context))
         .transpose()?;
@@ -257,7 +244,11 @@ pub fn compare<'a>(
         .zip(places.as_ref())
         .map(|(pair, places)| halo_dispersions(pair, &job.domain, places, context))
         .transpose()?;
-    let joint = if wants(Measure::Joint) { Some(joint_histograms(sides, o, &mut notes, context)?) } else { None };
+    let joint = if wants(Measure::Joint) {
+        Some(joint_histograms(sides.map(|s| s.subject), fields, o, &mut notes, context)?)
+    } else {
+        None
+    };
     let mut statistics = Statistics {
         options: o.clone(),
         domain: job.domain,

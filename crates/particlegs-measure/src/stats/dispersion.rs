@@ -119,11 +119,7 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     };
     let head = "centre,x,y,z,radius,particles_truth,particles_other,dispersion_truth,dispersion_other,ratio";
     to.table("halo_dispersion.csv", head, (0..d.radii.len()).map(row));
-    let Some((median, [low, high])) = d.median.zip(d.quartiles) else { return };
-    to.line(
-        &format!("haloes: dispersion, {} centres", d.compared),
-        format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
-    );
+    to.median(&format!("haloes: dispersion, {} centres", d.compared), d.median, d.quartiles);
 }
 
 #[cfg(test)]

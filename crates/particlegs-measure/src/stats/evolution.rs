@@ -63,7 +63,8 @@ struct FrameScale {
 
 /// Measures frame after frame.
 pub struct Evolution {
-    options: StatsOptions,
+    /// With the lengths of the first frame, once it was measured.
+    pub(super) options: StatsOptions,
     first: Option<FrameScale>,
 }
 
@@ -128,11 +129,6 @@ impl Evolution {
             self.options.linking_length.get_or_insert_with(|| length.to_string());
         }
         Ok(found.map(|f| f.groups.sizes()))
-    }
-
-    /// The linking length in the unit of length, once groups were found.
-    pub fn linking_length(&self) -> Option<&str> {
-        self.options.linking_length.as_deref()
     }
 
     fn compare_scales(&mut self, model: &Model, place: &str) -> Result<()> {
@@ -225,7 +221,7 @@ mod tests {
         let (sum, mass) =
             (0..40).fold((0.0, 0.0), |(s, m), i| (s + (50.0 + f64::from(i)) * f64::from(i), m + 50.0 + f64::from(i)));
         assert!((first.fields[0].value / (sum / mass) - 1.0).abs() < 1e-12, "{:?}", first.fields);
-        let length = evolution.linking_length().unwrap().to_string();
+        let length = evolution.options.linking_length.clone().unwrap();
         assert!(first.groups.as_ref().is_some_and(|g| (20..=60).contains(&g.len())), "{:?}", first.groups);
         // A sparser frame is linked as the first.
         let mut half = model(2.0);
@@ -234,7 +230,7 @@ mod tests {
         (half.layers[0].content[0].count, half.metadata.count) = (count, count);
         (half.layers[0].content[0].mass, half.metadata.mass) = (count as f64, count as f64);
         let second = evolution.measure(&half, "frame 1", &Context::SILENT).unwrap();
-        assert_eq!(evolution.linking_length(), Some(&length[..]));
+        assert_eq!(evolution.options.linking_length.as_ref(), Some(&length));
         assert_eq!(second.spectrum.len(), first.spectrum.len());
         let total = |f: &FrameStatistics| f.groups.iter().flatten().sum::<u64>();
         assert!(total(&second) < total(&first));

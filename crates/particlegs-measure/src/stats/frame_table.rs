@@ -1,23 +1,16 @@
 //! Tables with a row for each frame of a series.
 
-use particlegs_core::codec::{FrameCoding, SeriesFile};
+use particlegs_core::codec::{FrameCoding, FrameEntry, SeriesFile};
 use particlegs_core::model::{Epoch, Metadata, Units};
 use particlegs_core::text::{cell, one_line};
-use std::fmt::Write;
-
-/// A column: its name, its unit, what it is, and what stands in it.
-struct FrameColumn {
-    name: String,
-    unit: Option<String>,
-    about: String,
-    values: Vec<Option<f64>>,
-}
 
 /// A table whose first line names the columns. What they are, and their units, stand in lines behind `#`. Values are those
 /// of the frames that are there.
-pub struct FrameTable<'a> {
-    series: &'a SeriesFile<'a>,
-    columns: Vec<FrameColumn>,
+pub struct FrameTable {
+    head: String,
+    remarks: String,
+    /// Each frame's row, and whether it is there.
+    rows: Vec<(String, bool)>,
 }
 
 /// What a frame is, in a word.
@@ -29,15 +22,18 @@ pub fn kind_of(kind: FrameCoding) -> &'static str {
     }
 }
 
-impl<'a> FrameTable<'a> {
+impl FrameTable {
     /// The number of each frame of a series, what it is, and when. `frames` are those that are there.
-    pub fn new<'m>(
-        series: &'a SeriesFile<'_>,
-        frames: impl IntoIterator<Item = &'m Metadata>,
-        units: &Units,
-    ) -> FrameTable<'a> {
-        let frames: Vec<&Metadata> = frames.into_iter().collect();
-        let mut table = FrameTable { series, columns: Vec::new() };
+    pub fn new(series: &SeriesFile<'_>, frames: &[Metadata], units: &Units) -> FrameTable {
+        let about_kind = "a model of its own (keyframe), changes from the frame before, or missing";
+        let row = |(number, frame): (usize, &FrameEntry)| {
+            (format!("\n{number},{}", kind_of(frame.kind)), frame.kind != FrameCoding::Missing)
+        };
+        let mut table = FrameTable {
+            head: "frame,kind".into(),
+            remarks: format!("\n# frame: its number, from 0\n# kind: {about_kind}"),
+            rows: series.frames.iter().enumerate().map(row).collect(),
+        };
         let epoch = |pick: fn(&Epoch) -> Option<f64>| frames.iter().map(move |m| pick(&m.epoch));
         let time = units.time.as_ref().map(|u| u.text.clone());
         table.add(("time", time), "of the snapshot", epoch(|e| e.time));
@@ -55,31 +51,19 @@ impl<'a> FrameTable<'a> {
         about: &str,
         values: impl IntoIterator<Item = Option<f64>>,
     ) {
-        let values = values.into_iter().collect();
-        self.columns.push(FrameColumn { name: name.into(), unit, about: about.into(), values });
+        self.head += &format!(",{}", cell(name));
+        let unit = unit.map_or(String::new(), |u| format!(" [{u}]"));
+        self.remarks += &format!("\n# {}", one_line(&format!("{name}{unit}: {about}")));
+        let mut values = values.into_iter();
+        for (row, is_there) in &mut self.rows {
+            let value = if *is_there { values.next().flatten() } else { None };
+            *row += &format!(",{}", number(value));
+        }
     }
 
     /// The table as CSV, without an end of its last line.
     pub fn text(&self) -> String {
-        let about_kind = "a model of its own (keyframe), changes from the frame before, or missing";
-        let mut text = "frame,kind".to_string();
-        self.columns.iter().for_each(|c| text.extend([",", &cell(&c.name)]));
-        let _ = write!(text, "\n# frame: its number, from 0\n# kind: {about_kind}");
-        for c in &self.columns {
-            let unit = c.unit.as_ref().map_or(String::new(), |u| format!(" [{u}]"));
-            let _ = write!(text, "\n# {}", one_line(&format!("{}{unit}: {}", c.name, c.about)));
-        }
-        let mut there = 0;
-        for (number, frame) in self.series.frames.iter().enumerate() {
-            let _ = write!(text, "\n{number},{}", kind_of(frame.kind));
-            let missing = frame.kind == FrameCoding::Missing;
-            for c in &self.columns {
-                text.push(',');
-                text += &if missing { String::new() } else { self::number(c.values[there]) };
-            }
-            there += usize::from(!missing);
-        }
-        text
+        [&self.head, &self.remarks].into_iter().chain(self.rows.iter().map(|r| &r.0)).cloned().collect()
     }
 }
 

@@ -443,11 +443,7 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     for share in [0.1, 0.3, 1.0] {
         let near = |i: &usize| (h.edges[*i] / share).ln().abs();
         let Some(i) = (0..h.edges.len()).min_by(|a, b| near(a).total_cmp(&near(b))) else { continue };
-        let Some((median, [low, high])) = h.median[i].zip(h.quartiles[i]) else { continue };
-        to.line(
-            &format!("haloes: mass within {:.3} radii", h.edges[i]),
-            format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
-        );
+        to.median(&format!("haloes: mass within {:.3} radii", h.edges[i]), h.median[i], h.quartiles[i]);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Joint histograms of two scalar fields, such as density and temperature: how much mass has which pair of values.
 
 use super::presentation::*;
-use super::velocities::FieldSide;
+use super::velocities::FieldPair;
 use super::{ParticleFields, Statistics, StatsOptions, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
@@ -58,13 +58,14 @@ struct JointAxis {
 
 /// Histograms of the layers that both sides have with both fields, and a note of those that cannot be compared.
 pub fn joint_histograms(
-    sides: [FieldSide<'_>; 2],
+    subjects: [Subject<'_>; 2],
+    fields: FieldPair<'_>,
     o: &StatsOptions,
     notes: &mut Vec<String>,
     context: &Context<'_>,
 ) -> Result<Vec<JointHistogram>> {
-    let [Some(truth), Some(other)] = sides.map(|s| s.fields) else {
-        let side = if sides[0].fields.is_none() { "truth" } else { "other" };
+    let [Some(truth), Some(other)] = fields else {
+        let side = if fields[0].is_none() { "truth" } else { "other" };
         notes.push(format!("no joint histogram: the {side} has no fields"));
         return Ok(Vec::new());
     };
@@ -86,8 +87,8 @@ pub fn joint_histograms(
         let layer = &truth.particles.layers()[pair[0]].name;
         let own_name = &other.particles.layers()[pair[1]].name;
         let refused = differing_unit(&names, &of_truth, &of_other)
-            .or_else(|| uncorrelated(sides[0].subject, layer, &names))
-            .or_else(|| uncorrelated(sides[1].subject, own_name, &names));
+            .or_else(|| uncorrelated(subjects[0], layer, &names))
+            .or_else(|| uncorrelated(subjects[1], own_name, &names));
         if let Some(why) = refused {
             notes.push(format!("no joint histogram of {layer}: {why}"));
             continue;

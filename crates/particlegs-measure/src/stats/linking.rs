@@ -155,11 +155,6 @@ impl LinkedParticles {
         self.index.as_deref()
     }
 
-    /// Some particles are left out of the links.
-    pub fn is_part(&self) -> bool {
-        self.index.is_some()
-    }
-
     /// The groups by links of a length, with members by their number among all particles; `None` where links are longer than
     /// the box allows.
     pub fn groups(

@@ -228,19 +228,14 @@ impl StatsOptions {
         within("the number of slabs of a profile", self.profile_bins as f64, 1.0, 10_000.0)?;
         within("the number of bins of a joint histogram", self.joint_bins as f64, 2.0, 1000.0)?;
         within("the number of shells around a halo", self.halo_bins as f64, 1.0, 1000.0)?;
-        if let Some(r) = self.rdf_max {
-            within("the largest distance of g(r)", r, f64::MIN_POSITIVE, f64::MAX)?;
-        }
+        let positive = |name: &str, value: Option<f64>| within(name, value.unwrap_or(1.0), f64::MIN_POSITIVE, f64::MAX);
+        positive("the largest distance of g(r)", self.rdf_max)?;
         let stated = self.centers.iter().flatten().filter_map(|(_, r)| *r);
-        for r in stated.chain(self.halo_radius) {
-            within("the radius of a halo", r, f64::MIN_POSITIVE, f64::MAX)?;
-        }
+        stated.chain(self.halo_radius).try_for_each(|r| positive("the radius of a halo", Some(r)))?;
         if self.centers.iter().flatten().any(|(c, _)| c.iter().any(|v| !v.is_finite())) {
             return Err(Error::argument("the centres of haloes must be finite"));
         }
-        if let Some(k) = self.k_max {
-            within("the largest wave number", k, f64::MIN_POSITIVE, f64::MAX)?;
-        }
+        positive("the largest wave number", self.k_max)?;
         if self.joint.as_ref().is_some_and(|[x, y]| x.eq_ignore_ascii_case(y)) {
             return Err(Error::argument("a joint histogram needs two different fields"));
         }

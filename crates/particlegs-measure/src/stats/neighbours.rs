@@ -9,7 +9,7 @@ use particlegs_core::math::{Purpose, Random};
 use particlegs_core::model::decimals;
 use particlegs_core::{Error, Result, parallel};
 use particlegs_particles::{Neighbours, Particles, places_of};
-use serde::{Serialize, Serializer};
+use serde::ser::{SerializeMap, Serializer};
 
 /// Bins of the histogram, a decade.
 const PER_DECADE: f64 = 20.0;
@@ -134,19 +134,13 @@ pub(super) fn with_distance_ratios<S: Serializer>(
     pair: &Option<[NearestDistances; 2]>,
     serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct DistancesForm<'a> {
-        distances: &'a [NearestDistances; 2],
-        mean_ratio: f64,
-        median_ratio: f64,
-    }
-    let ratio = |[truth, other]: &[NearestDistances; 2], of: fn(&NearestDistances) -> f64| of(other) / of(truth);
-    let form = pair.as_ref().map(|distances| DistancesForm {
-        distances,
-        mean_ratio: ratio(distances, |d| d.mean),
-        median_ratio: ratio(distances, |d| d.median),
-    });
-    form.serialize(serializer)
+    let Some(distances) = pair else { return serializer.serialize_none() };
+    let [truth, other] = distances;
+    let mut form = serializer.serialize_map(Some(3))?;
+    form.serialize_entry("distances", distances)?;
+    form.serialize_entry("mean_ratio", &(other.mean / truth.mean))?;
+    form.serialize_entry("median_ratio", &(other.median / truth.median))?;
+    form.end()
 }
 
 /// Shows them.

@@ -56,6 +56,13 @@ impl Presentation {
         self.text += &format!("\n{name:<36} {value}");
     }
 
+    /// A line of shares of the truth, where there are any.
+    pub fn median(&mut self, name: &str, median: Option<f64>, quartiles: Option<[f64; 2]>) {
+        if let Some((median, [low, high])) = median.zip(quartiles) {
+            self.line(name, format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"));
+        }
+    }
+
     /// Writes the tables; where kinds of plots are wanted, these and the figures.
     pub fn write(&self, folder: &Path, kinds: &[FileKind]) -> Result<()> {
         self.tables.iter().try_for_each(|(name, csv)| write_bytes(&folder.join(name), csv.as_bytes()))?;
@@ -145,7 +152,7 @@ pub(crate) fn chart(
     series.iter_mut().for_each(|s| s.points.retain(|p| !y.log || p.y > 0.0));
     let below = (!ratio.is_empty()).then(|| ratio_plot(&x, ratio));
     let plot = Plot { name: name.into(), title: title.into(), x, y, series, levels: Vec::new() };
-    [plot].into_iter().chain(below).collect()
+    [plot].into_iter().chain(below.into_iter().flatten()).collect()
 }
 
 /// Values of both sides at the same places, and their ratio if the truth's is above `least`.
@@ -162,18 +169,14 @@ pub(crate) fn compared(
 }
 
 /// other / truth, from 0.85 to 1.15 or as far as it goes within 0 to 2, in bands of 5 % and 10 %.
-fn ratio_plot(x: &PlotAxis, mut ratio: Points) -> Plot {
+fn ratio_plot(x: &PlotAxis, mut ratio: Points) -> ChartParts {
     ratio.retain(|p| p.1.is_finite());
     let reach = (1.15 * ratio.iter().map(|p| (p.1 - 1.0).abs()).fold(0.0, f64::max)).clamp(0.15, 1.0);
     ratio.iter_mut().for_each(|p| p.1 = p.1.clamp(1.0 - reach, 1.0 + reach));
-    Plot {
-        name: String::new(),
-        title: String::new(),
-        x: x.clone(),
-        y: PlotAxis::ratios("other / truth", [1.0 - reach, 1.0 + reach]),
-        series: vec![curve("", OTHER, false, ratio)],
-        levels: vec![(String::new(), 1.0)],
-    }
+    let axes = [x.clone(), PlotAxis::ratios("other / truth", [1.0 - reach, 1.0 + reach])];
+    let mut parts = chart("", "", axes, vec![curve("", OTHER, false, ratio)], Vec::new());
+    parts[0].levels = vec![(String::new(), 1.0)];
+    parts
 }
 
 /// A picture of values on a grid, the first axis across and slowest, each a square of pixels of `scale` pixels.

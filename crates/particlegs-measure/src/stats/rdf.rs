@@ -8,7 +8,7 @@ use super::{PairCounts, Statistics};
 use particlegs_core::Result;
 use particlegs_core::model::decimals;
 use particlegs_figure::PlotAxis;
-use serde::{Serialize, Serializer};
+use serde::ser::{SerializeMap, Serializer};
 
 const BINS: usize = 200;
 /// How far it goes, in mean spacings.
@@ -83,20 +83,13 @@ pub(super) fn with_g<S: Serializer>(
     pair: &Option<[PairCounts; 2]>,
     serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct CorrelationForm<'a> {
-        edges: &'a [f64],
-        pairs: [&'a [u64]; 2],
-        expected: [&'a [f64]; 2],
-        g: [Vec<f64>; 2],
-    }
-    let form = pair.as_ref().map(|counts| CorrelationForm {
-        edges: &counts[0].edges,
-        pairs: counts.each_ref().map(|c| &c.pairs[..]),
-        expected: counts.each_ref().map(|c| &c.expected[..]),
-        g: counts.each_ref().map(PairCounts::g),
-    });
-    form.serialize(serializer)
+    let Some(counts) = pair else { return serializer.serialize_none() };
+    let mut form = serializer.serialize_map(Some(4))?;
+    form.serialize_entry("edges", &counts[0].edges)?;
+    form.serialize_entry("pairs", &counts.each_ref().map(|c| &c.pairs))?;
+    form.serialize_entry("expected", &counts.each_ref().map(|c| &c.expected))?;
+    form.serialize_entry("g", &counts.each_ref().map(PairCounts::g))?;
+    form.end()
 }
 
 /// Above this g(r), a linear axis would show only the peak.

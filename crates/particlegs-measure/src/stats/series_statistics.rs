@@ -82,7 +82,7 @@ impl<'a> SeriesStatistics<'a> {
         }
         let first = found.iter().flatten().next().map_or(&[][..], |f| &f.spectrum);
         let waves = chosen_waves(first);
-        let linking_length = evolution.linking_length().map(String::from);
+        let linking_length = evolution.options.linking_length;
         let (name, units) = (name.to_string(), series.units()?);
         Ok(SeriesStatistics { series, name, options: taken, units, frames, found, linking_length, waves })
     }
@@ -274,30 +274,15 @@ impl<'a> SeriesStatistics<'a> {
         }
         text
     }
-
-    fn frame_record(&self, frame: usize, m: &Metadata, found: Option<&FrameStatistics>) -> SeriesRow {
-        let nothing = FrameStatistics::default();
-        let found = found.unwrap_or(&nothing);
-        let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
-            let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
-            SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()
-        });
-        SeriesRow::There(json!({
-            "frame": frame, "time": m.epoch.time, "step": m.epoch.step, "redshift": m.epoch.redshift(),
-            "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": found.spectrum,
-            "groups": groups, "fields": found.fields,
-        }))
-    }
 }
 
 impl Serialize for SeriesStatistics<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         let mut there = self.frames();
-        let mut record = |(frame, entry): (usize, &FrameEntry)| match entry.kind {
-            FrameCoding::Missing => SeriesRow::Missing { frame, kind: "missing" },
-            _ => there.next().map_or(SeriesRow::Missing { frame, kind: "missing" }, |(frame, metadata, found)| {
-                self.frame_record(frame, metadata, found)
-            }),
+        let mut record = |(frame, entry): (usize, &FrameEntry)| {
+            let measured = if entry.kind == FrameCoding::Missing { None } else { there.next() };
+            let missing = || json!({ "frame": frame, "kind": "missing" });
+            measured.map_or_else(missing, |(frame, metadata, found)| frame_record(frame, metadata, found))
         };
         SeriesRecord {
             series: &self.name,
@@ -320,14 +305,21 @@ struct SeriesRecord<'a> {
     linking_length: Option<&'a str>,
     tool_version: &'static str,
     options: &'a Value,
-    frames: Vec<SeriesRow>,
+    frames: Vec<Value>,
 }
 
-#[derive(Serialize)]
-#[serde(untagged)]
-enum SeriesRow {
-    Missing { frame: usize, kind: &'static str },
-    There(Value),
+fn frame_record(frame: usize, m: &Metadata, found: Option<&FrameStatistics>) -> Value {
+    let nothing = FrameStatistics::default();
+    let found = found.unwrap_or(&nothing);
+    let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
+        let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
+        SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()
+    });
+    json!({
+        "frame": frame, "time": m.epoch.time, "step": m.epoch.step, "redshift": m.epoch.redshift(),
+        "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": found.spectrum,
+        "groups": groups, "fields": found.fields,
+    })
 }
 
 /// Wave numbers of shells in about equal factors, from the first to the last.

@@ -60,12 +60,8 @@ impl StatsSide<'_> {
     }
 }
 
-/// A side of a comparison, and its particles, or those drawn from it, with fields.
-#[derive(Clone, Copy)]
-pub(super) struct FieldSide<'a> {
-    pub subject: Subject<'a>,
-    pub fields: Option<&'a ParticleFields>,
-}
+/// Fields of both sides, where there are any.
+pub(super) type FieldPair<'a> = [Option<&'a ParticleFields>; 2];
 
 impl ParticleFields {
     /// Particles with the `fields` of their layers, of which velocities are read if `o` needs them. `None` where there is
@@ -192,9 +188,10 @@ impl ParticleFields {
 
 /// The velocities of both sides, in the units of the truth; else why there are none that can be compared.
 pub(super) fn velocity_pair<'a>(
-    sides: [FieldSide<'a>; 2],
+    subject: Subject<'_>,
+    fields: FieldPair<'a>,
 ) -> Result<std::result::Result<[Cow<'a, ParticleFields>; 2], String>> {
-    let moving = sides.map(|s| s.fields.filter(|f| f.has_velocities()));
+    let moving = fields.map(|side| side.filter(|f| f.has_velocities()));
     let [Some(truth), Some(other)] = moving else {
         let side = if moving[0].is_none() { "truth" } else { "other" };
         return Ok(Err(format!("the {side} has no velocities")));
@@ -204,7 +201,7 @@ pub(super) fn velocity_pair<'a>(
     {
         return Ok(Err(format!("velocities are in {a} in the truth and in {b} in the other")));
     }
-    let (converted, _) = Subject::Particles(&other.particles).in_units_of(sides[0].subject)?;
+    let (converted, _) = Subject::Particles(&other.particles).in_units_of(subject)?;
     let other = match converted.and_then(super::subject::ConvertedSubject::particles) {
         None => Cow::Borrowed(other),
         Some(particles) => Cow::Owned(ParticleFields { particles, ..other.clone() }),
@@ -262,10 +259,10 @@ impl ComparisonJob<'_> {
     /// Velocities of both sides. `None`, and a note, where one has none.
     pub fn velocities<'s>(
         &self,
-        sides: [FieldSide<'s>; 2],
+        fields: FieldPair<'s>,
         notes: &mut Vec<String>,
     ) -> Result<Option<[Cow<'s, ParticleFields>; 2]>> {
-        let found = velocity_pair(sides)?;
+        let found = velocity_pair(self.pair[0], fields)?;
         if let Err(why) = &found {
             let wanted: Vec<&str> = OF_VELOCITIES.iter().filter(|m| self.wants(&[**m])).map(|m| m.name()).collect();
             notes.push(format!("no {}: {why}", wanted.join(", ")));
@@ -349,11 +346,10 @@ mod tests {
         assert!(error.to_string().contains("the velocity of particle 0"), "{error}");
         // What one side does not state is as in the other.
         let unstated = ParticleFields { unit: None, ..found.clone() };
-        let side = |fields| FieldSide { subject: Subject::Particles(&p), fields };
-        let pair = velocity_pair([side(Some(&unstated)), side(Some(&found))]).unwrap().unwrap();
+        let pair = velocity_pair(Subject::Particles(&p), [Some(&unstated), Some(&found)]).unwrap().unwrap();
         assert_eq!(unit_of(&pair), Some("km/s"));
         let other = ParticleFields { unit: Some("m/s".into()), ..found.clone() };
-        let refused = |a, b| velocity_pair([side(a), side(b)]).unwrap().err().unwrap();
+        let refused = |a, b| velocity_pair(Subject::Particles(&p), [a, b]).unwrap().err().unwrap();
         assert_eq!(refused(Some(&found), Some(&other)), "velocities are in km/s in the truth and in m/s in the other");
         assert_eq!(refused(Some(&found), None), "the other has no velocities");
         assert_eq!(refused(Some(&still), Some(&found)), "the truth has no velocities");
