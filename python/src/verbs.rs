@@ -107,7 +107,7 @@ pub fn verify(
 /// Options of an export.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct ExportOptions {
+pub struct ExportArguments {
     kind: Option<String>,
     layers: Option<Vec<String>>,
     cells: Option<usize>,
@@ -125,7 +125,7 @@ pub fn export(
     py: Python<'_>,
     model: &Model,
     path: PathBuf,
-    asked: ExportOptions,
+    asked: ExportArguments,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<u64> {

@@ -3,7 +3,7 @@
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
-pub use particlegs::input::{FrameChoice, Input, decoded_model, is_series, read_file};
+pub use particlegs::input::{FrameChoice, ModelOrSnapshot, decoded_model, is_series, read_file};
 use particlegs::input::{frame_beside, read_model, read_model_of_snapshot};
 use particlegs_core::Result;
 use particlegs_core::context::{Context, ProgressSink};
@@ -50,8 +50,8 @@ pub fn opening_beside(path: &Path, other: Option<&Path>, opening: &SnapshotArgs)
 }
 
 /// A model, of a series the frame that is named or else the last, or a snapshot. A pipe is read only once.
-pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<'_>) -> Result<Input> {
-    Input::open(path, opening.choice()?, context)
+pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<'_>) -> Result<ModelOrSnapshot> {
+    ModelOrSnapshot::open(path, opening.choice()?, context)
 }
 
 /// Prints what the command waits for before its progress is shown.

@@ -1,6 +1,6 @@
 //! What `stats` and `haloes` measure: a snapshot, with its fields where they are needed, or a model.
 
-use crate::inputs::{self, Input};
+use crate::inputs::{self, ModelOrSnapshot};
 use crate::snapshot_args::SnapshotArgs;
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
@@ -19,15 +19,15 @@ impl MeasuredInput {
     pub fn open(path: &Path, opening: &SnapshotArgs, with_fields: bool, context: &Context<'_>) -> Result<Self> {
         let paths = [path.to_path_buf()];
         Ok(match inputs::model_or_snapshot(path, opening, context)? {
-            Input::Model(bytes) => {
+            ModelOrSnapshot::Model(bytes) => {
                 let model = opening.layers_of(codec::decode_with(&bytes, &name_of(path), context)?)?;
                 MeasuredInput::Model(model.into())
             }
-            Input::Snapshot(mut choice) if with_fields => {
+            ModelOrSnapshot::Snapshot(mut choice) if with_fields => {
                 let (particles, fields) = choice.read_fields(&paths, &Storage::Memory, context)?;
                 MeasuredInput::Particles(particles.into(), fields)
             }
-            Input::Snapshot(choice) => {
+            ModelOrSnapshot::Snapshot(choice) => {
                 MeasuredInput::Particles(choice.read(&paths, &Storage::Memory, context)?.into(), Vec::new())
             }
         })

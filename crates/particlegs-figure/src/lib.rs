@@ -29,7 +29,7 @@ pub use font::missing;
 pub use image::FigureImage;
 pub use layout::{FigureSpace, layout};
 pub use panel::{BarPlacement, ColourBar, EdgeAxis, Figure, Panel, PaperColour, ScaleBar};
-pub use plot::{Plot, PlotAxis, Point, Series};
+pub use plot::{Plot, PlotAxis, PlotSeries, Point};
 pub use plot_layout::{plot_bytes, shows, write_plots};
 pub use raster::raster;
 pub use sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};

@@ -11,7 +11,7 @@ pub struct Plot {
     pub title: String,
     pub x: PlotAxis,
     pub y: PlotAxis,
-    pub series: Vec<Series>,
+    pub series: Vec<PlotSeries>,
     /// Horizontal lines with their names; those without a name are not in the legend, and neither are such curves.
     pub levels: Vec<(String, f64)>,
 }
@@ -50,7 +50,7 @@ impl PlotAxis {
 }
 
 #[derive(Clone, Debug, Serialize)]
-pub struct Series {
+pub struct PlotSeries {
     /// Its name in the legend.
     pub name: String,
     /// Colour and mark: what is the same thing in several plots has the same.

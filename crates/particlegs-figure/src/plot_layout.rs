@@ -4,7 +4,7 @@ use super::file_kind::FileKind;
 use super::font::{self, CAPITALS};
 use super::layout_parts::{MarkWriter, UNDER};
 use super::panel::{BarPlacement, PaperColour};
-use super::plot::{Plot, PlotAxis, Series};
+use super::plot::{Plot, PlotAxis, PlotSeries};
 use super::png_file::PngMetadata;
 use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet};
 use super::ticks::{TickMarks, even, logarithmic, number};
@@ -286,7 +286,7 @@ fn draw(pen: &mut MarkWriter<'_>, area: PageRectangle, plot: &Plot, [x, y]: [Axi
     }
 }
 
-fn curve(pen: &mut MarkWriter<'_>, s: &Series, points: &[[f64; 2]], broken: bool) {
+fn curve(pen: &mut MarkWriter<'_>, s: &PlotSeries, points: &[[f64; 2]], broken: bool) {
     let parts = if broken { dashes(points, BROKEN.map(|d| d * pen.em)) } else { vec![points.to_vec()] };
     for points in parts.into_iter().filter(|p| p.len() > 1) {
         pen.marks.push(Mark::Line { points, width: CURVE * pen.em, ink: colour(s.style), opacity: 1.0 });
@@ -300,7 +300,7 @@ fn level_line(pen: &mut MarkWriter<'_>, level: usize, ends: [[f64; 2]; 2]) {
 
 /// A mark: circles, squares, triangles in turn, so that colour is not all that tells curves apart.
 /// Those of broken lines are hollow.
-fn marks(pen: &mut MarkWriter<'_>, s: &Series, at: [f64; 2]) {
+fn marks(pen: &mut MarkWriter<'_>, s: &PlotSeries, at: [f64; 2]) {
     let circle: Vec<[f64; 2]> = (0..16).map(|i| f64::from(i) * PI / 8.0).map(|a| [a.cos(), a.sin()]).collect();
     let corners: &[[f64; 2]] = match s.style % 4 {
         0 => &circle,
@@ -323,12 +323,12 @@ fn aside(plot: &Plot, series: usize) -> f64 {
 }
 
 /// Where along the axis a series has pictures that do not differ from the truth: they stand at the top edge.
-fn identical(s: &Series, x: AxisScale) -> impl Iterator<Item = f64> {
+fn identical(s: &PlotSeries, x: AxisScale) -> impl Iterator<Item = f64> {
     s.points.iter().filter(|p| p.y == f64::INFINITY).filter_map(move |p| x.place(p.x))
 }
 
 /// Points that the axes can show, in runs: a line does not go on past a point that they cannot.
-fn runs(s: &Series, x: AxisScale, y: AxisScale) -> Vec<Vec<(f64, f64)>> {
+fn runs(s: &PlotSeries, x: AxisScale, y: AxisScale) -> Vec<Vec<(f64, f64)>> {
     let placed: Vec<Option<(f64, f64)>> = s.points.iter().map(|p| Some((x.place(p.x)?, y.place(p.y)?))).collect();
     placed
         .split(Option::is_none)
@@ -338,7 +338,7 @@ fn runs(s: &Series, x: AxisScale, y: AxisScale) -> Vec<Vec<(f64, f64)>> {
 }
 
 /// What the legend says of a curve that is not to be seen: whether there is none, or none within the axes.
-fn unseen(s: &Series, x: AxisScale, y: AxisScale) -> &'static str {
+fn unseen(s: &PlotSeries, x: AxisScale, y: AxisScale) -> &'static str {
     match (runs(s, x, y).is_empty() && identical(s, x).next().is_none(), s.points.is_empty()) {
         (false, _) => "",
         (true, true) => " (none)",
@@ -348,7 +348,7 @@ fn unseen(s: &Series, x: AxisScale, y: AxisScale) -> &'static str {
 
 /// What stands before a name in the legend.
 enum LegendSample<'a> {
-    Series(&'a Series),
+    PlotSeries(&'a PlotSeries),
     Level(usize),
     Band(usize),
     Nothing,
@@ -357,7 +357,7 @@ enum LegendSample<'a> {
 /// The legend: curves in the order of the plot, those that the axes do not reach told, then levels, then bands.
 fn entries(plot: &Plot, x: AxisScale, y: AxisScale) -> Vec<(LegendSample<'_>, String)> {
     let named = plot.series.iter().filter(|s| !s.name.is_empty());
-    let mut all: Vec<_> = named.map(|s| (LegendSample::Series(s), s.name.clone() + unseen(s, x, y))).collect();
+    let mut all: Vec<_> = named.map(|s| (LegendSample::PlotSeries(s), s.name.clone() + unseen(s, x, y))).collect();
     if plot.series.iter().any(|s| identical(s, x).next().is_some()) {
         all.push((LegendSample::Nothing, "top edge: identical".into()));
     }
@@ -375,7 +375,7 @@ fn legend(pen: &mut MarkWriter<'_>, plot: &Plot, area: PageRectangle, entries: &
     for (i, (sample, text)) in entries.iter().enumerate() {
         let y = area.y + (i as f64 + 0.5) * row;
         match sample {
-            LegendSample::Series(s) => {
+            LegendSample::PlotSeries(s) => {
                 if plot.x.names.is_empty() {
                     curve(pen, s, &[[from, y], [to, y]], s.dashed);
                 }
@@ -409,7 +409,7 @@ mod tests {
             title: "Quality by size".into(),
             x: PlotAxis::logarithmic("ratio"),
             y: PlotAxis::linear("masked PSNR, dB"),
-            series: vec![Series { name: "model".into(), style: 1, dashed: false, points }],
+            series: vec![PlotSeries { name: "model".into(), style: 1, dashed: false, points }],
             levels: vec![("noise-free".into(), 33.5)],
         }
     }
@@ -428,7 +428,7 @@ mod tests {
         }
         assert!(svg(&plot(vec![Point::new(-1.0, f64::NAN)])).is_none());
         // A curve that the axes do not reach is told.
-        let low = Series { name: "low".into(), style: 2, dashed: false, points: vec![Point::new(30.0, 0.5)] };
+        let low = PlotSeries { name: "low".into(), style: 2, dashed: false, points: vec![Point::new(30.0, 0.5)] };
         let mut both = plot(vec![Point::new(20.0, 31.0)]);
         both.y.range = Some([30.0, 34.0]);
         both.series.push(low);
@@ -446,7 +446,7 @@ mod tests {
     #[test]
     fn lines_end_where_the_axes_do() {
         let points = [1.0, 2.0, 50.0, 3.0].iter().enumerate().map(|(i, v)| Point::new(i as f64, *v)).collect();
-        let series = Series { name: "s".into(), style: 0, dashed: false, points };
+        let series = PlotSeries { name: "s".into(), style: 0, dashed: false, points };
         let scale = |high| AxisScale { log: false, low: 0.0, high, whole: false };
         assert_eq!(runs(&series, scale(9.0), scale(9.0)), [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 3.0)]]);
     }
@@ -489,7 +489,7 @@ mod tests {
     fn identical_pictures_stand_at_the_top_edge() {
         let some = plot(vec![Point::new(5.0, f64::INFINITY), Point::new(20.0, 40.0), Point::new(300.0, 29.0)]);
         let [with, without] = [&some.series[0].points[..], &some.series[0].points[1..]].map(|points| {
-            let series = vec![Series { points: points.to_vec(), ..some.series[0].clone() }];
+            let series = vec![PlotSeries { points: points.to_vec(), ..some.series[0].clone() }];
             svg(&Plot { series, ..some.clone() }).unwrap()
         });
         let count = |text: &str, what: &str| text.matches(what).count();
@@ -505,7 +505,7 @@ mod tests {
     fn series_without_an_order_stand_beside_each_other() {
         let x = two_names();
         let named = Plot { x, ..plot(vec![Point::new(1.0, 31.0)]) };
-        let second = Series { style: 3, points: vec![], ..named.series[0].clone() };
+        let second = PlotSeries { style: 3, points: vec![], ..named.series[0].clone() };
         let two = Plot { series: vec![named.series[0].clone(), second], ..named.clone() };
         assert_eq!((aside(&named, 0), aside(&two, 0), aside(&two, 1)), (0.0, -0.25 * SLOT, 0.25 * SLOT));
         assert_eq!(aside(&plot(vec![]), 0), 0.0);

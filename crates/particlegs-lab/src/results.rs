@@ -1,7 +1,7 @@
 //! Results of an experiment as plain data: tables, plots, pictures and notes.
 
 use particlegs_core::picture::{Colormap, Rgb8};
-pub use particlegs_figure::{Plot, PlotAxis, Point, Series};
+pub use particlegs_figure::{Plot, PlotAxis, PlotSeries, Point};
 use serde::{Deserialize, Serialize};
 
 /// Are these the decibels of nothing but pictures that do not differ from the truth?

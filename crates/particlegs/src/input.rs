@@ -87,53 +87,53 @@ pub struct DecodedModel {
 }
 
 /// What a path names.
-pub enum Input {
+pub enum ModelOrSnapshot {
     /// The bytes of a model file, or of a frame of a series as one.
     Model(Vec<u8>),
     /// A snapshot, and how it is read.
     Snapshot(Box<Choice>),
 }
 
-impl Input {
+impl ModelOrSnapshot {
     /// A model, of a series the frame that `choice` names or else the last, or a snapshot. A pipe is read only once.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Corrupt`]; [`Error::Input`] for a frame that there is not.
-    pub fn open(path: &Path, mut choice: Choice, context: &Context<'_>) -> Result<Input> {
+    pub fn open(path: &Path, mut choice: Choice, context: &Context<'_>) -> Result<ModelOrSnapshot> {
         if path.is_dir() {
-            return Ok(Input::Snapshot(choice.into()));
+            return Ok(ModelOrSnapshot::Snapshot(choice.into()));
         }
         let mut source = Source::open(path, context)?;
         if codec::is_model(source.peek(HEAD)?) {
             let bytes = model_file::read_source(source, &name_of(path))?;
-            return Ok(Input::Model(frame_of(bytes, &choice.frame.into(), &name_of(path), context)?));
+            return Ok(ModelOrSnapshot::Model(frame_of(bytes, &choice.frame.into(), &name_of(path), context)?));
         }
         if is_stream(path) {
             choice.spool(source)?;
         }
-        Ok(Input::Snapshot(choice.into()))
+        Ok(ModelOrSnapshot::Snapshot(choice.into()))
     }
 }
 
 /// What a model file holds.
 #[derive(Debug)]
-pub enum FileContent {
+pub enum ModelOrSeries {
     /// One model.
     Model(Box<Model>),
     /// A series of models.
     Series(Series),
 }
 
-impl FileContent {
+impl ModelOrSeries {
     /// Reads a model file or a series; `-` is standard input.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for what is neither; [`Error::Corrupt`].
-    pub fn open(path: impl AsRef<Path>, context: &Context<'_>) -> Result<FileContent> {
+    pub fn open(path: impl AsRef<Path>, context: &Context<'_>) -> Result<ModelOrSeries> {
         let (bytes, name) = (read_file(path.as_ref(), context)?, name_of(path.as_ref()));
         match codec::is_series(&bytes) {
-            true => Series::from_bytes(bytes, &name).map(FileContent::Series),
-            false => Ok(FileContent::Model(Model::decode(bytes, &name, context)?.into())),
+            true => Series::from_bytes(bytes, &name).map(ModelOrSeries::Series),
+            false => Ok(ModelOrSeries::Model(Model::decode(bytes, &name, context)?.into())),
         }
     }
 }

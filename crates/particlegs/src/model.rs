@@ -1,7 +1,7 @@
 //! A model as a user holds it: its file's bytes, and what they decode to.
 
 use crate::camera::{DensityView, View, base_distance, spherical_camera};
-use crate::input::{FileContent, FrameChoice};
+use crate::input::{FrameChoice, ModelOrSeries};
 use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
 use crate::series::SeriesFrame;
 use crate::{
@@ -76,9 +76,9 @@ impl Model {
     /// # Errors
     /// As [`Model::open`]; [`crate::Error::Input`] for a frame that there is not.
     pub fn open_frame(path: impl AsRef<Path>, frame: &FrameChoice, context: &Context<'_>) -> Result<Model> {
-        match FileContent::open(path, context)? {
-            FileContent::Model(model) => frame.check_model(&model.name).map(|()| *model),
-            FileContent::Series(series) => series.model(frame, context),
+        match ModelOrSeries::open(path, context)? {
+            ModelOrSeries::Model(model) => frame.check_model(&model.name).map(|()| *model),
+            ModelOrSeries::Series(series) => series.model(frame, context),
         }
     }
 

@@ -254,8 +254,8 @@ impl Model {
                 self.metadata().law.name()
             );
             let hint =
-                "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
-            return Err(Error::argument_with(what, hint));
+                Hint::from("optical-depth blocks need no fine-tuning after a merge; compress the snapshot with ");
+            return Err(Error::argument_with(what, hint.option("train", "best")));
         }
         let storage = options.memory.map_or(Storage::Memory, |_| Storage::Disk(run.scratch_folder(out)));
         let (particles, _) = snapshot.read(false, &storage, context)?;

@@ -1,7 +1,7 @@
 //! Writes the log of a training run and its curves.
 
 use crate::{Context, ProgressEvent, ProgressSink, Result};
-use particlegs_figure::{FileKind, Plot, PlotAxis, Point, Series, write_plots};
+use particlegs_figure::{FileKind, Plot, PlotAxis, PlotSeries, Point, write_plots};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;
 use particlegs_files::output::FileSet;
@@ -87,7 +87,7 @@ fn draw(path: &Path) -> Result<()> {
         let points = |lines: &Vec<Value>| lines.iter().filter_map(point).collect();
         // Only the first run is in the legend.
         let name_of = |run: usize| if run == 0 { curve.into() } else { String::new() };
-        let line = |(run, lines)| Series { name: name_of(run), style: 1, dashed: false, points: points(lines) };
+        let line = |(run, lines)| PlotSeries { name: name_of(run), style: 1, dashed: false, points: points(lines) };
         let (x, y, series) =
             (PlotAxis::linear("step"), PlotAxis::linear(y), runs.iter().enumerate().map(line).collect());
         let plot = Plot { name: format!("{stem}-{name}"), title: title.into(), x, y, series, levels: Vec::new() };

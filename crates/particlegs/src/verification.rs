@@ -1,6 +1,6 @@
 //! What a file says of itself and of its snapshot.
 
-use crate::input::{FileContent, FrameChoice, frame_of_snapshot};
+use crate::input::{FrameChoice, ModelOrSeries, frame_of_snapshot};
 use crate::{Context, Model, Result, Series, Snapshot, Storage};
 use particlegs_compress::verify::{SeriesVerification, StoredModel, Verification};
 use serde::Serialize;
@@ -124,7 +124,7 @@ impl Series {
     }
 }
 
-impl FileContent {
+impl ModelOrSeries {
     /// [`Model::verify`], or [`Series::verify_frame`].
     ///
     /// # Errors
@@ -137,8 +137,8 @@ impl FileContent {
         context: &Context<'_>,
     ) -> Result<FileVerification> {
         match self {
-            FileContent::Model(model) => model.verify(snapshot, (full, seed), context),
-            FileContent::Series(series) => series.verify_frame(snapshot, number, (full, seed), context),
+            ModelOrSeries::Model(model) => model.verify(snapshot, (full, seed), context),
+            ModelOrSeries::Series(series) => series.verify_frame(snapshot, number, (full, seed), context),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `particlegs convert IN... -o OUT`.
 
 use crate::common::{CommandContext, Common};
-use crate::inputs::{self, Input};
+use crate::inputs::{self, ModelOrSnapshot};
 use crate::outputs::ForceArgs;
 use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
@@ -70,8 +70,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path), a.force.force)?;
     let mut choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.particles.opening, &context)? {
-            Input::Model(bytes) => return splats(&a, one, bytes, &context),
-            Input::Snapshot(choice) => *choice,
+            ModelOrSnapshot::Model(bytes) => return splats(&a, one, bytes, &context),
+            ModelOrSnapshot::Snapshot(choice) => *choice,
         },
         _ => a.particles.opening.choice()?,
     };

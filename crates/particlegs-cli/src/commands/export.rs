@@ -6,7 +6,7 @@ use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
-use particlegs::input::FileContent;
+use particlegs::input::ModelOrSeries;
 use particlegs::{ExportOptions, Model, plan_export};
 use particlegs_core::codec::FileInfo;
 use particlegs_core::{Error, Result};
@@ -131,13 +131,13 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let paged = kind.group() == Group::Page;
     let content = match paged && !a.series.is_given() {
-        true => FileContent::open(&a.model, &context)?,
-        false => FileContent::Model(Model::open_frame(&a.model, &a.series.choice(), &context)?.into()),
+        true => ModelOrSeries::open(&a.model, &context)?,
+        false => ModelOrSeries::Model(Model::open_frame(&a.model, &a.series.choice(), &context)?.into()),
     };
     let opening = match (&content, paged) {
         (_, false) => PageOpening::default(),
-        (FileContent::Model(model), _) => a.opening(&model.info()?, &context)?,
-        (FileContent::Series(series), _) => a.opening(&series.first_info()?, &context)?,
+        (ModelOrSeries::Model(model), _) => a.opening(&model.info()?, &context)?,
+        (ModelOrSeries::Series(series), _) => a.opening(&series.first_info()?, &context)?,
     };
     let options = ExportOptions {
         kind: a.kind,
@@ -157,8 +157,8 @@ pub fn run(a: Arguments) -> Result<()> {
         link: a.link,
     };
     let made = match content {
-        FileContent::Model(model) => model.export(&a.output, &options, &context.outputs, &context)?,
-        FileContent::Series(series) => series.export(&a.output, &options, &context.outputs, &context)?,
+        ModelOrSeries::Model(model) => model.export(&a.output, &options, &context.outputs, &context)?,
+        ModelOrSeries::Series(series) => series.export(&a.output, &options, &context.outputs, &context)?,
     };
     let (out, megabytes, seconds) = (a.output.display(), made.bytes as f64 / 1e6, start.elapsed().as_secs_f64());
     let text = format!("{out}: {}, {megabytes:.1} MB, in {seconds:.2} s", made.content);

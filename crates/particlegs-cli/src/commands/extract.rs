@@ -4,7 +4,7 @@ use crate::common::Common;
 use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use clap::{Args, ValueHint};
-use particlegs::input::FileContent;
+use particlegs::input::ModelOrSeries;
 use particlegs_core::{Error, Result};
 use particlegs_files::input::name_of;
 use serde_json::json;
@@ -37,7 +37,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.series.as_path()], a.force.force)?;
     context.outputs.writes_model(&a.output, &context)?;
-    let FileContent::Series(series) = FileContent::open(&a.series, &context)? else {
+    let ModelOrSeries::Series(series) = ModelOrSeries::open(&a.series, &context)? else {
         let what = "it is one model, not a series: there is nothing to extract";
         return Err(Error::input_with(name_of(&a.series), what, "use the file as it is"));
     };

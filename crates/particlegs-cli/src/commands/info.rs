@@ -1,7 +1,7 @@
 //! `particlegs info FILE`: a model file, or a snapshot in any format.
 
 use crate::common::Common;
-use crate::inputs::{self, Input};
+use crate::inputs::{self, ModelOrSnapshot};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_series, info_snapshot};
 use clap::Args;
@@ -43,8 +43,8 @@ pub fn run(a: Arguments) -> Result<()> {
         }
         [one] if inputs::is_series(one) => info_series::print_frame(&context, one, &a.snapshot.frame.into()),
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
-            Input::Model(bytes) => info_model::print(&context, one, &bytes),
-            Input::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
+            ModelOrSnapshot::Model(bytes) => info_model::print(&context, one, &bytes),
+            ModelOrSnapshot::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
         },
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),
     }

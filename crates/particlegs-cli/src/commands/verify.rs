@@ -5,7 +5,7 @@ use crate::info_model;
 use crate::job_args::JobSnapshot;
 use crate::snapshot_args::ParticleArgs;
 use clap::Args;
-use particlegs::input::{FileContent, is_series};
+use particlegs::input::{ModelOrSeries, is_series};
 use particlegs::{FileVerification, Snapshot, StatedFigure};
 use particlegs_compress::job::{Job, State};
 use particlegs_core::{Error, Result};
@@ -51,10 +51,10 @@ pub fn run(mut a: Arguments) -> Result<()> {
     if a.store {
         context.outputs.rewrites(&a.model)?;
     }
-    let content = FileContent::open(&a.model, &context)?;
+    let content = ModelOrSeries::open(&a.model, &context)?;
     let frame = match content {
-        FileContent::Series(_) => a.particles.opening.frame.take(),
-        FileContent::Model(_) => None,
+        ModelOrSeries::Series(_) => a.particles.opening.frame.take(),
+        ModelOrSeries::Model(_) => None,
     };
     let snapshot = match a.snapshot.is_empty() {
         true => None,
@@ -62,13 +62,13 @@ pub fn run(mut a: Arguments) -> Result<()> {
     };
     let verified = content.verify(snapshot.as_ref(), frame, (a.full, a.common.seed), &context)?;
     let verdict = verified.judge();
-    if let (true, Ok(()), FileContent::Model(model)) = (a.store, &verdict, &content) {
+    if let (true, Ok(()), ModelOrSeries::Model(model)) = (a.store, &verdict, &content) {
         let certified = model.with_certificate(verified.model.measured_again.as_ref())?;
         write_bytes(&a.model, certified.bytes())?;
         context.message(&format!("{}: stored the measured certificate", verified.place));
     }
     let mut of_series = String::new();
-    if let (Some(all), FileContent::Series(series)) = (&verified.series, &content) {
+    if let (Some(all), ModelOrSeries::Series(series)) = (&verified.series, &content) {
         let (place, bytes, keyframes) = (series.name(), series.bytes().len(), all.keyframes);
         let missing = match all.frames - all.there.len() {
             0 => String::new(),

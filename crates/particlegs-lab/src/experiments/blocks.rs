@@ -6,7 +6,7 @@ use super::seeds::{describe_seeds, each_seed};
 use super::shared::rates::COMPARED as RATIO;
 use super::{Experiment, published as paper};
 use crate::lab::{Lab, ModelBuild, ModelSettings};
-use crate::results::{ExperimentResults, Plot, PlotAxis, ResultTable, Series, Spread, TableCell, spread};
+use crate::results::{ExperimentResults, Plot, PlotAxis, PlotSeries, ResultTable, Spread, TableCell, spread};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score};
 use particlegs_core::Result;
@@ -126,7 +126,7 @@ fn changes_by_distance(all: &[BlockCountScores]) -> Plot {
     let series = all.iter().enumerate().skip(1).map(|(style, m)| {
         let point = |d: f64| spread(d, &changes(m, &all[0], &[ViewGroup::orbit(d)]));
         let points = DISTANCES.iter().rev().filter_map(|d| point(*d)).collect();
-        Series { name: format!("{} blocks", m.blocks), style, dashed: false, points }
+        PlotSeries { name: format!("{} blocks", m.blocks), style, dashed: false, points }
     });
     Plot {
         name: "blocks-distance-change".into(),

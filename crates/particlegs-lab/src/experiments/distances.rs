@@ -1,7 +1,7 @@
 //! Masked PSNR by camera distance, for models with different numbers of blocks (paper, figure of block distances).
 
 use super::groups::{ViewGroup, masked, means_over};
-use crate::results::{Plot, PlotAxis, ResultTable, Series, TableCell, decibels};
+use crate::results::{Plot, PlotAxis, PlotSeries, ResultTable, TableCell, decibels};
 use crate::views::Score;
 
 /// Distances of the figure, in base distances, far to near.
@@ -23,7 +23,7 @@ pub(super) fn plot(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> Plot {
     let series = curves.iter().map(|c| {
         let point = |d: f64| decibels(d, &means_over(c.scores, &[ViewGroup::orbit(d)], masked));
         let points = DISTANCES.iter().rev().filter_map(|d| point(*d)).collect();
-        Series { name: c.label.clone(), style: c.style, dashed: c.dashed, points }
+        PlotSeries { name: c.label.clone(), style: c.style, dashed: c.dashed, points }
     });
     Plot {
         name: name.into(),

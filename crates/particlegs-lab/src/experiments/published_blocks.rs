@@ -8,7 +8,7 @@ use super::groups::{ViewGroup, masked, means_over};
 use super::published::{self as paper, BYTES_A_GAUSSIAN, same_sign};
 use super::shared::published_models::{fine_tuning, merged, whole};
 use crate::lab::Lab;
-use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell, spread};
+use crate::results::{ExperimentResults, Plot, PlotAxis, PlotSeries, Point, ResultTable, Spread, TableCell, spread};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, scale, tuned};
 use particlegs_core::Result;
@@ -175,8 +175,8 @@ fn growth(all: &[BlockTuningRow], particles: usize) -> Plot {
         x: PlotAxis::logarithmic("particles per block"),
         y: PlotAxis::logarithmic("Gaussians per block, before fine-tuning"),
         series: vec![
-            Series { name: "published recipe".into(), style: 0, dashed: false, points },
-            Series { name: "proportional".into(), style: 7, dashed: true, points: straight },
+            PlotSeries { name: "published recipe".into(), style: 0, dashed: false, points },
+            PlotSeries { name: "proportional".into(), style: 7, dashed: true, points: straight },
         ],
         levels: vec![],
     }

@@ -4,7 +4,7 @@ use super::ablation::{self, AblationRow, StageEvaluator};
 use super::groups::{self, in_pixels};
 use super::{Experiment, published as paper};
 use crate::lab::Lab;
-use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, TableCell};
+use crate::results::{ExperimentResults, Plot, PlotAxis, PlotSeries, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingScore, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, mean};
@@ -86,7 +86,7 @@ fn plot(curve: &[TrainingScore], levels: Vec<(String, f64)>, size: &str) -> Plot
         title: format!("The published recipe during training, {size}"),
         x: PlotAxis::linear("steps"),
         y: PlotAxis::linear("masked PSNR on held-out views, dB"),
-        series: vec![Series { name: "published recipe".into(), style: 1, dashed: false, points }],
+        series: vec![PlotSeries { name: "published recipe".into(), style: 1, dashed: false, points }],
         levels,
     }
 }

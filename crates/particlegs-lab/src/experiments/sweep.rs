@@ -1,7 +1,7 @@
 //! Scores of models over the distance, the radius or the opacity of views.
 
 use super::groups::{ViewGroup, masked, means_over, psnr, ssim};
-use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell, decibels};
+use crate::results::{Plot, PlotAxis, PlotSeries, Point, ResultTable, Spread, TableCell, decibels};
 use crate::views::Score;
 
 /// One value of the varied parameter.
@@ -82,14 +82,14 @@ impl Sweep {
         let measured = |scores: &[Vec<Score>]| {
             points(&|s| decibels(s.at, &means_over(scores, std::slice::from_ref(&s.group), masked)))
         };
-        let mut series: Vec<Series> = models
+        let mut series: Vec<PlotSeries> = models
             .iter()
-            .map(|m| Series { name: m.label.clone(), style: m.style, dashed: false, points: measured(&m.scores) })
+            .map(|m| PlotSeries { name: m.label.clone(), style: m.style, dashed: false, points: measured(&m.scores) })
             .collect();
         let noise_free = measured(&[noise_free.to_vec()]);
-        series.push(Series { name: "noise-free picture".into(), style: 8, dashed: true, points: noise_free });
+        series.push(PlotSeries { name: "noise-free picture".into(), style: 8, dashed: true, points: noise_free });
         let theirs = points(&|s| Some(Point::new(s.at, s.paper[0]?)));
-        series.push(Series { name: "paper (HACC, 1080p)".into(), style: 7, dashed: true, points: theirs });
+        series.push(PlotSeries { name: "paper (HACC, 1080p)".into(), style: 7, dashed: true, points: theirs });
         Plot {
             name: format!("{stem}-{}", self.name),
             title: self.title(of),

@@ -9,7 +9,7 @@ use crate::stats::{StatsSide, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::text::one_line;
 use particlegs_core::{Error, Result};
-use particlegs_figure::{FileKind, Plot, PlotAxis, Point, Series, plot_bytes};
+use particlegs_figure::{FileKind, Plot, PlotAxis, PlotSeries, Point, plot_bytes};
 use particlegs_files::output::{write_atomic, write_bytes};
 use serde::Serialize;
 use std::path::Path;
@@ -139,7 +139,7 @@ impl HaloReport {
                 range: Some([(b.density - b.error).max(0.1 * b.density), b.density + b.error]),
             };
             let points = bins.iter().filter(|b| b.haloes > 0).map(point).collect();
-            Series { name: name.into(), style, dashed: false, points }
+            PlotSeries { name: name.into(), style, dashed: false, points }
         };
         let volume = length.map_or("volume".into(), |l| format!("({l})³"));
         let mass_label = if mass == "particles" { "particles within R200m".into() } else { format!("M200m [{mass}]") };

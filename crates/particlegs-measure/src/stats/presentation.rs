@@ -7,7 +7,7 @@ use particlegs_core::picture::{Rgb8, Size};
 use particlegs_core::text::one_line;
 use particlegs_figure::png_file::PngMetadata;
 use particlegs_figure::{
-    Figure, FigureImage, FigureSpace, FileKind, Plot, PlotAxis, Point, Series, layout, raster, write_plots,
+    Figure, FigureImage, FigureSpace, FileKind, Plot, PlotAxis, PlotSeries, Point, layout, raster, write_plots,
 };
 use particlegs_files::output::write_bytes;
 use particlegs_files::png::write_png;
@@ -123,9 +123,9 @@ pub(crate) const THIRD: usize = 0;
 pub(crate) type ChartParts = Vec<Plot>;
 pub(crate) type Points = Vec<(f64, f64)>;
 
-pub(crate) fn curve(name: &str, style: usize, dashed: bool, points: Points) -> Series {
+pub(crate) fn curve(name: &str, style: usize, dashed: bool, points: Points) -> PlotSeries {
     let points = points.into_iter().filter(|p| p.1.is_finite()).map(|(x, y)| Point::new(x, y)).collect();
-    Series { name: name.into(), style, dashed, points }
+    PlotSeries { name: name.into(), style, dashed, points }
 }
 
 pub(crate) fn log(label: impl Into<String>) -> PlotAxis {
@@ -136,7 +136,7 @@ pub(crate) fn even(label: impl Into<String>) -> PlotAxis {
     PlotAxis::linear(label)
 }
 
-pub(crate) fn pair([a, b]: [Points; 2]) -> Vec<Series> {
+pub(crate) fn pair([a, b]: [Points; 2]) -> Vec<PlotSeries> {
     vec![curve("truth", TRUTH, false, a), curve("other", OTHER, false, b)]
 }
 
@@ -144,7 +144,7 @@ pub(crate) fn chart(
     name: &str,
     title: &str,
     axes: [PlotAxis; 2],
-    mut series: Vec<Series>,
+    mut series: Vec<PlotSeries>,
     ratio: Points,
 ) -> ChartParts {
     let [x, y] = axes;

@@ -7,7 +7,7 @@ use particlegs_core::codec::{FrameCoding, FrameEntry, SeriesClock, SeriesDecoder
 use particlegs_core::context::Context;
 use particlegs_core::model::{Metadata, Model, Units, per_length};
 use particlegs_core::{Error, Result};
-use particlegs_figure::{FileKind, Plot, PlotAxis, Series, number as short, write_plots};
+use particlegs_figure::{FileKind, Plot, PlotAxis, PlotSeries, number as short, write_plots};
 use particlegs_files::output::{Outputs, write_bytes, write_json};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
@@ -203,7 +203,7 @@ impl<'a> SeriesStatistics<'a> {
     /// Figures over time: power at a few wave numbers, numbers of groups, and means of fields below one another.
     fn figures(&self) -> Vec<ChartParts> {
         let brackets = |unit: Option<String>| unit.map_or(String::new(), |u| format!(" [{u}]"));
-        let plot = |name: &str, title: &str, y: PlotAxis, series: Vec<Series>| {
+        let plot = |name: &str, title: &str, y: PlotAxis, series: Vec<PlotSeries>| {
             chart(name, title, [self.clock_axis(), y], series, Vec::new())
         };
         let power = self.waves.iter().enumerate().map(|(i, &k)| {
@@ -245,7 +245,7 @@ impl<'a> SeriesStatistics<'a> {
         ))
     }
 
-    fn curve(&self, name: &str, style: usize, values: impl Iterator<Item = Option<f64>>) -> Series {
+    fn curve(&self, name: &str, style: usize, values: impl Iterator<Item = Option<f64>>) -> PlotSeries {
         let at = |(value, frame): (Option<f64>, usize)| Some((self.series.frames[frame].time, value?));
         curve(name, style, false, values.zip(self.series.there()).filter_map(at).collect())
     }

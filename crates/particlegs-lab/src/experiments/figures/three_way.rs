@@ -3,7 +3,7 @@
 
 use super::crops::{BRIGHTENED, close_up, whole};
 use crate::lab::{Lab, ModelBuild, Style, or_made};
-use crate::results::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use crate::results::{Pictures, Plot, PlotAxis, PlotSeries, Point, ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{self, ReferenceViews, Score, cache_key, kept_picture, mean_of_values, orbit};
 use particlegs_core::Result;
@@ -103,7 +103,7 @@ fn table(ways: &[RendererScores]) -> ResultTable {
 
 /// Masked PSNR by view, orbit after orbit.
 fn plot(ways: &[RendererScores]) -> Plot {
-    let series = ways.iter().enumerate().map(|(style, way)| Series {
+    let series = ways.iter().enumerate().map(|(style, way)| PlotSeries {
         name: if way.name == "model" { "model".into() } else { format!("particles by {}", way.name) },
         style,
         dashed: style > 0,

@@ -5,7 +5,7 @@ use super::command::{CommandRun, run};
 use super::raw::RawCopy;
 use crate::experiments::shared::rates::COMPARED;
 use crate::lab::Lab;
-use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
+use crate::results::{Plot, PlotAxis, PlotSeries, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use particlegs_core::Result;
 use particlegs_particles::{Selection, Tiling};
@@ -121,7 +121,7 @@ pub(super) fn not(why: &str) -> String {
 pub(super) fn plots(all: &[GrowthPoint]) -> Vec<Plot> {
     let plot = |name: &str, title: &str, y: &str, of: fn(&GrowthPoint) -> Option<f64>| {
         let points: Vec<Point> = all.iter().filter_map(|g| Some(Point::new(g.particles as f64, of(g)?))).collect();
-        let mut series = vec![Series { name: "compress".into(), style: 0, dashed: false, points }];
+        let mut series = vec![PlotSeries { name: "compress".into(), style: 0, dashed: false, points }];
         series.extend(proportional(&series[0].points));
         let (x, y) = (PlotAxis::logarithmic("particles"), PlotAxis::logarithmic(y));
         Plot { name: format!("performance-growth-{name}"), title: title.into(), x, y, series, levels: vec![] }
@@ -137,10 +137,10 @@ pub(super) fn plots(all: &[GrowthPoint]) -> Vec<Plot> {
 }
 
 /// The line through the last point that is proportional to the particles; empty for fewer than two points.
-pub(super) fn proportional(points: &[Point]) -> Option<Series> {
+pub(super) fn proportional(points: &[Point]) -> Option<PlotSeries> {
     let ([first, .., last], style) = (points, 7) else { return None };
     let at = |x: f64| Point::new(x, last.y * x / last.x);
-    Some(Series { name: "proportional".into(), style, dashed: true, points: vec![at(first.x), at(last.x)] })
+    Some(PlotSeries { name: "proportional".into(), style, dashed: true, points: vec![at(first.x), at(last.x)] })
 }
 
 #[cfg(test)]

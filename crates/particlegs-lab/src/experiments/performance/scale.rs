@@ -4,7 +4,7 @@ use super::growth::proportional;
 use super::paper;
 use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelSettings};
-use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
+use crate::results::{Plot, PlotAxis, PlotSeries, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use particlegs_compress::{Target, compress};
 use particlegs_core::checkpoint::NoCheckpoints;
@@ -168,7 +168,7 @@ impl ScaleBlocks {
         let of = |name: &str, style, upper| {
             // The whole box is the last point of both.
             let own = self.blocks.iter().filter(|b| b.upper == upper || b.halvings == 0);
-            Series { name: name.into(), style, dashed: false, points: own.filter_map(point).collect() }
+            PlotSeries { name: name.into(), style, dashed: false, points: own.filter_map(point).collect() }
         };
         let mut series = vec![of("lower corner", 0, false)];
         if self.blocks.iter().any(|b| b.upper) {

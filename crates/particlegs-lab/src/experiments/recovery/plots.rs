@@ -2,7 +2,7 @@
 
 use super::facts::{Facts, Power, Xi};
 use super::{MethodRecovery, RATIO, RecoveryMeasurements, tables};
-use crate::results::{Plot, PlotAxis, Point, Series, spread};
+use crate::results::{Plot, PlotAxis, PlotSeries, Point, spread};
 
 /// Range of ratios, slightly wider than in the paper's figure.
 const RATIOS: [f64; 2] = [0.6, 1.4];
@@ -13,7 +13,7 @@ pub(super) fn all(m: &RecoveryMeasurements) -> Vec<Plot> {
     vec![power_of_methods(m), r_of_methods(m), power_of_sizes(m), xi(m), xi_ratio(m), xi_ratio_of_blocks(m), groups(m)]
 }
 
-fn plot(name: &str, title: String, x: PlotAxis, y: PlotAxis, series: Vec<Series>) -> Plot {
+fn plot(name: &str, title: String, x: PlotAxis, y: PlotAxis, series: Vec<PlotSeries>) -> Plot {
     Plot { name: name.into(), title, x, y, series, levels: vec![] }
 }
 
@@ -69,8 +69,8 @@ fn xi_points(facts: &[Facts], of: fn(&Xi) -> Option<f64>) -> Vec<Point> {
     points(&facts.iter().map(|f| f.xi.clone()).collect::<Vec<_>>(), Xi::middle, of)
 }
 
-fn of_methods(m: &RecoveryMeasurements, of: impl Fn(&MethodRecovery) -> Vec<Point>) -> Vec<Series> {
-    let one = |(style, o): (usize, &MethodRecovery)| Series {
+fn of_methods(m: &RecoveryMeasurements, of: impl Fn(&MethodRecovery) -> Vec<Point>) -> Vec<PlotSeries> {
+    let one = |(style, o): (usize, &MethodRecovery)| PlotSeries {
         name: tables::name(o.method),
         style,
         dashed: tables::name(o.method) != o.method.name() && style > 0,
@@ -93,7 +93,7 @@ fn r_of_methods(m: &RecoveryMeasurements) -> Plot {
 }
 
 fn power_of_sizes(m: &RecoveryMeasurements) -> Plot {
-    let series = m.sizes.iter().enumerate().map(|(style, o)| Series {
+    let series = m.sizes.iter().enumerate().map(|(style, o)| PlotSeries {
         name: format!("ratio {}", o.name),
         style,
         dashed: o.name.contains("fast"),
@@ -105,7 +105,7 @@ fn power_of_sizes(m: &RecoveryMeasurements) -> Plot {
 
 fn xi(m: &RecoveryMeasurements) -> Plot {
     let truth = m.methods.first().and_then(|o| o.all.first());
-    let truth = Series {
+    let truth = PlotSeries {
         name: "truth".into(),
         style: 8,
         dashed: false,
@@ -124,7 +124,7 @@ fn xi_ratio(m: &RecoveryMeasurements) -> Plot {
 }
 
 fn xi_ratio_of_blocks(m: &RecoveryMeasurements) -> Plot {
-    let series = m.blocks.iter().enumerate().map(|(style, o)| Series {
+    let series = m.blocks.iter().enumerate().map(|(style, o)| PlotSeries {
         name: if o.blocks == 1 { "1 block".into() } else { format!("{} blocks", o.blocks) },
         style,
         dashed: false,
@@ -140,7 +140,7 @@ fn groups(m: &RecoveryMeasurements) -> Plot {
         points(&sets, |c| c.from as f64, move |c| Some(c.number[side] as f64))
     };
     let truth = m.methods.first().map_or(vec![], |o| number(0, &o.all[..1.min(o.all.len())]));
-    let truth = Series { name: "truth".into(), style: 8, dashed: false, points: truth };
+    let truth = PlotSeries { name: "truth".into(), style: 8, dashed: false, points: truth };
     let series = of_methods(m, |o| number(1, &o.all));
     let title = format!("Friends-of-friends groups by size at ratio {RATIO:.0}, by method");
     let x = PlotAxis::logarithmic("smallest size of the class, particles (each up to 1.41 times it)");

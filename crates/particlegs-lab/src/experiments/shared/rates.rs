@@ -2,7 +2,7 @@
 
 use crate::lab::{Lab, ModelBuild};
 use crate::method::{CompressionMethod, MethodMeasurement};
-use crate::results::{Point, Series, Spread};
+use crate::results::{PlotSeries, Point, Spread};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, masked, mean};
 use particlegs_core::Result;
@@ -108,7 +108,7 @@ pub(crate) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios:
 
 /// One curve per method. Colours are by compressor; dashed lines are its other order, its moved particles, or the
 /// published law.
-pub(crate) fn series(lab: &Lab<'_>, method: CompressionMethod, points: Vec<Point>) -> Series {
+pub(crate) fn series(lab: &Lab<'_>, method: CompressionMethod, points: Vec<Point>) -> PlotSeries {
     let (style, dashed) = match method {
         CompressionMethod::OpticalDepth => (0, false),
         CompressionMethod::AlphaBlend => (0, true),
@@ -122,7 +122,7 @@ pub(crate) fn series(lab: &Lab<'_>, method: CompressionMethod, points: Vec<Point
             (2 + families.iter().position(|f| *f == own).unwrap_or(0), jitter || first != Some(at))
         }
     };
-    Series { name: method.name(lab), style, dashed, points }
+    PlotSeries { name: method.name(lab), style, dashed, points }
 }
 
 #[cfg(test)]
