@@ -96,8 +96,8 @@ def compress(
         arrays by name: shape (n,) for a scalar, (n, 3) for a vector. Arrays with units keep them. All targets but
         `size_total` are met without the fields.
     output : path, optional
-        Write the model to this file. Training keeps a checkpoint beside it, ``OUTPUT.checkpoint``, until it is done. A file
-        that was made from the same snapshot with the same options is kept.
+        Write the model to this file. Training keeps a checkpoint beside it, ``OUTPUT.checkpoint``, until it is done. A
+        file that was made from the same snapshot with the same options is kept.
     overwrite : bool
         Replace another model, and the checkpoint of an interrupted run.
     resume : bool

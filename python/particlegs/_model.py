@@ -627,8 +627,8 @@ class Model:
         full : bool
             Measure a full certificate even if the file has a smaller one.
         fields : dict of array_like, optional
-            The fields of the particles that the model has, as for `compress`. Those of files are read from them; others are
-            not compared without.
+            The fields of the particles that the model has, as for `compress`. Those of files are read from them;
+            others are not compared without.
 
         Returns
         -------

@@ -7,6 +7,7 @@ use crate::work::WorkOptions;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use particlegs::RunOptions;
 use particlegs_compress::{Options, Target};
+use particlegs_core::Error;
 use particlegs_core::model::{CertificateLevel, Goal, GoalKind, LawKind, Layer};
 use particlegs_files::output::Outputs;
 use particlegs_particles::{LayerFields, Number, Particles, SourceField, Storage};
@@ -175,7 +176,11 @@ pub fn compress(
     let (outputs, replace) = (Outputs::new(target.overwrite), target.overwrite);
     let run = RunOptions { resume: target.resume, replace, scratch: target.scratch, ..RunOptions::default() };
     let model = WorkOptions { threads, progress }.run(py, |context| {
-        let source = snapshot.source(arrays, from_files, context)?;
+        let fields = if from_files { snapshot.layer_fields(context)? } else { arrays };
+        if from_files && fields.is_empty() {
+            return Err(Error::argument("fields cannot be read from this selection of particles"));
+        }
+        let source = snapshot.source(fields, false, context)?;
         let Some(out) = &target.output else { return particlegs::compress(&source, &options, context) };
         let made = particlegs::compress_into(&source, out, (&options, &run), &outputs, context)?.made;
         particlegs::Model::decode(made.bytes, &out.display().to_string(), context)

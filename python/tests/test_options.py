@@ -5,8 +5,9 @@ import subprocess
 import warnings
 from pathlib import Path
 
-import particlegs as pg
 import pytest
+
+import particlegs as pg
 
 ROOT = Path(__file__).parents[2]
 CASES = json.loads((ROOT / "tests/options/cases.json").read_text())
