@@ -17,7 +17,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-FACE, BOUND = "particlegs", 120
+FACE, BOUND = "particlegs", 200
 PARTS = tuple(f"particlegs-{name}" for name in ("particles", "reference", "fit", "measure", "compress", "formats"))
 
 
