@@ -5,16 +5,14 @@ use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
+use particlegs::evaluation::EvaluationViews;
 use particlegs::plan_export;
 use particlegs_core::model::Target;
 use particlegs_core::picture::Size;
 use particlegs_export::{Cells, Kind};
-use particlegs_files::model_file;
 use particlegs_files::output::Outputs;
-use particlegs_measure::score;
 use particlegs_view::page::PageOpening;
 use pyo3::prelude::*;
-use serde_json::json;
 use std::path::PathBuf;
 
 /// A smaller model made from a model.
@@ -65,20 +63,11 @@ pub fn evaluate(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    if !(1..=10_000).contains(&frames) {
-        return Err(InputError::new_err(format!("frames must be 1 to 10000, not {frames}")));
-    }
-    let (whole, size) = (model.inner(), Size { width: size.0, height: size.1 });
-    let views = score::evaluation_views(&whole.metadata, size, seed, frames);
-    let particles = snapshot.checked()?;
-    let scores = WorkOptions { threads, progress }.run(py, |progress| {
-        let of_several = model_file::is_of_several(model.file.bytes(), &whole.metadata, model.file.name())?;
-        let matches = particlegs_compress::source_difference(particles, whole, of_several).is_none();
-        let mut scores = json!(score::evaluate(whole, particles, &views, size, None, progress)?);
-        scores["source_matches"] = matches.into();
-        Ok(scores)
+    let views = EvaluationViews::Orbits { frames, size: Size { width: size.0, height: size.1 }, seed };
+    let report = WorkOptions { threads, progress }.run(py, |context| {
+        model.file.evaluate(&[], &snapshot.source(Vec::new(), false, context)?, views, None, context)
     })?;
-    Ok(scores.to_string())
+    Ok(serde_json::to_string(&report).expect("plain data"))
 }
 
 /// What the command's `verify` finds: JSON, and what is wrong where anything is.

@@ -254,7 +254,7 @@ def test_a_file_that_was_cut_since_it_was_opened_is_refused(tmp_path):
 
 
 def test_scores_say_whether_the_particles_are_the_models_own(model):
-    with pytest.warns(UserWarning, match="not the particles"):
+    with pytest.warns(UserWarning, match="is not the snapshot that"):
         scores = model.eval(GOOD, frames=1, size=(64, 36))
     assert scores["source_matches"] is False
 

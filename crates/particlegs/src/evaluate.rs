@@ -1,9 +1,9 @@
 //! A model scored against a snapshot.
 
 use crate::camera::ViewSet;
-use crate::{Context, Error, Evaluation, Particles, Result, Size, Storage};
+use crate::{Context, Error, Evaluation, Model, Result, Size, Snapshot, Storage};
 use particlegs_compress::source_difference;
-use particlegs_core::{codec, model};
+use particlegs_core::model;
 use particlegs_files::model_file;
 use particlegs_measure::score::{self, LookScores, MeanViewScores};
 use particlegs_train::Accelerator;
@@ -40,19 +40,6 @@ impl EvaluationViews {
     }
 }
 
-/// A model that is scored.
-#[derive(Clone, Copy)]
-pub struct EvaluationSubject<'a> {
-    /// Name of the file, for messages.
-    pub name: &'a str,
-    /// Its bytes.
-    pub bytes: &'a [u8],
-    /// What they decode to, or some layers of that.
-    pub model: &'a model::Model,
-    /// Whether layers are left out.
-    pub is_part: bool,
-}
-
 /// Scores of a model, and what it takes.
 #[derive(Clone, Debug, Serialize)]
 pub struct EvaluationReport {
@@ -81,47 +68,55 @@ pub struct EvaluationReport {
     pub views_from: String,
 }
 
-/// Scores a model against particles, which `snapshot` names, in views; a `renderer` draws the model's pictures, else the
-/// CPU. That these are not the particles that it was made from is a warning.
-///
-/// # Errors
-/// [`Error::Argument`] for views out of range; [`Error::Input`] for particles whose units cannot be converted to the
-/// model's; [`Error::Memory`]; [`Error::Cancelled`].
-pub fn evaluate(
-    subject: EvaluationSubject<'_>,
-    (particles, snapshot): (&Particles, &str),
-    views: EvaluationViews,
-    renderer: Option<&dyn Accelerator>,
-    context: &Context<'_>,
-) -> Result<EvaluationReport> {
-    let EvaluationSubject { name, bytes, model, is_part } = subject;
-    // The hash is of all layers.
-    let of_several = is_part || model_file::is_of_several(bytes, &model.metadata, name)?;
-    let difference = source_difference(particles, model, of_several);
-    if let Some(why) = difference {
-        context.warn(&format!(
-            "{snapshot} is not the snapshot that {name} was made from ({why}: {} particles, made from {})",
-            particles.len(),
-            model.metadata.count,
-        ));
+impl Model {
+    /// Scores it, or some of its layers, against a snapshot in views; a `renderer` draws the model's pictures, else the CPU.
+    /// That these are not the particles that it was made from is a warning.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for views out of range, and layers that there are not; [`Error::Input`] for particles whose units
+    /// cannot be converted to the model's; those of reading; [`Error::Memory`]; [`Error::Cancelled`].
+    pub fn evaluate(
+        &self,
+        layers: &[String],
+        snapshot: &Snapshot,
+        views: EvaluationViews,
+        renderer: Option<&dyn Accelerator>,
+        context: &Context<'_>,
+    ) -> Result<EvaluationReport> {
+        let (name, whole) = (self.name(), self.decoded());
+        let chosen = if layers.is_empty() { None } else { Some(whole.clone().only(layers)?) };
+        let model = chosen.as_ref().unwrap_or(whole);
+        let particles = snapshot.particles(context)?;
+        // The hash is of all layers.
+        let is_part = model.layers.len() < whole.layers.len();
+        let of_several = is_part || model_file::is_of_several(self.bytes(), &model.metadata, name)?;
+        let difference = source_difference(&particles, model, of_several);
+        if let Some(why) = difference {
+            context.warn(&format!(
+                "{} is not the snapshot that {name} was made from ({why}: {} particles, made from {})",
+                snapshot.place(),
+                particles.len(),
+                model.metadata.count,
+            ));
+        }
+        let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, context)?;
+        let (ViewSet { views, size }, views_from) = views.of(model)?;
+        let info = self.info()?;
+        let (model_bytes, gaussians) = (self.bytes().len() as u64, model.gaussians());
+        Ok(EvaluationReport {
+            evaluation: score::evaluate(model, &particles, &views, size, renderer, context)?,
+            model_bytes,
+            raw_bytes: info.raw_bytes(),
+            compression_ratio: info.compression_ratio(),
+            gaussians,
+            bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
+            particles: particles.len() as u64,
+            source_matches: difference.is_none(),
+            width: size.width,
+            height: size.height,
+            views_from,
+        })
     }
-    let particles = particles.clone().in_units(&model.metadata.unit_system(), &Storage::Memory, context)?;
-    let (ViewSet { views, size }, views_from) = views.of(model)?;
-    let info = codec::read_info(bytes, name)?;
-    let (model_bytes, gaussians) = (bytes.len() as u64, model.gaussians());
-    Ok(EvaluationReport {
-        evaluation: score::evaluate(model, &particles, &views, size, renderer, context)?,
-        model_bytes,
-        raw_bytes: info.raw_bytes(),
-        compression_ratio: info.compression_ratio(),
-        gaussians,
-        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
-        particles: particles.len() as u64,
-        source_matches: difference.is_none(),
-        width: size.width,
-        height: size.height,
-        views_from,
-    })
 }
 
 impl EvaluationReport {

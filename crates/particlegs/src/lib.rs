@@ -134,20 +134,19 @@ pub mod haloes {
 /// How well a model stands for its snapshot.
 ///
 /// ```
-/// use particlegs::evaluation::{EvaluationSubject, EvaluationViews, evaluate};
+/// use particlegs::evaluation::EvaluationViews;
 /// use particlegs::prelude::*;
 ///
 /// let (context, size) = (Context::default(), Size { width: 64, height: 64 });
 /// let snapshot = Snapshot::from_columns([0.5, 1.0, 2.5], [0.0, 0.5, 2.0], [1.0, 0.0, 1.5])?;
 /// let model = compress(&snapshot, &CompressOptions::gaussians(1), &context)?;
-/// let subject = EvaluationSubject { name: "three", bytes: model.bytes(), model: model.decoded(), is_part: false };
 /// let views = EvaluationViews::Orbits { frames: 1, size, seed: 42 };
-/// let found = evaluate(subject, (&snapshot.particles(&context)?, "three"), views, None, &context)?;
-/// assert!(found.source_matches && found.evaluation.views.len() == 3);
+/// let report = model.evaluate(&[], &snapshot, views, None, &context)?;
+/// assert!(report.source_matches && report.evaluation.views.len() == 3);
 /// # Ok::<(), particlegs::Error>(())
 /// ```
 pub mod evaluation {
-    pub use crate::evaluate::{EvaluationReport, EvaluationSubject, EvaluationViews, evaluate};
+    pub use crate::evaluate::{EvaluationReport, EvaluationViews};
     pub use particlegs_measure::score::Evaluation;
 }
 

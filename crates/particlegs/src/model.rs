@@ -5,8 +5,7 @@ use crate::input::{FrameChoice, ModelOrSeries};
 use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
 use crate::series::SeriesFrame;
 use crate::{
-    Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, Storage,
-    ToneStyle,
+    Context, Density, Error, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, Storage, ToneStyle,
 };
 use particlegs_compress::Compression;
 use particlegs_compress::verify::StoredModel;
@@ -18,7 +17,7 @@ use particlegs_core::{codec, model, render};
 use particlegs_export::Cells;
 use particlegs_files::model_file;
 use particlegs_files::output::write_bytes;
-use particlegs_measure::score::{self, Assessment};
+use particlegs_measure::score::Assessment;
 use particlegs_pictures::PictureSource;
 use std::fmt::{Debug, Formatter};
 use std::path::Path;
@@ -261,21 +260,6 @@ impl Model {
     /// [`crate::Error::Argument`] for no particles; [`crate::Error::Memory`]; [`crate::Error::Cancelled`].
     pub fn recover(&self, options: &RecoverOptions, context: &Context<'_>) -> Result<Particles> {
         options.draw(self.decoded.clone(), context)
-    }
-
-    /// Scores it against its snapshot in `views`.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] for a snapshot in other units; [`crate::Error::Argument`] for no views, or one out of
-    /// range; those of reading and drawing.
-    pub fn evaluate(
-        &self,
-        snapshot: &Snapshot,
-        views: &[View],
-        size: Size,
-        context: &Context<'_>,
-    ) -> Result<Evaluation> {
-        score::evaluate(&self.decoded, &snapshot.particles(context)?, views, size, None, context)
     }
 
     /// Splats hold opacities, not masses.

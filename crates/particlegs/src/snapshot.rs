@@ -175,6 +175,14 @@ impl Snapshot {
         Reference::new(&particles).draw(view, size, ToneStyle::Paraview, context)
     }
 
+    /// The first of its files, or the name of particles in memory.
+    pub(crate) fn place(&self) -> String {
+        match &self.source {
+            SnapshotSource::Files(paths) => paths.first().map_or_else(String::new, |path| path.display().to_string()),
+            SnapshotSource::Memory(particles, _) => particles.meta.name.clone(),
+        }
+    }
+
     /// Its name without its folder; empty in memory.
     pub(crate) fn name(&self) -> String {
         match &self.source {

@@ -5,9 +5,10 @@ use crate::device::DeviceArgs;
 use crate::inputs;
 use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
-use particlegs::evaluation::{EvaluationSubject, EvaluationViews, evaluate};
+use particlegs::evaluation::EvaluationViews;
+use particlegs::{Model, Snapshot};
 use particlegs_core::picture::Size;
-use particlegs_core::{Error, Result, codec};
+use particlegs_core::{Error, Result};
 use particlegs_files::ViewsFile;
 use particlegs_files::input::name_of;
 use particlegs_particles::Storage;
@@ -67,10 +68,8 @@ pub fn run(mut a: Arguments) -> Result<()> {
     }
     let bytes = inputs::model_with_snapshot(&a.model, &mut a.particles.opening, &context)?;
     let name = name_of(&a.model);
-    let whole = codec::decode_with(&bytes, &name, &context)?;
-    let layers = whole.layers.len();
-    let model = a.particles.opening.layers_of(whole)?;
-    let particles = a.particles.read(&a.input, context.common.seed, &Storage::Memory, &context)?;
+    let model = Model::decode(bytes, &name, &context)?;
+    let snapshot = Snapshot::of_files(&a.input, a.particles.choice(context.common.seed)?);
     let views = match &a.views {
         Some(path) => EvaluationViews::Stated(ViewsFile::read(path, &context)?.0, path.display().to_string()),
         None if !(1..=10_000).contains(&a.frames) => {
@@ -78,11 +77,12 @@ pub fn run(mut a: Arguments) -> Result<()> {
         }
         None => EvaluationViews::Orbits { frames: a.frames, size: a.size, seed: context.common.seed },
     };
-    let subject = EvaluationSubject { name: &name, bytes: &bytes, model: &model, is_part: model.layers.len() < layers };
-    let snapshot = (&particles, &a.input[0].display().to_string()[..]);
-    let report = evaluate(subject, snapshot, views, a.device.open()?.as_deref(), &context)?;
+    let (layers, device) = (&a.particles.opening.particle_type, a.device.open()?);
+    let report = model.evaluate(layers, &snapshot, views, device.as_deref(), &context)?;
     if let Some(folder) = &a.pictures {
-        let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
+        let model = a.particles.opening.layers_of(model.decoded().clone())?;
+        let units = model.metadata.unit_system();
+        let particles = snapshot.particles(&context)?.in_units(&units, &Storage::Memory, &context)?;
         certificate::write(folder, &model, &particles, &context)?;
     }
     context.finish(&report.text(), &report)

@@ -10,9 +10,9 @@ use crate::sequence_args::SequenceArgs;
 use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use crate::view_args::ViewArgs;
 use clap::{Args, ValueHint};
+use particlegs::Snapshot;
+use particlegs::pictures::{PictureOptions, PictureStyle, render_snapshot};
 use particlegs_core::Result;
-use particlegs_particles::Storage;
-use particlegs_pictures::{PictureOptions, PictureStyle, render_particles};
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -91,14 +91,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     };
     let files = a.input.iter().chain(options.files()).chain(&a.snapshot.topology);
     context.reads(files.map(PathBuf::as_path), false)?;
-    options.check()?;
-    let mut choice = ParticleArgs::without_window(&a.snapshot, &a.selection).choice(a.common.seed)?;
-    let (particles, fields) = match &a.field.field {
-        None => (choice.read(&a.input, &Storage::Memory, &context)?, Vec::new()),
-        Some(_) => choice.read_fields(&a.input, &Storage::Memory, &context)?,
-    };
-    let name = a.input.first().and_then(|p| p.file_name()).map(|n| n.to_string_lossy());
-    let report =
-        render_particles(&particles, &fields, &name.unwrap_or_default(), &options, &context.outputs, &context)?;
+    let choice = ParticleArgs::without_window(&a.snapshot, &a.selection).choice(a.common.seed)?;
+    let report = render_snapshot(&Snapshot::of_files(&a.input, choice), &options, &context.outputs, &context)?;
     context.finish(&pictures_text(&report), &report)
 }
