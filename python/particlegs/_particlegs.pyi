@@ -222,6 +222,9 @@ def make_series(
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> str: ...
+def film(
+    series: Series, path: _Path, asked: _Asked, threads: Optional[int] = None, progress: _Progress = None
+) -> str: ...
 def stats(
     truth: Union[Snapshot, Model],
     other: Union[Snapshot, Model],

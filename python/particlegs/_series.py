@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -113,6 +113,97 @@ class Series:
         """
         found, wrong = self._native.verify(threads, _coerce.progress(progress))
         return {**json.loads(found), "wrong": wrong}
+
+    def film(
+        self,
+        path: Path,
+        *,
+        frames: Union[int, str] = "all",
+        follow: Optional[str] = None,
+        center: Union[str, Sequence[float], None] = None,
+        style: Optional[str] = None,
+        field: Optional[str] = None,
+        layers: Optional[Names] = None,
+        azimuth: float = 0.0,
+        elevation: float = 0.0,
+        distance: float = 1.0,
+        orthographic: bool = False,
+        width: Optional[float] = None,
+        depth: Optional[float] = None,
+        size: tuple[int, int] = (1280, 720),
+        radius: Optional[float] = None,
+        opacity: Optional[float] = None,
+        colormap: Optional[str] = None,
+        range: Optional[tuple[float, float]] = None,  # noqa: A002
+        fps: int = 30,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """Draws a film of the series, as the command's ``render --frames``.
+
+        Parameters
+        ----------
+        path : path
+            The film: ``.gif``, or ``.mp4`` and ``.webm``, which need ffmpeg.
+        frames : int or "all"
+            Number of pictures, evenly over the time of the series; as many as it has frames by default.
+        follow : str, optional
+            A halo that the camera follows: ``"haloes.csv:12"``, a list and the halo's id, or its row without ids.
+        center : str or numbers, optional
+            What is in the middle: a place, a region of six numbers, or layers such as ``"stars"``, whose centre of mass
+            the camera follows.
+        style : str, optional
+            ``"paraview"`` by default, ``"paraview-no-fxaa"``, ``"expected"`` or ``"density"``.
+        field : str, optional
+            A field to show instead, such as ``"velocity.los"``.
+        layers : sequence of str, optional
+            Layers to draw; all by default.
+        azimuth, elevation, distance : float
+            Camera, as for `Model.render`.
+        orthographic : bool
+            Parallel lines of sight.
+        width, depth : float, optional
+            Width of the picture and depth of the slab around the centre, world units.
+        size : (int, int)
+            Width and height in pixels.
+        radius, opacity : float, optional
+            Particle radius and opacity; the model's by default.
+        colormap, range : optional
+            Colours of densities and fields.
+        fps : int
+            Frames per second.
+        threads, progress : optional
+            As for `compress`.
+
+        Returns
+        -------
+        dict
+            The command's record: ``views``, ``range``, ``width``, ``height``.
+        """
+        words = center if center is None or isinstance(center, str) else ",".join(map(str, center))
+        asked = {
+            "frames": str(frames),
+            "follow": follow,
+            "center": words,
+            "style": style,
+            "field": field,
+            "layers": _coerce.names(layers) or [],
+            "azimuth": azimuth,
+            "elevation": elevation,
+            "distance": distance,
+            "orthographic": orthographic,
+            "width": width,
+            "depth": depth,
+            "size": _coerce.size_of(size),
+            "radius": radius,
+            "opacity": opacity,
+            "colormap": colormap,
+            "range": range,
+            "fps": fps,
+        }
+        made = _particlegs.film(self._native, os.fspath(path), asked, threads, _coerce.progress(progress))
+        record: dict[str, Any] = json.loads(made)
+        return record
 
     def statistics(
         self,

@@ -8,6 +8,7 @@ mod choice;
 mod compress;
 mod density;
 mod errors;
+mod films;
 mod gaussians;
 mod haloes;
 mod model;
@@ -34,6 +35,7 @@ fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(choice::unit_parts, m)?)?;
     m.add_function(wrap_pyfunction!(compress::compress, m)?)?;
     m.add_function(wrap_pyfunction!(series::make_series, m)?)?;
+    m.add_function(wrap_pyfunction!(films::film, m)?)?;
     m.add_function(wrap_pyfunction!(pictures::camera_around, m)?)?;
     m.add_function(wrap_pyfunction!(pictures::density_range, m)?)?;
     m.add_function(wrap_pyfunction!(stats::stats, m)?)?;

@@ -131,3 +131,20 @@ def test_a_gap_is_a_frame_without_a_model(snapshots, command, tmp_path):
     assert np.isnan(run.times[1]) and len(list(run)) == 2
     with pytest.raises(pg.InputError, match="missing"):
         run[1]
+
+
+def test_a_film_is_that_of_the_command(run_path, command, tmp_path):
+    ours, theirs = tmp_path / "a.gif", tmp_path / "b.gif"
+    options = {"center": "all", "style": "density", "width": 40, "orthographic": True, "size": (64, 48)}
+    record = pg.Series(run_path).film(ours, **options)
+    words = "--frames all --center all --style density --width 40 --projection orthographic --size 64x48 --quiet"
+    subprocess.run([command, "render", run_path, *words.split(), "--video", theirs], check=True)
+    assert ours.read_bytes() == theirs.read_bytes() and len(record["views"]) == FRAMES
+    for wrong, match in [
+        ({"follow": "haloes"}, "FILE:NUMBER"),
+        ({"frames": 0}, "frames"),
+        ({"fps": 1000}, "frames per"),
+    ]:
+        with pytest.raises(pg.InputError, match=match):
+            pg.Series(run_path).film(tmp_path / "c.gif", **wrong)
+    assert not (tmp_path / "c.gif").exists()
