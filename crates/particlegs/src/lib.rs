@@ -28,7 +28,7 @@
 //! # }
 //! ```
 //!
-//! Everything that a user needs is here or in one of six modules. The crates beneath (`particlegs-core`,
+//! Everything that a user needs is here or in one of eight modules. The crates beneath (`particlegs-core`,
 //! `particlegs-compress` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 

@@ -53,7 +53,9 @@ impl Snapshot {
             let lengths = format!("{}, {} and {}", x.len(), y.len(), z.len());
             return Err(Error::argument(format!("the columns have different lengths: {lengths}")));
         }
-        Ok(Snapshot::from(Particles::from_columns(x, y, z)))
+        let mut particles = Particles::from_columns(x, y, z);
+        particles.meta.name = "columns in memory".into();
+        Ok(Snapshot::from(particles))
     }
 
     /// Reads one species alone, by its name, number or alias; called again, that one as well.
@@ -238,6 +240,9 @@ mod tests {
         assert!(said.contains("note: the snapshot states no periodic box"), "{said}");
         let memory = Snapshot::from_columns([0.0, 1.0], [0.0, 1.0], [0.0, 1.0]).unwrap();
         assert!(compress(&memory, &options, &context).is_err());
+        let endless = Snapshot::from_columns([0.0, f32::NAN], [0.0; 2], [0.0; 2]).unwrap();
+        let refused = compress(&endless, &CompressOptions::gaussians(1), &context).err().unwrap().to_string();
+        assert!(refused.starts_with("columns in memory: "), "{refused}");
         let opaque = CompressOptions { opacity: Some(2.0), ..CompressOptions::gaussians(1) };
         let refused = compress(&memory, &opaque, &context).err().unwrap().to_string();
         assert_eq!(refused, "the opacity must be above 0 and at most 1, not 2");
