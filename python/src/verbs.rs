@@ -6,7 +6,6 @@ use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use particlegs::evaluation::EvaluationViews;
-use particlegs::plan_export;
 use particlegs_core::model::Target;
 use particlegs_core::picture::Size;
 use particlegs_export::{Cells, Kind};
@@ -132,9 +131,7 @@ pub fn export(
     Kind::for_output(&path, options.kind).or_raise()?;
     refuse(&path, asked.overwrite)?;
     let outputs = Outputs::new(asked.overwrite);
-    let made = WorkOptions { threads, progress }.run(py, |context| {
-        plan_export(&path, options.kind, &outputs, context)?;
-        model.file.export(&path, &options, &outputs, context)
-    })?;
+    let made =
+        WorkOptions { threads, progress }.run(py, |context| model.file.export(&path, &options, &outputs, context))?;
     Ok(made.bytes)
 }

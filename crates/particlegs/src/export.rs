@@ -60,7 +60,7 @@ pub struct ExportResult {
     pub figures: Value,
 }
 
-/// The kind of file that an export to `out` writes, declared as an output.
+/// The kind of file that an export to `out` writes, declared as an output: what long work does before it reads its input.
 ///
 /// # Errors
 /// [`Error::Argument`] for an unknown ending; [`Error::Output`] for what may not be replaced, and an input.
@@ -73,7 +73,7 @@ pub fn plan_export(out: &Path, kind: Option<Kind>, outputs: &Outputs, context: &
 }
 
 impl Model {
-    /// Writes it as a file of another program, or as a page, to an output that [`plan_export`] declared.
+    /// Writes it as a file of another program, or as a page.
     ///
     /// # Errors
     /// [`Error::Argument`] for options that the kind does not know; [`Error::Input`]; [`Error::Memory`]; [`Error::Io`];
@@ -85,7 +85,10 @@ impl Model {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ExportResult> {
-        let kind = Kind::for_output(out, options.kind)?;
+        let kind = match outputs.is_declared(out) {
+            true => Kind::for_output(out, options.kind)?,
+            false => plan_export(out, options.kind, outputs, context)?,
+        };
         let (paged, name) = (kind.group() == Group::Page, self.file_name());
         if options.link && !paged {
             return Err(Error::argument(format!("only a page can be linked, not a .{} file", kind.ending())));
@@ -129,7 +132,7 @@ impl Model {
 }
 
 impl Series {
-    /// Writes it as a page that plays it, to an output that [`plan_export`] declared.
+    /// Writes it as a page that plays it.
     ///
     /// # Errors
     /// [`Error::Argument`] for another kind of file; [`Error::Io`]; [`Error::Memory`]; [`Error::Cancelled`].
@@ -140,7 +143,10 @@ impl Series {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ExportResult> {
-        let kind = Kind::for_output(out, options.kind)?;
+        let kind = match outputs.is_declared(out) {
+            true => Kind::for_output(out, options.kind)?,
+            false => plan_export(out, options.kind, outputs, context)?,
+        };
         if kind.group() != Group::Page {
             return Err(Error::argument("a series is exported as a page, and one of its frames as other files"));
         }

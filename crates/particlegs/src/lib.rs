@@ -187,7 +187,7 @@ pub mod training {
 pub use export::{ExportOptions, ExportResult, plan_export};
 pub use merge::{merge, merge_files};
 pub use model::{CompressOptions, Model, compress};
-pub use particle_files::ParticleFile;
+pub use particle_files::{ParticleFile, plan_recovery};
 pub use particlegs_compress::verify::{SeriesVerification, StatedFigure, Verification};
 pub use particlegs_core::context::{Context, Level, ProgressEvent, ProgressSink};
 pub use particlegs_core::parallel::with_threads;

@@ -29,6 +29,21 @@ fn writer_of(out: &Path, format: Option<&str>, outputs: &Outputs, context: &Cont
     }
 }
 
+/// Declares the folder or file that particles are drawn into: what long work does before it reads its input.
+///
+/// # Errors
+/// [`Error::Argument`] for an unknown ending, and a form for a file; [`Error::Output`] for what may not be replaced.
+pub fn plan_recovery(out: &Path, options: &RecoverOptions, outputs: &Outputs, context: &Context<'_>) -> Result<()> {
+    let writer = writer_of(out, None, outputs, context)?;
+    if !writer.folder {
+        let what = "the form is that of a folder: a file's extension selects its format";
+        return if options.form == RawForm::Columns { Ok(()) } else { Err(Error::argument(what)) };
+    }
+    let drawn = drawn_fields(out);
+    let files: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(drawn.iter().map(String::as_str)).collect();
+    outputs.writes_folder(out, &files).map(drop)
+}
+
 impl Model {
     /// Draws synthetic particles into a folder, which may be larger than memory, or into a file in the format of its
     /// ending, from some layers or, without names, from all. What is there already is kept if it is the same.
@@ -43,13 +58,10 @@ impl Model {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ParticleFile> {
-        let writer = writer_of(out, None, outputs, context)?;
-        if !writer.folder && options.form != RawForm::Columns {
-            return Err(Error::argument("the form is that of a folder: a file's extension selects its format"));
+        if !outputs.is_declared(out) {
+            plan_recovery(out, options, outputs, context)?;
         }
-        let drawn = drawn_fields(out);
-        let files: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(drawn.iter().map(String::as_str)).collect();
-        let kept = writer.folder && outputs.writes_folder(out, &files)?;
+        let (writer, kept) = (Writer::for_output(out, None)?, outputs.is_kept(out));
         let mut model = self.decoded().clone();
         if !layers.is_empty() {
             let certificate = model.certificate.take();
@@ -60,10 +72,10 @@ impl Model {
             }
         }
         let (hash, particles) = (codec::file_hash(self.bytes()), options.total(&model));
-        if kept && !options.is_there(out, &model, hash)? {
+        if kept && writer.folder && !options.is_there(out, &model, hash)? {
             return Err(outputs.refused(out));
         }
-        let bytes = match (kept, writer.folder) {
+        let bytes = match (kept && writer.folder, writer.folder) {
             (true, _) => 0,
             (_, true) => recover(model, hash, options, out, context)?,
             _ => {

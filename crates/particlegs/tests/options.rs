@@ -5,7 +5,7 @@ use particlegs::metadata::{Bounds, Effort, Goal, GoalKind, Target};
 use particlegs::training::{Config, Preset};
 use particlegs::{
     Choice, CompressOptions, Context, ExportOptions, Model, NamedValue, Outputs, ProgressSink, RecoverOptions, Result,
-    Selection, Snapshot, compress, plan_export,
+    Selection, Snapshot, compress,
 };
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -143,7 +143,6 @@ fn run(verb: &str, row: &Value, model: &Model, folder: &Path, context: &Context<
                 options.cells = particlegs::Cells::Along(cells as usize);
             }
             given.finish();
-            plan_export(&out, options.kind, &outputs, context)?;
             model.export(&out, &options, &outputs, context)?;
         }
         "verify" => {

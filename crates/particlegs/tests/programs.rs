@@ -5,9 +5,7 @@ use particlegs::input::FrameChoice;
 use particlegs::metadata::Effort;
 use particlegs::prelude::*;
 use particlegs::stats::Subject;
-use particlegs::{
-    Choice, ExportOptions, Outputs, Selection, Series, SeriesOptions, make_series, pictures::Colormap, plan_export,
-};
+use particlegs::{Choice, ExportOptions, Outputs, Selection, Series, SeriesOptions, make_series, pictures::Colormap};
 use std::path::{Path, PathBuf};
 
 const SIZE: Size = Size { width: 64, height: 48 };
@@ -37,7 +35,6 @@ fn velocities_haloes_page(snapshot: &Path, folder: &Path) -> Result<()> {
     let haloes = find_haloes(Subject::Model(model.decoded()), &HaloOptions::default(), &context);
     println!("{} haloes", haloes.map_or(0, |catalogue| catalogue.len()));
     let (page, outputs) = (folder.join("model.html"), Outputs::new(false));
-    plan_export(&page, None, &outputs, &context)?;
     model.export(&page, &ExportOptions::default(), &outputs, &context)?;
     model.verdict().iter().for_each(|use_case| println!("{:?}: {}", use_case.word, use_case.why));
     model.verify(Some(&snapshot), (false, 42), &context)?.judge()

@@ -4,7 +4,7 @@ use crate::common::{Common, named, one_of};
 use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use clap::{Args, ValueHint};
-use particlegs::{Model, RecoverMethod as Method, RecoverOptions};
+use particlegs::{Model, RecoverMethod as Method, RecoverOptions, plan_recovery};
 use particlegs_core::Result;
 use particlegs_particles::RawForm;
 use serde_json::json;
@@ -62,8 +62,6 @@ const FORMS: [(RawForm, &str, &str); 2] = [
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()], a.force.force)?;
-    let start = Instant::now();
-    let model = Model::open_frame(&a.model, &a.series.choice(), &context)?;
     let options = RecoverOptions {
         particles: a.particles,
         method: a.method,
@@ -72,6 +70,9 @@ pub fn run(a: Arguments) -> Result<()> {
         form: a.form,
         model_name: a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
     };
+    plan_recovery(&a.output, &options, &context.outputs, &context)?;
+    let start = Instant::now();
+    let model = Model::open_frame(&a.model, &a.series.choice(), &context)?;
     let made = model.recover_into(&a.output, (&options, &a.layer), &context.outputs, &context)?;
     let output = a.output.display();
     if made.bytes == 0 {

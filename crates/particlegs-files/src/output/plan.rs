@@ -107,6 +107,11 @@ impl Outputs {
         kept
     }
 
+    /// Whether an output was declared.
+    pub fn is_declared(&self, path: &Path) -> bool {
+        lock(&self.files).iter().any(|file| file == path)
+    }
+
     /// Whether a declared output exists and is kept.
     pub fn is_kept(&self, path: &Path) -> bool {
         lock(&self.kept).iter().any(|kept| kept == path)
@@ -135,6 +140,7 @@ impl Outputs {
         if lock(&self.inputs).iter().any(|input| spelled_out(input.path()).starts_with(&whole)) {
             return Err(is_input(path));
         }
+        lock(&self.files).push(path.to_path_buf());
         let filled = WholeFolder::check(path, own)?;
         Ok(self.keep(path, filled && !self.replaces()))
     }

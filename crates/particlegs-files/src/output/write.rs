@@ -6,6 +6,7 @@ use super::temporary::{BUFFER, TemporaryFile};
 use crate::{Error, Result};
 use particlegs_core::text::printable_json;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -38,7 +39,10 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 /// A record as text, with what would act on a terminal escaped.
 pub fn json_text(record: &impl Serialize) -> String {
     let text = serde_json::to_string_pretty(record).expect("records are plain data") + "\n";
-    printable_json(&text).into_owned()
+    match printable_json(&text) {
+        Cow::Owned(escaped) => escaped,
+        Cow::Borrowed(_) => text,
+    }
 }
 
 /// [`write_bytes`] of a record as JSON.
