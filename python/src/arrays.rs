@@ -1,8 +1,10 @@
 //! NumPy arrays as columns of the library, without copies.
 
 use crate::errors::InputError;
-use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{IntoPyArray, PyArrayDescrMethods, PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::ndarray::{ArrayD, ArrayView, IxDyn};
+use numpy::{
+    IntoPyArray, PyArray, PyArrayDescrMethods, PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
+};
 use particlegs_formats::Array;
 use particlegs_particles::Column;
 use pyo3::prelude::*;
@@ -90,4 +92,17 @@ pub fn shaped<'py, T: numpy::Element>(
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     let array = ArrayD::from_shape_vec(IxDyn(shape), values).map_err(|e| InputError::new_err(e.to_string()))?;
     Ok(array.into_pyarray(py))
+}
+
+/// A read-only array of values kept by `owner`.
+pub fn view<'py, T: numpy::Element>(
+    owner: &Bound<'py, PyAny>,
+    values: &[T],
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let values = ArrayView::from_shape(shape, values).map_err(|e| InputError::new_err(e.to_string()))?;
+    // SAFETY: the owner is frozen, so its values neither move nor change while the array keeps it alive.
+    let array = unsafe { PyArray::borrow_from_array(&values, owner.clone()) };
+    array.getattr("flags")?.setattr("writeable", false)?;
+    Ok(array)
 }

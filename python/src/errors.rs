@@ -6,6 +6,7 @@ use pyo3::exceptions::{
 };
 use pyo3::prelude::*;
 use pyo3::{PyTypeInfo, create_exception};
+use std::path::Path;
 
 create_exception!(particlegs, InputError, PyValueError, "A snapshot, model or argument that cannot be used as it is.");
 create_exception!(particlegs, ModelError, InputError, "A model file that is corrupt or of an unknown version.");
@@ -92,4 +93,13 @@ impl<T> IntoPyResult<T> for particlegs_core::Result<T> {
     fn or_raise(self) -> PyResult<T> {
         self.map_err(|e| exception(&e))
     }
+}
+
+/// Refuses to write to an existing path.
+pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
+    if overwrite || path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    let what = format!("{} exists already: overwrite=True replaces it", path.display());
+    Err(PyFileExistsError::new_err(what))
 }

@@ -1,6 +1,6 @@
 //! The Gaussians of a model as arrays.
 
-use crate::snapshot::view;
+use crate::arrays::view;
 use numpy::PyArrayDyn;
 use particlegs_core::model::{Mixture, Model, Quantity};
 use particlegs_export::{FieldNumbers, all_gaussians};

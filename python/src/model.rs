@@ -1,7 +1,7 @@
 //! A model: its bytes, its Gaussians, pictures and densities.
 
 use crate::density::{self, CellNumbers, FieldName};
-use crate::errors::{InputError, IntoPyResult, named};
+use crate::errors::{InputError, IntoPyResult, named, refuse};
 use crate::gaussians::Gaussians;
 use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::snapshot::Snapshot;
@@ -26,7 +26,7 @@ use particlegs_view::poster;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
 /// A model. Immutable.
@@ -41,15 +41,6 @@ impl From<particlegs::Model> for Model {
     fn from(file: particlegs::Model) -> Self {
         Model { file, scratch: parallel::Scratch::default(), gaussians: OnceLock::new() }
     }
-}
-
-/// Refuses to write to an existing path.
-pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
-    if overwrite || path.symlink_metadata().is_err() {
-        return Ok(());
-    }
-    let what = format!("{} exists already: overwrite=True replaces it", path.display());
-    Err(pyo3::exceptions::PyFileExistsError::new_err(what))
 }
 
 impl Model {

@@ -4,7 +4,6 @@ use crate::arrays;
 use crate::errors::{InputError, IntoPyResult};
 use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::work::WorkOptions;
-use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Layer, Units, is_species};
@@ -217,7 +216,7 @@ impl Snapshot {
     fn local_positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let (py, this) = (slf.py(), slf.get());
         match &this.checked()?.positions {
-            Positions::Triples(t) => view(slf.as_any(), t, &[this.particles.len(), 3]),
+            Positions::Triples(t) => arrays::view(slf.as_any(), t, &[this.particles.len(), 3]),
             Positions::Columns(c) => {
                 let columns = c.each_ref().map(|c| &c[..]);
                 let triples = py.detach(|| {
@@ -240,7 +239,7 @@ impl Snapshot {
     #[getter]
     fn weights<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
         let weights = slf.get().checked()?.weights();
-        weights.map(|w| view(slf.as_any(), w, &[w.len()])).transpose()
+        weights.map(|w| arrays::view(slf.as_any(), w, &[w.len()])).transpose()
     }
 
     /// The lowest and the highest corner.
@@ -315,7 +314,7 @@ impl Snapshot {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<u64> {
-        crate::model::refuse(&path, overwrite)?;
+        crate::errors::refuse(&path, overwrite)?;
         let saved = WorkOptions { threads, progress }.run(py, |context| {
             let source = self.source(self.fields.clone(), false, context)?;
             source.convert(&path, (None, None), &Outputs::new(overwrite), context)
@@ -385,17 +384,4 @@ impl Snapshot {
             }
         }
     }
-}
-
-/// A read-only array of values kept by `owner`.
-pub fn view<'py, T: numpy::Element>(
-    owner: &Bound<'py, PyAny>,
-    values: &[T],
-    shape: &[usize],
-) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    let values = ArrayView::from_shape(shape, values).map_err(|e| InputError::new_err(e.to_string()))?;
-    // SAFETY: the owner is frozen, so its values neither move nor change while the array keeps it alive.
-    let array = unsafe { PyArray::borrow_from_array(&values, owner.clone()) };
-    array.getattr("flags")?.setattr("writeable", false)?;
-    Ok(array)
 }

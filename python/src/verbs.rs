@@ -1,8 +1,8 @@
 //! The subcommands for models: `simplify`, `merge`, `eval`, `verify`, `export`.
 
 use crate::compress::{FieldArray, layer_fields};
-use crate::errors::{InputError, IntoPyResult, named};
-use crate::model::{Model, refuse};
+use crate::errors::{InputError, IntoPyResult, named, refuse};
+use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use particlegs::evaluation::EvaluationViews;

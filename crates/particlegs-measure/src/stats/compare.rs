@@ -1,6 +1,7 @@
 //! The whole job: everything that is asked for, of truth and other, over the truth's box.
 
 use super::boxes::check_boxes;
+use super::comparison_job::ComparisonJob;
 use super::dispersion::halo_dispersions;
 use super::haloes::HaloPlaces;
 use super::joint::joint_histograms;
@@ -9,7 +10,6 @@ use super::moments::axis_moments;
 use super::multipoles::momentum_spectra;
 use super::neighbours::with_distance_ratios;
 use super::pairs::{with_xi_ratio, xi_from};
-use super::points::local_positions;
 use super::presentation::Presentation;
 use super::profile::axis_profiles;
 use super::rdf::{largest_difference, with_g};
@@ -17,7 +17,7 @@ use super::subject::ConvertedSubject;
 use super::velocities::unit_of;
 use super::*;
 use particlegs_core::context::Context;
-use particlegs_core::model::{LawKind, check_densities};
+use particlegs_core::model::check_densities;
 use particlegs_particles::Particles;
 use serde::Serialize;
 
@@ -158,21 +158,21 @@ fn profile(s: &Statistics) -> Option<&AxisProfile> {
     s.profiles.as_ref()?.get(s.options.profile_axis)
 }
 
-/// Shows each measure, in the order of the lines.
-pub(super) const SHOW: [fn(&Statistics, &mut Presentation); 12] = [
-    density::show,
-    spectrum::show,
-    pairs::show,
-    group_report::show,
-    neighbours::show,
-    rdf::show,
-    profile::show,
-    haloes::show,
-    multipoles::show,
-    dispersion::show,
-    joint::show,
-    likelihood::show,
-];
+/// Shows each measure that was asked for, in the order of the lines.
+pub(super) fn show(s: &Statistics, to: &mut Presentation) {
+    s.density.iter().for_each(|d| density::show(d, s.particles[0], to));
+    s.spectra.iter().for_each(|p| spectrum::show(p, s.options.convention, to));
+    pairs::show(s.xi_by_pairs.as_ref(), s.xi_by_transform.as_ref(), to);
+    s.groups.iter().for_each(|g| group_report::show(g, to));
+    s.neighbours.iter().for_each(|both| neighbours::show(both, to));
+    s.rdf.iter().for_each(|counts| rdf::show(counts, to));
+    s.profiles.iter().for_each(|profiles| profile::show(profiles, s.options.profile_axis, to));
+    s.haloes.iter().for_each(|h| haloes::show(h, to));
+    multipoles::show(s.multipoles.as_ref(), s.momentum.as_ref(), s.velocity_unit.as_deref(), to);
+    s.dispersion.iter().for_each(|d| dispersion::show(d, to));
+    s.joint.iter().for_each(|all| joint::show(all, to));
+    s.likelihood.iter().for_each(|l| likelihood::show(l, to));
+}
 
 /// Measures `other` against `truth`, in the units of the truth.
 pub fn compare<'a>(
@@ -209,7 +209,11 @@ pub fn compare<'a>(
     let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
     let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
     let likelihood = if wants(Measure::Likelihood) { job.likelihood()? } else { None };
-    let profiles = if wants(Measure::Profile) { Some(job.profiles()?) } else { None };
+    let profiles = if wants(Measure::Profile) {
+        Some(axis_profiles(job.pair, &job.domain, o.profile_bins, context)?)
+    } else {
+        None
+    };
     let particles = job.both_particles();
     let of_pairs = |m| particles.is_some() && wants(m);
     let of_particles = [Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Rdf];
@@ -296,92 +300,4 @@ fn job_domain(truth: Subject<'_>, o: &StatsOptions) -> Domain {
         return truth.domain();
     }
     Domain::new(&truth.bounds(), None)
-}
-
-pub(super) struct ComparisonJob<'a> {
-    pub pair: [Subject<'a>; 2],
-    pub domain: Domain,
-    pub o: &'a StatsOptions,
-    pub context: &'a Context<'a>,
-}
-
-impl ComparisonJob<'_> {
-    pub fn paper(&self) -> bool {
-        self.o.convention == Convention::Paper
-    }
-
-    /// Mean spacing of one side.
-    pub fn spacing(&self, side: usize) -> f64 {
-        self.domain.spacing(self.pair[side].count() as usize)
-    }
-
-    /// Particles of the larger side; 0 of a model.
-    pub fn most_particles(&self) -> u64 {
-        self.pair.iter().filter_map(|s| s.particles()).map(|p| p.len() as u64).max().unwrap_or(0)
-    }
-
-    fn notes(&self) -> Vec<String> {
-        let mut notes = vec![];
-        if self.wants(&[Measure::Spectrum, Measure::Momentum]) && self.domain.periodic.contains(&false) && !self.paper()
-        {
-            notes.push("some axes are not periodic, but P(k) treats them as periodic".into());
-        }
-        let bounds = self.pair[0].bounds();
-        for k in (0..3).filter(|k| bounds.extent()[*k] == 0.0 && bounds.extent() != [0.0; 3]) {
-            let (axis, length) = (["x", "y", "z"][k], self.domain.length[k]);
-            notes.push(format!(
-                "all particles have the same {axis}: volumes, spacing and g(r) assume a box {length:.4e} thick there"
-            ));
-        }
-        if self.wants(&[Measure::Density, Measure::Profile]) && self.domain.tilt.is_some() {
-            notes.push("the box is tilted: cells, slices and profiles follow the edges of its reduced cell".into());
-        }
-        if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
-            notes.push("pairs, groups, neighbours and g(r) count particles and ignore their weights".into());
-        }
-        let gridded = self.wants(&[Measure::Density, Measure::Spectrum]);
-        if gridded && self.pair.iter().any(|s| s.particles().is_none()) {
-            notes.push(
-                "the model's density is its mixture, integrated over the cells (NGP window, no shot noise)".into(),
-            );
-        }
-        let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == LawKind::AlphaBlend);
-        if self.pair.iter().any(alpha) {
-            notes.push(
-                "the density of an alpha-blend model follows its opacities, which were fitted to pictures".into(),
-            );
-        }
-        if self.paper() {
-            notes.push(
-                "the published convention uses NGP on a grid stretched over the bounds, one box length for k, no \
-                 correction for shot noise or window, and neighbours in a random subset"
-                    .into(),
-            );
-        }
-        notes
-    }
-
-    fn profiles(&self) -> Result<[AxisProfile; 3]> {
-        axis_profiles(self.pair, &self.domain, self.o.profile_bins, self.context)
-    }
-
-    /// The particles, where both sides are some.
-    pub fn both_particles(&self) -> Option<[&Particles; 2]> {
-        let [truth, other] = self.pair.map(|s| s.particles());
-        Some([truth?, other?])
-    }
-
-    pub fn wants(&self, measures: &[Measure]) -> bool {
-        measures.iter().any(|m| self.o.measures.contains(m))
-    }
-
-    /// Positions of either side, where it has any and something is measured of them.
-    fn positions(&self) -> Result<[Vec<[f64; 3]>; 2]> {
-        let of_pairs = self.both_particles().is_some() && self.wants(&[Measure::Pairs, Measure::Groups, Measure::Rdf]);
-        let needed = of_pairs || self.wants(&[Measure::Haloes, Measure::Dispersion]);
-        let particles = self.pair.map(|s| s.particles().filter(|_| needed));
-        let bytes = particles.iter().flatten().map(|p| 24 * p.len() as u64).sum();
-        particlegs_files::memory::require("positions", bytes)?;
-        Ok(particles.map(|p| p.map_or(Vec::new(), |p| local_positions(p, &self.domain))))
-    }
 }

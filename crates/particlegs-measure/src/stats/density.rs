@@ -1,9 +1,9 @@
 //! How two densities on one grid agree, how they are distributed, and what a slice of them shows.
 
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::deposit::{deposit, deposit_bytes, deposit_steps};
 use super::presentation::*;
-use super::{Field, Grid, Statistics, Subject};
+use super::{Field, Grid, Subject};
 use particlegs_core::Result;
 use particlegs_core::model::decimals;
 use particlegs_core::parallel;
@@ -218,8 +218,7 @@ impl ComparisonJob<'_> {
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(d) = &s.density else { return };
+pub(super) fn show(d: &DensityReport, particles: u64, to: &mut Presentation) {
     let [truth, other] = &d.pdf.cells;
     let bins = d.pdf.edges.windows(2).zip(truth.iter().zip(other));
     to.table(
@@ -233,7 +232,7 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     to.plot(compared("density_pdf", "Distribution of density", axes, &bins.map(of).collect::<Vec<_>>(), 0.0));
     to.slices.extend(["x", "y", "z"].into_iter().zip(0..3).map(|(name, axis)| (name, slices(d, axis))));
     let [x, y, z] = d.cells;
-    let each = s.particles[0] as f64 / (x * y * z) as f64;
+    let each = particles as f64 / (x * y * z) as f64;
     let DensityComparison { correlation, mean_absolute_error, root_mean_square_error, .. } = &d.agreement;
     to.line("density: grid; particles per cell", format!("{x}x{y}x{z}; {}", decimals(each)));
     to.line("density: correlation; MAE of delta", format!("{correlation:.4}; {mean_absolute_error:.4}"));

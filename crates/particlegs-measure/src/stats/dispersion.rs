@@ -1,11 +1,11 @@
 //! Velocity dispersions of particles about given centres.
 
+use super::Domain;
 use super::aperture::quantile;
 use super::haloes::HaloPlaces;
 use super::points::{PointGrid, local_positions};
 use super::presentation::*;
 use super::velocities::ParticleFields;
-use super::{Domain, Statistics};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::{Error, Result, parallel};
@@ -111,8 +111,7 @@ fn about_each(
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(d) = &s.dispersion else { return };
+pub(super) fn show(d: &HaloDispersions, to: &mut Presentation) {
     let row = |i: usize| {
         let ([x, y, z], [n, m], [a, b]) = (d.centers[i], &d.particles, &d.dispersion);
         row![i + 1, x, y, z, d.radii[i], n[i], m[i], a[i], b[i], maybe(d.ratio(i))]

@@ -1,7 +1,7 @@
 //! The frames of a series one after the other: P(k), groups of particles drawn, and means of fields. All are measured by the
 //! lengths of the first frame, so that what changes is the frame and not the measure.
 
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::likelihood::field_parts;
 use super::points::local_positions;
 use super::spectrum::CachedTransform;

@@ -1,11 +1,11 @@
 //! Groups of both sides by size, and the mass in their cores.
 
 use super::aperture::{aperture_mass, counts_within, group_center};
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::linking::{LinkedGroups, LinkedParticles, length_in};
 use super::pairs::longest_separation;
 use super::presentation::*;
-use super::{ApertureMass, Groups, Measure, SizeClass, Statistics, longest_link, size_histogram};
+use super::{ApertureMass, Groups, Measure, SizeClass, longest_link, size_histogram};
 use particlegs_core::model::decimals;
 use particlegs_core::{Result, parallel};
 
@@ -133,8 +133,7 @@ impl ComparisonJob<'_> {
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(g) = &s.groups else { return };
+pub(super) fn show(g: &GroupReport, to: &mut Presentation) {
     let row = |c: &SizeClass| row![c.from, maybe(c.to), c.groups[0], c.groups[1], maybe(c.ratio)];
     to.table("groups.csv", "from,to,groups_truth,groups_other,ratio", g.histogram.iter().map(row));
     let of = |c: &SizeClass| {

@@ -1,12 +1,12 @@
 //! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
 
 use super::aperture::{group_center, quantile};
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::linking::LinkedGroups;
 use super::points::PointGrid;
 use super::presentation::*;
 use super::subject::mixtures;
-use super::{Domain, Statistics, Subject};
+use super::{Domain, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::math::{GaussianInSphere, Rules, each_axis};
 use particlegs_core::model::{Model, decimals};
@@ -409,8 +409,7 @@ impl ComparisonJob<'_> {
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(h) = &s.haloes else { return };
+pub(super) fn show(h: &HaloProfiles, to: &mut Presentation) {
     let shells = |i: usize| (0..h.edges.len() - 1).map(move |shell| (i, shell));
     let row = |(i, shell): (usize, usize)| {
         let ([a, b], [within_a, within_b]) = (h.density(i, shell), h.enclosed_mass(i, shell + 1));

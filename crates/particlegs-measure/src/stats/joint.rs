@@ -2,7 +2,7 @@
 
 use super::presentation::*;
 use super::velocities::FieldPair;
-use super::{ParticleFields, Statistics, StatsOptions, Subject};
+use super::{ParticleFields, StatsOptions, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
 use particlegs_core::picture::Colormap;
@@ -280,8 +280,7 @@ fn correlation(pairs: &FieldPairs, axes: &[JointAxis; 2]) -> Option<f64> {
 const LEAST_SHARE: f64 = 1e-4;
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(all) = &s.joint else { return };
+pub(super) fn show(all: &[JointHistogram], to: &mut Presentation) {
     let cells = all.iter().flat_map(|j| {
         let ([x, y], [a, b], name) = (&j.edges, &j.share, text::cell(&j.layer));
         (0..a.len()).map(move |cell| {

@@ -1,12 +1,12 @@
 //! How likely particles are under a model: of particles that the fit has not seen, a yardstick that sees needles
 //! and holes where pictures and spectra do not.
 
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::neighbours::sample;
 use super::points::PointGrid;
 use super::presentation::*;
 use super::subject::mixtures;
-use super::{Domain, Statistics, Subject};
+use super::{Domain, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Sym3, each_axis};
 use particlegs_core::model::{FieldMoments, Mixture, Model};
@@ -301,8 +301,7 @@ impl ComparisonJob<'_> {
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(l) = &s.likelihood else { return };
+pub(super) fn show(l: &Likelihood, to: &mut Presentation) {
     to.line(
         "likelihood of the particles",
         format!("{:.3} +- {:.3} bits per particle above uniform ({} particles)", l.bits, l.error, l.sampled),

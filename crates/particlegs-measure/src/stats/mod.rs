@@ -16,6 +16,7 @@ mod aperture;
 mod boxes;
 mod cell_quantity;
 mod compare;
+mod comparison_job;
 mod density;
 mod deposit;
 mod dispersion;

@@ -1,10 +1,10 @@
 //! Multipoles of the power spectrum in redshift space, and the power spectrum of the momentum.
 
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::presentation::*;
 use super::spectrum::{ShellSums, SpectrumOptions, last_while, limits, spectra_of_sums, transform_pair};
 use super::velocities::{ParticleFields, displacement};
-use super::{Domain, Grid, Spectra, Statistics, Subject};
+use super::{Domain, Grid, Spectra, Subject};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
 
@@ -162,8 +162,13 @@ impl Multipoles {
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    if let Some(m) = &s.multipoles {
+pub(super) fn show(
+    multipoles: Option<&Multipoles>,
+    momentum: Option<&Spectra>,
+    velocity_unit: Option<&str>,
+    to: &mut Presentation,
+) {
+    if let Some(m) = multipoles {
         let row = |h: &MultipoleShell| {
             let ([a, b], [c, d], [e, f]) = (h.monopole, h.quadrupole, h.hexadecapole);
             row![h.edges[0], h.edges[1], h.k, h.modes, a, b, c, d, e, f]
@@ -186,10 +191,10 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
         let deviation = m.largest_quadrupole_deviation().map_or("-".into(), |d| format!("{d:.3}"));
         to.line("P2(k): largest difference / P0", deviation);
     }
-    if let Some(m) = &s.momentum {
+    if let Some(m) = momentum {
         to.spectra_table("momentum.csv", m);
         let rows: Vec<_> = m.shells.iter().map(|h| (h.k, h.power)).collect();
-        let unit = match (&s.velocity_unit, to.units.volume.trim().trim_matches(['[', ']'])) {
+        let unit = match (velocity_unit, to.units.volume.trim().trim_matches(['[', ']'])) {
             (Some(velocity), volume) if !volume.is_empty() => format!(" [({velocity})² {volume}]"),
             _ => String::new(),
         };

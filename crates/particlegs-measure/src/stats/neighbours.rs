@@ -1,9 +1,9 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
+use super::Domain;
 use super::aperture::quantile;
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::presentation::*;
-use super::{Domain, Statistics};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random};
 use particlegs_core::model::decimals;
@@ -144,8 +144,7 @@ pub(super) fn with_distance_ratios<S: Serializer>(
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(both) = &s.neighbours else { return };
+pub(super) fn show(both: &[NearestDistances; 2], to: &mut Presentation) {
     let rows = ["truth", "other"]
         .into_iter()
         .zip(both)

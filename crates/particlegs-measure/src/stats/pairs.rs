@@ -5,10 +5,10 @@
 //! expected of a uniform distribution is in closed form, so no random catalogue is needed:
 //! 4 pi r^2 dr per volume, less what an open box's edges cut off.
 
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::points::PointGrid;
 use super::presentation::*;
-use super::{Domain, Statistics, XiByTransform};
+use super::{Domain, XiByTransform};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random, each_axis};
 use particlegs_core::model::decimals;
@@ -299,8 +299,8 @@ pub(super) fn xi_from(pairs: &[PairCounts; 2], transform: Option<&XiByTransform>
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    if let Some(pair) = &s.xi_by_pairs {
+pub(super) fn show(pairs: Option<&[PairCounts; 2]>, transform: Option<&XiByTransform>, to: &mut Presentation) {
+    if let Some(pair) = pairs {
         let ([a, b], ratio) = (pair, xi_ratio(pair));
         let row = |i: usize| {
             let edges = row![a.edges[i], a.edges[i + 1], a.pairs[i], b.pairs[i], a.primaries[i], b.primaries[i]];
@@ -308,10 +308,10 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
         };
         let head = "r_low,r_high,pairs_truth,pairs_other,primaries_truth,primaries_other,expected_truth,expected_other,xi_truth,xi_other,ratio";
         to.table("xi_pairs.csv", head, (0..ratio.len()).map(row));
-        let from = s.summary.xi_within_10_percent_from.map_or("nowhere".into(), |r| decimals(r) + &to.length);
+        let from = xi_from(pair, transform).map_or("nowhere".into(), |r| decimals(r) + &to.length);
         to.line("xi(r): within 10 % from r on", from);
     }
-    if let Some(x) = &s.xi_by_transform {
+    if let Some(x) = transform {
         let row = |i: usize| row![x.edges[i], x.edges[i + 1], x.xi[0][i], x.xi[1][i]];
         to.table("xi_transform.csv", "r_low,r_high,xi_truth,xi_other", (1..x.edges.len()).map(|i| row(i - 1)));
     }
@@ -321,8 +321,8 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
         let rows: Vec<_> = (0..xi[0].len()).map(|i| (middle(edges, i), [xi[0][i], xi[1][i]])).collect();
         compared("xi", "Two-point correlation", axes.clone(), &rows, 0.0)
     };
-    let by_pairs = s.xi_by_pairs.as_ref().map(|[a, b]| of(&a.edges, [&a.xi, &b.xi]));
-    let mut by_transform = s.xi_by_transform.as_ref().map(|x| of(&x.edges, x.xi.each_ref().map(|v| &v[..])));
+    let by_pairs = pairs.map(|[a, b]| of(&a.edges, [&a.xi, &b.xi]));
+    let mut by_transform = transform.map(|x| of(&x.edges, x.xi.each_ref().map(|v| &v[..])));
     for curve in by_transform.iter_mut().flat_map(|parts| &mut parts[0].series) {
         (curve.name, curve.dashed) = (format!("{}, by transform", curve.name), true);
     }

@@ -3,7 +3,7 @@
 use super::gaussian::shares;
 use super::presentation::*;
 use super::subject::mixtures;
-use super::{Domain, Grid, Statistics, Subject};
+use super::{Domain, Grid, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::{Mixture, Model, decimals};
@@ -170,8 +170,7 @@ fn of_model(m: &Model, grid: &Grid, context: &Context<'_>) -> Result<AxisSlabs> 
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(profiles) = &s.profiles else { return };
+pub(super) fn show(profiles: &[AxisProfile; 3], chosen: usize, to: &mut Presentation) {
     let share = |p: &AxisProfile, side: usize, i: usize| {
         if p.mean[side] > 0.0 { p.density[side][i] / p.mean[side] } else { 0.0 }
     };
@@ -187,8 +186,7 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
         let axes = [even(format!("{axis}{}", to.units.length)), even("density / mean")];
         to.plot(compared(&format!("profile_{axis}"), &format!("Density along {axis}"), axes, &rows, 0.0));
     }
-    let Some((p, axis)) = s.profiles.as_ref().zip(["x", "y", "z"].get(s.options.profile_axis)) else { return };
-    let p = &p[s.options.profile_axis];
+    let Some((p, axis)) = profiles.get(chosen).zip(["x", "y", "z"].get(chosen)) else { return };
     let [difference, noise] = [p.relative_difference, p.shot_noise].map(|v| 100.0 * v);
     to.line(
         &format!("profile along {axis}: RMS difference"),

@@ -1,10 +1,10 @@
 //! g(r), the radial distribution function of molecular dynamics: pair counts in linear bins over those of an
 //! ideal gas.
 
-use super::compare::ComparisonJob;
+use super::PairCounts;
+use super::comparison_job::ComparisonJob;
 use super::pairs::{PairOptions, count_pairs, longest_separation};
 use super::presentation::*;
-use super::{PairCounts, Statistics};
 use particlegs_core::Result;
 use particlegs_core::model::decimals;
 use particlegs_figure::PlotAxis;
@@ -98,8 +98,7 @@ const TALL: f64 = 30.0;
 const LEAST_G: f64 = 0.2;
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(counts) = &s.rdf else { return };
+pub(super) fn show(counts: &[PairCounts; 2], to: &mut Presentation) {
     let ([truth, other], [a, b]) = (counts, counts.each_ref().map(PairCounts::g));
     let row = |i: usize| {
         let pairs = row![truth.edges[i], truth.edges[i + 1], truth.pairs[i], other.pairs[i]];

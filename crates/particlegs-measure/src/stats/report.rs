@@ -1,6 +1,6 @@
 //! A comparison as it is written: tables, plots and JSON.
 
-use super::compare::SHOW;
+use super::compare::show;
 use super::presentation::Presentation;
 use super::{Statistics, StatsOptions, StatsSide, compare};
 use particlegs_core::Result;
@@ -79,7 +79,7 @@ impl StatsReport {
             |side: usize| format!("{}{} particles", if s.model[side] { "model of " } else { "" }, s.particles[side]);
         let first = format!("truth {}, other {}", side(0), side(1));
         let mut shown = Presentation::new(self.length_unit.as_deref(), first);
-        SHOW.iter().for_each(|show| show(s, &mut shown));
+        show(s, &mut shown);
         shown
     }
 }

@@ -5,13 +5,13 @@
 //! assignment's window, a power of sinc on each axis, is divided out, and the shot noise
 //! V sum w^2 / (sum w)^2 subtracted.
 
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::density::mean_mass;
 use super::deposit::deposit_again;
 use super::presentation::*;
 use super::transform::{Modes, transform, transform_bytes};
 use super::xi_transform::{XiByTransform, xi_of_modes};
-use super::{Assignment, Convention, Domain, Field, Grid, Statistics, Subject, deposit, deposit_bytes, deposit_steps};
+use super::{Assignment, Convention, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::decimals;
@@ -449,11 +449,10 @@ pub(super) fn last_while(places: impl Iterator<Item = (f64, bool)>) -> Option<f6
 }
 
 /// Shows them.
-pub(super) fn show(s: &Statistics, to: &mut Presentation) {
-    let Some(p) = &s.spectra else { return };
+pub(super) fn show(p: &Spectra, convention: Convention, to: &mut Presentation) {
     to.spectra_table("power.csv", p);
     let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
-    let corrected = match s.options.convention {
+    let corrected = match convention {
         Convention::Correct => "shot noise subtracted",
         Convention::Paper => "shot noise included",
     };
@@ -469,11 +468,11 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     coherence[0].levels = [1.0, 0.99, 0.9].map(|level| (String::new(), level)).into();
     to.plot(chart("power", &title, power, pair([of(0), of(1)]), picked(|h| h.ratio)));
     to.plot(coherence);
-    let ([x, y, z], t, wave) = (p.cells, &s.summary, to.wave.clone());
+    let ([x, y, z], wave) = (p.cells, to.wave.clone());
     let last = p.shells.last().map_or(0.0, |h| h.k);
     to.line("P(k): grid; up to k", format!("{x}x{y}x{z}; {}{wave}", decimals(last)));
-    let deviation = t.largest_power_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
-    let at_end = t.r_at_k_max.map_or("-".into(), |r| format!("{r:.4}"));
+    let deviation = p.largest_power_deviation().map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
+    let at_end = p.shells.last().and_then(|h| h.r).map_or("-".into(), |r| format!("{r:.4}"));
     to.line("P(k): largest deviation; r at end", format!("{deviation}; {at_end}"));
     to.line("P(k): within 1, 5, 10 % up to k", format!("{}{wave}", limits(|limit| p.power_within(limit))));
     let [high, low] = [0.99, 0.9].map(|r| limit_text(p.r_above(r)));

@@ -1,6 +1,6 @@
 //! Particles with fields: velocities, what is measured of them, and how far they move particles in redshift space.
 
-use super::compare::ComparisonJob;
+use super::comparison_job::ComparisonJob;
 use super::{Domain, Measure, OF_VELOCITIES, StatsOptions, Subject};
 use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Model};
