@@ -47,6 +47,10 @@ def by_package(verb, row, made, folder):
             model = pg.read(model_of(row, made))
             if verb == "compress":
                 pg.compress(snapshot, **keywords)
+            elif verb == "stats":
+                pg.stats(snapshot, model, **keywords)
+            elif verb == "haloes":
+                pg.haloes(model, **keywords)
             elif verb == "export":
                 model.export(folder / row["output"], overwrite=True, **keywords)
             elif verb == "verify":
@@ -66,13 +70,16 @@ def by_command(verb, row, made, folder, command):
     words += [str(p) for p in paths_of(row)] if verb == "compress" else [str(model_of(row, made))]
     if verb == "verify" and "input" in row:
         words += [str(p) for p in paths_of(row)]
+    if verb == "stats":
+        words[2:] = [str(SAMPLE), str(made)]
     if verb == "compress" or (verb == "verify" and "input" in row):
         words += ["--every", "16"]
     if region := region_of(row):
         words += [f"--region={','.join(map(str, region))}"]
     if verb != "verify":
-        outputs = {"compress": "c.pgs", "simplify": "s.pgs", "recover": "drawn"}
-        words += ["-o", str(folder / (outputs.get(verb) or row["output"])), "--force"]
+        outputs = {"compress": "c.pgs", "simplify": "s.pgs", "recover": "drawn", "haloes": "h.csv", "stats": "stats"}
+        words += ["-o", str(folder / (outputs.get(verb) or row["output"]))]
+        words += [] if verb == "stats" else ["--force"]
     for name, value in row["options"].items():
         name = {"cells": "grid", "layers": "layer"}.get(name, name)
         text = ",".join(value) if isinstance(value, list) else str(value)

@@ -1,7 +1,9 @@
 //! The rows of tests/options/cases.json: what the library refuses, notes and verifies. `python/tests/test_options.py` runs
 //! the same rows through the command and the Python package.
 
+use particlegs::haloes::{HaloOptions, find_haloes};
 use particlegs::metadata::{Bounds, Effort, Goal, GoalKind, Target};
+use particlegs::stats::{StatsOptions, Subject, compare};
 use particlegs::training::{Config, Preset};
 use particlegs::{
     Choice, CompressOptions, Context, ExportOptions, Model, NamedValue, Outputs, ProgressSink, RecoverOptions, Result,
@@ -56,6 +58,12 @@ impl RowOptions {
             goal(GoalKind::Groups, self.number("groups-within"), self.number("from")),
         ];
         targets.into_iter().flatten().next().unwrap_or(Target::Default)
+    }
+
+    /// A record of options, by the names that they have in Python.
+    fn record<T: serde::de::DeserializeOwned>(self) -> T {
+        let named = self.0.into_iter().map(|(name, value)| (name.replace('-', "_"), value));
+        serde_json::from_value(named.collect()).unwrap()
     }
 
     fn finish(self) {
@@ -156,6 +164,14 @@ fn run(verb: &str, row: &Value, model: &Model, folder: &Path, context: &Context<
             let (expected, wrong) = (row["wrong"].as_str(), verified.judge().err().map(|e| e.to_string()));
             assert_eq!(expected.is_some(), wrong.is_some(), "{row}: {wrong:?}");
             assert!(expected.is_none_or(|text| wrong.as_ref().unwrap().contains(text)), "{row}: {wrong:?}");
+        }
+        "haloes" => {
+            find_haloes(Subject::Model(model.decoded()), &given.record::<HaloOptions>(), context)?;
+        }
+        "stats" => {
+            let particles = snapshot(None).particles(context)?;
+            let sides = [Subject::Particles(&particles), Subject::Model(model.decoded())];
+            compare(sides[0], sides[1], &given.record::<StatsOptions>(), context)?;
         }
         other => panic!("no verb {other}"),
     }

@@ -254,7 +254,13 @@ impl StatsOptions {
 
 /// Refuses a value of an option that is out of range.
 pub(crate) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
-    let fault = || Error::argument(format!("{name} must be {low} to {high}, not {value}"));
+    let range = || match (low == f64::MIN_POSITIVE, high == f64::MAX) {
+        (true, true) => "positive".to_string(),
+        (true, false) => format!("above 0 and at most {high}"),
+        (false, true) => format!("at least {low}"),
+        (false, false) => format!("{low} to {high}"),
+    };
+    let fault = || Error::argument(format!("{name} must be {}, not {value}", range()));
     (low..=high).contains(&value).then_some(()).ok_or_else(fault)
 }
 
