@@ -47,6 +47,14 @@ def by_package(verb, row, made, folder):
             model = pg.read(model_of(row, made))
             if verb == "compress":
                 pg.compress(snapshot, **keywords)
+            elif verb == "series":
+                pg.compress_series([SAMPLE], folder / "run.pgs", **keywords)
+            elif verb == "convert":
+                snapshot.save(folder / row["output"], overwrite=True)
+            elif verb == "eval":
+                model.eval(snapshot, **keywords)
+            elif verb == "merge":
+                model.merge(model, **keywords)
             elif verb == "stats":
                 pg.stats(snapshot, model, **keywords)
             elif verb == "haloes":
@@ -70,14 +78,28 @@ def by_command(verb, row, made, folder, command):
     words += [str(p) for p in paths_of(row)] if verb == "compress" else [str(model_of(row, made))]
     if verb == "verify" and "input" in row:
         words += [str(p) for p in paths_of(row)]
-    if verb == "stats":
-        words[2:] = [str(SAMPLE), str(made)]
-    if verb == "compress" or (verb == "verify" and "input" in row):
+    inputs = {
+        "stats": [SAMPLE, made],
+        "series": [SAMPLE],
+        "convert": [SAMPLE],
+        "eval": [made, SAMPLE],
+        "merge": [made, made],
+    }
+    words[2:] = [str(p) for p in inputs[verb]] if verb in inputs else words[2:]
+    if verb in ("compress", "convert", "eval") or (verb == "verify" and "input" in row):
         words += ["--every", "16"]
     if region := region_of(row):
         words += [f"--region={','.join(map(str, region))}"]
-    if verb != "verify":
-        outputs = {"compress": "c.pgs", "simplify": "s.pgs", "recover": "drawn", "haloes": "h.csv", "stats": "stats"}
+    if verb not in ("verify", "eval"):
+        outputs = {
+            "compress": "c.pgs",
+            "simplify": "s.pgs",
+            "series": "run.pgs",
+            "merge": "mm.pgs",
+            "recover": "drawn",
+            "haloes": "h.csv",
+            "stats": "stats",
+        }
         words += ["-o", str(folder / (outputs.get(verb) or row["output"]))]
         words += [] if verb == "stats" else ["--force"]
     for name, value in row["options"].items():

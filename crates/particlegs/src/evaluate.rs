@@ -86,6 +86,7 @@ impl Model {
         let (name, whole) = (self.name(), self.decoded());
         let chosen = if layers.is_empty() { None } else { Some(whole.clone().only(layers)?) };
         let model = chosen.as_ref().unwrap_or(whole);
+        let (ViewSet { views, size }, views_from) = views.of(model)?;
         let particles = snapshot.particles(context)?;
         // The hash is of all layers.
         let is_part = model.layers.len() < whole.layers.len();
@@ -100,7 +101,6 @@ impl Model {
             ));
         }
         let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, context)?;
-        let (ViewSet { views, size }, views_from) = views.of(model)?;
         let info = self.info()?;
         let (model_bytes, gaussians) = (self.bytes().len() as u64, model.gaussians());
         Ok(EvaluationReport {

@@ -1,13 +1,14 @@
 //! The rows of tests/options/cases.json: what the library refuses, notes and verifies. `python/tests/test_options.py` runs
 //! the same rows through the command and the Python package.
 
+use particlegs::evaluation::EvaluationViews;
 use particlegs::haloes::{HaloOptions, find_haloes};
 use particlegs::metadata::{Bounds, Effort, Goal, GoalKind, Target};
 use particlegs::stats::{StatsOptions, Subject, compare};
 use particlegs::training::{Config, Preset};
 use particlegs::{
     Choice, CompressOptions, Context, ExportOptions, Model, NamedValue, Outputs, ProgressSink, RecoverOptions, Result,
-    Selection, Snapshot, compress,
+    Selection, SeriesOptions, Size, Snapshot, compress, make_series, merge,
 };
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -117,6 +118,36 @@ fn run(verb: &str, row: &Value, model: &Model, folder: &Path, context: &Context<
             };
             given.finish();
             compress(&snapshot(input), &options, context)?;
+        }
+        "series" => {
+            let frames = given.0.remove("frames").map(|text| text.as_str().unwrap().parse()).transpose()?;
+            let mut options = SeriesOptions { frames, ..SeriesOptions::default() };
+            options.keyframe_interval =
+                given.count("keyframe-interval").map_or(options.keyframe_interval, |n| n as usize);
+            options.compress = CompressOptions {
+                target: given.target(),
+                opacity: given.number("opacity"),
+                ..CompressOptions::default()
+            };
+            given.finish();
+            let choice = Choice::default();
+            make_series(&[root("samples/nbody64")], &choice, &folder.join("run.pgs"), &options, context)?;
+        }
+        "merge" => {
+            let fields = Some(given.list("fields")).filter(|names| !names.is_empty());
+            given.finish();
+            merge(&[model, model], fields, context)?;
+        }
+        "convert" => {
+            given.finish();
+            let out = folder.join(row["output"].as_str().unwrap());
+            snapshot(None).convert(&out, (None, None), &outputs, context)?;
+        }
+        "eval" => {
+            let frames = given.count("frames").unwrap() as usize;
+            given.finish();
+            let views = EvaluationViews::Orbits { frames, size: Size { width: 32, height: 32 }, seed: 42 };
+            model.evaluate(&[], &snapshot(None), views, None, context)?;
         }
         "simplify" => {
             let target = given.target();

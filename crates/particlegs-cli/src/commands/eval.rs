@@ -7,8 +7,8 @@ use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
 use particlegs::evaluation::EvaluationViews;
 use particlegs::{Model, Snapshot};
+use particlegs_core::Result;
 use particlegs_core::picture::Size;
-use particlegs_core::{Error, Result};
 use particlegs_files::ViewsFile;
 use particlegs_files::input::name_of;
 use particlegs_particles::Storage;
@@ -72,9 +72,6 @@ pub fn run(mut a: Arguments) -> Result<()> {
     let snapshot = Snapshot::of_files(&a.input, a.particles.choice(context.common.seed)?);
     let views = match &a.views {
         Some(path) => EvaluationViews::Stated(ViewsFile::read(path, &context)?.0, path.display().to_string()),
-        None if !(1..=10_000).contains(&a.frames) => {
-            return Err(Error::argument(format!("--frames {} is outside 1 to 10000", a.frames)));
-        }
         None => EvaluationViews::Orbits { frames: a.frames, size: a.size, seed: context.common.seed },
     };
     let (layers, device) = (&a.particles.opening.particle_type, a.device.open()?);
