@@ -10,7 +10,7 @@ use particlegs::SeriesOptions;
 use particlegs_core::{codec, model};
 use particlegs_measure::stats::SeriesStatistics;
 use pyo3::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A series. Immutable; what was decoded lately is kept, so that frames in order cost one step each.
 #[pyclass(frozen, name = "Series", module = "particlegs._particlegs")]
@@ -36,7 +36,7 @@ impl ModelSeries {
 
     #[getter]
     fn name(&self) -> String {
-        Path::new(self.file.name()).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+        self.file.file_name()
     }
 
     #[getter]

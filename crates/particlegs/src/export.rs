@@ -60,12 +60,13 @@ pub struct ExportResult {
     pub figures: Value,
 }
 
-/// The kind of file that an export to `out` writes, declared as an output: what long work does before it reads its input.
+/// The kind of file that an export to `out` writes, declared as an output unless it is one already: what long work does before it reads its input.
 ///
 /// # Errors
 /// [`Error::Argument`] for an unknown ending; [`Error::Output`] for what may not be replaced, and an input.
 pub fn plan_export(out: &Path, kind: Option<Kind>, outputs: &Outputs, context: &Context<'_>) -> Result<Kind> {
     match Kind::for_output(out, kind) {
+        Ok(kind) if outputs.is_declared(out) => Ok(kind),
         Ok(kind) => outputs.writes(out, &kind.file(), context).map(|_| kind),
         // First check that the output is neither an input nor another output.
         Err(error) => outputs.writes(out, &kinds::PARTICLES, context).and(Err(error)),
@@ -85,33 +86,32 @@ impl Model {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ExportResult> {
-        let kind = match outputs.is_declared(out) {
-            true => Kind::for_output(out, options.kind)?,
-            false => plan_export(out, options.kind, outputs, context)?,
-        };
+        let kind = plan_export(out, options.kind, outputs, context)?;
         let (paged, name) = (kind.group() == Group::Page, self.file_name());
         if options.link && !paged {
             return Err(Error::argument(format!("only a page can be linked, not a .{} file", kind.ending())));
         }
-        let whole = options.layers.is_empty() || options.layers == ["all"] || paged;
+        if paged {
+            let (model, gaussians) = (self.decoded(), self.decoded().gaussians());
+            let notes = Notes::new(kind, model, &name, &fields_named(kind, model, &options.fields)?);
+            let lost = notes.lost.clone();
+            let work = ExportWork { kind, out, options, notes, outputs, context };
+            let bytes = work.page(ModelFile { name: &name, bytes: self.bytes() }, self)?;
+            let content = format!("a page of {gaussians} Gaussians");
+            return Ok(ExportResult { kind, gaussians, bytes, lost, content, figures: Value::Null });
+        }
         let mut model = self.decoded().clone();
-        if !whole {
+        if !options.layers.is_empty() && options.layers != ["all"] {
             model = model.only(&options.layers)?;
         }
-        if !paged {
-            model.drop_empty();
-        }
+        model.drop_empty();
         let notes = Notes::new(kind, &model, &name, &fields_named(kind, &model, &options.fields)?);
         let (gaussians, lost) = (model.gaussians(), notes.lost.clone());
         let mut work = ExportWork { kind, out, options, notes, outputs, context };
         let (bytes, content, figures) = match kind.group() {
             Group::Splats => work.splats(model)?,
             Group::Grid => work.grid(&model)?,
-            Group::Page => {
-                let file = ModelFile { name: &name, bytes: self.bytes() };
-                (work.page(file, self)?, format!("a page of {gaussians} Gaussians"), Value::Null)
-            }
-            Group::Gaussians => {
+            Group::Gaussians | Group::Page => {
                 let write = |out: &Path| write_gaussians(kind, &model, &work.notes, out, context);
                 (outputs.write_file(out, write, context)?, format!("{gaussians} Gaussians"), Value::Null)
             }
@@ -143,16 +143,13 @@ impl Series {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ExportResult> {
-        let kind = match outputs.is_declared(out) {
-            true => Kind::for_output(out, options.kind)?,
-            false => plan_export(out, options.kind, outputs, context)?,
-        };
+        let kind = plan_export(out, options.kind, outputs, context)?;
         if kind.group() != Group::Page {
             return Err(Error::argument("a series is exported as a page, and one of its frames as other files"));
         }
         let first = self.decoder().series().first()?;
         let model = self.decoder().frame(first, context)?.clone().into_model();
-        let name = Path::new(self.name()).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let name = self.file_name();
         let notes = Notes::new(kind, &model, &name, &[]);
         let (gaussians, lost) = (model.gaussians(), notes.lost.clone());
         let work = ExportWork { kind, out, options, notes, outputs, context };

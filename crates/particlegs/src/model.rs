@@ -270,6 +270,11 @@ impl Model {
         }
     }
 
+    /// The decoded model, without its file.
+    pub fn into_decoded(self) -> model::Model {
+        self.decoded
+    }
+
     /// The decoded model, for [`crate::stats::Subject::Model`].
     pub fn decoded(&self) -> &model::Model {
         &self.decoded

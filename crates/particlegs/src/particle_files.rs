@@ -29,11 +29,14 @@ fn writer_of(out: &Path, format: Option<&str>, outputs: &Outputs, context: &Cont
     }
 }
 
-/// Declares the folder or file that particles are drawn into: what long work does before it reads its input.
+/// Declares the folder or file that particles are drawn into, unless it is declared already: what long work does before it reads its input.
 ///
 /// # Errors
 /// [`Error::Argument`] for an unknown ending, and a form for a file; [`Error::Output`] for what may not be replaced.
 pub fn plan_recovery(out: &Path, options: &RecoverOptions, outputs: &Outputs, context: &Context<'_>) -> Result<()> {
+    if outputs.is_declared(out) {
+        return Ok(());
+    }
     let writer = writer_of(out, None, outputs, context)?;
     if !writer.folder {
         let what = "the form is that of a folder: a file's extension selects its format";
@@ -52,17 +55,16 @@ impl Model {
     /// [`Error::Argument`] for options out of range; [`Error::Output`] for what may not be replaced; [`Error::Memory`];
     /// [`Error::Io`]; [`Error::Cancelled`].
     pub fn recover_into(
-        &self,
+        self,
         out: &Path,
         (options, layers): (&RecoverOptions, &[String]),
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ParticleFile> {
-        if !outputs.is_declared(out) {
-            plan_recovery(out, options, outputs, context)?;
-        }
+        plan_recovery(out, options, outputs, context)?;
         let (writer, kept) = (Writer::for_output(out, None)?, outputs.is_kept(out));
-        let mut model = self.decoded().clone();
+        let hash = codec::file_hash(self.bytes());
+        let mut model = self.into_decoded();
         if !layers.is_empty() {
             let certificate = model.certificate.take();
             model = model.only(layers)?;
@@ -71,7 +73,7 @@ impl Model {
                 context.note("the scores in the model file are for all layers together, not for these");
             }
         }
-        let (hash, particles) = (codec::file_hash(self.bytes()), options.total(&model));
+        let particles = options.total(&model);
         if kept && writer.folder && !options.is_there(out, &model, hash)? {
             return Err(outputs.refused(out));
         }
@@ -131,12 +133,12 @@ impl Snapshot {
         let (whole, selection) = self.clone().without_selection();
         let (particles, fields) = whole.read(whole.has_fields(), &Storage::Memory, context)?;
         let tiling = copies.map_or(Ok(Tiling::single()), |copies| Tiling::new(copies, &particles))?;
-        let mut kept = SelectedParticles::new(&particles, tiling, selection, context)?;
+        let mut selected = SelectedParticles::new(&particles, tiling, selection, context)?;
         if !fields.is_empty() {
-            kept = kept.with_fields(fields);
+            selected = selected.with_fields(fields);
         }
-        let bytes = write(writer, &kept, out, outputs, context)?;
-        Ok(ParticleFile { particles_in: particles.len() as u64, particles: kept.total(), bytes })
+        let bytes = write(writer, &selected, out, outputs, context)?;
+        Ok(ParticleFile { particles_in: particles.len() as u64, particles: selected.total(), bytes })
     }
 
     /// Writes the selected particles in the format of the output's ending, over no other file.
@@ -150,13 +152,13 @@ impl Snapshot {
 
 fn write(
     writer: &Writer,
-    kept: &SelectedParticles<'_>,
+    selected: &SelectedParticles<'_>,
     out: &Path,
     outputs: &Outputs,
     context: &Context<'_>,
 ) -> Result<u64> {
-    if let Some(left_out) = writer.left_out(kept) {
+    if let Some(left_out) = writer.left_out(selected) {
         context.note(&left_out);
     }
-    outputs.write_file(out, |out| writer.write(kept, out, context), context)
+    outputs.write_file(out, |out| writer.write(selected, out, context), context)
 }

@@ -183,7 +183,7 @@ pub fn compress_into(
     let mut options = options.clone();
     options.limits = run.limits(began, out)?;
     options.read.extend(snapshot.options());
-    let kept = outputs.writes_model(out, context)? && !run.resume;
+    let is_kept = outputs.writes_model(out, context)? && !run.resume;
     if options.training.is_some() {
         run.plan(out, outputs, context)?;
     } else if run.device.is_some() {
@@ -193,7 +193,7 @@ pub fn compress_into(
     if let Some(folder) = &run.scratch {
         output::check_writable(&folder.join("scratch"))?;
     }
-    if kept && !options.ask_for(&codec::read_metadata(&existing(out, context)?, &out.display().to_string())?) {
+    if is_kept && !options.ask_for(&codec::read_metadata(&existing(out, context)?, &out.display().to_string())?) {
         return Err(outputs.refused(out));
     }
     if options.memory.is_some() {
@@ -204,7 +204,7 @@ pub fn compress_into(
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), context);
     }
-    if kept {
+    if is_kept {
         let bytes = existing(out, context)?;
         let model = codec::decode_with(&bytes, &out.display().to_string(), context)?;
         if !options.made(&model.metadata, model.certificate.is_some(), &particles)? {

@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 #[derive(Default)]
-struct Notes(Mutex<Vec<String>>);
+struct NoteSink(Mutex<Vec<String>>);
 
-impl ProgressSink for Notes {
+impl ProgressSink for NoteSink {
     fn message(&self, text: &str) {
         self.0.lock().unwrap().extend(text.strip_prefix("note: ").map(String::from));
     }
@@ -164,7 +164,7 @@ fn run(verb: &str, row: &Value, model: &Model, folder: &Path, context: &Context<
                 ..RecoverOptions::default()
             };
             given.finish();
-            model.recover_into(&folder.join("drawn"), (&options, &layers), &outputs, context)?;
+            model.clone().recover_into(&folder.join("drawn"), (&options, &layers), &outputs, context)?;
         }
         "export" => {
             let (out, layers) = (folder.join(row["output"].as_str().unwrap()), given.list("layers"));
@@ -215,7 +215,7 @@ fn rows_are_refused_and_noted_as_the_table_says() {
     let table: BTreeMap<String, Vec<Value>> = serde_json::from_slice(&table).unwrap();
     let (folder, model, mut differing) = (tempfile::tempdir().unwrap(), small_model(), Vec::new());
     for (verb, row) in table.iter().flat_map(|(verb, rows)| rows.iter().map(move |row| (verb, row))) {
-        let notes = Notes::default();
+        let notes = NoteSink::default();
         let done = run(verb, row, &model, folder.path(), &Context::default().with_sink(&notes));
         let notes = notes.0.into_inner().unwrap();
         let error = done.err().map(|e| e.to_string());

@@ -65,6 +65,11 @@ impl Series {
         &self.name
     }
 
+    /// The name of its file, without folders.
+    pub fn file_name(&self) -> String {
+        Path::new(&self.name).file_name().map_or_else(|| self.name.clone(), |n| n.to_string_lossy().into_owned())
+    }
+
     /// The file's bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
