@@ -4,10 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 words='codec::decode|SeriesDecoder|Compression::plan|SelectedParticles|\.read_fields\(|Density::new|Merge::|as_splats'
-allowed='crates/particlegs-cli/src/info_series.rs
-crates/particlegs-cli/src/job_args.rs
-crates/particlegs-cli/src/measured_input.rs
-crates/particlegs-cli/src/page_models.rs
+allowed='crates/particlegs-cli/src/page_models.rs
 python/src/density.rs
 python/src/snapshot.rs'
 used=$(grep -rlE "$words" crates/particlegs-cli/src python/src --include=*.rs | LC_ALL=C sort)

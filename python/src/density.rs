@@ -1,13 +1,11 @@
 //! Densities and fields of a model, in cells or at points.
 
 use crate::arrays::{self, shaped};
-use crate::errors::InputError;
 use crate::work::WorkOptions;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs_core::model::{LawKind, Mass, Model};
+use particlegs_core::model::Model;
 use particlegs_export::{Cells, Density};
-use particlegs_measure::stats;
-use particlegs_measure::stats::field_in_cells;
+use particlegs_measure::stats::{self, field_in_cells};
 use particlegs_particles::Domain;
 use pyo3::prelude::*;
 
@@ -29,22 +27,6 @@ impl From<CellNumbers> for Cells {
     }
 }
 
-/// Refuses models without densities, and layers that cannot be added.
-pub fn refuse_without_masses(model: &Model, shown: &[bool]) -> PyResult<()> {
-    if model.metadata.law == LawKind::AlphaBlend {
-        let what = "an alpha-blend model has no density, because its splats have opacities instead of masses: draw \
-                    particles with Model.recover";
-        return Err(InputError::new_err(what));
-    }
-    let layers: Vec<_> = model.layers.iter().zip(shown).filter(|(_, shown)| **shown).map(|(l, _)| l.mass).collect();
-    let known = layers.iter().filter(|m| **m != Mass::Unknown).count();
-    if known > 0 && known < layers.len() {
-        let what = "some layers have masses and others do not, so they cannot be added: choose layers by layers=";
-        return Err(InputError::new_err(what));
-    }
-    Ok(())
-}
-
 /// A field's name, and whether its dispersion is meant; `None` for the density.
 pub type FieldName = Option<(String, bool)>;
 
@@ -61,7 +43,6 @@ pub fn grid<'py>(
 ) -> PyResult<CellValues<'py>> {
     let (work, cells) = (WorkOptions::quietly(threads), Cells::from(cells));
     let Some((field, dispersion)) = field else {
-        refuse_without_masses(model, &vec![true; model.layers.len()])?;
         let density = work.run(py, |context| Density::new(model, cells, context))?;
         let values = density.values.iter().map(|v| f64::from(*v)).collect();
         return Ok((shaped(py, &density.grid.cells, values)?, density.grid.min, density.grid.side, density.outside));
@@ -85,7 +66,6 @@ pub fn at<'py>(
     let (points, domain) = (arrays::points(points)?, Domain::from_model(model));
     let work = WorkOptions::quietly(threads);
     let Some((field, dispersion)) = field else {
-        refuse_without_masses(model, &vec![true; model.layers.len()])?;
         let values = work.run(py, |context| stats::density_at(&domain, model, &points, context))?;
         return shaped(py, &[points.len()], values);
     };

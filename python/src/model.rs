@@ -3,11 +3,12 @@
 use crate::density::{self, CellNumbers, FieldName};
 use crate::errors::{InputError, IntoPyResult, named, refuse};
 use crate::gaussians::Gaussians;
-use crate::pictures::{self, CameraArgs, ViewDefaults};
+use crate::pictures::{self, CameraArgs};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs::input::FrameChoice;
+use particlegs::pictures::ViewSubject;
 use particlegs_core::camera::{Camera, Projection, View};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Layer, Mass, Metadata, Quantity};
@@ -48,9 +49,8 @@ impl Model {
         self.file.decoded()
     }
 
-    fn looking(&self) -> ViewDefaults {
-        let m = &self.inner().metadata;
-        ViewDefaults { bounds: m.bounds, cell: m.cell, usual: [m.default_radius, m.default_opacity] }
+    fn subject(&self) -> ViewSubject {
+        ViewSubject::of_model(self.inner(), false)
     }
 
     /// Which layers to use; all without names.
@@ -73,8 +73,8 @@ impl Model {
         (shown, view, size): (&[bool], &View, Size),
         threads: Option<usize>,
     ) -> PyResult<Plane> {
-        density::refuse_without_masses(self.inner(), shown)?;
-        let view = self.looking().density_view(view, size);
+        self.inner().check_density(|l| shown[l]).or_raise()?;
+        let view = self.subject().density_view(view, size);
         let scene = Scene::from_layers(self.inner(), |l| shown[l]);
         WorkOptions::quietly(threads).run(py, |progress| surface_density(&scene, &view, size, progress))
     }
@@ -181,7 +181,7 @@ impl Model {
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
-        let view = self.looking().view(&camera, size, radius, opacity).or_raise()?;
+        let view = camera.view(&self.subject(), size, [radius, opacity]).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
         let scene = Scene::from_layers(self.inner(), |l| shown[l]);
         let how = WorkOptions::quietly(threads);
@@ -221,7 +221,7 @@ impl Model {
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let size = Size { width: size.0, height: size.1 };
-        let view = self.looking().view(&camera, size, None, None).or_raise()?;
+        let view = camera.view(&self.subject(), size, [None; 2]).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
         pictures::plane(py, &self.surface_density(py, (&shown, &view, size), threads)?)
     }
@@ -241,8 +241,8 @@ impl Model {
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Option<String>, String, &'static str)> {
         let size = Size { width: size.0, height: size.1 };
-        let view = self.looking().view(&camera, size, None, None).or_raise()?;
-        let view = self.looking().density_view(&view, size);
+        let view = camera.view(&self.subject(), size, [None; 2]).or_raise()?;
+        let view = self.subject().density_view(&view, size);
         let shown = self.shown(layers.as_deref())?;
         let mut query = FieldQuery::new(field, &self.inner().metadata.fields).or_raise()?;
         if weight != "mass" {

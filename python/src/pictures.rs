@@ -3,9 +3,10 @@
 use crate::arrays::shaped;
 use crate::errors::{InputError, IntoPyResult, named};
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs_core::camera::{Camera, DensityView, View, Window, base_distance, spherical_camera};
+use particlegs::pictures::{PictureCenter, ViewOptions, ViewSubject};
+use particlegs_core::camera::View;
 use particlegs_core::picture::{DensityColors, Gray8, Plane, Size};
-use particlegs_core::space::{Bounds, Cell};
+use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 use pyo3::prelude::*;
@@ -32,54 +33,34 @@ pub struct Angles {
     depth: Option<f64>,
 }
 
-/// What the camera looks at.
-pub struct ViewDefaults {
-    pub bounds: Bounds,
-    pub cell: Option<Cell>,
-    /// Default radius and opacity.
-    pub usual: [f64; 2],
-}
-
-impl ViewDefaults {
-    /// The view, checked.
-    pub fn view(&self, args: &CameraArgs, size: Size, radius: Option<f64>, opacity: Option<f64>) -> Result<View> {
+impl CameraArgs {
+    /// The view of a subject, checked.
+    pub fn view(self, subject: &ViewSubject, size: Size, [radius, opacity]: [Option<f64>; 2]) -> Result<View> {
         check(size)?;
-        let camera = match args {
+        let angles = match self {
+            CameraArgs::Angles(angles) => angles,
             CameraArgs::Whole(json) => {
-                serde_json::from_str(json).map_err(|e| Error::argument(format!("invalid camera: {e}")))?
+                let camera =
+                    serde_json::from_str(&json).map_err(|e| Error::argument(format!("invalid camera: {e}")))?;
+                let (radius, opacity) = (radius.unwrap_or(subject.radius), opacity.unwrap_or(subject.opacity));
+                let view = View { name: "view".into(), camera, radius, opacity };
+                return view.check(size).map(|()| view);
             }
-            CameraArgs::Angles(a) => self.turned(a, size)?,
         };
-        let [usual_radius, usual_opacity] = self.usual;
-        let view = View {
-            name: "view".into(),
-            camera,
-            radius: radius.unwrap_or(usual_radius),
-            opacity: opacity.unwrap_or(usual_opacity),
+        let options = ViewOptions {
+            azimuth: angles.azimuth,
+            elevation: angles.elevation,
+            distance: angles.distance,
+            center: angles.center.map(PictureCenter::Place),
+            orthographic: angles.width.is_some(),
+            width: angles.width,
+            depth: angles.depth,
+            size: Some(size),
+            radius,
+            opacity,
+            ..ViewOptions::default()
         };
-        view.check(size)?;
-        Ok(view)
-    }
-
-    fn turned(&self, a: &Angles, size: Size) -> Result<Camera> {
-        let center = a.center.unwrap_or(self.bounds.center());
-        if center.iter().chain([&a.azimuth, &a.elevation]).any(|v| !v.is_finite()) {
-            return Err(Error::argument("the centre and angles must be finite"));
-        }
-        if let Some(width) = a.width {
-            let window = Window { center, angles_deg: [a.azimuth, a.elevation], width, depth: a.depth };
-            return Ok(DensityView::orthographic("view", &window, size, &self.bounds, self.cell)?.camera);
-        }
-        if !(a.distance > 0.0 && a.distance.is_finite()) {
-            return Err(Error::argument(format!("distance must be positive, not {}", a.distance)));
-        }
-        let distance = a.distance * base_distance(&self.bounds, size);
-        Ok(spherical_camera(center, a.azimuth, a.elevation, distance))
-    }
-
-    /// The view of a density.
-    pub fn density_view(&self, view: &View, size: Size) -> DensityView {
-        DensityView::of_cell(view, size, &self.bounds, self.cell)
+        options.view(subject)
     }
 }
 
@@ -87,9 +68,10 @@ impl ViewDefaults {
 #[pyfunction]
 pub fn camera_around(bounds: [[f64; 3]; 2], azimuth: f64, elevation: f64, distance: f64) -> PyResult<String> {
     let [min, max] = bounds;
-    let subject = ViewDefaults { bounds: Bounds { min, max }, cell: None, usual: [1.0; 2] };
+    let subject = ViewSubject::of_particles(Bounds { min, max }, None, 1, false);
     let angles = Angles { azimuth, elevation, distance, center: None, width: None, depth: None };
-    let camera = subject.turned(&angles, Size { width: 16, height: 9 }).or_raise()?;
+    let view = CameraArgs::Angles(angles).view(&subject, Size { width: 16, height: 9 }, [Some(1.0); 2]).or_raise()?;
+    let camera = view.camera;
     serde_json::to_string(&camera).map_err(|e| InputError::new_err(e.to_string()))
 }
 

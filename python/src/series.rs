@@ -7,8 +7,7 @@ use crate::model::Model;
 use crate::stats::measure_options;
 use crate::work::WorkOptions;
 use particlegs::SeriesOptions;
-use particlegs_core::{codec, model};
-use particlegs_measure::stats::SeriesStatistics;
+use particlegs_core::codec;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -86,9 +85,7 @@ impl ModelSeries {
     ) -> PyResult<String> {
         let options = measure_options(asked)?;
         WorkOptions { threads, progress }.run(py, |context| {
-            let decoder = self.file.decoder();
-            let choose = |model: model::Model| if let Some(names) = &layers { model.only(names) } else { Ok(model) };
-            let found = SeriesStatistics::new(self.file.name(), decoder.series(), options, choose, context)?;
+            let found = self.file.statistics(options, &layers.unwrap_or_default(), context)?;
             Ok(serde_json::to_string(&found).expect("plain data"))
         })
     }

@@ -2,14 +2,14 @@
 
 use crate::arrays;
 use crate::errors::{InputError, IntoPyResult};
-use crate::pictures::{self, CameraArgs, ViewDefaults};
+use crate::pictures::{self, CameraArgs};
 use crate::work::WorkOptions;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
+use particlegs::pictures::ViewSubject;
 use particlegs_core::context::Context;
 use particlegs_core::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs_core::picture::Size;
 use particlegs_core::space::{Bounds, Cell};
-use particlegs_core::splat::DEFAULT_OPACITY;
 use particlegs_files::output::Outputs;
 use particlegs_formats::Choice;
 use particlegs_particles::{
@@ -368,10 +368,9 @@ impl Snapshot {
         let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
         let particles = self.checked()?;
         let reference = WorkOptions::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
-        let bounds = *reference.bounds();
-        let usual = [bounds.default_radius(particles.len() as u64), DEFAULT_OPACITY];
-        let looking = ViewDefaults { bounds, cell: particles.meta.cell, usual };
-        let view = looking.view(&camera, size, radius, opacity).or_raise()?;
+        let (cell, count) = (particles.meta.cell, particles.len() as u64);
+        let subject = ViewSubject::of_particles(*reference.bounds(), cell, count, false);
+        let view = camera.view(&subject, size, [radius, opacity]).or_raise()?;
         let how = WorkOptions::quietly(threads);
         match look {
             Some(look) => {

@@ -216,7 +216,7 @@ def test_units_are_those_of_the_layers_that_count(tmp_path):
     model = pg.compress(pg.open(tmp_path, units="kpc", mass_units="Msun"), gaussians=40, certificate="none")
     assert model.density_map(shape=(4, 4), layers=["dm"]).unit == "Msun / kpc^2"
     assert model.density_grid(4, layers=["tracers"]).unit == "particles / kpc^3"
-    with pytest.raises(pg.InputError, match="so they cannot be added: choose layers"):
+    with pytest.raises(pg.InputError, match="so they cannot be added; choose only layers"):
         model.density_grid(4)
 
 

@@ -13,6 +13,8 @@ ROOT = Path(__file__).parents[2]
 CASES = json.loads((ROOT / "tests/options/cases.json").read_text())
 SAMPLE = ROOT / "samples/nbody64"
 KEYWORDS = {"from": "from_size", "particles": "n"}
+# The package has no jobs.
+JOB_PARTS = ("scatter", "block")
 ROWS = [(verb, row) for verb, rows in CASES.items() for row in rows]
 
 
@@ -51,6 +53,8 @@ def by_package(verb, row, made, folder):
                 pg.compress_series([SAMPLE], folder / "run.pgs", **keywords)
             elif verb == "convert":
                 snapshot.save(folder / row["output"], overwrite=True)
+            elif verb == "render":
+                model.render(**{"size": (32, 32), **keywords})
             elif verb == "eval":
                 model.eval(snapshot, **keywords)
             elif verb == "merge":
@@ -75,7 +79,7 @@ def by_package(verb, row, made, folder):
 
 def by_command(verb, row, made, folder, command):
     words = [command, verb]
-    words += [str(p) for p in paths_of(row)] if verb == "compress" else [str(model_of(row, made))]
+    words += [str(p) for p in paths_of(row)] if verb in ("compress", "plan") else [str(model_of(row, made))]
     if verb == "verify" and "input" in row:
         words += [str(p) for p in paths_of(row)]
     inputs = {
@@ -86,13 +90,19 @@ def by_command(verb, row, made, folder, command):
         "merge": [made, made],
     }
     words[2:] = [str(p) for p in inputs[verb]] if verb in inputs else words[2:]
-    if verb in ("compress", "convert", "eval") or (verb == "verify" and "input" in row):
+    if verb in ("compress", "plan", "convert", "eval") or (verb == "verify" and "input" in row):
         words += ["--every", "16"]
     if region := region_of(row):
         words += [f"--region={','.join(map(str, region))}"]
-    if verb not in ("verify", "eval"):
+    if verb in JOB_PARTS:
+        plan = [command, "plan", SAMPLE, "--every=16", "--gaussians=50", "--blocks=2", "-o", folder / "job", "--quiet"]
+        subprocess.run(plan, check=True)
+        words[2:] = [str(folder / "job"), str(row["options"]["number"])]
+    elif verb not in ("verify", "eval"):
         outputs = {
             "compress": "c.pgs",
+            "plan": "planned",
+            "render": "r.png",
             "simplify": "s.pgs",
             "series": "run.pgs",
             "merge": "mm.pgs",
@@ -102,9 +112,13 @@ def by_command(verb, row, made, folder, command):
         }
         words += ["-o", str(folder / (outputs.get(verb) or row["output"]))]
         words += [] if verb == "stats" else ["--force"]
-    for name, value in row["options"].items():
+    options = {} if verb in JOB_PARTS else row["options"]
+    if verb == "render":
+        options = {"size": [32, 32], "projection": "orthographic" if "width" in options else "perspective", **options}
+    for name, value in options.items():
         name = {"cells": "grid", "layers": "layer"}.get(name, name)
-        text = ",".join(value) if isinstance(value, list) else str(value)
+        between = "x" if name == "size" else ","
+        text = between.join(map(str, value)) if isinstance(value, list) else str(value)
         words += [f"--{name}"] if value is True else [f"--{name}={text}"]
     done = subprocess.run([*words, "--json", "-"], capture_output=True, text=True, cwd=folder)
     lines = done.stderr.splitlines()
@@ -117,7 +131,9 @@ def by_command(verb, row, made, folder, command):
 
 @pytest.mark.parametrize(("verb", "row"), ROWS, ids=[f"{verb} {row['options']}" for verb, row in ROWS])
 def test_package_and_command_say_what_the_table_says(verb, row, made, tmp_path, command):
-    results = by_package(verb, row, made, tmp_path), by_command(verb, row, made, tmp_path, command)
+    results = [by_command(verb, row, made, tmp_path, command)]
+    if verb not in ("plan", *JOB_PARTS):
+        results.insert(0, by_package(verb, row, made, tmp_path))
     for notes, error, record in results:
         wrong = record["wrong"] if record and "wrong" in record else error
         expected = row.get("error", row.get("wrong"))

@@ -92,8 +92,6 @@ struct CommandDisplay {
     meter: Mutex<Option<Meter>>,
     /// Notes already printed; each is printed once.
     told: Mutex<BTreeSet<String>>,
-    /// Did an earlier command print the notes of this work?
-    told_before: AtomicBool,
 }
 
 impl Common {
@@ -163,18 +161,6 @@ impl CommandContext {
         self
     }
 
-    /// Does work whose notes an earlier command has printed.
-    pub fn told_before<T>(&self, work: impl FnOnce() -> T) -> T {
-        self.display.told_before.store(true, Ordering::Relaxed);
-        let done = work();
-        self.display.told_before.store(false, Ordering::Relaxed);
-        done
-    }
-
-    pub fn notes(&self, notes: &[String]) {
-        notes.iter().for_each(|note| self.note(note));
-    }
-
     /// Prints the result: JSON if requested, and the text on stdout, or on stderr if stdout has an output; with --quiet
     /// no text about written files.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
@@ -237,7 +223,7 @@ impl ProgressSink for CommandDisplay {
 
     fn message(&self, text: &str) {
         let is_new = || lock(&self.told).insert(text.into());
-        if text.starts_with("note: ") && (self.told_before.load(Ordering::Relaxed) || !is_new()) {
+        if text.starts_with("note: ") && !is_new() {
             return;
         }
         match &*lock(&self.meter) {

@@ -2,6 +2,7 @@
 //!
 //! Their templates are beside this file; `@NAME@` is replaced by values of the plan.
 
+use particlegs::job::JobParts;
 use particlegs_core::text::shell_word;
 use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -23,11 +24,7 @@ pub struct JobScript {
     pub program: PathBuf,
     pub folder: PathBuf,
     pub model: PathBuf,
-    /// Chunks of the input to scatter; 0 if blocks read the snapshot directly.
-    pub chunks: u64,
-    pub blocks: u64,
-    pub task_bytes: u64,
-    pub merge_bytes: u64,
+    pub parts: JobParts,
     pub threads: usize,
 }
 
@@ -63,10 +60,10 @@ pub fn script(engine: JobEngine, job: &JobScript) -> Result<String> {
             ("PROGRAM", path(&job.program)?),
             ("JOB", path(&job.folder)?),
             ("MODEL", path(&job.model)?),
-            ("CHUNKS", job.chunks.to_string()),
-            ("BLOCKS", job.blocks.to_string()),
-            ("MEMORY", memory(job.task_bytes)),
-            ("MERGE_MEMORY", memory(job.merge_bytes)),
+            ("CHUNKS", job.parts.chunks.to_string()),
+            ("BLOCKS", job.parts.blocks.to_string()),
+            ("MEMORY", memory(job.parts.task_bytes)),
+            ("MERGE_MEMORY", memory(job.parts.merge_bytes)),
             ("THREADS", job.threads.to_string()),
         ],
     ))
@@ -109,10 +106,16 @@ mod tests {
             program: "/opt/particlegs".into(),
             folder: "/scratch/my job's {1} @BLOCKS@".into(),
             model: "/scratch/m.pgs".into(),
-            chunks: 12,
-            blocks: 1000,
-            task_bytes: 2_000_000_000,
-            merge_bytes: 500_000_000,
+            parts: JobParts {
+                particles: 0,
+                blocks: 1000,
+                chunks: 12,
+                scatter_bytes: 0,
+                memory: None,
+                planned_before: false,
+                task_bytes: 2_000_000_000,
+                merge_bytes: 500_000_000,
+            },
             threads: 4,
         }
     }

@@ -1,7 +1,6 @@
 //! Options of the fit: target, effort, certificate, fields. Shared by `compress`, `plan` and `series`.
 
 use crate::common::named;
-use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{GoalArgs, TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::Args;
@@ -60,13 +59,12 @@ impl FitArgs {
         self.effort == Effort::Fast
     }
 
-    /// The library's options for one block in memory, with the seed of the selection.
-    pub fn options(&self, particles: &ParticleArgs, seed: u64) -> Result<Options> {
+    /// The library's options for one block in memory.
+    pub fn options(&self, seed: u64) -> Result<Options> {
         let target = match self.goal.target()? {
             Some(goal) => goal,
             None => self.target.target()?,
         };
-        let read = particles.choice(seed)?.options();
         let options = Options {
             target,
             effort: self.effort,
@@ -75,7 +73,6 @@ impl FitArgs {
             training: self.train.config()?,
             seed,
             certificate: self.certificate,
-            read,
             fields: self.fields.clone(),
             star_forming: self.star_forming,
             ..Options::default()

@@ -2,13 +2,12 @@
 
 use crate::common::CommandContext;
 use crate::info_snapshot::{self, point};
-use crate::inputs;
 use crate::text_wrap::{counted, wrapped};
 use particlegs_core::codec::{BlockInfo, FileInfo};
 use particlegs_core::context::Context;
 use particlegs_core::model::{
     AlphaBlend, Certificate, CertificateLevel, Effort, GoalResult, LawKind, Layer, Metadata, MetricEntry, MetricGroup,
-    MetricValue, Quantity, Recipe, SharedSpecies, VIZMAPPER_SHAPE, VizMapper, VizRanges, hex,
+    MetricValue, Quantity, SharedSpecies, VIZMAPPER_SHAPE, VizMapper, VizRanges, hex,
 };
 use particlegs_core::space::Cell;
 use particlegs_core::text::one_line;
@@ -43,11 +42,6 @@ struct ModelInfoReport<'a> {
 
 pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> {
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
-}
-
-/// Was a model file made by this recipe?
-pub fn is_of_recipe(path: &Path, recipe: &Recipe, context: &Context<'_>) -> Result<bool> {
-    Ok(codec::read_metadata(&inputs::model(path, context)?, &name_of(path))?.recipe == *recipe)
 }
 
 fn layer_report(layer: &Layer<Vec<BlockInfo>>, shared: &[SharedSpecies]) -> Value {

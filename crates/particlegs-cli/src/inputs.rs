@@ -4,7 +4,7 @@ use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
 use clap::Args;
 pub use particlegs::input::{FrameChoice, ModelOrSnapshot, decoded_model, is_series, read_file};
-use particlegs::input::{frame_beside, read_model, read_model_of_snapshot};
+use particlegs::input::{frame_beside, read_model_of_snapshot};
 use particlegs_core::Result;
 use particlegs_core::context::{Context, ProgressSink};
 use particlegs_core::text::one_line;
@@ -31,11 +31,6 @@ impl FrameArgs {
     pub fn is_given(&self) -> bool {
         self.choice() != FrameChoice::Last
     }
-}
-
-/// A model file's bytes, of a series those of its last frame; `-` is standard input.
-pub fn model(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
-    read_model(path, &FrameChoice::Last, context)
 }
 
 /// A model's bytes; of a series those of the frame that `opening` names, which then names the snapshot's frame that it

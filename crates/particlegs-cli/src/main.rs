@@ -14,8 +14,6 @@ mod info_model;
 mod info_series;
 mod info_snapshot;
 mod inputs;
-mod job_args;
-mod measured_input;
 mod options;
 mod outputs;
 mod page_args;

@@ -3,7 +3,7 @@
 use crate::common::CommandContext;
 use crate::text_wrap::wrapped;
 use clap::Args;
-use particlegs_core::{Error, Result};
+use particlegs_core::Result;
 pub use particlegs_files::output::kinds::*;
 use particlegs_files::output::{Input, Kind};
 use std::collections::BTreeMap;
@@ -60,9 +60,5 @@ impl CommandContext {
             }
         };
         folders.values().map(line).collect()
-    }
-
-    pub fn refused(&self, path: &Path) -> Error {
-        self.outputs.refused(path)
     }
 }

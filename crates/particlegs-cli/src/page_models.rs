@@ -68,7 +68,7 @@ impl ModelFiles {
                 let (own, of) = (text(other), text(&first.info.metadata));
                 let words =
                     format!("{name} is in {own} and {} in {of}: the page shows each in its own unit", first.name);
-                context.notes(&[words]);
+                context.note(&words);
             }
         }
     }

@@ -7,10 +7,9 @@ use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result};
 use particlegs_formats::{AtomSelection, Choice, Weights};
 use particlegs_particles::{Particles, Selection, Storage};
-use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-#[derive(Args, Clone, Debug, Serialize, Deserialize)]
+#[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Snapshot options")]
 pub struct SnapshotArgs {
     /// Input format, if the content does not tell.
@@ -26,21 +25,18 @@ pub struct SnapshotArgs {
     pub positions: Option<String>,
     /// Field of the masses, or of another additive quantity [default: the masses, if they differ within a type].
     #[arg(long, alias = "weights", value_name = "FIELD|none", hide_short_help = true)]
-    #[serde(rename = "weights")]
     pub mass_field: Option<String>,
     /// Frame of a trajectory, counted from 0, or from the end: -1 is the last [default: the last].
     #[arg(long, value_name = "N", hide_short_help = true, allow_negative_numbers = true)]
     pub frame: Option<i64>,
     /// File that names the atoms of a trajectory without names: GRO, PDB, PSF or LAMMPS data.
     #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = clap::ValueHint::FilePath)]
-    #[serde(default)]
     pub topology: Option<PathBuf>,
     /// Atoms to read, such as "name OW", "protein and not name H*" or "resid 1:10".
     ///
     /// Words: name, resname, resid, element, type, index (each with one or more values), protein, water, all, not, and,
     /// or, parentheses. A * stands for any letters.
     #[arg(long, value_name = "TEXT", hide_short_help = true)]
-    #[serde(default)]
     pub select: Option<String>,
     /// What each layer of the model contains.
     #[arg(long, alias = "layers", value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = LayersBy::Species)]
@@ -59,21 +55,18 @@ pub struct SnapshotArgs {
     pub skip_invalid: bool,
     /// Refuse files whose numbers of particles differ from their header.
     #[arg(long, hide_short_help = true)]
-    #[serde(default)]
     pub strict: bool,
     /// What to do with unwrapped positions of a trajectory, such as xu, yu, zu.
     #[arg(long, value_name = "HOW", hide_short_help = true, value_enum, default_value_t = UnwrappedPositions::Wrap)]
-    #[serde(default)]
     pub unwrapped: UnwrappedPositions,
     /// Names of the blocks after the header of a Gadget format 1 file, in order: POS,VEL,ID,MASS,...
     ///
     /// A block named - is skipped. By default blocks are identified by their lengths and values.
     #[arg(long, value_name = "NAME,...", hide_short_help = true, value_delimiter = ',')]
-    #[serde(default)]
     pub gadget_blocks: Vec<String>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum UnwrappedPositions {
     /// Wrap them into the periodic box.
     #[default]
@@ -82,7 +75,7 @@ pub enum UnwrappedPositions {
     Keep,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LayersBy {
     /// One particle type.
     Species,
@@ -94,7 +87,7 @@ fn names() -> Vec<&'static str> {
     Choice::formats().collect()
 }
 
-#[derive(Args, Clone, Debug, Serialize, Deserialize)]
+#[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct SelectionArgs {
     /// Keep x0 <= x < x1, y0 <= y < y1, z0 <= z < z1 (world units).
@@ -118,11 +111,10 @@ pub struct SelectionArgs {
     pub sample: Option<u64>,
     /// Keep the particles that --sample leaves out, to score a model of the sample.
     #[arg(long, requires = "sample", hide_short_help = true)]
-    #[serde(default)]
     pub left_out: bool,
 }
 
-#[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct WindowArgs {
     /// Keep a window around this point, across the periodic boundary.
@@ -150,7 +142,7 @@ pub struct WindowArgs {
 }
 
 /// The particles of a command: how a snapshot is read, and which are selected.
-#[derive(Args, Clone, Debug, Serialize, Deserialize)]
+#[derive(Args, Clone, Debug)]
 pub struct ParticleArgs {
     #[command(flatten)]
     pub opening: SnapshotArgs,

@@ -62,6 +62,8 @@ pub struct Context<'a> {
     /// `None` = the best that the machine has.
     simd: Option<Level>,
     memory: &'a (dyn Fn() -> Option<u64> + Sync),
+    /// Whether notes are dropped.
+    no_notes: bool,
 }
 
 impl Default for Context<'_> {
@@ -78,7 +80,8 @@ impl Debug for Context<'_> {
 
 impl<'a> Context<'a> {
     /// The default, as a constant.
-    pub const SILENT: Context<'static> = Context { sink: &Silence, cancel: &|| false, simd: None, memory: &|| None };
+    pub const SILENT: Context<'static> =
+        Context { sink: &Silence, cancel: &|| false, simd: None, memory: &|| None, no_notes: false };
 
     /// [`Context::SILENT`], with the instructions alone that every machine of this kind has.
     pub fn scalar() -> Context<'static> {
@@ -110,6 +113,11 @@ impl<'a> Context<'a> {
         Context { sink: &Silence, cancel: &|| false, ..*self }
     }
 
+    /// Without notes, for work that repeats what was reported before.
+    pub fn without_notes(self) -> Self {
+        Context { no_notes: true, ..self }
+    }
+
     /// A phase of `total` steps begins (0 = unknown), within those that have not ended.
     pub fn begin(&self, phase: &str, total: u64) {
         self.sink.event(ProgressEvent::Begin { phase, total });
@@ -137,7 +145,9 @@ impl<'a> Context<'a> {
 
     /// Reports what a user should know of the work: a message that begins with `note: `.
     pub fn note(&self, text: &str) {
-        self.message(&format!("note: {text}"));
+        if !self.no_notes {
+            self.message(&format!("note: {text}"));
+        }
     }
 
     /// Reports what a user must know, even one who wants no progress: a message that begins with `warning: `.

@@ -140,11 +140,7 @@ fn narrow(values: &[f64], name: &str) -> Result<Vec<f32>> {
 impl Density {
     /// Of all layers of a model.
     pub fn new(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
-        let known = model.layers.iter().filter(|l| l.mass != particlegs_core::model::Mass::Unknown).count();
-        if known > 0 && known < model.layers.len() {
-            let what = "some layers have masses and others do not, so they cannot be added";
-            return Err(Error::argument_with(what, "choose only layers with masses, or only layers without"));
-        }
+        model.check_density(|_| true)?;
         let grid = cells.over_model(model)?;
         let subject = Subject::Model(model);
         context.begin("density", 0);

@@ -4,12 +4,14 @@ use crate::single_file::named;
 use crate::topology::selection::AtomSelection;
 use particlegs_files::input::SpoolFile;
 use particlegs_particles::Selection;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What to read of a snapshot.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Choice {
     /// Name of the format ([`Format::name`](crate::Format::name)) instead of what the content says.
     pub format: Option<String>,
@@ -47,13 +49,16 @@ pub struct Choice {
     /// What is kept of all that; all by default.
     pub selection: Option<Selection>,
     /// Fields as they are stored: in no cell, not moved, whole numbers of 64 bits as the bits of f64.
+    #[serde(skip)]
     pub as_stored: bool,
     /// What the stream that is named has given already ([`Choice::spool`]).
+    #[serde(skip)]
     pub spooled: Option<Arc<SpoolFile>>,
 }
 
 /// Where weights come from.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Weights {
     /// The species' field of masses, where it has one.
     #[default]

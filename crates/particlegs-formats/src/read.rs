@@ -250,7 +250,7 @@ fn weigh(meta: &mut SnapshotMeta, field: Option<(&SpeciesField, WeightKind)>) {
 }
 
 fn say(notes: &[String], context: &Context<'_>) {
-    notes.iter().for_each(|note| context.message(&format!("note: {note}")));
+    notes.iter().for_each(|note| context.note(note));
 }
 
 /// How errors name what was named.

@@ -5,6 +5,10 @@
 //! noise and by [`reference::paraview::Paraview`] as ParaView does. Files in WGSL are called as the stages that they are twins
 //! of, and say where they differ: GPUs compute in f32. What several threads add to are whole numbers, and what is sorted stays
 //! in its order among equals, so that a picture has the same bits whatever the order of threads.
+//!
+//! A kernel is added in the folder of its work: `NAME.wgsl` is the stage, `NAME_main.wgsl` its entry point, and
+//! `kernels.rs` (or `mod.rs`) there makes it. It has the name of its twin on the CPU, and its test says by how much it may
+//! differ from that; `tests/gpu` runs them.
 
 // Docs stand where a name does not say it.
 #![allow(missing_docs)]

@@ -9,6 +9,10 @@
 //! and pictures as data ([`results`]), which [`report`] writes to files. A [`lab::Lab`] caches results by the hash of
 //! their inputs. An [`Accelerator`](particlegs_train::Accelerator) draws and trains, or the CPU if the
 //! settings name none.
+//!
+//! A baseline is a file that implements [`Baseline`] (a library in Python: a class in `lab/compressors.py`, with its pin and
+//! licence beside it); an experiment is a file with `EXPERIMENT` and its entry in `experiments/mod.rs`; a data set is a
+//! generator in `lab/datasets`.
 
 #![allow(missing_docs)]
 

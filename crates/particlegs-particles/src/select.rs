@@ -13,13 +13,14 @@ use particlegs_core::math::{Purpose, Random, each_axis};
 use particlegs_core::model::Layer;
 use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result, parallel};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What to keep of a tiled snapshot.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Selection {
     /// Keep positions with min <= p < max along each axis, as written (f32).
     pub crop: Option<Bounds>,

@@ -46,4 +46,5 @@ pub use options::{PictureOptions, PictureStyle, RenderOptions};
 pub use particles::render_particles;
 pub use provenance::{PictureProvenance, PictureUnits, SourceFile};
 pub use report::{PictureReport, RenderedView};
+pub use subject::ViewSubject;
 pub use view_options::{PictureCenter, ViewFit, ViewOptions};

@@ -430,11 +430,8 @@ impl<'a> ScenePainter<'a> {
 
     fn parts<'m>(&self, model: &'m Model) -> Result<SceneParts<'m>> {
         let look = self.settings.style;
-        if look.is_none() && model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses";
-            let hint = Hint::from("draw particles with ").command("recover", "").words(", then their density with ");
-            let hint = hint.command("reference", "").words(" and ").option("style", "density");
-            return Err(Error::argument_with(what, hint));
+        if look.is_none() && self.field.is_none() {
+            model.check_density(|_| true)?;
         }
         let layers = if self.settings.options.color_by_layer { layers::apart(model)? } else { Vec::new() };
         let scene = Scene::new(model);

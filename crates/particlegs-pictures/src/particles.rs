@@ -10,11 +10,10 @@ use crate::run::DrawingJob;
 use crate::subject::ViewSubject;
 use crate::view_content::{ViewContent, ViewRenderer};
 use particlegs_compress::FieldSelection;
-use particlegs_core::camera::{Extent, View};
+use particlegs_core::camera::View;
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, hex};
 use particlegs_core::render::{FieldQuery, FieldWeight, Renderer};
-use particlegs_core::splat::DEFAULT_OPACITY;
 use particlegs_core::{NamedValue, Result};
 use particlegs_files::output::Outputs;
 use particlegs_particles::{LayerFields, Particles, StarFormingGas};
@@ -50,9 +49,7 @@ pub fn render_particles(
     if density {
         options.refuse_device("surface densities are rendered on the CPU only")?;
     }
-    let radius = bounds.default_radius(count);
-    let extent = Extent::new(&bounds, cell.as_ref());
-    let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density, center: None };
+    let subject = ViewSubject::of_particles(bounds, cell, count, density);
     let quantities = Quantities::from_particles(particles, options.smooth);
     let set = options.resolved(options.views(None, None, &subject, outputs, context)?, 1);
     let unit = particles.meta.units.length_text().unwrap_or_default();

@@ -6,10 +6,11 @@ use particlegs_core::model::Model;
 use particlegs_core::picture::Size;
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::{Bounds, Cell};
+use particlegs_core::splat::DEFAULT_OPACITY;
 
 /// Properties of a snapshot or model that views depend on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ViewSubject {
+pub struct ViewSubject {
     /// Bounds of the whole snapshot, world units.
     pub bounds: Bounds,
     /// Its cell, if it has one.
@@ -46,8 +47,14 @@ impl ViewSubject {
         }
     }
 
+    /// For `count` particles within bounds.
+    pub fn of_particles(bounds: Bounds, cell: Option<Cell>, count: u64, density: bool) -> Self {
+        let (extent, radius) = (Extent::new(&bounds, cell.as_ref()), bounds.default_radius(count));
+        ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density, center: None }
+    }
+
     /// The subject of all pictures of a film, whose bounds move with what they are about.
-    pub fn through(&self, set: &ViewSet) -> ViewSubject {
+    pub(crate) fn through(&self, set: &ViewSet) -> ViewSubject {
         let Some(center) = self.center else { return *self };
         let moved = |view: &View| {
             let shift: [f64; 3] = each_axis(|k| view.camera.focal_point[k] - center[k]);
@@ -58,10 +65,11 @@ impl ViewSubject {
         ViewSubject { bounds, ..*self }
     }
 
-    pub fn repeats(&self) -> bool {
+    pub(crate) fn repeats(&self) -> bool {
         self.density && self.cell.is_some_and(|c| c.periodic.contains(&true))
     }
 
+    /// A view as one of its surface density.
     pub fn density_view(&self, view: &View, size: Size) -> DensityView {
         DensityView::of_cell(view, size, &self.bounds, self.cell)
     }

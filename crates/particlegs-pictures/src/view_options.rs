@@ -210,6 +210,17 @@ impl ViewOptions {
         Ok(())
     }
 
+    /// The view of a subject, as the options say, without those of a file.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a number out of its range, and a view that shows nothing.
+    pub fn view(&self, subject: &ViewSubject) -> Result<View> {
+        self.check()?;
+        let mut set = self.one_view(subject, &[])?;
+        self.apply(&mut set)?;
+        Ok(set.views.remove(0))
+    }
+
     /// One view; it must fit at all rotations in `turned`.
     pub(crate) fn one_view(&self, subject: &ViewSubject, turned: &[f64]) -> Result<ViewSet> {
         let size = self.size.unwrap_or(Size { width: 1920, height: 1080 });

@@ -1,7 +1,7 @@
 //! Serves the page to one user's browser: on loopback by default, behind a token, from a fixed table of routes.
 //!
-//! `guard` refuses requests of other sites, `door` checks the token, `table` maps addresses to responses, `connection`
-//! limits what a client may use. One thread serves; another draws pictures of all particles.
+//! `guard` refuses requests of other sites, `door` checks the token, `table` maps addresses to responses (a new one is a
+//! `Route` there), `connection` limits what a client may use. One thread serves; another draws pictures of all particles.
 
 mod answer;
 mod connection;

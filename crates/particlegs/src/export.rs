@@ -230,11 +230,7 @@ impl ExportWork<'_> {
 
     fn grid(&mut self, model: &particlegs_core::model::Model) -> Result<ExportSummary> {
         let (out, context) = (self.out, self.context);
-        if model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no density: its splats hold opacities, not masses";
-            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)";
-            return Err(Error::argument_with(what, hint));
-        }
+        model.check_density(|_| true)?;
         let beside = (self.kind == Kind::Npy && !is_stream(out)?).then(|| out.with_extension("json"));
         if let Some(beside) = &beside {
             self.outputs.writes(beside, &Kind::description(), context)?;

@@ -1,6 +1,8 @@
 //! Opens inputs: a model file, a frame of a series, or a snapshot.
 
-use crate::{Choice, Context, Error, Hint, Model, Result, Series};
+use crate::snapshot::SnapshotFiles;
+use crate::stats::{LayerFields, StatsSide, Subject};
+use crate::{Choice, Context, Error, Hint, Model, Particles, Result, Series, Storage};
 use particlegs_core::codec::{self, SeriesDecoder, SeriesFile};
 use particlegs_core::model::{Metadata, hex};
 use particlegs_files::input::{Source, is_stream, name_of};
@@ -112,6 +114,43 @@ impl ModelOrSnapshot {
             choice.spool(source)?;
         }
         Ok(ModelOrSnapshot::Snapshot(choice.into()))
+    }
+}
+
+/// What is measured: a snapshot, with its fields where they are needed, or a model.
+pub enum MeasuredInput {
+    /// Particles, and the fields of each layer.
+    Particles(Box<Particles>, Vec<LayerFields>),
+    /// A model, or the layers of it that were chosen.
+    Model(Box<particlegs_core::model::Model>),
+}
+
+impl MeasuredInput {
+    /// Reads a model, of a series the frame that `choice` names or else the last, or a snapshot.
+    ///
+    /// # Errors
+    /// As [`ModelOrSnapshot::open`]; those of reading.
+    pub fn open(path: &Path, choice: Choice, with_fields: bool, context: &Context<'_>) -> Result<MeasuredInput> {
+        let layers = choice.species.clone();
+        Ok(match ModelOrSnapshot::open(path, choice, context)? {
+            ModelOrSnapshot::Model(bytes) => {
+                let model = codec::decode_with(&bytes, &name_of(path), context)?;
+                MeasuredInput::Model(if layers.is_empty() { model } else { model.only(&layers)? }.into())
+            }
+            ModelOrSnapshot::Snapshot(choice) => {
+                let files = SnapshotFiles { paths: vec![path.to_path_buf()], choice: *choice };
+                let (particles, fields) = files.read(&Storage::Memory, with_fields, context)?;
+                MeasuredInput::Particles(particles.into(), fields)
+            }
+        })
+    }
+
+    /// As a side of a comparison.
+    pub fn side(&self) -> StatsSide<'_> {
+        match self {
+            MeasuredInput::Particles(p, fields) => StatsSide { subject: Subject::Particles(p), fields },
+            MeasuredInput::Model(m) => Subject::Model(m).into(),
+        }
     }
 }
 

@@ -36,6 +36,7 @@ mod evaluate;
 mod export;
 mod halo_files;
 pub mod input;
+pub mod job;
 mod merge;
 mod model;
 mod particle_files;
@@ -203,6 +204,8 @@ pub use particlegs_measure::score::{Assessment, Evaluation, Grade, UseCase};
 pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
 pub use picture::SavePng;
 pub use run::{ModelOutput, RunOptions, compress_into};
-pub use series::{FrameRange, FrameResult, Series, SeriesOptions, SeriesResult, make_series};
+pub use series::{
+    FrameDescription, FrameRange, FrameResult, Series, SeriesDescription, SeriesOptions, SeriesResult, make_series,
+};
 pub use snapshot::Snapshot;
 pub use verification::FileVerification;

@@ -2,23 +2,21 @@
 
 use crate::camera::{DensityView, View, base_distance, spherical_camera};
 use crate::input::{FrameChoice, ModelOrSeries};
-use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
+use crate::metadata::{Certificate, Metadata, Mixture};
 use crate::series::SeriesFrame;
-use crate::{
-    Context, Density, Error, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, Storage, ToneStyle,
-};
+use crate::{Context, Density, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, Storage, ToneStyle};
 use particlegs_compress::Compression;
 use particlegs_compress::verify::StoredModel;
 use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::codec::FileInfo;
-use particlegs_core::model::Target;
+use particlegs_core::model::{Recipe, RecipeStep, Target};
 use particlegs_core::render::{FieldQuery, Scene};
 use particlegs_core::{codec, model, render};
 use particlegs_export::Cells;
 use particlegs_files::model_file;
-use particlegs_files::output::write_bytes;
+use particlegs_files::output::{Outputs, write_bytes};
 use particlegs_measure::score::Assessment;
-use particlegs_pictures::PictureSource;
+use particlegs_pictures::{PictureSource, ViewOptions, ViewSubject};
 use std::fmt::{Debug, Formatter};
 use std::path::Path;
 
@@ -59,6 +57,15 @@ pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Contex
     let differing = certificate.map_or_else(Vec::new, |c| c.differing_layers(&made.model.layers, unit));
     differing.iter().for_each(|note| context.note(note));
     Ok(Model { name: particles.meta.name.clone(), bytes: made.bytes, decoded: made.model, frame: None })
+}
+
+/// Refuses to replace a model of another recipe, before any work: the same recipe gives the same bytes.
+pub(crate) fn check_recipe(out: &Path, recipe: &Recipe, outputs: &Outputs, context: &Context<'_>) -> Result<()> {
+    let existing = crate::input::read_model(out, &FrameChoice::Last, context)?;
+    match codec::read_metadata(&existing, &out.display().to_string())?.recipe == *recipe {
+        true => Ok(()),
+        false => Err(outputs.refused(out)),
+    }
 }
 
 impl Model {
@@ -135,6 +142,21 @@ impl Model {
         Model::decode(bytes, &self.name, context)
     }
 
+    /// [`Model::simplify`] into a file. The model that was made so before is replaced by itself.
+    ///
+    /// # Errors
+    /// As [`Model::simplify`]; [`crate::Error::Output`] for a file that may not be replaced.
+    pub fn simplify_into(&self, out: &Path, target: Target, outputs: &Outputs, context: &Context<'_>) -> Result<Model> {
+        if outputs.writes_model(out, context)? {
+            let recipe = self.metadata().recipe.clone().then(RecipeStep::Simplify(target));
+            check_recipe(out, &recipe, outputs, context)?;
+        }
+        let model = self.simplify(target, context)?;
+        context.check()?;
+        outputs.write_model(out, model.bytes(), context)?;
+        Ok(model)
+    }
+
     /// The model as its file or its series has it.
     pub(crate) fn stored(&self, context: &Context<'_>) -> Result<StoredModel> {
         match &self.frame {
@@ -190,6 +212,14 @@ impl Model {
         View { name: "orbit".into(), camera, radius: m.default_radius, opacity: m.default_opacity }
     }
 
+    /// The view that the options say, at the radius and opacity that the file states unless they name others.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a number out of its range, and a view that shows nothing.
+    pub fn view(&self, options: &ViewOptions) -> Result<View> {
+        options.view(&ViewSubject::of_model(&self.decoded, false))
+    }
+
     /// The map along z that shows everything, each Gaussian once where the box repeats.
     ///
     /// # Errors
@@ -222,9 +252,10 @@ impl Model {
     /// Mass, or number where there are no masses, per area in each pixel, in the model's units.
     ///
     /// # Errors
-    /// As [`Model::render`]; [`crate::Error::Input`] for alpha-blend models, which have no density.
+    /// As [`Model::render`]; [`crate::Error::Argument`] for alpha-blend models, which have no density, and where only some
+    /// layers have masses.
     pub fn density_map(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
-        self.check_density()?;
+        self.decoded.check_density(|_| true)?;
         render::surface_density(&Scene::new(&self.decoded), view, size, context)
     }
 
@@ -247,10 +278,9 @@ impl Model {
     /// The density integrated over cells, `longest` of them along the longest edge.
     ///
     /// # Errors
-    /// [`crate::Error::Argument`] for 0 cells or too many; [`crate::Error::Input`] for alpha-blend models;
+    /// [`crate::Error::Argument`] for 0 cells or too many, and as [`Model::density_map`];
     /// [`crate::Error::Memory`]; [`crate::Error::Cancelled`].
     pub fn density_grid(&self, longest: usize, context: &Context<'_>) -> Result<Density> {
-        self.check_density()?;
         Density::new(&self.decoded, Cells::Along(longest), context)
     }
 
@@ -260,14 +290,6 @@ impl Model {
     /// [`crate::Error::Argument`] for no particles; [`crate::Error::Memory`]; [`crate::Error::Cancelled`].
     pub fn recover(&self, options: &RecoverOptions, context: &Context<'_>) -> Result<Particles> {
         options.draw(self.decoded.clone(), context)
-    }
-
-    /// Splats hold opacities, not masses.
-    fn check_density(&self) -> Result<()> {
-        match self.metadata().law {
-            LawKind::OpticalDepth => Ok(()),
-            LawKind::AlphaBlend => Err(Error::input("the model", "an alpha-blend model has no density")),
-        }
     }
 
     /// The decoded model, without its file.

@@ -38,7 +38,7 @@ pub use particlegs_figure::{BarPlacement, PaperColour};
 pub use particlegs_files::output::Outputs;
 pub use particlegs_pictures::{
     FieldOptions, FigureAxes, FigureOptions, FilmLength, FilmOptions, FolderComparison, HaloNumber, PictureCenter,
-    PictureOptions, PictureReport, PictureSource, PictureStyle, RenderOptions, ViewFit, ViewOptions,
+    PictureOptions, PictureReport, PictureSource, PictureStyle, RenderOptions, ViewFit, ViewOptions, ViewSubject,
     compare as compare_pictures, render_models, render_series,
 };
 

@@ -2,9 +2,10 @@
 
 use crate::camera::View;
 use crate::{Choice, Context, Description, Error, Gray8, Particles, Result, Selection, Size, Storage, ToneStyle};
-use particlegs_files::input::is_stream;
+use particlegs_files::input::{is_stream, name_of};
 use particlegs_particles::LayerFields;
 use particlegs_reference::Reference;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Particles in files of any format that is read (docs/guide/formats.md), or in memory.
@@ -12,6 +13,44 @@ use std::path::{Path, PathBuf};
 pub struct Snapshot {
     source: SnapshotSource,
     choice: Choice,
+}
+
+/// The files of a snapshot, and what is read of them and how; `plan.json` of a job holds it.
+#[derive(Clone, Serialize, Deserialize)]
+pub(crate) struct SnapshotFiles {
+    pub paths: Vec<PathBuf>,
+    #[serde(flatten)]
+    pub choice: Choice,
+}
+
+impl SnapshotFiles {
+    /// With absolute paths, since tasks of a job may run in other folders.
+    pub fn for_tasks(mut self) -> Result<SnapshotFiles> {
+        for path in self.paths.iter_mut().chain(&mut self.choice.topology) {
+            if is_stream(path) {
+                let what = "a pipe or device, but every task of a job reads it again";
+                return Err(Error::input_with(name_of(path), what, "write the data to a file first"));
+            }
+            *path = std::fs::canonicalize(&*path).map_err(|e| Error::io(&*path, e))?;
+            if path.to_str().is_none() {
+                let what = format!("{}: a job needs a path in UTF-8, because plan.json stores it", path.display());
+                return Err(Error::argument(what));
+            }
+        }
+        Ok(self)
+    }
+
+    pub fn read(
+        &self,
+        storage: &Storage,
+        with_fields: bool,
+        context: &Context<'_>,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
+        match with_fields {
+            true => self.choice.clone().read_fields(&self.paths, storage, context),
+            false => Ok((self.choice.read(&self.paths, storage, context)?, Vec::new())),
+        }
+    }
 }
 
 #[derive(Clone)]
@@ -104,10 +143,7 @@ impl Snapshot {
         context: &Context<'_>,
     ) -> Result<(Particles, Vec<LayerFields>)> {
         match (&self.source, self.choice.selection) {
-            (SnapshotSource::Files(paths), _) if with_fields => {
-                self.choice.clone().read_fields(paths, storage, context)
-            }
-            (SnapshotSource::Files(paths), _) => Ok((self.choice.read(paths, storage, context)?, Vec::new())),
+            (SnapshotSource::Files(_), _) => self.files()?.read(storage, with_fields, context),
             (SnapshotSource::Memory(_, fields), _) if with_fields && fields.is_empty() => {
                 Err(Error::argument("particles in memory have no fields to store"))
             }
@@ -166,6 +202,16 @@ impl Snapshot {
     pub(crate) fn without_selection(mut self) -> (Snapshot, Selection) {
         let selection = self.choice.selection.take();
         (self, selection.unwrap_or_else(Selection::all))
+    }
+
+    /// Its files, and what is read of them.
+    pub(crate) fn files(&self) -> Result<SnapshotFiles> {
+        match &self.source {
+            SnapshotSource::Files(paths) => Ok(SnapshotFiles { paths: paths.clone(), choice: self.choice.clone() }),
+            SnapshotSource::Memory(..) => {
+                Err(Error::argument("particles in memory have no files that tasks of a job could read"))
+            }
+        }
     }
 
     /// Draws all particles, as ParaView's point Gaussians, to the last level.

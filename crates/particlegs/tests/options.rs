@@ -3,7 +3,9 @@
 
 use particlegs::evaluation::EvaluationViews;
 use particlegs::haloes::{HaloOptions, find_haloes};
+use particlegs::job::Job;
 use particlegs::metadata::{Bounds, Effort, Goal, GoalKind, Target};
+use particlegs::pictures::ViewOptions;
 use particlegs::stats::{StatsOptions, Subject, compare};
 use particlegs::training::{Config, Preset};
 use particlegs::{
@@ -118,6 +120,46 @@ fn run(verb: &str, row: &Value, model: &Model, folder: &Path, context: &Context<
             };
             given.finish();
             compress(&snapshot(input), &options, context)?;
+        }
+        "plan" => {
+            let options = CompressOptions {
+                target: given.target(),
+                opacity: given.number("opacity"),
+                blocks: given.count("blocks").map(|n| n as u32),
+                fields: given.list("fields"),
+                ..CompressOptions::default()
+            };
+            given.finish();
+            Job::plan(&snapshot(input), &folder.join("planned"), &options, &outputs, context)?;
+        }
+        "scatter" | "block" => {
+            let options = CompressOptions { blocks: Some(2), ..CompressOptions::gaussians(50) };
+            let job = Job::plan(&snapshot(None), &folder.join("job"), &options, &outputs, &Context::default())?;
+            let number = given.count("number").unwrap();
+            given.finish();
+            match verb {
+                "scatter" => _ = job.scatter(number, context)?,
+                _ => _ = job.block(number, context)?,
+            }
+        }
+        "render" => {
+            let size: [usize; 2] = given.0.remove("size").map_or([32, 32], |v| serde_json::from_value(v).unwrap());
+            let size = Size { width: size[0], height: size[1] };
+            let width = given.number("width");
+            let options = ViewOptions {
+                azimuth: given.number("azimuth").unwrap_or(0.0),
+                elevation: given.number("elevation").unwrap_or(0.0),
+                distance: given.number("distance").unwrap_or(1.0),
+                radius: given.number("radius"),
+                opacity: given.number("opacity"),
+                depth: given.number("depth"),
+                orthographic: width.is_some(),
+                width,
+                size: Some(size),
+                ..ViewOptions::default()
+            };
+            given.finish();
+            model.render(&model.view(&options)?, size, context)?;
         }
         "series" => {
             let frames = given.0.remove("frames").map(|text| text.as_str().unwrap().parse()).transpose()?;

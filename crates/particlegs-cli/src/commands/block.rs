@@ -1,9 +1,8 @@
 //! `particlegs block JOB I`.
 
 use crate::common::Common;
-use crate::job_args::{JobSnapshot, task_error, task_number};
 use clap::{Args, ValueHint};
-use particlegs_compress::job::Job;
+use particlegs::job::Job;
 use particlegs_core::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -30,15 +29,10 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;
-    let number = task_number(&a.block)?;
-    let block = u32::try_from(number).map_err(|_| {
-        Error::argument(format!("block {number} is outside the {} of this job, counted from 0", job.blocks()))
-    })?;
-    let snapshot = JobSnapshot::from_job(&job)?;
-    context.reads_job(&a.job, snapshot.paths(), false)?;
+    let block = task_number(&a.block)?;
+    context.reads_job(&a.job, job.snapshot_paths(), false)?;
     context.finishes_its_steps();
-    let report = job.block(block, || snapshot.layered(&job, &context), &context);
-    let report = report.map_err(|e| task_error(e, &a.job, &format!("block {block}")))?;
+    let report = job.block(block, &context)?;
     let how = match report.continued {
         None => "was already done".to_string(),
         Some(0) => "done".to_string(),
@@ -53,4 +47,15 @@ pub fn run(a: Arguments) -> Result<()> {
         report.bytes
     );
     context.finish(&text, &json!({ "before": report.continued.is_none(), "report": report }))
+}
+
+/// Number of a task, from 0, or `env:NAME` for an environment variable.
+pub fn task_number(text: &str) -> Result<u64> {
+    let said = match text.strip_prefix("env:") {
+        None => text.to_string(),
+        Some(name) => {
+            std::env::var(name).map_err(|_| Error::argument(format!("{text}: the variable {name} is not set")))?
+        }
+    };
+    said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a number from 0")))
 }

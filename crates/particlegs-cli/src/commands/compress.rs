@@ -103,7 +103,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let mut options = a.fit.options(&a.particles, a.common.seed)?;
+    let mut options = a.fit.options(a.common.seed)?;
     options.sharing = a.share_gaussians;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;

@@ -2,11 +2,11 @@
 
 use crate::common::Common;
 use crate::inputs;
-use crate::measured_input::MeasuredInput;
 use crate::outputs::ForceArgs;
 use crate::snapshot_args::SnapshotArgs;
 use clap::{Args, ValueHint};
 use particlegs::haloes::HaloFiles;
+use particlegs::input::MeasuredInput;
 use particlegs_core::Result;
 use particlegs_core::model::Cosmology;
 use particlegs_files::input::name_of;
@@ -102,7 +102,7 @@ pub fn run(a: Arguments) -> Result<()> {
         seed: a.common.seed,
     };
     let open = |path: &Path, other: Option<&Path>| {
-        MeasuredInput::open(path, &inputs::opening_beside(path, other, &a.snapshot), true, &context)
+        MeasuredInput::open(path, inputs::opening_beside(path, other, &a.snapshot).choice()?, true, &context)
     };
     let input = open(&a.input, a.truth.as_deref())?;
     let truth = a.truth.as_ref().map(|path| Ok((open(path, Some(&a.input))?, name_of(path)))).transpose()?;

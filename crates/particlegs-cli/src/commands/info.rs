@@ -5,6 +5,7 @@ use crate::inputs::{self, ModelOrSnapshot};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_series, info_snapshot};
 use clap::Args;
+use particlegs::Series;
 use particlegs_core::Result;
 use std::path::PathBuf;
 
@@ -38,10 +39,13 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().chain(&a.snapshot.topology).map(PathBuf::as_path), false)?;
     match &a.input[..] {
         [one] if a.snapshot.frame.is_none() && inputs::is_series(one) => {
-            let print = if a.csv { info_series::print_table } else { info_series::print };
-            print(&context, one, &inputs::read_file(one, &context)?)
+            let series = Series::open(one)?;
+            if a.csv { context.line(&series.table(&context)?.text()) } else { info_series::print(&context, &series) }
         }
-        [one] if inputs::is_series(one) => info_series::print_frame(&context, one, &a.snapshot.frame.into()),
+        [one] if inputs::is_series(one) => {
+            let info = Series::open(one)?.frame_info(&a.snapshot.frame.into(), &context)?;
+            info_model::print_info(&context, &info)
+        }
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             ModelOrSnapshot::Model(bytes) => info_model::print(&context, one, &bytes),
             ModelOrSnapshot::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),

@@ -2,12 +2,12 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::info_model;
-use crate::job_args::JobSnapshot;
+
 use crate::outputs::ForceArgs;
 use crate::text_wrap::counted;
 use clap::{Args, ValueHint};
+use particlegs::job::Job;
 use particlegs::merge_files;
-use particlegs_compress::job::Job;
 use particlegs_core::model::CertificateLevel;
 use particlegs_core::{Error, Result, codec};
 use serde_json::json;
@@ -60,11 +60,12 @@ pub fn run(a: Arguments) -> Result<()> {
                 [none] if none == "none" => Some(Vec::new()),
                 names => Some(names.to_vec()),
             };
-            (merge_files(parts, fields, &context)?, parts.len())
+            let bytes = merge_files(parts, fields, &context)?;
+            context.check()?;
+            context.outputs.write_model(&a.output, &bytes, &context)?;
+            (bytes, parts.len())
         }
     };
-    context.check()?;
-    context.outputs.write_model(&a.output, &bytes, &context)?;
     let seconds = start.elapsed().as_secs_f64();
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
     let blocks: Vec<_> = info.layers.iter().flat_map(|l| &l.content).collect();
@@ -103,20 +104,7 @@ fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(
         return Err(Error::argument_with("--fields has no effect on a job folder", hint));
     }
     let job = Job::open(folder)?;
-    let snapshot = JobSnapshot::from_job(&job)?;
-    context.reads_job(folder, snapshot.paths(), a.force.force)?;
-    let kept = context.outputs.writes_model(&a.output, context)?;
-    // The same job gives the same bytes; refuse the model of another job before any work.
-    if kept && !info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
-        return Err(context.refused(&a.output));
-    }
-    let level = a.certificate.unwrap_or(job.certificate());
-    // Report missing blocks before reading the snapshot.
-    job.check_done()?;
-    let particles = match level {
-        CertificateLevel::None | CertificateLevel::Blocks => None,
-        _ => Some(snapshot.particles(&job, context)?),
-    };
-    let bytes = job.merge(level, particles.as_ref().map(|(p, fields)| (p, &fields[..])), context)?;
-    Ok((bytes, job.blocks() as usize))
+    context.reads_job(folder, job.snapshot_paths(), a.force.force)?;
+    let bytes = job.merge_into(&a.output, a.certificate, &context.outputs, context)?;
+    Ok((bytes, job.parts().blocks as usize))
 }

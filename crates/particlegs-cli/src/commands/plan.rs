@@ -3,14 +3,13 @@
 use crate::common::Common;
 use crate::emit::{self, JobEngine};
 use crate::fit_args::{FitArgs, number_of_blocks};
-use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
-use particlegs_compress::job::{Job, Task};
+use particlegs::Snapshot;
+use particlegs::job::Job;
 use particlegs_core::{Error, Result};
-use particlegs_particles::Storage;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -66,7 +65,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let mut options = a.fit.options(&a.particles, a.common.seed)?;
+    let mut options = a.fit.options(a.common.seed)?;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = match a.blocks.as_str() {
         "auto" => None,
@@ -82,40 +81,32 @@ pub fn run(a: Arguments) -> Result<()> {
         emit::quoted(engine, &folder)?;
     }
     let context = a.common.clone().start()?;
-    let snapshot = JobSnapshot::new(&a.input, &a.particles, a.common.seed)?;
-    let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
     let inputs = a.input.iter().chain(&a.particles.opening.topology).map(PathBuf::as_path);
     context.reads(inputs.chain(a.fit.train.tune.config_file()), a.force.force)?;
     if a.emit.is_some() && context.outputs.on_standard_output() {
         return Err(Error::argument("--emit prints its script to standard output: write --json to a file"));
     }
-    // The plan itself checks the content of the folder; here it only must not be an input.
-    context.outputs.writes_job(&a.output)?;
-    context.outputs.make_folder(&a.output)?;
-    let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), !a.fit.fields.is_empty(), &context)?;
-    let task = Task { reopened, options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
-    let job = Job::plan(source, &task, &a.output, &context)?;
-    context.notes(job.notes());
+    let snapshot = Snapshot::of_files(&a.input, a.particles.choice(a.common.seed)?);
+    let job = Job::plan(&snapshot, &a.output, &options, &context.outputs, &context)?;
+    let parts = job.parts();
     let folder = a.output.display();
     let mut text = format!(
         "{folder}: {} particles in {} blocks{}",
-        job.metadata().count,
-        job.blocks(),
-        if job.planned_before() { " (already planned; nothing changed)" } else { "" }
+        parts.particles,
+        parts.blocks,
+        if parts.planned_before { " (already planned; nothing changed)" } else { "" }
     );
-    text += &match job.chunks() {
+    text += &match parts.chunks {
         0 => "\nscatter: not needed; blocks read the snapshot directly".to_string(),
         chunks => format!(
             "\nscatter: particlegs scatter {folder}, or its {chunks} chunks one by one; {} bytes in total",
-            job.scatter_bytes()
+            parts.scatter_bytes
         ),
     };
-    text += &format!("\nblocks: particlegs block {folder} 0 to {}", job.blocks() - 1);
+    text += &format!("\nblocks: particlegs block {folder} 0 to {}", parts.blocks - 1);
     text += &format!("\nthen: particlegs merge {folder} -o MODEL.pgs");
-    let value = json!({
-        "job": a.output.to_string_lossy(), "particles": job.metadata().count, "blocks": job.blocks(), "chunks": job.chunks(),
-        "scatter_bytes": job.scatter_bytes(), "memory": job.memory(), "planned_before": job.planned_before(),
-    });
+    let mut value = json!(parts);
+    value["job"] = a.output.to_string_lossy().into();
     let Some(engine) = a.emit else { return context.finish(&text, &value) };
     text.lines().for_each(|line| context.message(line));
     let script = script(engine, &job, a.common.threads.unwrap_or(THREADS))?;
@@ -131,21 +122,9 @@ const THREADS: usize = 4;
 /// The script of a workflow engine for a job, with the model file beside the folder.
 fn script(engine: JobEngine, job: &Job, threads: usize) -> Result<String> {
     let absolute = |p: &Path| std::fs::canonicalize(p).map_err(|e| Error::io(p, e));
-    let folder = absolute(&job.folder)?;
+    let folder = absolute(job.folder())?;
     let program = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
     let mut model = folder.clone().into_os_string();
     model.push(".pgs");
-    emit::script(
-        engine,
-        &emit::JobScript {
-            program,
-            model: model.into(),
-            folder,
-            chunks: job.chunks(),
-            blocks: u64::from(job.blocks()),
-            task_bytes: job.task_bytes(),
-            merge_bytes: job.merge_bytes(),
-            threads,
-        },
-    )
+    emit::script(engine, &emit::JobScript { program, model: model.into(), folder, parts: job.parts(), threads })
 }

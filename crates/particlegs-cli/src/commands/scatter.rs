@@ -1,9 +1,9 @@
 //! `particlegs scatter JOB [I]`.
 
+use crate::commands::block::task_number;
 use crate::common::Common;
-use crate::job_args::{JobSnapshot, task_error, task_number};
 use clap::{Args, ValueHint};
-use particlegs_compress::job::Job;
+use particlegs::job::Job;
 use particlegs_core::Result;
 use serde_json::json;
 use std::path::PathBuf;
@@ -26,23 +26,20 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;
+    let all = job.parts().chunks;
     let chunks = match &a.chunk {
-        None => 0..job.chunks(),
+        None => 0..all,
         Some(text) => {
             let number = task_number(text)?;
             number..number.saturating_add(1)
         }
     };
-    let snapshot = JobSnapshot::from_job(&job)?;
-    context.reads_job(&a.job, snapshot.paths(), false)?;
+    context.reads_job(&a.job, job.snapshot_paths(), false)?;
     context.finishes_its_steps();
-    let mut done = 0;
-    for chunk in chunks.clone() {
-        let scattered =
-            context.check().and_then(|()| job.scatter(|| snapshot.layered(&job, &context), chunk, &context));
-        done += u64::from(scattered.map_err(|e| task_error(e, &a.job, &format!("chunk {chunk}")))?);
+    let (mut done, all) = (0, chunks.end - chunks.start);
+    for chunk in chunks {
+        done += u64::from(job.scatter(chunk, &context)?);
     }
-    let all = chunks.end - chunks.start;
     let text = match all {
         0 => "scatter is not needed; blocks read the snapshot directly".to_string(),
         _ => format!("{done} of {all} chunks sorted, {} were already done", all - done),

@@ -63,7 +63,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let compress = CompressOptions {
         memory: a.memory.as_deref().map(parse_bytes).transpose()?,
         blocks: a.blocks,
-        ..a.fit.options(&a.particles, a.common.seed)?
+        ..a.fit.options(a.common.seed)?
     };
     let (keyframe_interval, frames, replace) = (a.keyframe_interval, a.frames, a.force.force);
     let options = SeriesOptions { compress, keyframe_interval, frames, align: a.align, replace };

@@ -1,14 +1,12 @@
 //! `particlegs simplify M.pgs -o M2.pgs --ratio R | --gaussians K`.
 
 use crate::common::Common;
-use crate::info_model;
 use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
 use particlegs::Model;
 use particlegs_core::Result;
-use particlegs_core::model::RecipeStep;
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -43,17 +41,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
-    let kept = context.outputs.writes_model(&a.output, &context)?;
     let model = Model::open_frame(&a.model, &a.series.choice(), &context)?;
-    // The same options give the same bytes; refuse another model before any work.
-    let recipe = model.metadata().recipe.clone().then(RecipeStep::Simplify(target));
-    if kept && !info_model::is_of_recipe(&a.output, &recipe, &context)? {
-        return Err(context.refused(&a.output));
-    }
-    let small = model.simplify(target, &context)?;
-    context.check()?;
+    let small = model.simplify_into(&a.output, target, &context.outputs, &context)?;
     let (bytes, info) = (small.bytes(), small.info()?);
-    context.outputs.write_model(&a.output, bytes, &context)?;
     let [gaussians_in, gaussians] = [&model, &small].map(|m| m.decoded().gaussians());
     let seconds = start.elapsed().as_secs_f64();
     let text = format!(

@@ -2,16 +2,15 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::inputs;
-use crate::measured_input::MeasuredInput;
 use crate::snapshot_args::SnapshotArgs;
 use clap::{Args, ValueHint};
-use particlegs_core::codec::SeriesFile;
+use particlegs::Series;
+use particlegs::input::MeasuredInput;
 use particlegs_core::{Error, Result};
 use particlegs_figure::FileKind;
-use particlegs_files::input::name_of;
 use particlegs_files::output;
 use particlegs_formats::Catalogue;
-use particlegs_measure::stats::{Assignment, Convention, Measure, SeriesStatistics, StatsOptions, StatsReport};
+use particlegs_measure::stats::{Assignment, Convention, Measure, StatsOptions, StatsReport};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -181,7 +180,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let open = |path: &Path, other: &Path| {
         let opening = if inputs::is_series(path) { &a.snapshot } else { &beside };
         let opening = inputs::opening_beside(path, Some(other), opening);
-        MeasuredInput::open(path, &opening, options.needs_fields(), &context)
+        MeasuredInput::open(path, opening.choice()?, options.needs_fields(), &context)
     };
     let truth = open(&a.truth, other)?;
     let place = (truth.side().subject.unit_system(), truth.side().subject.cell());
@@ -213,17 +212,10 @@ fn run_series(a: &Arguments, options: StatsOptions, context: &CommandContext) ->
         let what = "stats compares two inputs, and only one is given";
         return Err(Error::argument_with(what, "name the other; alone stands a series, without --frame"));
     }
-    if let Some(measure) = a.only.iter().find(|m| !SeriesStatistics::MEASURES.contains(m)) {
-        let names = SeriesStatistics::MEASURES.map(Measure::name).join(" and ");
-        let what = format!("--only {} compares two inputs; of a series alone there are {names}", measure.name());
-        return Err(Error::argument(what));
-    }
     a.declare([&a.truth], context)?;
-    let (bytes, place) = (inputs::read_file(&a.truth, context)?, name_of(&a.truth));
-    let series = SeriesFile::read(&bytes, &place)?;
-    let found = SeriesStatistics::new(&place, &series, options, |model| a.snapshot.layers_of(model), context)?;
-    found.write(&a.out, a.plots(), &context.outputs, context)?;
-    context.finish(&found.text(), &found)
+    let statistics = Series::open(&a.truth)?.statistics(options, &a.snapshot.particle_type, context)?;
+    statistics.write(&a.out, a.plots(), &context.outputs, context)?;
+    context.finish(&statistics.text(), &statistics)
 }
 
 fn options(a: &Arguments) -> Result<StatsOptions> {

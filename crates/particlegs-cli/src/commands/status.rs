@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use clap::{Args, ValueHint};
-use particlegs_compress::job::{Job, State};
+use particlegs::job::{Job, State};
 use particlegs_core::Result;
 use std::path::PathBuf;
 

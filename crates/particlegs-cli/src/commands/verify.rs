@@ -2,12 +2,11 @@
 
 use crate::common::{CommandContext, Common};
 use crate::info_model;
-use crate::job_args::JobSnapshot;
 use crate::snapshot_args::ParticleArgs;
 use clap::Args;
 use particlegs::input::{ModelOrSeries, is_series};
+use particlegs::job::{Job, State};
 use particlegs::{FileVerification, Snapshot, StatedFigure};
-use particlegs_compress::job::{Job, State};
 use particlegs_core::{Error, Result};
 use particlegs_files::output::write_bytes;
 use std::path::PathBuf;
@@ -135,10 +134,8 @@ fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
         return Err(Error::argument("a job already names its snapshot: give only the folder"));
     }
     let job = Job::open(&a.model)?;
-    let snapshot = JobSnapshot::from_job(&job)?;
-    context.reads_job(&a.model, snapshot.paths(), false)?;
-    job.verify(Some(snapshot.layered(&job, context)?), context)?;
-    let status = job.status()?;
+    context.reads_job(&a.model, job.snapshot_paths(), false)?;
+    let status = job.verify(context)?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(
         "{}: intact: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are done",

@@ -47,7 +47,7 @@ fn it_is_drawn_and_scored() {
     }
     assert_eq!(listing(&dir.at("pictures")), ["view.png"]);
     std::fs::remove_dir_all(dir.at("pictures")).unwrap();
-    dir.fails(&render("density"), 2, "no surface density");
+    dir.fails(&render("density"), 2, "no density");
     assert!(!dir.at("pictures").exists());
     let scores = dir.says("eval m.pgs SAMPLE --frames 1 --size 96x54 --quiet");
     for style in ["paraview", "paraview_no_fxaa", "expected"] {

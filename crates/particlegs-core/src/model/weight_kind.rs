@@ -1,7 +1,7 @@
 //! What a field of weights is: masses, something else that adds up over particles, or something that does not.
 
-use super::{Metadata, Model};
-use crate::{Error, Result};
+use super::{LawKind, Mass, Metadata, Model};
+use crate::{Error, Hint, Result};
 
 /// What a field is as weights, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +84,26 @@ pub fn check_densities(one: (&str, &str), other: (&str, &str)) -> Result<()> {
 }
 
 impl Model {
+    /// Refuses the density of the layers that `shown` names where it has no meaning: of splats, which hold opacities
+    /// instead of masses, and of layers of which only some have masses.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for these.
+    pub fn check_density(&self, shown: impl Fn(usize) -> bool) -> Result<()> {
+        if self.metadata.law == LawKind::AlphaBlend {
+            let what = "an alpha-blend model has no density, because its splats have opacities instead of masses";
+            return Err(Error::argument_with(what, Hint::from("draw particles with ").command("recover", "")));
+        }
+        let with_masses = |(i, layer): (usize, &super::Layer<_>)| shown(i).then_some(layer.mass != Mass::Unknown);
+        let mut with_masses = self.layers.iter().enumerate().filter_map(with_masses);
+        let first = with_masses.next();
+        if with_masses.all(|one| Some(one) == first) {
+            return Ok(());
+        }
+        let what = "some layers have masses and others do not, so they cannot be added";
+        Err(Error::argument_with(what, "choose only layers with masses, or only layers without"))
+    }
+
     /// What its density sums ([`density_of`]).
     pub fn density_of(&self) -> &str {
         density_of(self.has_masses(), self.metadata.weight_name())

@@ -1,4 +1,5 @@
-//! Colour maps: 256 colours each.
+//! Colour maps: 256 colours each. A new one is 768 bytes more in the tables and a variant before `Grey`, which has none;
+//! command, Python and page list them by themselves.
 
 use super::{Plane, Rgb8};
 use crate::{NamedValue, parallel};

@@ -187,7 +187,8 @@ impl Outputs {
         Ok(())
     }
 
-    fn replaces(&self) -> bool {
+    /// Whether what is kept is replaced.
+    pub fn replaces(&self) -> bool {
         self.replaces.load(Ordering::Relaxed)
     }
 

@@ -4,9 +4,11 @@ use super::{Topology, WordColumn};
 use crate::TextResult;
 use crate::residues::substance;
 use particlegs_core::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// A selection of atoms, as its text says.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct AtomSelection {
     text: String,
     test: AtomTest,
@@ -65,6 +67,20 @@ impl AtomSelection {
     /// Does it ask for elements?
     pub(crate) fn asks_for_elements(&self) -> bool {
         self.test.asks_for_elements()
+    }
+}
+
+impl TryFrom<String> for AtomSelection {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<AtomSelection> {
+        AtomSelection::parse(&text)
+    }
+}
+
+impl From<AtomSelection> for String {
+    fn from(selection: AtomSelection) -> String {
+        selection.text
     }
 }
 

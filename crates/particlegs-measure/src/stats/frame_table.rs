@@ -1,6 +1,6 @@
 //! Tables with a row for each frame of a series.
 
-use particlegs_core::codec::{FrameCoding, FrameEntry, SeriesFile};
+use particlegs_core::codec::{FrameCoding, FrameEntry};
 use particlegs_core::model::{Epoch, Metadata, Units};
 use particlegs_core::text::{cell, one_line};
 
@@ -24,7 +24,7 @@ pub fn kind_of(kind: FrameCoding) -> &'static str {
 
 impl FrameTable {
     /// The number of each frame of a series, what it is, and when. `frames` are those that are there.
-    pub fn new(series: &SeriesFile<'_>, frames: &[Metadata], units: &Units) -> FrameTable {
+    pub fn new(entries: &[FrameEntry], frames: &[Metadata], units: &Units) -> FrameTable {
         let about_kind = "a model of its own (keyframe), changes from the frame before, or missing";
         let row = |(number, frame): (usize, &FrameEntry)| {
             (format!("\n{number},{}", kind_of(frame.kind)), frame.kind != FrameCoding::Missing)
@@ -32,7 +32,7 @@ impl FrameTable {
         let mut table = FrameTable {
             head: "frame,kind".into(),
             remarks: format!("\n# frame: its number, from 0\n# kind: {about_kind}"),
-            rows: series.frames.iter().enumerate().map(row).collect(),
+            rows: entries.iter().enumerate().map(row).collect(),
         };
         let epoch = |pick: fn(&Epoch) -> Option<f64>| frames.iter().map(move |m| pick(&m.epoch));
         let time = units.time.as_ref().map(|u| u.text.clone());

@@ -123,6 +123,7 @@ pub fn density_at(domain: &Domain, model: &Model, places: &[[f64; 3]], context: 
     if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
         return Err(Error::argument(format!("point {i} is not finite")));
     }
+    model.check_density(|_| true)?;
     let mut bells = Vec::with_capacity(model.gaussians());
     for (unit, m) in mixtures(model) {
         bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, unit * m.mass_of(i), domain)));

@@ -20,8 +20,9 @@ const WAVES: usize = 5;
 const SIZES: [u64; 3] = [20, 100, 1000];
 
 /// Statistics of each frame of a series that is there. As JSON it is a record with a row for each frame.
-pub struct SeriesStatistics<'a> {
-    series: &'a SeriesFile<'a>,
+pub struct SeriesStatistics {
+    clock: SeriesClock,
+    entries: Vec<FrameEntry>,
     name: String,
     options: Value,
     units: Units,
@@ -32,7 +33,7 @@ pub struct SeriesStatistics<'a> {
     waves: Vec<f64>,
 }
 
-impl<'a> SeriesStatistics<'a> {
+impl SeriesStatistics {
     /// Measures of a frame alone.
     pub const MEASURES: [Measure; 2] = [Measure::Spectrum, Measure::Groups];
 
@@ -44,7 +45,7 @@ impl<'a> SeriesStatistics<'a> {
     /// compared, and where none has the layers; those of decoding.
     pub fn new(
         name: &str,
-        series: &'a SeriesFile<'a>,
+        series: &SeriesFile<'_>,
         options: StatsOptions,
         choose: impl Fn(Model) -> Result<Model>,
         context: &Context<'_>,
@@ -83,14 +84,18 @@ impl<'a> SeriesStatistics<'a> {
         let first = found.iter().flatten().next().map_or(&[][..], |f| &f.spectrum);
         let waves = chosen_waves(first);
         let linking_length = evolution.options.linking_length;
-        let (name, units) = (name.to_string(), series.units()?);
-        Ok(SeriesStatistics { series, name, options: taken, units, frames, found, linking_length, waves })
+        let (name, units, clock, entries) = (name.to_string(), series.units()?, series.clock, series.frames.clone());
+        Ok(SeriesStatistics { clock, entries, name, options: taken, units, frames, found, linking_length, waves })
     }
 
     /// What was measured of each frame that is there, in order; `None` of one without the chosen layers.
     pub fn frames(&self) -> impl Iterator<Item = (usize, &Metadata, Option<&FrameStatistics>)> {
-        let all = self.series.there().zip(&self.frames).zip(&self.found);
+        let all = self.there().zip(&self.frames).zip(&self.found);
         all.map(|((number, metadata), found)| (number, metadata, found.as_ref()))
+    }
+
+    fn there(&self) -> impl Iterator<Item = usize> {
+        (0..self.entries.len()).filter(|&i| self.entries[i].kind != FrameCoding::Missing)
     }
 
     fn values<T>(&self, pick: impl Fn(&FrameStatistics) -> Option<T>) -> Vec<Option<T>> {
@@ -137,7 +142,7 @@ impl<'a> SeriesStatistics<'a> {
 
     /// The rows of the frames as CSV.
     fn table(&self) -> String {
-        let mut table = FrameTable::new(self.series, &self.frames, &self.units);
+        let mut table = FrameTable::new(&self.entries, &self.frames, &self.units);
         for &k in &self.waves {
             let about = format!("P(k) at k = {}, of the mixture", self.wave_text(k));
             table.add((&format!("power_{}", short(k)), self.volume_unit()), &about, self.power(k));
@@ -165,7 +170,7 @@ impl<'a> SeriesStatistics<'a> {
     /// All spectra as CSV: a row for each shell of each frame.
     fn spectra(&self) -> String {
         let mut csv = "frame,time,step,redshift,scale_factor,k_low,k_high,k,modes,power\n".to_string();
-        for ((i, found), m) in self.series.there().zip(&self.found).zip(&self.frames) {
+        for ((i, found), m) in self.there().zip(&self.found).zip(&self.frames) {
             let Some(found) = found else { continue };
             let when = [m.epoch.time, m.epoch.step.map(|s| s as f64), m.epoch.redshift(), m.epoch.scale_factor];
             let when = when.map(number).join(",");
@@ -237,25 +242,21 @@ impl<'a> SeriesStatistics<'a> {
     }
 
     fn clock_axis(&self) -> PlotAxis {
-        let unit = self.units.time.as_ref().filter(|_| self.series.clock == SeriesClock::Time);
-        PlotAxis::linear(format!(
-            "{}{}",
-            self.series.clock.name(),
-            unit.map_or(String::new(), |u| format!(" [{}]", u.text))
-        ))
+        let unit = self.units.time.as_ref().filter(|_| self.clock == SeriesClock::Time);
+        PlotAxis::linear(format!("{}{}", self.clock.name(), unit.map_or(String::new(), |u| format!(" [{}]", u.text))))
     }
 
     fn curve(&self, name: &str, style: usize, values: impl Iterator<Item = Option<f64>>) -> PlotSeries {
-        let at = |(value, frame): (Option<f64>, usize)| Some((self.series.frames[frame].time, value?));
-        curve(name, style, false, values.zip(self.series.there()).filter_map(at).collect())
+        let at = |(value, frame): (Option<f64>, usize)| Some((self.entries[frame].time, value?));
+        curve(name, style, false, values.zip(self.there()).filter_map(at).collect())
     }
 
     /// The first and the last value of each quantity, a line each.
     pub fn text(&self) -> String {
-        let numbers: Vec<usize> = self.series.there().collect();
+        let numbers: Vec<usize> = self.there().collect();
         let there: Vec<usize> = (0..self.found.len()).filter(|&i| self.found[i].is_some()).collect();
         let (Some(&first), Some(&last)) = (there.first(), there.last()) else { return String::new() };
-        let when = |i: usize| self.series.clock.text(self.series.frames[numbers[i]].time, &self.units);
+        let when = |i: usize| self.clock.text(self.entries[numbers[i]].time, &self.units);
         let mut text = format!("{} frames, {} to {}", there.len(), when(first), when(last));
         let mut line = |name: String, values: Vec<Option<f64>>, unit: Option<String>| {
             let shown = |i: usize| values[i].map_or("-".into(), short);
@@ -276,7 +277,7 @@ impl<'a> SeriesStatistics<'a> {
     }
 }
 
-impl Serialize for SeriesStatistics<'_> {
+impl Serialize for SeriesStatistics {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         let mut there = self.frames();
         let mut record = |(frame, entry): (usize, &FrameEntry)| {
@@ -286,12 +287,12 @@ impl Serialize for SeriesStatistics<'_> {
         };
         SeriesRecord {
             series: &self.name,
-            clock: self.series.clock.name(),
+            clock: self.clock.name(),
             length_unit: self.units.length_text(),
             linking_length: self.linking_length.as_deref(),
             tool_version: env!("CARGO_PKG_VERSION"),
             options: &self.options,
-            frames: self.series.frames.iter().enumerate().map(&mut record).collect(),
+            frames: self.entries.iter().enumerate().map(&mut record).collect(),
         }
         .serialize(serializer)
     }

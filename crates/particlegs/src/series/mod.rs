@@ -1,9 +1,11 @@
 //! A series of models: its frames by number and by moment.
 
+mod describe;
 mod make;
 
 use crate::input::FrameChoice;
 use crate::{Context, Model, Result};
+pub use describe::{FrameDescription, SeriesDescription};
 pub use make::{FrameRange, FrameResult, SeriesOptions, SeriesResult, make_series};
 use particlegs_core::codec::{FileInfo, FrameCoding, FrameEntry, SeriesDecoder, SeriesFile, read_info};
 use std::fmt::{Debug, Formatter};
