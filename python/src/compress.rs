@@ -123,8 +123,8 @@ pub fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResul
             [n, 3] if *n == particles.len() => 3,
             _ => {
                 let n = particles.len();
-                let what = format!("field \"{name}\" must have the shape ({n},) or ({n}, 3), not {shape:?}");
-                return Err(InputError::new_err(what));
+                let message = format!("field \"{name}\" must have the shape ({n},) or ({n}, 3), not {shape:?}");
+                return Err(InputError::new_err(message));
             }
         };
         let values = array.as_array();

@@ -100,6 +100,6 @@ pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
     if overwrite || path.symlink_metadata().is_err() {
         return Ok(());
     }
-    let what = format!("{} exists already: overwrite=True replaces it", path.display());
-    Err(PyFileExistsError::new_err(what))
+    let message = format!("{} exists already: overwrite=True replaces it", path.display());
+    Err(PyFileExistsError::new_err(message))
 }

@@ -125,8 +125,8 @@ fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs_c
     let count = particles.len();
     let total = layers.iter().fold(0, |sum: usize, (_, n)| sum.saturating_add(*n));
     if !layers.is_empty() && total != count {
-        let what = format!("the layers have {total} particles in all, but there are {count}");
-        return Err(particlegs_core::Error::input(&particles.meta.name, what));
+        let message = format!("the layers have {total} particles in all, but there are {count}");
+        return Err(particlegs_core::Error::input(&particles.meta.name, message));
     }
     let (mass, mut end) = (particles.layers()[0].mass, 0);
     let layers = layers.into_iter().map(|(name, n)| {
@@ -194,8 +194,8 @@ impl Snapshot {
             }
             let particles = match weights {
                 Some(w) if w.len() != particles.len() => {
-                    let what = format!("there are {} weights for {} particles", w.len(), particles.len());
-                    return Err(particlegs_core::Error::input(&name, what));
+                    let message = format!("there are {} weights for {} particles", w.len(), particles.len());
+                    return Err(particlegs_core::Error::input(&name, message));
                 }
                 Some(weights) => particles.with_weights(weights),
                 None => particles,
@@ -267,8 +267,8 @@ impl Snapshot {
         let found: Vec<_> = if called.is_empty() { of_species() } else { called };
         let [layer] = found[..] else {
             let all: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
-            let what = format!("\"{name}\" does not name one species; the species are {}", all.join(", "));
-            return Err(InputError::new_err(what));
+            let message = format!("\"{name}\" does not name one species; the species are {}", all.join(", "));
+            return Err(InputError::new_err(message));
         };
         let mut read = self.read.clone();
         read.insert("particle-type".into(), layer.name.clone());

@@ -88,6 +88,6 @@ fn accelerator(_: Option<usize>) -> Result<Arc<dyn Accelerator>> {
 /// The error of a program without GPU support.
 #[cfg(not(feature = "gpu"))]
 pub fn no_gpu_support() -> Error {
-    let what = "this program was built without GPU support";
-    Error::argument_with(what, "build it with `cargo build --release -p particlegs-cli --features gpu`")
+    let message = "this program was built without GPU support";
+    Error::argument_with(message, "build it with `cargo build --release -p particlegs-cli --features gpu`")
 }

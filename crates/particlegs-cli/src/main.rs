@@ -81,9 +81,9 @@ fn run() -> Result<()> {
         arguments.retain(|a| a != "-h" && a != "--help");
     }
     if cfg!(not(feature = "lab")) && arguments.get(1).is_some_and(|command| command == "bench") {
-        let what = "this program was built without `bench`";
+        let message = "this program was built without `bench`";
         return Err(Error::argument_with(
-            what,
+            message,
             "build it with `cargo build --release -p particlegs-cli --features lab`",
         ));
     }

@@ -133,8 +133,8 @@ impl PageArgs {
         opening.layers = own_names(&opening.layers, models)?;
         let looks = opening.style.is_some_and(|s| s != PageStyle::Paraview);
         if looks && models.iter().any(|m| m.metadata.law == LawKind::AlphaBlend) {
-            let what = "an alpha-blend model has only the style paraview: its splats hold opacities, not masses";
-            return Err(Error::argument(what));
+            let message = "an alpha-blend model has only the style paraview: its splats hold opacities, not masses";
+            return Err(Error::argument(message));
         }
         if let Some(path) = &self.overlay {
             opening.circles = circles(path, models, context)?;
@@ -203,13 +203,13 @@ fn circles(path: &Path, models: &[&FileInfo], context: &CommandContext) -> Resul
     let Some((first, others)) = models.split_first() else { return Ok(Vec::new()) };
     let m = &first.metadata;
     if others.iter().any(|other| !share_length(&other.metadata, m)) {
-        let what = "--overlay draws the same circles over all models, but these have different units of length";
-        return Err(Error::argument_with(what, "open each model in a page of its own"));
+        let message = "--overlay draws the same circles over all models, but these have different units of length";
+        return Err(Error::argument_with(message, "open each model in a page of its own"));
     }
     let circles = Catalogue::circles(path, (m.unit_system(), m.cell), context)?;
     if circles.len() > MOST_CIRCLES {
-        let what = format!("{} circles are more than the {MOST_CIRCLES} that a page can hold", circles.len());
-        return Err(Error::input_with(name_of(path), what, "list only the largest haloes"));
+        let message = format!("{} circles are more than the {MOST_CIRCLES} that a page can hold", circles.len());
+        return Err(Error::input_with(name_of(path), message, "list only the largest haloes"));
     }
     Ok(circles)
 }

@@ -39,8 +39,8 @@ impl ModelFiles {
             if codec::is_series(&bytes) {
                 let series = SeriesFile::read(&bytes, &place)?;
                 if clock.is_some_and(|clock| clock != series.clock) {
-                    let what = format!("its clock is its {}, that of another series is not", series.clock.name());
-                    return Err(Error::input_with(place, what, "open the series in pages of their own"));
+                    let message = format!("its clock is its {}, that of another series is not", series.clock.name());
+                    return Err(Error::input_with(place, message, "open the series in pages of their own"));
                 }
                 clock = Some(series.clock);
                 let info = codec::read_info(series.frame_bytes(series.first()?)?, &place)?;

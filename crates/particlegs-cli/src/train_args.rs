@@ -110,8 +110,8 @@ impl TuneArgs {
                 Error::input_with(path, one_line(&e.to_string()), "--print-config prints all keys with their values")
             })?;
             if let Some(law) = law.filter(|l| *l != config.law) {
-                let what = format!("law = \"{}\", but this command trains with {}", config.law.name(), law.name());
-                return Err(Error::input(path, what));
+                let message = format!("law = \"{}\", but this command trains with {}", config.law.name(), law.name());
+                return Err(Error::input(path, message));
             }
         }
         if let Some(scale) = self.scale {

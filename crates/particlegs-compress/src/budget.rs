@@ -76,13 +76,13 @@ impl CompressionPlan {
         let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
         if blocks.iter().any(|b| b.size_met == SizeOutcome::TooLarge) {
-            let what = format!("the target is {target} bytes, but the smallest possible file has {smallest} bytes");
+            let message = format!("the target is {target} bytes, but the smallest possible file has {smallest} bytes");
             if self.recipe().target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
                 let hint = Hint::larger_file(smallest).words(", or for ").option("ratio", format!("{ratio:.4}"));
-                return Err(Error::unreachable(what, hint.words(" or less")));
+                return Err(Error::unreachable(message, hint.words(" or less")));
             }
-            return Ok(Some(what));
+            return Ok(Some(message));
         }
         Ok(blocks.iter().all(|b| b.size_met == SizeOutcome::TooSmall).then(|| {
             format!(

@@ -101,8 +101,8 @@ impl FieldPlan {
                 let said = |f: &FieldColumns| {
                     format!("{} numbers, unit {}", f.columns.len(), f.unit.as_deref().unwrap_or("not stated"))
                 };
-                let what = format!("field `{name}` differs between layers: {} and {}", said(first), said(other));
-                return Err(Error::argument_with(what, "compress one particle type at a time"));
+                let message = format!("field `{name}` differs between layers: {} and {}", said(first), said(other));
+                return Err(Error::argument_with(message, "compress one particle type at a time"));
             }
             let kind = if first.columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
             used.extend(found.iter().flat_map(|(_, columns)| columns.sources.clone()));

@@ -72,8 +72,9 @@ pub fn finetune(
     let file = NewFile::new(model, model_bytes, options)?;
     let count = particles.len() as u64;
     if count != model.metadata.count {
-        let what = format!("the model was made from {} particles, but the snapshot has {count}", model.metadata.count);
-        return Err(Error::argument(what));
+        let message =
+            format!("the model was made from {} particles, but the snapshot has {count}", model.metadata.count);
+        return Err(Error::argument(message));
     }
     let mut clock = Clock::default();
     let (seed, memory) = (options.seed, options.memory);
@@ -132,8 +133,8 @@ impl NewFile {
     fn new(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
-            let what = format!("a model of the {} law needs no fine-tuning: its blocks add up exactly", law.name());
-            return Err(Error::argument_with(what, Hint::train_from_snapshot()));
+            let message = format!("a model of the {} law needs no fine-tuning: its blocks add up exactly", law.name());
+            return Err(Error::argument_with(message, Hint::train_from_snapshot()));
         }
         let [layer] = &model.layers[..] else {
             return Err(Error::argument("an alpha-blend model must have exactly one layer"));
@@ -158,8 +159,8 @@ impl NewFile {
         let beside = (codec::size_without_blocks(&metadata, options.certificate, &[head]) + network) as u64;
         let block_bytes = size.map(|size| {
             size.checked_sub(beside).filter(|left| *left > 0).ok_or_else(|| {
-                let what = format!("the target is {size} bytes, but the header and the network alone take {beside}");
-                Error::unreachable(what, "use a larger target")
+                let message = format!("the target is {size} bytes, but the header and the network alone take {beside}");
+                Error::unreachable(message, "use a larger target")
             })
         });
         Ok(NewFile { metadata, layer, beside, block_bytes: block_bytes.transpose()? })
@@ -171,8 +172,8 @@ impl NewFile {
         let (own, said) = (model.gaussians() as u64, options.training.alpha_blend.most_gaussians);
         let most_gaussians = match (options.target, self.block_bytes) {
             (Target::Gaussians(k), _) if k < own => {
-                let what = format!("the target is {k} Gaussians, but the model already has {own}");
-                return Err(Error::unreachable(what, Hint::from("use ").option("gaussians", own).words(" or more")));
+                let message = format!("the target is {k} Gaussians, but the model already has {own}");
+                return Err(Error::unreachable(message, Hint::from("use ").option("gaussians", own).words(" or more")));
             }
             (Target::Gaussians(k), _) => Some(k),
             (_, Some(bytes)) => said.or_else(|| {
@@ -192,8 +193,8 @@ impl NewFile {
         let coded = CodedGaussians::to_size(&encoder, bytes, None, check)?;
         if coded.size_met == SizeOutcome::TooLarge {
             let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
-            let what = format!("the target is {asked} bytes, but the smallest possible file has {smallest} bytes");
-            return Err(Error::unreachable(what, Hint::larger_file(smallest)));
+            let message = format!("the target is {asked} bytes, but the smallest possible file has {smallest} bytes");
+            return Err(Error::unreachable(message, Hint::larger_file(smallest)));
         }
         Ok(coded)
     }

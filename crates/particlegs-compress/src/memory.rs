@@ -50,8 +50,8 @@ impl MemoryLoad {
         let fits = |blocks: u64| bytes(blocks) <= bound;
         let most = self.count.min(1 << 20);
         if !fits(most) {
-            let what = "even the smallest block".to_string();
-            return Err(Error::Bound { what, need_bytes: bytes(most), bound_bytes: bound });
+            let message = "even the smallest block".to_string();
+            return Err(Error::Bound { what: message, need_bytes: bytes(most), bound_bytes: bound });
         }
         let (mut low, mut high) = (0, most);
         while high - low > 1 {

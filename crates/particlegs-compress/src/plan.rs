@@ -48,12 +48,12 @@ impl CompressionPlan {
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
-            let what = "the alpha-blend law supports one layer, but the snapshot has several";
-            return Err(Error::argument_with(what, Hint::choose_species()));
+            let message = "the alpha-blend law supports one layer, but the snapshot has several";
+            return Err(Error::argument_with(message, Hint::choose_species()));
         }
         if alpha && options.certificate == CertificateLevel::Blocks {
-            let what = "a certificate by blocks needs the optical-depth law: alpha-blend models do not add up";
-            return Err(Error::argument(what));
+            let message = "a certificate by blocks needs the optical-depth law: alpha-blend models do not add up";
+            return Err(Error::argument(message));
         }
         check_box(&scan.bounds, cell, name)?;
         let outside = scan.outside.judge(source.count(), name)?;
@@ -92,11 +92,11 @@ impl CompressionPlan {
     fn has_room(&self) -> Result<()> {
         let (asked, beside) = (self.recipe().target.bytes(self.raw_bytes()), self.overhead());
         let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
-        let what = format!(
+        let message = format!(
             "the target is {bytes} bytes, but the header and the network of an alpha-blend model alone take {beside}"
         );
         let hint = Hint::from("use a larger target, or set `vizmapper = false` in [alpha_blend] of ");
-        Err(Error::unreachable(what, hint.option("config", "")))
+        Err(Error::unreachable(message, hint.option("config", "")))
     }
 
     /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.

@@ -144,7 +144,7 @@ fn next(above: Option<SearchTrial>, below: Option<SearchTrial>, wanted: f64, sca
 
 fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &CompressionPlan) -> Error {
     let goal = best.goal;
-    let what = format!(
+    let message = format!(
         "the target {} cannot be reached: the best result was {}, with {gaussians} Gaussians",
         goal.describe(plan.metadata.units.length_text()),
         goal.describe_value(best.reached)
@@ -153,7 +153,7 @@ fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &C
         GoalKind::Psnr => "use a lower target, or a size".to_string(),
         _ => format!("use a lower target, or set a number of Gaussians: the search stops at {}", scale.most),
     };
-    Error::unreachable(what, words)
+    Error::unreachable(message, words)
 }
 
 #[cfg(test)]

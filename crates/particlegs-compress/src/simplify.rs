@@ -16,8 +16,9 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != LawKind::OpticalDepth {
-        let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
-        return Err(Error::argument_with(what, "train a model with fewer Gaussians on the snapshot"));
+        let message =
+            format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
+        return Err(Error::argument_with(message, "train a model with fewer Gaussians on the snapshot"));
     }
     let fields = std::mem::take(&mut metadata.fields);
     metadata.recipe.steps.push(RecipeStep::Simplify(target));
@@ -33,8 +34,8 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
         Target::Ratio(_) | Target::Size(_) => {
             let bytes = target.bytes(raw_bytes).unwrap_or(0);
             if bytes >= model_bytes {
-                let what = format!("the target is {bytes} bytes, but the model has only {model_bytes}");
-                return Err(Error::unreachable(what, "use a larger ratio than the model's own"));
+                let message = format!("the target is {bytes} bytes, but the model has only {model_bytes}");
+                return Err(Error::unreachable(message, "use a larger ratio than the model's own"));
             }
             job.to_size(bytes, raw_bytes)?
         }
@@ -78,8 +79,8 @@ impl Reduction<'_> {
         let there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let fewest = self.layers.len();
         if number > there as u64 || number < fewest as u64 {
-            let what = format!("use {fewest} to {there} Gaussians for this model, not {number}");
-            return Err(Error::argument(what));
+            let message = format!("use {fewest} to {there} Gaussians for this model, not {number}");
+            return Err(Error::argument(message));
         }
         let (mut left, mut there_left) = (number as usize, there);
         let mut coded = Vec::with_capacity(fewest);
@@ -110,9 +111,9 @@ impl Reduction<'_> {
         }
         if coded.last().is_some_and(|c| c.size_met == SizeOutcome::TooLarge) {
             let smallest = overhead + coded.iter().map(|c| codec::stored_bytes(&c.bytes) as u64).sum::<u64>();
-            let what = format!("the target is {target} bytes, but the smallest possible file has {smallest} bytes");
+            let message = format!("the target is {target} bytes, but the smallest possible file has {smallest} bytes");
             let hint = format!("use a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
-            return Err(Error::unreachable(what, hint));
+            return Err(Error::unreachable(message, hint));
         }
         Ok(coded)
     }

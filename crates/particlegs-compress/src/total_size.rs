@@ -55,8 +55,8 @@ pub(super) fn compress_to_total(
         size = next_size(&fits, total as f64);
     }
     best.ok_or_else(|| {
-        let what = format!("no file of at most {total} bytes stores these positions and fields");
-        Error::unreachable(what, "use a larger size, or fewer fields")
+        let message = format!("no file of at most {total} bytes stores these positions and fields");
+        Error::unreachable(message, "use a larger size, or fewer fields")
     })
 }
 

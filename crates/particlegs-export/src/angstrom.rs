@@ -20,9 +20,9 @@ impl AngstromGrid {
         let length = scale.unwrap_or(1.0);
         let side = density.grid.side.map(|s| s * length);
         let origin = [0, 1, 2].map(|k| density.grid.min[k] * length + 0.5 * side[k]);
-        let what = density.unit.split_once(" / ").map_or(&density.unit[..], |unit| unit.0);
+        let message = density.unit.split_once(" / ").map_or(&density.unit[..], |unit| unit.0);
         let own = match scale {
-            Some(_) => format!("this file: lengths in Angstrom, density in {what} / Angstrom^3"),
+            Some(_) => format!("this file: lengths in Angstrom, density in {message} / Angstrom^3"),
             None => format!("this file: lengths as they are, density in {}", density.unit),
         };
         let lines = std::iter::once(super::ascii::ascii(&own)).chain(notes.lines()).collect();

@@ -63,13 +63,13 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
     for field in &density.fields {
         for (k, name) in field.quantity.component_names().iter().enumerate() {
             let by = if field.quantity.by_mass { "mass" } else { "number of particles" };
-            let what =
+            let message =
                 if field.quantity.extensive { "sum per volume".into() } else { format!("mean, weighted by {by}") };
-            let head = field_head(density, &scale, field.unit.as_deref(), (&what, name));
+            let head = field_head(density, &scale, field.unit.as_deref(), (&message, name));
             cubes.push((head, &field.values.mean[k], 1.0));
             if let Some((columns, unit)) = field.dispersion() {
-                let (what, name) = (format!("dispersion, weighted by {by}"), format!("dispersion_{name}"));
-                let head = field_head(density, &scale, unit.as_deref(), (&what, &name));
+                let (message, name) = (format!("dispersion, weighted by {by}"), format!("dispersion_{name}"));
+                let head = field_head(density, &scale, unit.as_deref(), (&message, &name));
                 cubes.push((head, &columns[k], 1.0));
             }
         }

@@ -53,9 +53,9 @@ pub fn write(
         return Err(Error::argument("the model has no Gaussians; glTF cannot store empty arrays"));
     }
     if form == GltfForm::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
-        let what = format!("{} Gaussians do not fit into a GLB file, which is limited to 4 GiB", model.gaussians());
+        let message = format!("{} Gaussians do not fit into a GLB file, which is limited to 4 GiB", model.gaussians());
         return Err(Error::argument_with(
-            what,
+            message,
             Hint::from("write a PLY, or make the model smaller with ").command("simplify", ""),
         ));
     }

@@ -53,8 +53,8 @@ impl Cells {
             Cells::OfSide(side) if side.is_finite() && side > 0.0 => {
                 let cells = domain.length.map(|l| (l / side).round().max(1.0));
                 if let Some(n) = cells.iter().find(|n| **n > MOST as f64) {
-                    let what = format!("cells of size {side} give {n:.0} along an axis, more than {MOST}");
-                    return Err(Error::argument(what));
+                    let message = format!("cells of size {side} give {n:.0} along an axis, more than {MOST}");
+                    return Err(Error::argument(message));
                 }
                 Ok(Grid::stretched(domain, cells.map(|n| n as usize)))
             }
@@ -94,8 +94,8 @@ impl FieldGrid {
 /// The fields of a model, by names in upper or lower case, for the cells of a file of this kind; `all` means every one.
 pub fn fields_named(kind: Kind, model: &Model, names: &[String]) -> Result<Vec<Quantity>> {
     if !names.is_empty() && !kind.has_fields_in_cells() {
-        let what = format!("fields on a grid are written to .vti and .fits, not to .{}", kind.ending());
-        return Err(Error::argument_with(what, ".npz and .csv contain the fields of the Gaussians anyway"));
+        let message = format!("fields on a grid are written to .vti and .fits, not to .{}", kind.ending());
+        return Err(Error::argument_with(message, ".npz and .csv contain the fields of the Gaussians anyway"));
     }
     // Not those that only other layers have.
     let is_there = |q: &&Quantity| model.blocks().any(|b| b.gaussians.fields.get(&q.name).is_some());

@@ -74,9 +74,9 @@ impl Kind {
         match (meant, asked) {
             (Some(meant), Some(asked)) if meant != asked => {
                 let [meant, asked] = [meant, asked].map(Kind::ending);
-                let what = format!("{}: the ending means {meant}, but kind {asked} was requested", out.display());
+                let message = format!("{}: the ending means {meant}, but kind {asked} was requested", out.display());
                 let hint = Hint::from("omit ").option("kind", "").words(" or name another file");
-                Err(Error::argument_with(what, hint))
+                Err(Error::argument_with(message, hint))
             }
             (Some(kind), _) | (None, Some(kind)) => Ok(kind),
             (None, None) => Err(Error::argument_with(

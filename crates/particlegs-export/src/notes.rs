@@ -114,8 +114,8 @@ fn words(model: &Model, name: &str) -> Vec<String> {
     let comoving = if m.units.comoving == Some(true) { ", comoving" } else { "" };
     lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("an unstated unit")));
     if model.has_masses() {
-        let what = m.weight_name().unwrap_or("masses");
-        lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("an unstated unit")));
+        let message = m.weight_name().unwrap_or("masses");
+        lines.push(format!("{message} in {}", m.units.mass_text().unwrap_or("an unstated unit")));
     }
     lines.extend(m.cell.as_ref().map(|cell| format!("box {cell}")));
     lines

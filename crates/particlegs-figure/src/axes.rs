@@ -15,10 +15,11 @@ const FAR: f64 = 200.0;
 /// middle.
 pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
     let Projection::Orthographic { height_world } = camera.projection else {
-        let what = "axes on the edges need an orthographic view: in perspective, lengths have no fixed size in pixels";
+        let message =
+            "axes on the edges need an orthographic view: in perspective, lengths have no fixed size in pixels";
         let hint = Hint::from("use ").option("projection", "orthographic").words(", or ");
         let hint = hint.option("axes", "cube").words(", which draws the axes of the box");
-        return Err(Error::argument_with(what, hint));
+        return Err(Error::argument_with(message, hint));
     };
     let frame = camera.frame()?;
     let half = [0.5 * height_world * size.width as f64 / size.height as f64, 0.5 * height_world];

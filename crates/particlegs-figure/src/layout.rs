@@ -50,9 +50,9 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
             }
             scale = (total - margins.across(columns)) / (columns as f64 * w);
             if scale * w < 2.0 * em {
-                let what = format!("a figure {total:.0} points wide is too narrow for letters of {em} points");
+                let message = format!("a figure {total:.0} points wide is too narrow for letters of {em} points");
                 let hint = Hint::from("use a larger ").option("figure-width", "").words(" or a smaller ");
-                return Err(Error::argument_with(what, hint.option("font-size", "")));
+                return Err(Error::argument_with(message, hint.option("font-size", "")));
             }
         }
     }

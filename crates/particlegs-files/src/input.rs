@@ -200,8 +200,8 @@ impl Form {
             return Err(Error::input(place, format!("not {}: the first bytes are wrong", self.title)));
         }
         let too_large = || {
-            let what = format!("larger than {} bytes, so it is not {}", self.most, self.title);
-            Err(Error::input(&place, what))
+            let message = format!("larger than {} bytes, so it is not {}", self.most, self.title);
+            Err(Error::input(&place, message))
         };
         if source.length.is_some_and(|n| n > self.most) {
             return too_large();
@@ -236,8 +236,8 @@ impl SpoolFile {
         source.copy(|piece| {
             // The disk is not filled to its end by a stream that has none.
             crate::output::check_space_in(&folder, LEFT_FREE).map_err(|_| {
-                let what = "cannot copy the input: the folder for temporary files is nearly full";
-                Error::input_with(&place, what, "set TMPDIR to a folder on a larger disk")
+                let message = "cannot copy the input: the folder for temporary files is nearly full";
+                Error::input_with(&place, message, "set TMPDIR to a folder on a larger disk")
             })?;
             file.write_all(piece).map_err(|e| Error::io(&folder, e))
         })?;
@@ -276,8 +276,8 @@ pub fn open_file(path: &Path) -> Result<(File, u64)> {
     if metadata.is_file() {
         return Ok((file, metadata.len()));
     }
-    let what = format!("{}, but a regular file is expected", describe(&metadata));
-    Err(Error::input_with(path, what, if metadata.is_dir() { "" } else { "write the data to a file first" }))
+    let message = format!("{}, but a regular file is expected", describe(&metadata));
+    Err(Error::input_with(path, message, if metadata.is_dir() { "" } else { "write the data to a file first" }))
 }
 
 pub(crate) fn is_standard(path: &Path) -> bool {
@@ -376,8 +376,8 @@ impl MappedFile {
         if now.len() >= self.map.len() as u64 || !is_same_file(&now, before) {
             return Ok(());
         }
-        let what = format!("it was cut to {} bytes; it had {} when it was opened", now.len(), self.map.len());
-        Err(Error::input_with(path, what, "open it again when it is whole"))
+        let message = format!("it was cut to {} bytes; it had {} when it was opened", now.len(), self.map.len());
+        Err(Error::input_with(path, message, "open it again when it is whole"))
     }
 }
 

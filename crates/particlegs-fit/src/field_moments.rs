@@ -153,8 +153,8 @@ fn check_finite(fields: &[FieldShape<'_>], values: &[Vec<f64>], first: usize) ->
 
 /// A value that is no number.
 pub fn value_fault(field: &str, particle: usize, value: f64) -> Error {
-    let what = format!("particle {particle} has the value {value} in field `{field}`");
-    Error::argument_with(what, "leave the field out, or remove the particle from the file")
+    let message = format!("particle {particle} has the value {value} in field `{field}`");
+    Error::argument_with(message, "leave the field out, or remove the particle from the file")
 }
 
 /// The means of fields at places, by the Gaussians of the blocks that they were gathered for.

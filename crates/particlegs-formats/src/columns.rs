@@ -107,8 +107,8 @@ impl ColumnarSnapshot {
             let (_, start) = stored.plain()?;
             let within = StridedColumn { offset: column.base + column.lane.offset, ..column.lane };
             if !within.fits(rows, stored.size() as usize) {
-                let what = format!("the header says {rows} particles, but the data end early");
-                return Some(Err(Error::input(&self.place, what)));
+                let message = format!("the header says {rows} particles, but the data end early");
+                return Some(Err(Error::input(&self.place, message)));
             }
             lanes.push(StridedColumn { offset: within.offset + start, ..within });
         }

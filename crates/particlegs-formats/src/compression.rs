@@ -38,11 +38,11 @@ impl FileCompression {
 
     /// The error for a stream in the file `path` that `cause` ended after `bytes` of content.
     pub fn broken(self, path: &Path, bytes: u64, cause: &std::io::Error) -> Error {
-        let what = match cause.kind() {
+        let message = match cause.kind() {
             ErrorKind::UnexpectedEof => format!("the {} data end early, after {bytes} decompressed bytes", self.name()),
             _ => format!("the {} data are damaged after {bytes} decompressed bytes: {cause}", self.name()),
         };
-        Error::input_with(path, what, "copy the file again from its source")
+        Error::input_with(path, message, "copy the file again from its source")
     }
 }
 
@@ -54,8 +54,8 @@ pub fn refuse(path: &Path, title: &str) -> Result<()> {
     match FileCompression::from_magic(&head) {
         None => Ok(()),
         Some(found) => {
-            let what = format!("a {title} compressed with {}, which this program does not read", found.name());
-            Err(Error::input_with(path, what, "unpack it first"))
+            let message = format!("a {title} compressed with {}, which this program does not read", found.name());
+            Err(Error::input_with(path, message, "unpack it first"))
         }
     }
 }

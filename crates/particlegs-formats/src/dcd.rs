@@ -253,11 +253,11 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         notes.push("LAMMPS wrote the file and states neither its units nor the time".into());
     }
     if left > 0 {
-        let what = format!("frame {count} is cut off: it has {left} of {} bytes", header.frame_bytes(count));
+        let message = format!("frame {count} is cut off: it has {left} of {} bytes", header.frame_bytes(count));
         if choice.frame.is_none_or(|frame| frame < 0 || frame as u64 >= count) {
-            return Err(with_last_frame(broken(what), count));
+            return Err(with_last_frame(broken(message), count));
         }
-        notes.push(what);
+        notes.push(message);
     }
     if count == 0 {
         return Err(broken("the file has no frames".into()));

@@ -45,8 +45,8 @@ fn known(head: &FileHead) -> Result<&'static Format> {
             }
         }),
         other => {
-            let what = format!("{}, not a snapshot", other.describe().unwrap_or_default());
-            Err(Error::input_with(path, what, other.to_a_snapshot()))
+            let message = format!("{}, not a snapshot", other.describe().unwrap_or_default());
+            Err(Error::input_with(path, message, other.to_a_snapshot()))
         }
     }
 }

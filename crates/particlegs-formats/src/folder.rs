@@ -28,9 +28,9 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
         several => {
             let names = several.iter().take(NAMED).map(SnapshotFileSet::name).collect::<Vec<_>>().join(", ");
             let more = if several.len() > NAMED { ", ..." } else { "" };
-            let what = format!("the folder has several snapshots: {names}{more}");
+            let message = format!("the folder has several snapshots: {names}{more}");
             let hint = Hint::from("name one of them; ").option("format", "").words(" ignores files of other formats");
-            Err(Error::input_with(folder, what, hint))
+            Err(Error::input_with(folder, message, hint))
         }
     }
 }

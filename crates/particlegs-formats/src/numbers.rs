@@ -201,8 +201,8 @@ impl StridedParticles {
             }
             _ => {
                 let end = bytes.len();
-                let what = format!("the header says {rows} particles, but the data end early, at byte {end}");
-                Err(Error::input_with(place, what, "the file is cut short or damaged: copy it again"))
+                let message = format!("the header says {rows} particles, but the data end early, at byte {end}");
+                Err(Error::input_with(place, message, "the file is cut short or damaged: copy it again"))
             }
         }
     }

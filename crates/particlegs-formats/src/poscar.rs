@@ -141,8 +141,8 @@ fn positions(path: &PathBuf, lines: &mut PoscarLines<'_>, head: &PoscarHead, is_
             memory::require("the atoms of this file", ATOM * (atom + STEP).min(count))?;
         }
         let Some(words) = lines.words()? else {
-            let what = format!("the file is cut off: it states {count} atoms, but only {atom} lines follow");
-            return Err(Error::input(path, what));
+            let message = format!("the file is cut off: it states {count} atoms, but only {atom} lines follow");
+            return Err(Error::input(path, message));
         };
         position.extend(place(three(&words).map_err(|what| lines.error(path, what))?));
     }
@@ -163,8 +163,8 @@ fn kinds(path: &PathBuf, lines: &mut PoscarLines<'_>) -> Result<Vec<(String, u64
     let count = |w: &Vec<u8>| std::str::from_utf8(w).ok().and_then(|text| text.parse::<u64>().ok());
     let counts: Option<Vec<u64>> = words.iter().map(count).collect();
     let Some(counts) = counts.filter(|c| !c.is_empty() && (symbols.is_empty() || symbols.len() == c.len())) else {
-        let what = format!("{} is no list of numbers of atoms", shown(&words.join(&b' ')));
-        return Err(lines.error(path, what));
+        let message = format!("{} is no list of numbers of atoms", shown(&words.join(&b' ')));
+        return Err(lines.error(path, message));
     };
     if symbols.is_empty() {
         symbols = (1..=counts.len()).map(|k| format!("type {k}")).collect();
@@ -262,8 +262,8 @@ fn frame(
         false => {
             let (count, passed) = (head.count(), lines.lines.pass(head.count(), |_, _| Ok(()))?);
             if passed < count {
-                let what = format!("the file is cut off: it states {count} atoms, but only {passed} lines follow");
-                return Err(Error::input(path, what));
+                let message = format!("the file is cut off: it states {count} atoms, but only {passed} lines follow");
+                return Err(Error::input(path, message));
             }
             Vec::new()
         }

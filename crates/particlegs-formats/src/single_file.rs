@@ -16,8 +16,8 @@ pub(crate) fn only(paths: &[PathBuf]) -> Result<&PathBuf> {
         [one] => Ok(one),
         [] => Err(Error::argument("no file was named")),
         [first, ..] => {
-            let what = format!("{} files were named, but this format uses one file per snapshot", paths.len());
-            Err(Error::input(first, what))
+            let message = format!("{} files were named, but this format uses one file per snapshot", paths.len());
+            Err(Error::input(first, message))
         }
     }
 }

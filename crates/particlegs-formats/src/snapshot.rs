@@ -192,10 +192,10 @@ impl Species {
             Weights::Field(name) => match self.fields.iter().find(|f| f.name == *name && f.components == 1) {
                 Some(field) => match self.weight_kind(field) {
                     WeightKind::Intensive(values) => {
-                        let what = format!("`{name}` cannot be weights: a sum of {values} is meaningless");
+                        let message = format!("`{name}` cannot be weights: a sum of {values} is meaningless");
                         let hint = Hint::from("omit ").option("mass-field", "").words(" to weigh by mass, or give ");
                         let hint = hint.option("mass-field", "none").words(" to count particles");
-                        Err(Error::input_with(place, what, hint))
+                        Err(Error::input_with(place, message, hint))
                     }
                     _ => Ok(Some(field.name.clone())),
                 },

@@ -62,8 +62,8 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     refuse(path, FORMAT.title)?;
     let bytes = Bytes::from_filled_file(path)?;
     let header = TipsyHeader::read(&bytes, bytes.len() as u64).ok_or_else(|| {
-        let what = "the numbers of particles in its header do not fit each other or the file's length";
-        Error::input_with(path, what, "the file is damaged or cut short, or no Tipsy snapshot")
+        let message = "the numbers of particles in its header do not fit each other or the file's length";
+        Error::input_with(path, message, "the file is damaged or cut short, or no Tipsy snapshot")
     })?;
     let order = if header.big_endian { "standard (big-endian)" } else { "little-endian" };
     let mut notes = vec!["the format states no units".to_string()];

@@ -104,11 +104,11 @@ pub(crate) fn chosen(choice: AdapterChoice) -> Result<wgpu::Adapter> {
         AdapterChoice::Number(n) => (n < all.len()).then_some(n),
     };
     let Some(place) = place else {
-        let what = match choice {
+        let message = match choice {
             AdapterChoice::Gpu => format!("no usable GPU: {}", advice()),
             AdapterChoice::Number(n) => format!("there is no device {n}: `particlegs devices` lists {}", all.len()),
         };
-        return Err(Error::argument_with(what, Hint::default()));
+        return Err(Error::argument_with(message, Hint::default()));
     };
     Ok(all.swap_remove(place))
 }

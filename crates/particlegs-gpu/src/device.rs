@@ -137,8 +137,8 @@ impl Device {
         if bytes <= most {
             return Ok(());
         }
-        let what = format!("{what}: device {} can bind only {most} bytes", self.name);
-        Err(Error::argument_with(format!("{what}, but {bytes} are needed"), Hint::use_cpu()))
+        let message = format!("{what}: device {} can bind only {most} bytes", self.name);
+        Err(Error::argument_with(format!("{message}, but {bytes} are needed"), Hint::use_cpu()))
     }
 
     /// May a picture that takes so many bytes in a buffer be drawn?
@@ -147,8 +147,8 @@ impl Device {
         if bytes <= most && size.pixels() > 0 {
             return Ok(());
         }
-        let what = format!("{}x{}: device {} can bind only {most} bytes", size.width, size.height, self.name);
-        Err(Error::argument_with(format!("{what}, too few for such a picture"), Hint::use_cpu()))
+        let message = format!("{}x{}: device {} can bind only {most} bytes", size.width, size.height, self.name);
+        Err(Error::argument_with(format!("{message}, too few for such a picture"), Hint::use_cpu()))
     }
 
     /// A buffer of zeros.

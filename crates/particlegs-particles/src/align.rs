@@ -35,8 +35,8 @@ impl Alignment {
     /// [`Error::Argument`]: fewer than three atoms, too many, or atoms on a line.
     pub fn new(chosen: &Particles) -> Result<Alignment> {
         if !(3..=MOST).contains(&chosen.len()) {
-            let what = format!("frames are aligned by 3 to {MOST} atoms, and {} are chosen", chosen.len());
-            return Err(Error::argument_with(what, "choose such as \"name CA\""));
+            let message = format!("frames are aligned by 3 to {MOST} atoms, and {} are chosen", chosen.len());
+            return Err(Error::argument_with(message, "choose such as \"name CA\""));
         }
         let places = whole(chosen);
         let center = middle(&places);
@@ -56,8 +56,8 @@ impl Alignment {
         if layers(chosen) != self.layers {
             let text = |l: &[(String, usize)]| l.iter().map(|(n, c)| format!("{c} {n}")).collect::<Vec<_>>().join(", ");
             let (own, first) = (text(&layers(chosen)), text(&self.layers));
-            let what = format!("the atoms to align by are {own}, but {first} in the first frame");
-            return Err(Error::input(&chosen.meta.name, what));
+            let message = format!("the atoms to align by are {own}, but {first} in the first frame");
+            return Err(Error::input(&chosen.meta.name, message));
         }
         let places = whole(chosen);
         let center = middle(&places);

@@ -97,8 +97,8 @@ impl ParticlesOutsideBox {
     pub fn judge(self, count: u64, name: &str) -> Result<Option<String>> {
         let ParticlesOutsideBox { all, far } = self;
         if far > 0 {
-            let what = format!("{far} of {count} particles are more than a box length outside the periodic box");
-            return Err(Error::input_with(name, what, "check the unit of length and the box"));
+            let message = format!("{far} of {count} particles are more than a box length outside the periodic box");
+            return Err(Error::input_with(name, message, "check the unit of length and the box"));
         }
         Ok((all > 0).then(|| {
             format!(

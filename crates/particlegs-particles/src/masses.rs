@@ -89,9 +89,9 @@ impl Particles {
                 continue;
             }
             let classes = mass_classes(&weights[layer.content.clone()]).ok_or_else(|| {
-                let what =
+                let message =
                     format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
-                Error::input_with(&self.meta.name, what, Hint::from("use ").option("layers-by", "species"))
+                Error::input_with(&self.meta.name, message, Hint::from("use ").option("layers-by", "species"))
             })?;
             for class in &classes {
                 let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };

@@ -432,8 +432,8 @@ impl Neighbours {
 pub fn distances_to(rank: usize, p: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Vec<f32>> {
     let n = p.len();
     if rank >= n || n >= u32::MAX as usize {
-        let what = format!("{rank} neighbours per particle need more than {rank} particles and fewer than 2^32 - 1");
-        return Err(Error::argument(format!("{what}, not {n}")));
+        let message = format!("{rank} neighbours per particle need more than {rank} particles and fewer than 2^32 - 1");
+        return Err(Error::argument(format!("{message}, not {n}")));
     }
     context.require_memory("a tree of neighbours", n as u64 * (TREE_BYTES + 4))?;
     context.begin("neighbours", n as u64);

@@ -63,8 +63,8 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
     let Sidecar { mut meta, origin, layers } = sidecar::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if layers.last().is_some_and(|l| l.content.end != columns[0].len()) {
-        let what = format!("the particles of its `layers` do not add up to the {} in the columns", columns[0].len());
-        return Err(Error::input(&sidecar, what));
+        let message = format!("the particles of its `layers` do not add up to the {} in the columns", columns[0].len());
+        return Err(Error::input(&sidecar, message));
     }
     Particles::from_column_list(columns, origin, meta, layers).with_layer_masses()
 }
@@ -127,9 +127,9 @@ impl InvalidParticles {
         ];
         let faults = faults.into_iter().filter(|(count, _)| *count > 0);
         let said: Vec<String> = faults.map(|(count, what)| format!("{count} with {what}")).collect();
-        let what = format!("there are invalid particles: {}; the first has index {}", said.join(", "), self.first);
+        let message = format!("there are invalid particles: {}; the first has index {}", said.join(", "), self.first);
         let hint = Hint::default().option("skip-invalid", "").words(" leaves them out; ");
-        Error::input_with(place, what, hint.option("mass-field", "none").words(" ignores masses"))
+        Error::input_with(place, message, hint.option("mass-field", "none").words(" ignores masses"))
     }
 }
 

@@ -59,8 +59,8 @@ impl Selection {
         if self.crop.as_ref().is_none_or(fine) {
             return Ok(self);
         }
-        let what = "the region must be finite, and its lower bound must be below its upper bound on each axis";
-        Err(Error::argument(what))
+        let message = "the region must be finite, and its lower bound must be below its upper bound on each axis";
+        Err(Error::argument(message))
     }
 
     /// As a model's recipe says it: options of the command, such as `region`, with their values. The seed stands there

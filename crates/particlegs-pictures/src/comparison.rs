@@ -103,8 +103,8 @@ fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCo
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
     if shared.is_empty() && shared_densities.is_empty() {
-        let what = format!("no PNG and no raw values with the same name as in {}", b.display());
-        return Err(Error::input(a, what));
+        let message = format!("no PNG and no raw values with the same name as in {}", b.display());
+        return Err(Error::input(a, message));
     }
     context.begin("comparing", (shared.len() + shared_densities.len()) as u64);
     let views = parallel::try_map(shared, |name| {

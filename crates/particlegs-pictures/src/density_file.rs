@@ -152,8 +152,8 @@ pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, P
     let bytes = read_whole(&path, form, context)?;
     let (numbers, rest) = bytes.as_chunks::<4>();
     if numbers.len() != size.pixels() || !rest.is_empty() {
-        let what = format!("{} bytes, but {}x{} pixels take {most}", bytes.len(), size.width, size.height);
-        return Err(Error::input(&path, what));
+        let message = format!("{} bytes, but {}x{} pixels take {most}", bytes.len(), size.width, size.height);
+        return Err(Error::input(&path, message));
     }
     let data: Vec<f32> = numbers.iter().map(|v| f32::from_le_bytes(*v)).collect();
     if data.iter().any(|v| !v.is_finite()) {

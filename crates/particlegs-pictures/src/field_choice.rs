@@ -86,8 +86,9 @@ impl FieldOptions {
         }
         if let Some(text) = &self.bulk {
             if query.component == MapComponent::Scalar {
-                let what = format!("a bulk motion is subtracted from a vector, but field `{}` is a scalar", query.name);
-                return Err(Error::argument(what));
+                let message =
+                    format!("a bulk motion is subtracted from a vector, but field `{}` is a scalar", query.name);
+                return Err(Error::argument(message));
             }
             query.bulk = match &text[..] {
                 "mean" => (source.mean)(&query.name),

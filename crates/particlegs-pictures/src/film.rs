@@ -42,8 +42,8 @@ impl Film {
             "webm" => (FilmFormat::Webm, &kinds::WEBM),
             "gif" => (FilmFormat::Gif, &kinds::GIF),
             _ => {
-                let what = format!("{}: the name of a film ends in .mp4, .webm or .gif", path.display());
-                return Err(Error::argument(what));
+                let message = format!("{}: the name of a film ends in .mp4, .webm or .gif", path.display());
+                return Err(Error::argument(message));
             }
         };
         outputs.writes(path, kind, context)?;
@@ -91,8 +91,8 @@ impl Film {
         context.check()?;
         if let Err(why) = ran {
             let arguments = self.arguments(folder, names.len(), &self.path);
-            let what = format!("{why}; the frames are kept, and this command joins them: {}", line(&arguments));
-            return Err(Error::io(&self.path, std::io::Error::other(what)));
+            let message = format!("{why}; the frames are kept, and this command joins them: {}", line(&arguments));
+            return Err(Error::io(&self.path, std::io::Error::other(message)));
         }
         set.finish()?;
         if let Some(out) = out.filter(|_| self.passing) {

@@ -86,8 +86,8 @@ impl FilmOptions {
         let turned = |frames: usize| match &set.views[..] {
             [one] => Ok(one.turntable(frames)),
             many => {
-                let what = format!("a turntable and a film of a series take one view, but there are {}", many.len());
-                Err(Error::argument_with(what, "name a views file with one view"))
+                let message = format!("a turntable and a film of a series take one view, but there are {}", many.len());
+                Err(Error::argument_with(message, "name a views file with one view"))
             }
         };
         let views = match (self.turntable, &self.path, of_series) {
@@ -113,13 +113,13 @@ impl FilmOptions {
                 path_through(&set.views, frames).map_err(|e| Error::argument(format!("the path: {e}")))?
             }
             (None, None, None) if self.frames.is_some() => {
-                let what = "a number of frames has no effect here; it applies to a path and to series";
-                return Err(Error::argument_with(what, Hint::from("add ").option("path", "FILE")));
+                let message = "a number of frames has no effect here; it applies to a path and to series";
+                return Err(Error::argument_with(message, Hint::from("add ").option("path", "FILE")));
             }
             (None, None, None) if self.video.is_some() => {
-                let what = "a film has no effect here; it is made of a turntable, a path or a series";
+                let message = "a film has no effect here; it is made of a turntable, a path or a series";
                 let hint = Hint::from("add ").option("turntable", "N").words(" or ").option("path", "FILE");
-                return Err(Error::argument_with(what, hint));
+                return Err(Error::argument_with(message, hint));
             }
             (None, None, None) => set.views,
         };

@@ -88,8 +88,8 @@ impl FocusPath {
         let to = (model.metadata.unit_system(), model.metadata.cell);
         let (stated, radius) = list.placed(file, to, context)?[row];
         let radius = radius.ok_or_else(|| {
-            let what = format!("halo {number} has no radius");
-            Error::input_with(name_of(file), what, "name a column `radius` or `r200m`")
+            let message = format!("halo {number} has no radius");
+            Error::input_with(name_of(file), message, "name a column `radius` or `r200m`")
         })?;
         let lost = |frame: usize| {
             let when = series.clock.text(series.frames[frame].time, &model.metadata.units);
@@ -155,8 +155,8 @@ fn start(
     let time = series.frames[numbers[nearest]].time;
     let widest = spacing.map(|i| (series.frames[*i].time - time).abs()).fold(0.0, f64::max);
     if off(&nearest) > (0.5 * widest).max(0.01 * a) {
-        let what = format!("its scale factor is {a}, and the nearest frame's is {time}");
-        return Err(Error::input_with(list, what, "name a list of a moment within the series"));
+        let message = format!("its scale factor is {a}, and the nearest frame's is {time}");
+        return Err(Error::input_with(list, message, "name a list of a moment within the series"));
     }
     if off(&nearest) > 1e-6 * a {
         let frame = numbers[nearest];

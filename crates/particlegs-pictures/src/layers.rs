@@ -12,8 +12,8 @@ use particlegs_core::{Error, Hint, Result, parallel};
 /// A model's layers, one model each.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {
     if model.metadata.law == LawKind::AlphaBlend {
-        let what = "an alpha-blend model has no optical depth to mix the colours of layers by";
-        return Err(Error::argument_with(what, Hint::from("draw one layer with ").option("layer", "NAME")));
+        let message = "an alpha-blend model has no optical depth to mix the colours of layers by";
+        return Err(Error::argument_with(message, Hint::from("draw one layer with ").option("layer", "NAME")));
     }
     model.layers.iter().map(|l| model.clone().only(std::slice::from_ref(&l.name))).collect()
 }

@@ -176,8 +176,8 @@ impl RenderSettings {
         if given.style.is_none() && given.field.name.is_none() {
             pictures.field.name.clone_from(&told.field);
             let no_style = || {
-                let what = format!("its style `{}` is not one for models", told.style);
-                Error::input_with(path, what, Hint::from("choose one with ").option("style", ""))
+                let message = format!("its style `{}` is not one for models", told.style);
+                Error::input_with(path, message, Hint::from("choose one with ").option("style", ""))
             };
             let style = PictureStyle::from_name(&told.style).ok().filter(|style| !style.is_mean());
             settings.style = style.ok_or_else(no_style)?.tone();
@@ -240,9 +240,9 @@ impl RenderSettings {
         context: &Context<'_>,
     ) -> Result<(Vec<SourceModel>, Option<[f64; 3]>)> {
         if sources.len() > 1 && !self.options.panels {
-            let what = format!("{} models are given, but a picture shows only one", sources.len());
+            let message = format!("{} models are given, but a picture shows only one", sources.len());
             let hint = Hint::from("draw them in one figure with ").option("panels", "");
-            return Err(Error::argument_with(what, hint));
+            return Err(Error::argument_with(message, hint));
         }
         let center = self.options.pictures.view.center.as_ref().filter(|c| c.is_of_mass() && !is_film);
         let opened = sources.into_iter().map(|source| SourceModel::new(source, (self, center), context));

@@ -45,8 +45,8 @@ impl Panels<'_> {
             return Err(Error::argument(format!("{count} panels are too many for one figure: {MOST} at most")));
         }
         if !self.captions.is_empty() && self.captions.len() != count {
-            let what = format!("{} captions are given, but there are {count} panels", self.captions.len());
-            return Err(Error::argument(what));
+            let message = format!("{} captions are given, but there are {count} panels", self.captions.len());
+            return Err(Error::argument(message));
         }
         let bytes = count as u64 * set.size.pixels() as u64 * 4;
         context.require_memory("panels", 2 * bytes)?;

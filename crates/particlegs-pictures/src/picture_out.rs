@@ -22,8 +22,8 @@ impl PictureOut {
     pub fn new(out: &Path, views: usize, raw: bool, outputs: &Outputs) -> Result<Self> {
         let is_picture = FileKind::from_path(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
-            let what = format!("{} is a file, but its name does not end in .png, .pdf or .svg", out.display());
-            return Err(Error::argument_with(what, "name a folder, or a picture NAME.png"));
+            let message = format!("{} is a file, but its name does not end in .png, .pdf or .svg", out.display());
+            return Err(Error::argument_with(message, "name a folder, or a picture NAME.png"));
         }
         if !is_picture {
             output::ending(out, &ENDINGS)?;
@@ -31,12 +31,12 @@ impl PictureOut {
             return Ok(PictureOut::Folder(out.to_path_buf()));
         }
         if raw {
-            let what = format!("{} names a picture, but raw values are written", out.display());
-            return Err(Error::argument_with(what, "name a folder: it gets NAME.f32 and NAME.json"));
+            let message = format!("{} names a picture, but raw values are written", out.display());
+            return Err(Error::argument_with(message, "name a folder: it gets NAME.f32 and NAME.json"));
         }
         if views != 1 {
-            let what = format!("{} names one picture, but there are {views} views", out.display());
-            return Err(Error::argument_with(what, "name a folder: it gets a picture for each view"));
+            let message = format!("{} names one picture, but there are {views} views", out.display());
+            return Err(Error::argument_with(message, "name a folder: it gets a picture for each view"));
         }
         Ok(PictureOut::File(out.to_path_buf()))
     }

@@ -101,10 +101,10 @@ impl PictureProvenance {
         let density_of = |p: &PictureProvenance| p.units.as_ref().and_then(|u| u.density_of.clone());
         let shown = |p: &PictureProvenance| -> String {
             let Some(unit) = p.unit.as_ref() else { return "grey levels".into() };
-            let what = p.field.clone().or_else(|| density_of(p).map(|of| format!("density of {of}")));
+            let message = p.field.clone().or_else(|| density_of(p).map(|of| format!("density of {of}")));
             let range = p.range.map_or(String::new(), |[low, high]| format!(", {low} to {high}"));
             let colours = p.colormap.as_ref().map_or(String::new(), |name| format!(", {name}"));
-            format!("{} in {unit}{range}{colours}", what.unwrap_or_else(|| "density".into()))
+            format!("{} in {unit}{range}{colours}", message.unwrap_or_else(|| "density".into()))
         };
         let [a, b] = [self, other].map(shown);
         (a != b).then(|| format!("{a} and {b}"))

@@ -95,9 +95,9 @@ impl DrawingJob<'_> {
         let folder = named.or(film.as_ref().and_then(Film::frames));
         let out = folder.map(|path| PictureOut::new(path, set.views.len(), raw, outputs)).transpose()?;
         if film.as_ref().is_some_and(|f| f.form != FilmFormat::Gif) && !matches!(out, Some(PictureOut::Folder(_))) {
-            let what = "a film needs a folder for its frames, but the output is a picture";
+            let message = "a film needs a folder for its frames, but the output is a picture";
             let hint = Hint::from("name a folder, or omit ").option("output", "");
-            return Err(Error::argument_with(what, hint));
+            return Err(Error::argument_with(message, hint));
         }
         if let Some(out) = &out {
             match raw {

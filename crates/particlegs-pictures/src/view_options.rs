@@ -120,8 +120,8 @@ impl PictureCenter {
         let found = found.ok_or_else(|| Error::input(of, "there is no mass where its centre is asked for"))?;
         let axes: Vec<&str> = ["x", "y", "z"].into_iter().zip(found.filled).filter(|a| a.1).map(|a| a.0).collect();
         if axes.len() == 3 {
-            let what = "this mass fills the periodic box, and has no centre";
-            return Err(Error::input_with(of, what, "name a region or a place"));
+            let message = "this mass fills the periodic box, and has no centre";
+            return Err(Error::input_with(of, message, "name a region or a place"));
         }
         if !axes.is_empty() {
             let axes = axes.join(" and ");

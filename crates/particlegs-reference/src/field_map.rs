@@ -54,8 +54,8 @@ impl Reference<'_> {
         let own = particles.weights().filter(|_| !alike);
         let by = |i: usize| values.by.as_ref().map_or(1.0, |by| by[i] * by_scale);
         if values.by.as_ref().is_some_and(|by| by.len() != n || by.iter().any(|v| *v < 0.0)) {
-            let what = "the field that weighs has negative values, or another number of values";
-            return Err(Error::argument(what));
+            let message = "the field that weighs has negative values, or another number of values";
+            return Err(Error::argument(message));
         }
         let weigh = |of: &(dyn Fn(f64) -> f64 + Sync), by: &(dyn Fn(usize) -> f64 + Sync)| {
             let weight = |i: usize| own.as_ref().map_or(1.0, |w| f64::from(w[i])) * by(i);

@@ -16,8 +16,8 @@ impl Token {
     /// A token chosen by the user.
     pub fn chosen(token: String) -> Result<Self> {
         let fits = (SHORTEST..=LONGEST).contains(&token.len()) && token.bytes().all(|b| b.is_ascii_alphanumeric());
-        let what = format!("a token is {SHORTEST} to {LONGEST} letters and digits");
-        if fits { Ok(Token(token)) } else { Err(Error::argument(what)) }
+        let message = format!("a token is {SHORTEST} to {LONGEST} letters and digits");
+        if fits { Ok(Token(token)) } else { Err(Error::argument(message)) }
     }
 
     /// A token of 128 random bits.

@@ -109,9 +109,9 @@ impl Server {
     pub fn bind(options: Options) -> Result<Self> {
         let Options { host, port, proxies, node, token, limits } = options;
         if let Some(no_name) = proxies.iter().find(|name| !guard::is_name(name)) {
-            let what = format!("`{no_name}` is not the name of a host");
+            let message = format!("`{no_name}` is not the name of a host");
             let hint = "give only the name, such as hub.example.org";
-            return Err(Error::argument_with(what, hint));
+            return Err(Error::argument_with(message, hint));
         }
         let listener = listen(&host, port)?;
         let address = listener.local_addr().map_err(|e| Error::io(&host, e))?;

@@ -87,10 +87,10 @@ impl<'a> Journal<'a> {
             return;
         }
         let more = if n.count > 1 { format!(" and {} more", n.count - 1) } else { String::new() };
-        let what = format!("{} of Gaussian {}{more}", n.group, n.gaussian);
+        let message = format!("{} of Gaussian {}{more}", n.group, n.gaussian);
         let steps = if self.faulty > NAMED { format!(" (in {} steps so far)", self.faulty) } else { String::new() };
-        self.say(&format!("warning: step {}: gradient of {what} is not finite and is ignored{steps}", at.iteration));
-        let line = LogLine { not_finite: Some(what), not_finite_steps: Some(self.faulty), ..LogLine::default() };
+        self.say(&format!("warning: step {}: gradient of {message} is not finite and is ignored{steps}", at.iteration));
+        let line = LogLine { not_finite: Some(message), not_finite_steps: Some(self.faulty), ..LogLine::default() };
         self.log(line, at);
     }
 

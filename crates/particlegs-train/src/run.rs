@@ -242,8 +242,8 @@ impl<'a> Training<'a> {
                 Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() })?)
             }
             (LawKind::OpticalDepth, InitialGaussians::Model(_)) => {
-                let what = "a trained model of the optical-depth law cannot be trained further";
-                return Err(Error::argument_with(what, Hint::train_from_snapshot()));
+                let message = "a trained model of the optical-depth law cannot be trained further";
+                return Err(Error::argument_with(message, Hint::train_from_snapshot()));
             }
             (LawKind::AlphaBlend, InitialGaussians::Fit(m)) => {
                 Box::new(blended(AlphaLearner::from_mixture(m, scale, alpha)?)?)

@@ -199,8 +199,8 @@ impl ExportWork<'_> {
             && model.vizmapper().is_none()
             && let Some(option) = o.radius.map(|_| "radius").or(o.opacity.map(|_| "opacity"))
         {
-            let what = format!("the {option} has no effect here: this alpha-blend model has no VizMapper");
-            return Err(Error::argument(what));
+            let message = format!("the {option} has no effect here: this alpha-blend model has no VizMapper");
+            return Err(Error::argument(message));
         }
         let (radius, opacity) = (o.radius.unwrap_or(m.default_radius), o.opacity.unwrap_or(m.default_opacity));
         // Memory besides the model: colours, and for glTF its arrays.

@@ -37,8 +37,8 @@ impl FrameChoice {
             FrameChoice::Number(_) => "frame",
             FrameChoice::Moment(_) => "time",
         };
-        let what = "it is one model, not a series: it has no other frames or moments";
-        Err(Error::input_with(place, what, Hint::from("omit ").option(option, "")))
+        let message = "it is one model, not a series: it has no other frames or moments";
+        Err(Error::input_with(place, message, Hint::from("omit ").option(option, "")))
     }
 
     /// What the clock of a series shows at the frame or moment, and whether it lies between frames.
@@ -276,6 +276,6 @@ pub fn frame_of(bytes: Vec<u8>, frame: &FrameChoice, place: &str, context: &Cont
 
 fn no_model(path: &Path) -> Error {
     let kind = PathKind::from_path(path);
-    let what = format!("{}, not a model file", kind.describe().unwrap_or_default());
-    Error::input_with(path, what, kind.to_a_model())
+    let message = format!("{}, not a model file", kind.describe().unwrap_or_default());
+    Error::input_with(path, message, kind.to_a_model())
 }

@@ -39,8 +39,8 @@ pub fn plan_recovery(out: &Path, options: &RecoverOptions, outputs: &Outputs, co
     }
     let writer = writer_of(out, None, outputs, context)?;
     if !writer.folder {
-        let what = "the form is that of a folder: a file's extension selects its format";
-        return if options.form == RawForm::Columns { Ok(()) } else { Err(Error::argument(what)) };
+        let message = "the form is that of a folder: a file's extension selects its format";
+        return if options.form == RawForm::Columns { Ok(()) } else { Err(Error::argument(message)) };
     }
     let drawn = drawn_fields(out);
     let files: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(drawn.iter().map(String::as_str)).collect();

@@ -115,8 +115,8 @@ impl RunOptions {
         }
         output::write_bytes(out, &done.bytes)?;
         if done.stopped {
-            let what = "is the best model so far; to continue, run the same work with the option `resume`";
-            context.message(&format!("stopped: {} {what}", out.display()));
+            let message = "is the best model so far; to continue, run the same work with the option `resume`";
+            context.message(&format!("stopped: {} {message}", out.display()));
             return Err(Error::Cancelled);
         }
         checkpoint.map_or(Ok(()), Checkpoint::remove)?;
@@ -187,8 +187,8 @@ pub fn compress_into(
     if options.training.is_some() {
         run.plan(out, outputs, context)?;
     } else if run.device.is_some() {
-        let what = "without training a GPU has no use here: it only trains";
-        return Err(Error::argument(what));
+        let message = "without training a GPU has no use here: it only trains";
+        return Err(Error::argument(message));
     }
     if let Some(folder) = &run.scratch {
         output::check_writable(&folder.join("scratch"))?;
@@ -248,14 +248,14 @@ impl Model {
         run.plan(out, outputs, context)?;
         self.info()?.left_out().iter().for_each(|note| context.note(note));
         if self.metadata().law != LawKind::AlphaBlend {
-            let what = format!(
+            let message = format!(
                 "{}: a model of the {} law; only alpha-blend models can be fine-tuned",
                 self.name(),
                 self.metadata().law.name()
             );
             let hint =
                 Hint::from("optical-depth blocks need no fine-tuning after a merge; compress the snapshot with ");
-            return Err(Error::argument_with(what, hint.option("train", "best")));
+            return Err(Error::argument_with(message, hint.option("train", "best")));
         }
         let storage = options.memory.map_or(Storage::Memory, |_| Storage::Disk(run.scratch_folder(out)));
         let (particles, _) = snapshot.read(false, &storage, context)?;

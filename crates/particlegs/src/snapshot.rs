@@ -28,13 +28,13 @@ impl SnapshotFiles {
     pub fn for_tasks(mut self) -> Result<SnapshotFiles> {
         for path in self.paths.iter_mut().chain(&mut self.choice.topology) {
             if is_stream(path) {
-                let what = "a pipe or device, but every task of a job reads it again";
-                return Err(Error::input_with(name_of(path), what, "write the data to a file first"));
+                let message = "a pipe or device, but every task of a job reads it again";
+                return Err(Error::input_with(name_of(path), message, "write the data to a file first"));
             }
             *path = std::fs::canonicalize(&*path).map_err(|e| Error::io(&*path, e))?;
             if path.to_str().is_none() {
-                let what = format!("{}: a job needs a path in UTF-8, because plan.json stores it", path.display());
-                return Err(Error::argument(what));
+                let message = format!("{}: a job needs a path in UTF-8, because plan.json stores it", path.display());
+                return Err(Error::argument(message));
             }
         }
         Ok(self)

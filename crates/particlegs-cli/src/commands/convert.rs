@@ -97,9 +97,9 @@ fn splats(a: &Arguments, path: &Path, bytes: Vec<u8>, context: &CommandContext) 
     let start = Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
-        let what = "a model can only be converted to splats, with an output name that ends in .ply";
+        let message = "a model can only be converted to splats, with an output name that ends in .ply";
         let hint = "draw particles with `recover`, then convert them";
-        return Err(Error::argument_with(what, hint));
+        return Err(Error::argument_with(message, hint));
     }
     let model = Model::decode(bytes, &name_of(path), context)?;
     let bytes = model.save_splats(&a.output, &context.outputs, context)?;

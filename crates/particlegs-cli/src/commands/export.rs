@@ -126,8 +126,8 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(Error::argument("--link needs the name of a file that the page can load, not standard input"));
     }
     if a.link && a.series.is_given() {
-        let what = "--link leaves the whole file beside the page, so it takes no --frame or --time";
-        return Err(Error::argument_with(what, "extract the frame first, or leave out --link"));
+        let message = "--link leaves the whole file beside the page, so it takes no --frame or --time";
+        return Err(Error::argument_with(message, "extract the frame first, or leave out --link"));
     }
     let paged = kind.group() == Group::Page;
     let content = match paged && !a.series.is_given() {

@@ -38,8 +38,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads([a.series.as_path()], a.force.force)?;
     context.outputs.writes_model(&a.output, &context)?;
     let ModelOrSeries::Series(series) = ModelOrSeries::open(&a.series, &context)? else {
-        let what = "it is one model, not a series: there is nothing to extract";
-        return Err(Error::input_with(name_of(&a.series), what, "use the file as it is"));
+        let message = "it is one model, not a series: there is nothing to extract";
+        return Err(Error::input_with(name_of(&a.series), message, "use the file as it is"));
     };
     let model = series.model(&a.frame.choice(), &context)?;
     let (bytes, gaussians) = (model.bytes(), model.info()?.gaussians());

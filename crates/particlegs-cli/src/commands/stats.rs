@@ -209,8 +209,8 @@ impl Arguments {
 /// Measures each frame of a series.
 fn run_series(a: &Arguments, options: StatsOptions, context: &CommandContext) -> Result<()> {
     if a.snapshot.frame.is_some() || !inputs::is_series(&a.truth) {
-        let what = "stats compares two inputs, and only one is given";
-        return Err(Error::argument_with(what, "name the other; alone stands a series, without --frame"));
+        let message = "stats compares two inputs, and only one is given";
+        return Err(Error::argument_with(message, "name the other; alone stands a series, without --frame"));
     }
     a.declare([&a.truth], context)?;
     let statistics = Series::open(&a.truth)?.statistics(options, &a.snapshot.particle_type, context)?;

@@ -143,7 +143,7 @@ fn files_that_change_while_a_command_runs_are_not_lost() {
     let w = PipeFiles::new();
     let check = |case: &ReadCase| {
         let folder = tempfile::tempdir().unwrap();
-        let what = format!("{} ({})", case.words, case.meanwhile);
+        let message = format!("{} ({})", case.words, case.meanwhile);
         w.put(case.before, folder.path());
         let mut there = BTreeMap::new();
         let out = w.run(case, folder.path(), || {
@@ -151,14 +151,14 @@ fn files_that_change_while_a_command_runs_are_not_lost() {
             there = contents(folder.path());
         });
         let err = said(&out);
-        assert_eq!(out.status.code(), Some(8), "{what}: {err}");
+        assert_eq!(out.status.code(), Some(8), "{message}: {err}");
         let now = contents(folder.path());
-        there.iter().for_each(|(path, bytes)| assert!(now.get(path) == Some(bytes), "{what}: {}", path.display()));
+        there.iter().for_each(|(path, bytes)| assert!(now.get(path) == Some(bytes), "{message}: {}", path.display()));
         let made: Vec<&PathBuf> = now.keys().filter(|path| !there.contains_key(*path)).collect();
-        assert_eq!(made.is_empty(), case.beside.is_empty(), "{what}: {made:?} {err}");
+        assert_eq!(made.is_empty(), case.beside.is_empty(), "{message}: {made:?} {err}");
         let beside = folder.path().join(case.beside);
-        assert!(made.iter().all(|path| path.starts_with(&beside)), "{what}: {made:?}");
-        assert!(listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs")), "{what}");
+        assert!(made.iter().all(|path| path.starts_with(&beside)), "{message}: {made:?}");
+        assert!(listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs")), "{message}");
     };
     std::thread::scope(|s| {
         let all: Vec<_> = CASES.iter().map(|case| s.spawn(|| check(case))).collect();

@@ -174,13 +174,13 @@ impl OutputFiles {
     /// Runs a case and checks its exit code and unchanged inputs.
     fn demand(&self, case: &OutputCase, what: &str, out: &Path, more: &[&str], code: i32) -> Output {
         let mut c = self.command(case.words, out);
-        let what = format!("{} ({}): {what}", case.words, case.ending);
+        let message = format!("{} ({}): {what}", case.words, case.ending);
         let out = c.args(more).output().unwrap();
         let err = said(&out);
-        assert_eq!(out.status.code(), Some(code), "{what}: {err}");
-        assert!(!err.contains("panicked"), "{what}: {err}");
-        assert_eq!(errors(&err), usize::from(code != 0), "{what}: {err}");
-        self.unchanged(&what);
+        assert_eq!(out.status.code(), Some(code), "{message}: {err}");
+        assert!(!err.contains("panicked"), "{message}: {err}");
+        assert_eq!(errors(&err), usize::from(code != 0), "{message}: {err}");
+        self.unchanged(&message);
         out
     }
 }

@@ -52,8 +52,8 @@ impl Job {
     ) -> Result<BlockReport> {
         let blocks = self.manifest.plan.recipe().blocks;
         if block >= blocks {
-            let what = format!("there is no block {block}: this job has {blocks} blocks, numbered from 0");
-            return Err(Error::argument(what));
+            let message = format!("there is no block {block}: this job has {blocks} blocks, numbered from 0");
+            return Err(Error::argument(message));
         }
         if let Some(report) = self.report(block)?
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)

@@ -33,8 +33,9 @@ impl Job {
         let add = |(n, c): (&mut u64, &u64)| *n = n.saturating_add(*c);
         entries.iter().for_each(|e| counts.iter_mut().zip(&e.counts).for_each(add));
         if counts.iter().zip(&self.manifest.plan.layers).any(|(n, l)| *n > l.content) {
-            let what = format!("the sorted chunks contain more particles of block {block} than the plan has in total");
-            return Err(Error::input_with(&self.folder, what, "run `plan` again, in another folder"));
+            let message =
+                format!("the sorted chunks contain more particles of block {block} than the plan has in total");
+            return Err(Error::input_with(&self.folder, message, "run `plan` again, in another folder"));
         }
         let mut particles = BlockGatherer::new(self, &counts)?;
         for (chunk, entry) in (0..chunks).zip(&entries) {

@@ -119,13 +119,13 @@ impl Job {
         })?;
         let no_plan = |e: serde_json::Error| Error::input(&path, format!("this is not a plan: {e}"));
         let version = serde_json::from_slice::<ManifestVersion>(&text).map_err(no_plan)?.particlegs_job;
-        let what = match version.cmp(&u64::from(VERSION)) {
+        let message = match version.cmp(&u64::from(VERSION)) {
             Ordering::Equal => None,
             Ordering::Greater => Some("a newer version made this plan: update particlegs"),
             Ordering::Less => Some("an older version made this plan: run `plan` again, in another folder"),
         };
-        if let Some(what) = what {
-            return Err(Error::Compatibility { place: path.display().to_string(), what: what.into() });
+        if let Some(message) = message {
+            return Err(Error::Compatibility { place: path.display().to_string(), what: message.into() });
         }
         let manifest: Manifest = serde_json::from_slice(&text).map_err(no_plan)?;
         if let Some(fault) = manifest.fault() {
@@ -227,8 +227,8 @@ impl Job {
     }
 
     pub(super) fn changed(&self, how: &str) -> Error {
-        let what = format!("the snapshot changed after `plan`: {how}");
-        Error::input_with(&self.manifest.plan.metadata.source, what, "run `plan` again, in another folder")
+        let message = format!("the snapshot changed after `plan`: {how}");
+        Error::input_with(&self.manifest.plan.metadata.source, message, "run `plan` again, in another folder")
     }
 
     /// Layer by layer, the part of some of the snapshot's runs that lies in it.

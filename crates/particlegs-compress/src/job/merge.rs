@@ -90,8 +90,8 @@ impl Job {
         let missing = self.missing()?;
         let Some(first) = missing.first() else { return Ok(()) };
         let blocks = self.manifest.plan.recipe().blocks;
-        let what = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
-        Err(Error::input_with(&self.folder, what, self.run_again("block", *first, false)))
+        let message = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
+        Err(Error::input_with(&self.folder, message, self.run_again("block", *first, false)))
     }
 
     /// A command is to be run for a chunk or a block, again where what is there is broken.

@@ -44,8 +44,8 @@ impl Job {
         task.options.check()?;
         if task.options.target.goal().is_some() {
             let hint = Hint::from("use a size, a ratio or a number of Gaussians; ").command("compress", "");
-            let what = "a job cannot search for a quality, which depends on all blocks together";
-            return Err(Error::argument_with(what, hint.words(" accepts a quality target")));
+            let message = "a job cannot search for a quality, which depends on all blocks together";
+            return Err(Error::argument_with(message, hint.words(" accepts a quality target")));
         }
         check_folder(folder)?;
         let mut fields = FieldPlan::default();
@@ -172,8 +172,8 @@ fn check_folder(folder: &Path) -> Result<()> {
     match entries.find(|e| !ours(e.file_name())) {
         None => output::check_writable(&folder.join("plan.json")),
         Some(other) => {
-            let what = format!("the folder contains `{}`", other.file_name().to_string_lossy());
-            Err(Error::output(folder, what, "use a new or empty folder"))
+            let message = format!("the folder contains `{}`", other.file_name().to_string_lossy());
+            Err(Error::output(folder, message, "use a new or empty folder"))
         }
     }
 }

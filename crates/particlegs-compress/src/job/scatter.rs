@@ -20,8 +20,8 @@ impl Job {
     ) -> Result<bool> {
         let chunks = self.manifest.chunks;
         if chunk >= chunks {
-            let what = format!("there is no chunk {chunk}: this job has {chunks} chunks, numbered from 0");
-            return Err(Error::argument(what));
+            let message = format!("there is no chunk {chunk}: this job has {chunks} chunks, numbered from 0");
+            return Err(Error::argument(message));
         }
         if self.chunk_path(chunk).is_file() {
             // Half-written or foreign files are named, not taken for done.

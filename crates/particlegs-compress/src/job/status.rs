@@ -96,8 +96,8 @@ impl Job {
         }
         context.end();
         if missing.is_empty() && particles != m.plan.metadata.count {
-            let what = format!("the blocks have {particles} particles, but the plan has {}", m.plan.metadata.count);
-            return Err(Error::input(&self.folder, what));
+            let message = format!("the blocks have {particles} particles, but the plan has {}", m.plan.metadata.count);
+            return Err(Error::input(&self.folder, message));
         }
         Ok(())
     }
@@ -112,8 +112,8 @@ impl Job {
             let corner = |c: [f64; 3]| each_axis(|k| (c[k] - self.manifest.origin[k]) as f32);
             let reached = self.manifest.plan.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
-                let what = format!("the particles in the file are not those of block {block}");
-                return Err(Error::input_with(&path, what, self.run_again("block", block, true)));
+                let message = format!("the particles in the file are not those of block {block}");
+                return Err(Error::input_with(&path, message, self.run_again("block", block, true)));
             }
             particles = particles.saturating_add(decoded.count);
         }

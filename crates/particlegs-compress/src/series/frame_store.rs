@@ -31,8 +31,11 @@ impl FrameStore {
             Some(bytes) if bytes == recipe.as_bytes() => store.has_frames = true,
             Some(_) if !replace => {
                 store.has_frames = true;
-                let what = format!("{} holds frames that were made with other options", folder.path().display());
-                return Err(Error::argument_with(what, Hint::from("remove the folder, or use ").option("force", "")));
+                let message = format!("{} holds frames that were made with other options", folder.path().display());
+                return Err(Error::argument_with(
+                    message,
+                    Hint::from("remove the folder, or use ").option("force", ""),
+                ));
             }
             _ => {
                 folder.clear()?;

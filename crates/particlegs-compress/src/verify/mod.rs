@@ -119,11 +119,11 @@ impl StoredModel {
         let m = &self.model.metadata;
         let (counts, mass_error) = sums(&self.model);
         if counts != m.count || mass_error.is_nan() || mass_error > 1e-9 {
-            let what = format!(
+            let message = format!(
                 "its Gaussians stand for {counts} of {} particles, and their mass is off by {mass_error:e}",
                 m.count
             );
-            return Err(Error::corrupt(&self.place, what));
+            return Err(Error::corrupt(&self.place, message));
         }
         Ok(self)
     }

@@ -12,11 +12,11 @@ use crate::{Error, Result};
 pub fn path_through(keys: &[View], frames: usize) -> Result<Vec<View>> {
     let parallel = |v: &View| matches!(v.camera.projection, Projection::Orthographic { .. });
     if let Some(other) = keys.iter().find(|v| parallel(v) != parallel(&keys[0])) {
-        let what = format!(
+        let message = format!(
             "cannot interpolate between `{}` and `{}`: one is perspective, the other orthographic",
             keys[0].name, other.name
         );
-        return Err(Error::argument(what));
+        return Err(Error::argument(message));
     }
     let rotations = keys.iter().map(|v| Ok(Rotation::from_frame(&v.camera.frame()?))).collect::<Result<Vec<_>>>()?;
     let numbers: Vec<[f64; 9]> = keys.iter().map(numbers).collect();

@@ -193,8 +193,8 @@ pub(crate) fn read<'a>(kind: u8, file: &'a [u8], place: &str) -> Result<FileSect
             FRAME_INDEX | FRAME if kind == SERIES => sections.push(section),
             tag if is_optional(tag) => sections.push(section),
             tag => {
-                let what = format!("section `{}` is unknown and required", tag.escape_ascii());
-                return Err(Error::Compatibility { place: place.into(), what });
+                let message = format!("section `{}` is unknown and required", tag.escape_ascii());
+                return Err(Error::Compatibility { place: place.into(), what: message });
             }
         }
     }
@@ -231,8 +231,9 @@ pub fn other_length(there: u64, length: u64) -> String {
 fn promise(file: &[u8], place: &str) -> Result<u64> {
     let corrupt = |what: String| Err(Error::corrupt(place, what));
     if !file.starts_with(&MAGIC) {
-        let what = if file.is_empty() { "the file is empty" } else { "the first bytes are not those of a model file" };
-        return corrupt(what.into());
+        let message =
+            if file.is_empty() { "the file is empty" } else { "the first bytes are not those of a model file" };
+        return corrupt(message.into());
     }
     let Some(head) = file.get(..HEAD_BYTES) else {
         return corrupt(format!("the file ends after {} bytes, inside the header", file.len()));

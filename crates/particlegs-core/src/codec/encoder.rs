@@ -342,8 +342,8 @@ fn check(block: &Block) -> Result<()> {
         let inside = opacity.iter().all(|o| (0.0..=1.0).contains(o));
         let bright = grey.iter().all(|&v| v >= 0.0 && v.is_finite());
         if opacity.len() != n || grey.len() != n || !inside || !bright || g.masses().is_some() {
-            let what = "cannot encode opacities outside [0, 1], grey levels below 0, or either together with masses";
-            return Err(Error::argument(what));
+            let message = "cannot encode opacities outside [0, 1], grey levels below 0, or either together with masses";
+            return Err(Error::argument(message));
         }
     }
     Ok(())

@@ -337,9 +337,9 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     }
     let number_of = |blocks: &[&mut BlockPart<'a>], s: &Section<'_>| {
         let number = s.block.map_or(usize::MAX, |b| b as usize);
-        let what =
+        let message =
             || corrupt(format!("the section at byte {} refers to block {number}, which does not exist", s.offset));
-        if number < blocks.len() { Ok(number) } else { Err(what()) }
+        if number < blocks.len() { Ok(number) } else { Err(message()) }
     };
     let mut blocks: Vec<&mut BlockPart<'a>> = layers.iter_mut().flat_map(|l| &mut l.2).collect();
     let mut before = None;

@@ -98,8 +98,8 @@ impl Merge {
             there.coded.content.extend(layer.content);
             return Ok(());
         };
-        let what = format!("particles of layer `{}` {what}: they cannot form one layer", layer.name);
-        Err(Error::input(place, what))
+        let message = format!("particles of layer `{}` {what}: they cannot form one layer", layer.name);
+        Err(Error::input(place, message))
     }
 
     /// The merged file: no certificate, for nothing was measured on it.
@@ -177,7 +177,7 @@ fn refuse_other_fields(a: &[Quantity], b: &[Quantity], first: &str, place: &str)
     let unit = |q: &Quantity| q.unit.as_ref().map_or("no unit".to_string(), |u| format!("unit `{}`", u.text));
     let weights = |q: &Quantity| if q.by_mass { "mass" } else { "number" };
     let said = |q: &Quantity| format!("a {} with {}, weighted by {}", q.kind.name(), unit(q), weights(q));
-    let what = if let Some(q) = a.iter().find(|q| lacks(b, q)) {
+    let message = if let Some(q) = a.iter().find(|q| lacks(b, q)) {
         format!("the model has no field `{}`, which {first} has", q.name)
     } else if let Some(q) = b.iter().find(|q| lacks(a, q)) {
         format!("the model has the field `{}`, which {first} lacks", q.name)
@@ -188,7 +188,7 @@ fn refuse_other_fields(a: &[Quantity], b: &[Quantity], first: &str, place: &str)
     } else {
         return Ok(());
     };
-    Err(Error::input_with(place, what, hint))
+    Err(Error::input_with(place, message, hint))
 }
 
 /// The first block of a file: they come in order.

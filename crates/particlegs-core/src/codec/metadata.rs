@@ -175,8 +175,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
     m.fields = all[own.len()..].to_vec();
     if let Some(traits) = get(TRAITS) {
         if traits.len() != m.fields.len() {
-            let what = format!("the traits of {} fields are given, but there are {}", traits.len(), m.fields.len());
-            return Err(SectionFault::Corrupt(what));
+            let message = format!("the traits of {} fields are given, but there are {}", traits.len(), m.fields.len());
+            return Err(SectionFault::Corrupt(message));
         }
         for (field, v) in m.fields.iter_mut().zip(traits) {
             if *v > 7 || (*v > 1 && matches!(field.kind, QuantityKind::Vector | QuantityKind::Category)) {

@@ -266,8 +266,9 @@ impl<'a> SeriesFile<'a> {
             }
             Some(_) => Err(Error::input(&self.place, format!("frame {frame} is missing"))),
             None => {
-                let what = format!("there is no frame {frame}; frames go from 0 to {}", self.frames.len().max(1) - 1);
-                Err(Error::input(&self.place, what))
+                let message =
+                    format!("there is no frame {frame}; frames go from 0 to {}", self.frames.len().max(1) - 1);
+                Err(Error::input(&self.place, message))
             }
         }
     }
@@ -345,9 +346,9 @@ impl<'a> SeriesFile<'a> {
             let time = self.clock.time(number, metadata);
             if time != Some(entry.time) {
                 let stated = time.map_or("none".into(), |t| t.to_string());
-                let what =
+                let message =
                     format!("its {} is {} in the index and {stated} in the frame", self.clock.name(), entry.time);
-                return Err(wrong(what));
+                return Err(wrong(message));
             }
             if let Some(before) = &before {
                 if let Some(difference) = before.difference_to_next(metadata) {
@@ -356,8 +357,8 @@ impl<'a> SeriesFile<'a> {
                 let by_number = recipe.as_ref().is_some_and(|r| r.trajectory);
                 let [then, now] = [before, metadata].map(|m| m.epoch.frame.filter(|_| by_number));
                 if let Some((then, now)) = then.zip(now).filter(|(then, now)| now <= then) {
-                    let what = format!("it is frame {now} of {}, behind frame {then} of it", metadata.source);
-                    return Err(wrong(what));
+                    let message = format!("it is frame {now} of {}, behind frame {then} of it", metadata.source);
+                    return Err(wrong(message));
                 }
             }
             group = if entry.kind == FrameCoding::Keyframe { 1 } else { group + 1 };
@@ -487,8 +488,8 @@ impl<'a> SeriesDecoder<'a> {
             let times: Vec<f64> = series.frames.iter().filter(|f| there(f)).map(|f| f.time).collect();
             let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
             let clock = series.clock.name();
-            let what = format!("{clock} {time} is not within the series, which goes from {first} to {last}");
-            return Err(Error::input(&series.place, what));
+            let message = format!("{clock} {time} is not within the series, which goes from {first} to {last}");
+            return Err(Error::input(&series.place, message));
         };
         let from = self.frame(before, context)?.clone();
         let next = self.frame(after, context)?;
@@ -611,8 +612,8 @@ impl TrackedModel {
         let Model { metadata, layers, certificate } = Decoder::new(bytes, place, context)?.finish_stored()?;
         let shaded = layers.iter().flat_map(|l| &l.content).any(|b| b.gaussians.law.alpha_blend().is_some());
         if shaded || !metadata.shared_species.is_empty() {
-            let what = "alpha-blend models and species that share Gaussians have no changes from frame to frame";
-            return Err(Error::input(place, what));
+            let message = "alpha-blend models and species that share Gaussians have no changes from frame to frame";
+            return Err(Error::input(place, message));
         }
         let sections = container::read(container::MODEL, bytes, place)?.sections;
         let key = sections.first().map(|s| s.bytes.to_vec()).unwrap_or_default();

@@ -91,10 +91,10 @@ impl SeriesClock {
             let (unit, length) = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
             let seconds = number(text.trim_end_matches(unit))? * length;
             if self == SeriesClock::ScaleFactor {
-                let what = format!(
+                let message = format!(
                     "time {text}: the series does not state h, Omega_m and Omega_Lambda, or its universe has no such moment"
                 );
-                return cosmology.scale_factor_at(seconds).ok_or_else(|| Error::argument(what));
+                return cosmology.scale_factor_at(seconds).ok_or_else(|| Error::argument(message));
             }
             let own = units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0);
             let own =
@@ -102,8 +102,9 @@ impl SeriesClock {
             (SeriesClock::Time, if self == SeriesClock::Time { seconds / own?.factor } else { seconds })
         };
         if clock != self {
-            let what = format!("time {text}: the clock of the series is its {}, not its {}", self.name(), clock.name());
-            return Err(Error::argument(what));
+            let message =
+                format!("time {text}: the clock of the series is its {}, not its {}", self.name(), clock.name());
+            return Err(Error::argument(message));
         }
         Ok(value)
     }

@@ -20,8 +20,8 @@ pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     let p = &network.parameters;
     let most = WIDEST_STEP * MOST_WEIGHT;
     if p.len() != VIZMAPPER_PARAMETERS || !p.iter().all(|v| v.abs() <= most) {
-        let what = format!("a VizMapper of {} parameters has a wrong number or infinite ones", p.len());
-        return Err(Error::argument(what));
+        let message = format!("a VizMapper of {} parameters has a wrong number or infinite ones", p.len());
+        return Err(Error::argument(message));
     }
     check_ranges(&network.ranges).map_err(Error::argument)?;
     let mut out = Vec::with_capacity(VIZMAPPER_BYTES);

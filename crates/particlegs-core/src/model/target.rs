@@ -127,7 +127,7 @@ impl fmt::Display for Target {
 fn check_goal(goal: Goal) -> Result<Goal> {
     let Goal { kind, asked, at } = goal;
     let inside = asked > 0.0 && asked < if kind == GoalKind::Psnr { f64::INFINITY } else { 1.0 };
-    let what = match kind {
+    let message = match kind {
         _ if !inside && kind == GoalKind::Correlation => format!("the correlation {asked} is not between 0 and 1"),
         _ if !inside => format!("{asked} is not a share between 0 and 1 (0 % and 100 %)"),
         GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("{at} is not a positive wave number"),
@@ -137,7 +137,7 @@ fn check_goal(goal: Goal) -> Result<Goal> {
         }
         _ => return Ok(goal),
     };
-    Err(Error::argument(what))
+    Err(Error::argument(message))
 }
 
 #[cfg(test)]

@@ -79,8 +79,8 @@ pub fn check_densities(one: (&str, &str), other: (&str, &str)) -> Result<()> {
     if one.1 == other.1 {
         return Ok(());
     }
-    let what = format!("its density is of {}, that of {} of {}: they cannot be compared", other.1, one.0, one.1);
-    Err(Error::input_with(other.0, what, "show each on its own, or make both with masses, or both without"))
+    let message = format!("its density is of {}, that of {} of {}: they cannot be compared", other.1, one.0, one.1);
+    Err(Error::input_with(other.0, message, "show each on its own, or make both with masses, or both without"))
 }
 
 impl Model {
@@ -91,8 +91,8 @@ impl Model {
     /// [`Error::Argument`] for these.
     pub fn check_density(&self, shown: impl Fn(usize) -> bool) -> Result<()> {
         if self.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no density, because its splats have opacities instead of masses";
-            return Err(Error::argument_with(what, Hint::from("draw particles with ").command("recover", "")));
+            let message = "an alpha-blend model has no density, because its splats have opacities instead of masses";
+            return Err(Error::argument_with(message, Hint::from("draw particles with ").command("recover", "")));
         }
         let with_masses = |(i, layer): (usize, &super::Layer<_>)| shown(i).then_some(layer.mass != Mass::Unknown);
         let mut with_masses = self.layers.iter().enumerate().filter_map(with_masses);
@@ -100,8 +100,8 @@ impl Model {
         if with_masses.all(|one| Some(one) == first) {
             return Ok(());
         }
-        let what = "some layers have masses and others do not, so they cannot be added";
-        Err(Error::argument_with(what, "choose only layers with masses, or only layers without"))
+        let message = "some layers have masses and others do not, so they cannot be added";
+        Err(Error::argument_with(message, "choose only layers with masses, or only layers without"))
     }
 
     /// What its density sums ([`density_of`]).

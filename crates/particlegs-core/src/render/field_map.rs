@@ -134,9 +134,9 @@ fn check_weighting(parts: &[(&Mixture, f64)], query: &FieldQuery) -> Result<()> 
             return Err(Error::argument(format!("field `{by}` has negative values: means cannot be weighted by it")));
         }
         if *by != query.name && m.correlation(&query.name, by).is_none() {
-            let what = format!("the model has no correlations of `{}` and `{by}`", query.name);
+            let message = format!("the model has no correlations of `{}` and `{by}`", query.name);
             let hint = Hint::from("compress the snapshot again with ").option("fields", format!("{},{by}", query.name));
-            return Err(Error::argument_with(what, hint));
+            return Err(Error::argument_with(message, hint));
         }
     }
     Ok(())

@@ -106,8 +106,8 @@ impl FieldQuery {
             }
             None => {
                 let names: Vec<String> = fields.iter().flat_map(FieldQuery::names).collect();
-                let what = format!("the model has no field `{text}`");
-                Err(Error::argument_with(what, format!("its fields: {}", names.join(", "))))
+                let message = format!("the model has no field `{text}`");
+                Err(Error::argument_with(message, format!("its fields: {}", names.join(", "))))
             }
         }
     }
@@ -121,15 +121,18 @@ impl FieldQuery {
             return Ok(FieldQuery { weight, ..self });
         }
         let Some(q) = fields.iter().find(|q| q.name.eq_ignore_ascii_case(text)) else {
-            let what = format!("there is no field `{text}` to weigh means by");
-            return Err(Error::argument_with(what, "weights are `mass`, `count`, or a positive scalar field's name"));
+            let message = format!("there is no field `{text}` to weigh means by");
+            return Err(Error::argument_with(
+                message,
+                "weights are `mass`, `count`, or a positive scalar field's name",
+            ));
         };
         if q.kind != QuantityKind::Scalar {
             return Err(Error::argument(format!("field `{}` is not a scalar: means cannot be weighted by it", q.name)));
         }
         if self.component != MapComponent::Scalar {
-            let what = format!("field `{}` is a vector: its means are weighted by mass or count alone", self.name);
-            return Err(Error::argument(what));
+            let message = format!("field `{}` is a vector: its means are weighted by mass or count alone", self.name);
+            return Err(Error::argument(message));
         }
         Ok(FieldQuery { by: Some(q.name.clone()), ..self })
     }

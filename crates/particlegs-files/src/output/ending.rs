@@ -31,12 +31,12 @@ pub fn ending<'a>(out: &Path, written: &[&'a str]) -> Result<Option<&'a str>> {
     if !is_type || NO_TYPES.contains(&&name[..]) {
         return Ok(None);
     }
-    let what = format!("{}: this command does not write .{name} files", out.display());
+    let message = format!("{}: this command does not write .{name} files", out.display());
     let hint = match written {
         [] => "it writes a folder: end its name in /, or omit the ending".to_string(),
         _ => format!("possible endings: .{}", written.join(", .")),
     };
-    Err(Error::argument_with(what, hint))
+    Err(Error::argument_with(message, hint))
 }
 
 #[cfg(test)]

@@ -48,8 +48,8 @@ impl WholeFolder {
                 continue;
             }
             if !own.iter().any(|o| name == *o) || entry.file_type().is_ok_and(|t| t.is_dir()) {
-                let what = format!("contains `{}`, which this command does not write", name.to_string_lossy());
-                return Err(Error::output(out, what, "name another or an empty folder"));
+                let message = format!("contains `{}`, which this command does not write", name.to_string_lossy());
+                return Err(Error::output(out, message, "name another or an empty folder"));
             }
             filled = true;
         }
@@ -70,8 +70,8 @@ impl WholeFolder {
         let is_there = target.is_dir();
         let here = is_there && Identity::from_path(&target) == Identity::from_path(Path::new("."));
         if here && filled {
-            let what = "is the working folder and would be replaced as a whole";
-            return Err(Error::output(out, what, "run the command in another folder"));
+            let message = "is the working folder and would be replaced as a whole";
+            return Err(Error::output(out, message, "run the command in another folder"));
         }
         let beside = TemporaryFolder::within(folder_of(&target));
         let (staged, way) = match beside {
@@ -157,9 +157,9 @@ impl WholeFolder {
     fn remove(&self, old: PathBuf) -> std::io::Result<bool> {
         self.before.remove(&old).map(|()| true).or_else(|_| {
             let kept = free_name(&self.target, |path| rename_new(&old, path))?;
-            let what =
+            let message =
                 format!("the old folder was in use while it was replaced; its remains are in {}", kept.display());
-            Err(std::io::Error::other(what))
+            Err(std::io::Error::other(message))
         })
     }
 

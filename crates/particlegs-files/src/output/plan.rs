@@ -85,8 +85,8 @@ impl Outputs {
                 self.note(path, target)?;
                 check_writable(path)?;
                 if !kind.may_replace(target).map_err(|e| Error::io(path, e))? {
-                    let what = format!("exists and is not {}", kind.name);
-                    return Err(Error::output(path, what, "name another file; this one is left unchanged"));
+                    let message = format!("exists and is not {}", kind.name);
+                    return Err(Error::output(path, message, "name another file; this one is left unchanged"));
                 }
                 let empty = target.metadata().is_ok_and(|m| m.len() == 0);
                 kind.kept && !self.replaces() && !empty

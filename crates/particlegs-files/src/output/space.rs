@@ -14,8 +14,8 @@ pub fn check_space(folder: &Path, bytes: u64) -> std::io::Result<()> {
     let disk = rustix::fs::statvfs(folder)?;
     let free = disk.f_bavail.saturating_mul(disk.f_frsize);
     if free < bytes {
-        let what = format!("the output needs {bytes} bytes, but the disk has only {free} free");
-        return Err(std::io::Error::new(std::io::ErrorKind::StorageFull, what));
+        let message = format!("the output needs {bytes} bytes, but the disk has only {free} free");
+        return Err(std::io::Error::new(std::io::ErrorKind::StorageFull, message));
     }
     Ok(())
 }

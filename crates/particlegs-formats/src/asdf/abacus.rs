@@ -169,9 +169,9 @@ impl Pack9 {
     fn cell(&self, row: &Pack9Row) -> Result<Pack9Cell> {
         let n = shorts(row).map(f64::from);
         if !is_cell(row) || n[1] + 2000.0 < 1.0 {
-            let what =
+            let message =
                 if is_cell(row) { "a cell of pack9 is damaged" } else { "a particle comes before the first cell" };
-            return Err(self.block.fault(what.into()));
+            return Err(self.block.fault(message.into()));
         }
         let inverse = (1.0 / (n[1] + 2000.0)) as f32;
         let size = self.box_size * inverse;

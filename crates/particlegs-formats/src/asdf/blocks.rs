@@ -117,8 +117,8 @@ impl AsdfBlock {
             }
             other => {
                 let name = String::from_utf8_lossy(other).replace(char::is_control, "");
-                let what = format!("it is compressed with `{name}`, which this program does not read");
-                return Err(Error::input_with(&place, what, "write the file with zlib, bzp2, lz4 or blsc"));
+                let message = format!("it is compressed with `{name}`, which this program does not read");
+                return Err(Error::input_with(&place, message, "write the file with zlib, bzp2, lz4 or blsc"));
             }
         }
         let cache = ChunkCache::new(DEFAULT_BYTES / sharers);

@@ -280,8 +280,8 @@ impl AsdfSnapshot {
         let positions = positions_named(&fields);
         if positions.is_none() && choice.positions.is_none() {
             let names = fields.iter().map(|f| &f.name[..]).collect::<Vec<_>>().join(", ");
-            let what = format!("it has no positions (pack9, rvint, pos or x, y, z); its arrays are: {names}");
-            return Err(Error::input_with(&path, what, "name the file with positions, such as field_rv_A_000.asdf"));
+            let message = format!("it has no positions (pack9, rvint, pos or x, y, z); its arrays are: {names}");
+            return Err(Error::input_with(&path, message, "name the file with positions, such as field_rv_A_000.asdf"));
         }
         let (mut meta, mut notes) = (named(&path), Vec::new());
         // Arrays by other names need not be in the unit of the box: those of haloes have a box of length 1.

@@ -25,8 +25,8 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<AsdfFile>> {
     let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
     let files: Vec<AsdfFile> = paths.iter().map(|path| AsdfFile::open(path)).collect::<Result<_>>()?;
     if let Some(other) = files.iter().find(|f| f.packed != files[0].packed || f.abacus != files[0].abacus) {
-        let what = format!("the header differs from that of {}", first.display());
-        return Err(Error::input_with(&other.path, what, "name one snapshot at a time"));
+        let message = format!("the header differs from that of {}", first.display());
+        return Err(Error::input_with(&other.path, message, "name one snapshot at a time"));
     }
     let ([_], Some((before, number, after)), Some(_)) = (paths, numbered(first), files[0].packed) else {
         return Ok(files);

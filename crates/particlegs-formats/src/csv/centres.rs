@@ -51,11 +51,11 @@ impl Catalogue {
         let is_far = |place: [f64; 3]| cell.is_some_and(|cell| cell.beyond(cell.offset(place)) > 1.0);
         let far = centres.iter().filter(|(place, _)| is_far(*place)).count();
         if far > 0 {
-            let what =
+            let message =
                 format!("{far} of {} centres lie more than a box length outside the periodic box", centres.len());
             return Err(Error::input_with(
                 name_of(path),
-                what,
+                message,
                 "check their unit of length and which columns they are in",
             ));
         }

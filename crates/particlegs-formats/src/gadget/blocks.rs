@@ -110,9 +110,9 @@ impl GadgetFile {
     /// Format 1 has no names: the user's, else what lengths and values tell.
     fn place_plain(&mut self, records: &[GadgetRecord], stated: &[String]) -> Result<()> {
         if stated.len() > records.len() {
-            let what =
+            let message =
                 format!("{} block names were given, but {} blocks follow the header", stated.len(), records.len());
-            return Err(Error::input(&self.path, what));
+            return Err(Error::input(&self.path, message));
         }
         if stated.is_empty() {
             self.order = order::names(
@@ -129,8 +129,8 @@ impl GadgetFile {
             match block {
                 Some(block) => self.blocks.push(block),
                 None if stated.contains(&name) && name != order::NONE => {
-                    let what = format!("block {name} at byte {} has {} bytes", record.offset, record.length);
-                    return Err(Error::input_with(&self.path, what, "the counts in the header need another size"));
+                    let message = format!("block {name} at byte {} has {} bytes", record.offset, record.length);
+                    return Err(Error::input_with(&self.path, message, "the counts in the header need another size"));
                 }
                 None => self.unknown.push(format!("at byte {}", record.offset)),
             }
@@ -178,9 +178,9 @@ impl GadgetFile {
             return Ok(None);
         }
         let (length, at) = (record.length, record.offset);
-        let what =
+        let message =
             format!("block {name} at byte {at} has {length} bytes, but the header's counts need {needed} numbers");
-        Err(self.cut(what))
+        Err(self.cut(message))
     }
 }
 

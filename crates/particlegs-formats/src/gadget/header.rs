@@ -72,8 +72,8 @@ impl GadgetHeader {
         ];
         for (name, value, least) in masses.chain(others) {
             if !value.is_finite() || value.is_subnormal() || value < least {
-                let what = format!("the Gadget header's {name} is {value:e}: the header is damaged");
-                return Err(Error::input_with(path, what, "copy the file again from its source"));
+                let message = format!("the Gadget header's {name} is {value:e}: the header is damaged");
+                return Err(Error::input_with(path, message, "copy the file again from its source"));
             }
         }
         Ok(())

@@ -104,10 +104,10 @@ impl BlockOrder<'_> {
         }
         if mass.is_none() && needed && run > 1 {
             let at = self.records[start].offset;
-            let what = format!("none of the {run} blocks from byte {at} on looks like masses");
+            let message = format!("none of the {run} blocks from byte {at} on looks like masses");
             let hint = Hint::default().option("gadget-blocks", "POS,VEL,ID,-,MASS");
             let hint = hint.words(" names the blocks after the header; - skips a block");
-            return Err(Error::input_with(self.path, what, hint));
+            return Err(Error::input_with(self.path, message, hint));
         }
         if needed {
             // Where its length is another, the fault is named when it is placed.

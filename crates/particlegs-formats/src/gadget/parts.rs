@@ -26,14 +26,15 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec
         names => names?,
     };
     if let Some(alien) = paths.iter().find(|p| !names.contains(p)) {
-        let what = format!("this is not one of the {files} file(s) of the snapshot {}", names[0].display());
-        return Err(Error::input_with(alien, what, "name one snapshot at a time"));
+        let message = format!("this is not one of the {files} file(s) of the snapshot {}", names[0].display());
+        return Err(Error::input_with(alien, message, "name one snapshot at a time"));
     }
     let mut parts: Vec<GadgetFile> = Vec::with_capacity(names.len());
     for name in &names {
         if !name.exists() {
-            let what = format!("this file is missing: {} says that the snapshot has {files} files", paths[0].display());
-            return Err(Error::input_with(name, what, "put all files of the snapshot into one folder"));
+            let message =
+                format!("this file is missing: {} says that the snapshot has {files} files", paths[0].display());
+            return Err(Error::input_with(name, message, "put all files of the snapshot into one folder"));
         }
         let part = GadgetFile::open(name, &options.blocks)?;
         check_alike(&given, &part)?;
@@ -73,8 +74,8 @@ fn check_alike(first: &GadgetFile, part: &GadgetFile) -> Result<()> {
     if same && masses {
         return Ok(());
     }
-    let what = format!("the header differs from that of {}", first.path.display());
-    Err(Error::input_with(&part.path, what, "the files are of different snapshots"))
+    let message = format!("the header differs from that of {}", first.path.display());
+    Err(Error::input_with(&part.path, message, "the files are of different snapshots"))
 }
 
 /// Where the headers count others than the files hold together. Codes that leave the totals 0 are believed, and the

@@ -128,8 +128,8 @@ impl GenericIoFile {
         let whole = |c: &RankColumn| c.blosc || length == Some(c.size);
         column.filter(|c| end(c).is_some_and(|e| e <= self.bytes.len() as u64) && whole(c)).ok_or_else(|| {
             let name = &self.variables[variable].name;
-            let what = format!("variable {name} of rank {rank} ends beyond the file's {} bytes", self.bytes.len());
-            Error::input_with(&self.path, what, HINT)
+            let message = format!("variable {name} of rank {rank} ends beyond the file's {} bytes", self.bytes.len());
+            Error::input_with(&self.path, message, HINT)
         })
     }
 
@@ -152,8 +152,8 @@ impl GenericIoFile {
             "BLOSC" if header.name(at + 8, 8)?.is_empty() => true,
             other => {
                 let name = &self.variables[variable].name;
-                let what = format!("variable {name} of rank {rank} uses the unknown filter `{other}`");
-                return Err(Error::input_with(&self.path, what, "write the file without this filter"));
+                let message = format!("variable {name} of rank {rank} uses the unknown filter `{other}`");
+                return Err(Error::input_with(&self.path, message, "write the file without this filter"));
             }
         };
         Ok(RankColumn { start: header.int(at + 32)?, size: header.int(at + 40)?, blosc })
@@ -172,8 +172,8 @@ fn checked_header<'a>(path: &'a Path, bytes: &'a [u8], big_endian: bool) -> Resu
     let size = all.int(8)?;
     let end = size.checked_add(CRC).filter(|&e| size >= 104 && e <= bytes.len() as u64);
     if end.is_none() {
-        let what = format!("the header says that it has {size} bytes, but the file has only {}", bytes.len());
-        return Err(Error::input_with(path, what, HINT));
+        let message = format!("the header says that it has {size} bytes, but the file has only {}", bytes.len());
+        return Err(Error::input_with(path, message, HINT));
     }
     let (header, rest) = bytes.split_at(size as usize);
     // The sum is stored inverted, little-endian in either byte order.

@@ -37,10 +37,10 @@ impl Ranks {
         let place = file.path.display().to_string();
         let column = |&v: &usize| {
             let variable = &file.variables[v];
-            let what = || {
+            let message = || {
                 format!("variable {} has {} bytes per particle, which is not a number", variable.name, variable.size)
             };
-            Ok((v, variable.kind.ok_or_else(|| Error::input(&place, what()))?.stored(as_stored)))
+            Ok((v, variable.kind.ok_or_else(|| Error::input(&place, message()))?.stored(as_stored)))
         };
         let columns = variables.iter().map(column).collect::<Result<_>>()?;
         let mut starts = Vec::with_capacity(file.ranks.len() + 1);
@@ -55,8 +55,8 @@ impl Ranks {
     }
 
     fn fault(&self, rank: usize, variable: usize, what: &str) -> Error {
-        let what = format!("variable {} of rank {rank}: {what}", self.file.variables[variable].name);
-        Error::input_with(&self.place, what, "the data are damaged: copy the file again from its source")
+        let message = format!("variable {} of rank {rank}: {what}", self.file.variables[variable].name);
+        Error::input_with(&self.place, message, "the data are damaged: copy the file again from its source")
     }
 
     /// The checksums of a rank's columns, verified once.

@@ -24,15 +24,15 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<GenericIoFile>> {
     };
     let parts: Vec<PathBuf> = partitions(&first, partition)?.iter().map(|p| part(&whole, *p)).collect();
     if let Some(alien) = paths.iter().find(|p| **p != whole && !parts.contains(p)) {
-        let what = format!("{} does not list this file", whole.display());
-        return Err(Error::input_with(alien, what, "name one snapshot at a time"));
+        let message = format!("{} does not list this file", whole.display());
+        return Err(Error::input_with(alien, message, "name one snapshot at a time"));
     }
     let open = |path: &PathBuf| {
         if path.exists() {
             return GenericIoFile::open(path);
         }
-        let what = format!("this file is missing: {} lists it as part of the snapshot", whole.display());
-        Err(Error::input_with(path, what, "put all files of the snapshot into one folder"))
+        let message = format!("this file is missing: {} lists it as part of the snapshot", whole.display());
+        Err(Error::input_with(path, message, "put all files of the snapshot into one folder"))
     };
     let files: Vec<GenericIoFile> = parts.iter().map(open).collect::<Result<_>>()?;
     if files.is_empty() {

@@ -55,8 +55,8 @@ impl XdrFile {
 
     /// The error for frame `number`, which begins at byte `at`.
     fn error(&self, number: u64, at: u64, what: &str) -> Error {
-        let what = format!("frame {number}, at byte {at}: {what}");
-        Error::input_with(&self.path, what, "the file is damaged or cut short: copy it again")
+        let message = format!("frame {number}, at byte {at}: {what}");
+        Error::input_with(&self.path, message, "the file is damaged or cut short: copy it again")
     }
 
     /// Checks that a frame of `size` bytes ends within the file, and gives its end.

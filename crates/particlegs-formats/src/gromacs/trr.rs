@@ -92,9 +92,9 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let frames = found.frames(Some(found.frame.0.step.into()));
     let (frame, at) = found.frame;
     if frame.arrays[0] == 0 && frame.atoms > 0 {
-        let what = format!("frame {} has no positions", found.number);
+        let message = format!("frame {} has no positions", found.number);
         let last = with_positions.map(|n| Hint::default().option("frame", n).words(" reads one that has"));
-        return Err(Error::input_with(path, what, last.unwrap_or_default()));
+        return Err(Error::input_with(path, message, last.unwrap_or_default()));
     }
     let missing = |k: &usize| frame.arrays[1 + k] == 0 && has[*k].contains(&true);
     let absent = (0..2).filter(missing).map(|k| AbsentField::new(ARRAYS[1 + k].0, found.number, &has[k]));

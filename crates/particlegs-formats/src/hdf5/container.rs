@@ -99,8 +99,8 @@ impl Container {
             .map_err(|e| broken(&place, &e))?;
         let block = file.superblock();
         if block.base_address == 0 && block.eof_address > map.len() as u64 {
-            let what = format!("it has {} bytes but should have {}", map.len(), block.eof_address);
-            return Err(Error::input_with(place, what, "the file is cut short: copy it again"));
+            let message = format!("it has {} bytes but should have {}", map.len(), block.eof_address);
+            return Err(Error::input_with(place, message, "the file is cut short: copy it again"));
         }
         Ok(Container { place, path: path.to_path_buf(), map, file, elsewhere })
     }

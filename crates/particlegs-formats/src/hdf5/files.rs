@@ -27,9 +27,9 @@ pub fn all(given: &[PathBuf], count: u64) -> Result<Vec<PathBuf>> {
     let first = &given[0];
     if count == 1 {
         if let Some(second) = given.get(1) {
-            let what = "the header says that this file is the whole snapshot, but more files were named";
+            let message = "the header says that this file is the whole snapshot, but more files were named";
             let hint = format!("name one snapshot at a time, without {}", second.display());
-            return Err(Error::input_with(first, what, hint));
+            return Err(Error::input_with(first, message, hint));
         }
         return Ok(given.to_vec());
     }
@@ -37,13 +37,13 @@ pub fn all(given: &[PathBuf], count: u64) -> Result<Vec<PathBuf>> {
         return Err(Error::input(first, format!("the header has a wrong number of files: {count}")));
     }
     let Some((before, _, after)) = numbered(first) else {
-        let what = format!("the snapshot has {count} files, but this file name has no number");
-        return Err(Error::input_with(first, what, "name the files like snap.0.hdf5, snap.1.hdf5"));
+        let message = format!("the snapshot has {count} files, but this file name has no number");
+        return Err(Error::input_with(first, message, "name the files like snap.0.hdf5, snap.1.hdf5"));
     };
     let paths: Vec<PathBuf> = (0..count).map(|i| first.with_file_name(format!("{before}{i}{after}"))).collect();
     if let Some(missing) = paths.iter().find(|p| !p.is_file()) {
-        let what = format!("this file is missing: the snapshot has {count} files");
-        return Err(Error::input_with(missing, what, format!("put it beside {}", first.display())));
+        let message = format!("this file is missing: the snapshot has {count} files");
+        return Err(Error::input_with(missing, message, format!("put it beside {}", first.display())));
     }
     if let Some(other) = given.iter().find(|g| !paths.contains(g)) {
         return Err(Error::input(other, format!("it does not belong to the {count} files of {}", first.display())));

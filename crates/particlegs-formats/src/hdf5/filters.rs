@@ -56,9 +56,9 @@ impl Pipeline {
             id if BY_LIBRARY.contains(&id) => Ok(FilterStage::Library(f.clone())),
             id => {
                 let name = UNREAD.iter().find(|u| u.0 == id).map_or(String::new(), |u| format!(" ({})", u.1));
-                let what = format!("it is compressed with HDF5 filter {id}{name}, which is not supported");
+                let message = format!("it is compressed with HDF5 filter {id}{name}, which is not supported");
                 let hint = "rewrite the file with the program that wrote it, or `h5repack -f GZIP=4 in.hdf5 out.hdf5`";
-                Err(Error::input_with(place, what, hint))
+                Err(Error::input_with(place, message, hint))
             }
         };
         Ok(Pipeline { stages: filters.iter().map(stage).collect::<Result<_>>()?, element })

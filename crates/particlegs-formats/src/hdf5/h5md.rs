@@ -187,8 +187,8 @@ pub fn open(path: &Path, container: Container, choice: &Choice) -> Result<Box<dy
     let names = container.names_in(PARTICLES);
     let mut groups: Vec<H5mdGroup> = names.iter().filter_map(|name| H5mdGroup::read(&container, name)).collect();
     let Some(first) = groups.first() else {
-        let what = format!("an H5MD file without positions in a group of `{PARTICLES}`");
-        return Err(Error::input(path, what));
+        let message = format!("an H5MD file without positions in a group of `{PARTICLES}`");
+        return Err(Error::input(path, message));
     };
     let count = first.frames.unwrap_or(1);
     let frame = frames::number(path, choice.frame, count)?;

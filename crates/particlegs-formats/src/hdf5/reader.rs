@@ -101,9 +101,9 @@ impl DataSetSequence<'_> {
                 || rows.end.checked_sub(rows.start) != Some(stated)
             {
                 let there = format!("{} rows of {} numbers", part.table.rows, part.table.components);
-                let what =
+                let message =
                     format!("it has {there}, but {} refers to {stated} rows of {}", container.place, set.components());
-                return Err(Error::input_with(part.place, what, "the two files may belong to different snapshots"));
+                return Err(Error::input_with(part.place, message, "the two files may belong to different snapshots"));
             }
             part.rows = rows;
             parts.push(part);
@@ -126,8 +126,8 @@ impl DataSetSequence<'_> {
             Some(packed) => *packed = packed.stored(self.choice.as_stored),
         }
         if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
-            let what = format!("it has {} numbers per row, not {}", table.components, want.component + 1);
-            return Err(Error::input(place, what));
+            let message = format!("it has {} numbers per row, not {}", table.components, want.component + 1);
+            return Err(Error::input(place, message));
         }
         let (key, rows) = (self.count, 0..table.rows);
         self.count += 1;

@@ -123,8 +123,8 @@ fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
         [rows, 3] => Ok(rows),
         [0, ..] => Ok(0),
         _ => {
-            let what = format!("positions have the shape {}, not (N, 3)", positions.shape_text());
-            Err(Error::input(format!("{place}/{}", positions.name), what))
+            let message = format!("positions have the shape {}, not (N, 3)", positions.shape_text());
+            Err(Error::input(format!("{place}/{}", positions.name), message))
         }
     }
 }
@@ -170,8 +170,9 @@ impl SnapshotBuilder {
     fn rows(&mut self, positions: &DataSet, stated: Option<u64>, place: &str) -> Result<u64> {
         let rows = rows_of(positions, place)?;
         if let Some(stated) = stated.filter(|&s| s != rows) {
-            let what = format!("{} has {rows} rows, but NumPart_ThisFile in the header says {stated}", positions.name);
-            self.doubt(place, what)?;
+            let message =
+                format!("{} has {rows} rows, but NumPart_ThisFile in the header says {stated}", positions.name);
+            self.doubt(place, message)?;
         }
         Ok(rows)
     }
@@ -180,8 +181,8 @@ impl SnapshotBuilder {
         let header = Hdf5Header::read(&container)?;
         if header.files != self.header.files || header.total != self.header.total || header.time() != self.header.time()
         {
-            let what = "the header differs from that of the first file: this file belongs to another snapshot";
-            return Err(Error::input_with(path, what, "name one snapshot at a time"));
+            let message = "the header differs from that of the first file: this file belongs to another snapshot";
+            return Err(Error::input_with(path, message, "name one snapshot at a time"));
         }
         let groups = container.groups()?;
         let mut rows = [0; TYPES];
@@ -269,12 +270,13 @@ impl SnapshotBuilder {
         if header.files == 1 && rows.iter().all(|&r| r == 0) {
             let names: Vec<&str> = groups.iter().map(|g| &g.0[..]).take(8).collect();
             let has = if names.is_empty() { "no groups".to_string() } else { names.join(", ") };
-            let what = format!("this HDF5 file has no group PartType0, PartType1, ... and no positions; it has {has}");
+            let message =
+                format!("this HDF5 file has no group PartType0, PartType1, ... and no positions; it has {has}");
             let hint = match &elsewhere[..] {
                 [] => "circular links are not followed; `h5ls` lists the contents".to_string(),
                 names => format!("links to other files ({}) and circular links are not followed", names.join(", ")),
             };
-            return Err(Error::input_with(&container.place, what, hint));
+            return Err(Error::input_with(&container.place, message, hint));
         }
         Ok(())
     }
@@ -342,12 +344,12 @@ impl SnapshotBuilder {
         let Some(total) = self.header.total.clone() else { return Ok(()) };
         for (kind, &stated) in total.iter().enumerate().take(TYPES) {
             let there = counts[kind];
-            let what = format!("NumPart_Total says {stated} particles of type {kind}, but the files have {there}");
+            let message = format!("NumPart_Total says {stated} particles of type {kind}, but the files have {there}");
             // Of one file, the same number has been compared with it already.
             let said =
                 self.header.files == 1 && self.header.here.as_ref().is_some_and(|h| h.get(kind) == Some(&stated));
             if stated != there && !said {
-                self.doubt(place, what)?;
+                self.doubt(place, message)?;
             }
         }
         Ok(())

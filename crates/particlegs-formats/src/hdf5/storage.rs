@@ -83,8 +83,8 @@ pub fn table(container: &Container, group: &str, name: &str, frame: Option<u64>)
     let place = format!("{}: {group}/{name}", container.place);
     let (set, data) = container.set(group, name)?;
     let Some((kind, big_endian)) = set.number else {
-        let what = format!("the number type {} is not f32, f64 or an integer", set.kind);
-        return Err(Error::input_with(&place, what, "write it as f32 or f64, with h5py: `data[:].astype('f4')`"));
+        let message = format!("the number type {} is not f32, f64 or an integer", set.kind);
+        return Err(Error::input_with(&place, message, "write it as f32 or f64, with h5py: `data[:].astype('f4')`"));
     };
     let (rows, components) = match (frame, &set.shape[..]) {
         (None, []) => (1, 1),
@@ -209,9 +209,9 @@ impl Finder<'_> {
         let all = numbers.and_then(|n| n.checked_mul(frames)).and_then(|n| n.checked_mul(self.element));
         let bytes = all.filter(|&n| n <= MAX_CHUNK);
         let Some(bytes) = bytes else {
-            let what = format!("chunks of {rows} x {columns} numbers are larger than {} MiB each", MAX_CHUNK >> 20);
+            let message = format!("chunks of {rows} x {columns} numbers are larger than {} MiB each", MAX_CHUNK >> 20);
             let hint = "write smaller ones: `h5repack -l CHUNK=65536x3 in.hdf5 out.hdf5`";
-            return Err(Error::input_with(self.place, what, hint));
+            return Err(Error::input_with(self.place, message, hint));
         };
         let across = components.div_ceil(columns);
         let count = self.rows().div_ceil(rows).checked_mul(across);
@@ -321,8 +321,8 @@ impl Finder<'_> {
                 return Err(self.short(bytes, entry.size));
             }
             let Some(offset) = self.within(entry.address, size) else {
-                let what = format!("the chunk at row {} ends beyond the file", at(0));
-                return Err(Error::input_with(self.place, what, "the file is cut short: copy it again"));
+                let message = format!("the chunk at row {} ends beyond the file", at(0));
+                return Err(Error::input_with(self.place, message, "the file is cut short: copy it again"));
             };
             let index = at(0) / rows * across + at(1) / columns;
             places.push((index, ChunkLocation { offset, size, mask: entry.filter_mask }));
@@ -341,7 +341,7 @@ impl Finder<'_> {
     }
 
     fn hole(&self, row: u64) -> Error {
-        let what = format!("rows from {row} on were never written, of {}", self.rows());
-        Error::input_with(self.place, what, "the program that wrote the file stopped early")
+        let message = format!("rows from {row} on were never written, of {}", self.rows());
+        Error::input_with(self.place, message, "the program that wrote the file stopped early")
     }
 }

@@ -62,11 +62,11 @@ pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Opti
     }
     for next in extents.iter().map(|e| e.rows.clone()).chain(std::iter::once(rows..rows)) {
         if next.start != end {
-            let what = match next.start < end {
+            let message = match next.start < end {
                 true => format!("two sources provide row {}", next.start),
                 false => format!("rows {end} to {} have no source", next.start - 1),
             };
-            return Err(Error::input_with(&place, format!("invalid virtual data set: {what}"), COPY));
+            return Err(Error::input_with(&place, format!("invalid virtual data set: {message}"), COPY));
         }
         end = next.end;
     }
@@ -196,12 +196,13 @@ impl Entries<'_> {
         let path = if inside { stated.clone() } else { folder.join(named.file_name().unwrap_or_default()) };
         let same = |p: PathBuf| path.canonicalize().is_ok_and(|beside| beside == p);
         if !inside && (!path.is_file() || !stated.canonicalize().map_or(true, same)) {
-            let what = format!("a source of this virtual data set is in another folder: {shown}");
-            return Err(Error::input_with(self.place, what, "put the source beside this file"));
+            let message = format!("a source of this virtual data set is in another folder: {shown}");
+            return Err(Error::input_with(self.place, message, "put the source beside this file"));
         }
         if !path.is_file() {
-            let what = format!("a source file of this virtual data set is missing: {}", folder.join(shown).display());
-            return Err(Error::input_with(self.place, what, "put the source file there"));
+            let message =
+                format!("a source file of this virtual data set is missing: {}", folder.join(shown).display());
+            return Err(Error::input_with(self.place, message, "put the source file there"));
         }
         Ok(path)
     }

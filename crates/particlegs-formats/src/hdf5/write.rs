@@ -171,8 +171,9 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
         }
     }
     types.into_iter().collect::<Option<_>>().ok_or_else(|| {
-        let what = format!("{} layers, but a Gadget snapshot has at most {} particle types", layers.len(), ORDER.len());
-        Error::input_with(out, what, Hint::choose_species())
+        let message =
+            format!("{} layers, but a Gadget snapshot has at most {} particle types", layers.len(), ORDER.len());
+        Error::input_with(out, message, Hint::choose_species())
     })
 }
 
@@ -245,8 +246,8 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
     let lengths = match &cell {
         None => [0.0; 3],
         Some(cell) => cell.lengths().ok_or_else(|| {
-            let what = "a Gadget snapshot cannot store a cell that is not orthogonal";
-            Error::input_with(out, what, "write a folder of columns instead")
+            let message = "a Gadget snapshot cannot store a cell that is not orthogonal";
+            Error::input_with(out, message, "write a folder of columns instead")
         })?,
     };
     header.push(box_size(lengths));

@@ -301,8 +301,8 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
         found.map_err(|what| Error::input(path, format!("line {at}: {what}")))?;
     }
     if data.id.len() as u64 != data.atoms {
-        let what = format!("the header states {} atoms, but the section `Atoms` has {}", data.atoms, data.id.len());
-        return Err(Error::input_with(path, what, "the file is cut short or damaged: copy it again"));
+        let message = format!("the header states {} atoms, but the section `Atoms` has {}", data.atoms, data.id.len());
+        return Err(Error::input_with(path, message, "the file is cut short or damaged: copy it again"));
     }
     Ok(data)
 }

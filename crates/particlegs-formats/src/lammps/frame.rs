@@ -70,16 +70,16 @@ pub fn next<'c>(
         left = if passed < left { 0 } else { comments };
     }
     if found < count {
-        let what = format!("frame {number} is cut off: it states {count} atoms, but only {found} lines follow");
-        return Err(Error::input(content.path(), what));
+        let message = format!("frame {number} is cut off: it states {count} atoms, but only {found} lines follow");
+        return Err(Error::input(content.path(), message));
     }
     let end = lines.place();
     while lines.peek()?.is_some_and(is_comment) {
         lines.line()?;
     }
     if let Some(line) = lines.peek()?.filter(|line| !line.trim_ascii().is_empty() && !line.starts_with(b"ITEM:")) {
-        let what = format!("line {} is {}, but frame {number} states only {count} atoms", end.line, shown(line));
-        return Err(Error::input(content.path(), what));
+        let message = format!("line {} is {}, but frame {number} states only {count} atoms", end.line, shown(line));
+        return Err(Error::input(content.path(), message));
     }
     Ok(Some(TextFrame { head, rows: wanted.then(|| builder.until(end)), step }))
 }

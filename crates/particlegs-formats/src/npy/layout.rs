@@ -41,8 +41,8 @@ pub fn mass_named(fields: &[SpeciesField]) -> Option<String> {
 pub fn check_numbers(place: &str, header: &NpyHeader) -> Result<()> {
     match &header.element {
         NpyElement::Plain(scalar) if scalar.kind.is_none() => {
-            let what = format!("the numbers are {}, but positions must be floating-point numbers", scalar.name);
-            Err(Error::input_with(place, what, "save x, y and z as float32 or float64"))
+            let message = format!("the numbers are {}, but positions must be floating-point numbers", scalar.name);
+            Err(Error::input_with(place, message, "save x, y and z as float32 or float64"))
         }
         _ => Ok(()),
     }

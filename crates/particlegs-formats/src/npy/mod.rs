@@ -29,12 +29,12 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let header = NpyHeader::read(&bytes[..]).map_err(|what| Error::input(path, what))?;
     let length = bytes.len() as u64;
     if header.end() != Some(length) {
-        let what = format!(
+        let message = format!(
             "the header says {} of {}, but the data have {length} bytes",
             header.shape_text(),
             header.kind_text()
         );
-        return Err(Error::input_with(path, what, "the file is cut short or damaged: save it again"));
+        return Err(Error::input_with(path, message, "the file is cut short or damaged: save it again"));
     }
     layout::check_numbers(&place, &header)?;
     let mut notes = Vec::new();
@@ -73,8 +73,8 @@ fn particles(place: &str, header: &NpyHeader, notes: &mut Vec<String>) -> Result
             return Ok((rows, fields, positions));
         }
         let names: Vec<&str> = described.iter().map(|f| &f.name[..]).collect();
-        let what = format!("the records have {}, but no x, y and z", names.join(", "));
-        return Err(Error::input(place, what));
+        let message = format!("the records have {}, but no x, y and z", names.join(", "));
+        return Err(Error::input(place, message));
     }
     if let Some(rows) = layout::rows_of_table(header) {
         let fields = layout::table(0, header, rows);
@@ -84,8 +84,8 @@ fn particles(place: &str, header: &NpyHeader, notes: &mut Vec<String>) -> Result
         ));
         return Ok((rows, fields, "0,1,2".into()));
     }
-    let what = format!("an array of shape {} of {} cannot hold positions", header.shape_text(), header.kind_text());
-    Err(Error::input_with(place, what, "save an array of shape (N, 3) or (3, N), or records with x, y and z"))
+    let message = format!("an array of shape {} of {} cannot hold positions", header.shape_text(), header.kind_text());
+    Err(Error::input_with(place, message, "save an array of shape (N, 3) or (3, N), or records with x, y and z"))
 }
 
 #[cfg(test)]

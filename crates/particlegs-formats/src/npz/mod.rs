@@ -138,8 +138,9 @@ fn positions(place: &str, fields: &[ColumnarField]) -> Result<String> {
     if let Some(name) = layout::positions_named(&described) {
         return match fields.iter().find(|f| f.name == name) {
             Some(field) if field.kind.is_none() => {
-                let what = format!("`{name}` holds {}, but positions must be floating-point numbers", field.kind_name);
-                Err(Error::input_with(place, what, "save x, y and z as float32 or float64"))
+                let message =
+                    format!("`{name}` holds {}, but positions must be floating-point numbers", field.kind_name);
+                Err(Error::input_with(place, message, "save x, y and z as float32 or float64"))
             }
             _ => Ok(name),
         };

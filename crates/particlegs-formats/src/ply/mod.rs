@@ -27,8 +27,8 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let place = path.display().to_string();
     let bytes = Bytes::from_filled_file(path)?;
     if let Some(compression) = crate::compression::FileCompression::from_magic(&bytes) {
-        let what = format!("a PLY file compressed with {}, which this program does not read", compression.name());
-        return Err(Error::input_with(path, what, "unpack it first"));
+        let message = format!("a PLY file compressed with {}, which this program does not read", compression.name());
+        return Err(Error::input_with(path, message, "unpack it first"));
     }
     let header = header::parse(&bytes).map_err(|what| Error::input(path, what))?;
     let number = vertices(&place, &header)?;
@@ -41,8 +41,9 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.byte));
     // The last line of text may lack its end.
     if least.is_none_or(|end| end > bytes.len() as u64 + 1) {
-        let what = format!("the header says {} vertices, but the file has only {} bytes", element.count, bytes.len());
-        return Err(broken(what));
+        let message =
+            format!("the header says {} vertices, but the file has only {} bytes", element.count, bytes.len());
+        return Err(broken(message));
     }
     match element.bytes() {
         Some(stride) if header.encoding != Encoding::Ascii => {
@@ -97,8 +98,8 @@ fn describe(path: &PathBuf, header: &PlyHeader, element: &PlyElement, fields: &[
             false => "points need the properties x, y and z",
         };
         let names: Vec<&str> = described.iter().take(20).map(|f| &f.name[..]).collect();
-        let what = format!("the vertices lack x, y and z; their properties are: {}", names.join(", "));
-        Error::input_with(path, what.escape_debug().to_string(), hint)
+        let message = format!("the vertices lack x, y and z; their properties are: {}", names.join(", "));
+        Error::input_with(path, message.escape_debug().to_string(), hint)
     })?;
     let encoding = match header.encoding {
         Encoding::Ascii => "ascii",

@@ -38,8 +38,8 @@ pub fn write_splats(
     context: &Context<'_>,
 ) -> Result<u64> {
     if model.metadata.law != LawKind::AlphaBlend {
-        let what = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
-        return Err(Error::argument_with(what, Hint::from("draw particles from it with ").command("recover", "")));
+        let message = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
+        return Err(Error::argument_with(message, Hint::from("draw particles from it with ").command("recover", "")));
     }
     if colors.is_some_and(|c| c.len() != model.gaussians()) {
         return Err(Error::argument("give one colour for each Gaussian"));

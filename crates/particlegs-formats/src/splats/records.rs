@@ -31,8 +31,8 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let bytes = Bytes::from_filled_file(path)?;
     let length = bytes.len() as u64;
     if !length.is_multiple_of(RECORD as u64) {
-        let what = format!("the size of {length} bytes is not a multiple of {RECORD}, the size of a record");
-        return Err(Error::input_with(path, what, "the file is cut short or not a .splat file"));
+        let message = format!("the size of {length} bytes is not a multiple of {RECORD}, the size of a record");
+        return Err(Error::input_with(path, message, "the file is cut short or not a .splat file"));
     }
     let stored = StoredBytes::plain_file(bytes);
     let stride = RECORD as u64;

@@ -376,7 +376,7 @@ impl RowParser<'_> {
         let all = tokens(line, self.layout.separator);
         let (have, expected) = (all.len(), self.layout.columns.len());
         let wrong = self.plan.wanted.iter().find(|&&c| c < have && number_with(all[c], self.layout.comma).is_none());
-        let what = match wrong {
+        let message = match wrong {
             Some(&c) => format!("column {} (`{}`): {} is not a number", c + 1, self.layout.columns[c], shown(all[c])),
             None if self.plan.whole.iter().any(|&c| all.get(c).is_some_and(|t| whole(t).is_none())) => {
                 "has a number that is not an integer, unlike the lines before".into()
@@ -384,6 +384,6 @@ impl RowParser<'_> {
             None if have == 0 || all == [b""] => format!("is empty; expected {expected} columns"),
             None => format!("has {have} column{}; expected {expected}", if have == 1 { "" } else { "s" }),
         };
-        LineError { line: number_of_line, what }
+        LineError { line: number_of_line, what: message }
     }
 }

@@ -76,8 +76,8 @@ impl RowTally {
             self.rows += 1;
             if let Some(column) = key {
                 let value = layout.value(text, column).ok_or_else(|| {
-                    let what = format!("line {number} has no column {} (`{}`)", column + 1, layout.columns[column]);
-                    Error::input(content.path(), what)
+                    let message = format!("line {number} has no column {} (`{}`)", column + 1, layout.columns[column]);
+                    Error::input(content.path(), message)
                 })?;
                 self.count((layout.species)(value), 1);
             }

@@ -16,8 +16,8 @@ impl Topology {
         }
         let format = detect(path)?.name;
         let mut topology = Topology::of_format(format, path, Some(0), true)?.ok_or_else(|| {
-            let what = format!("a file of the format `{format}` holds no topology");
-            Error::input_with(path, what, "use a GRO, PDB, PSF or LAMMPS data file")
+            let message = format!("a file of the format `{format}` holds no topology");
+            Error::input_with(path, message, "use a GRO, PDB, PSF or LAMMPS data file")
         })?;
         if topology.masses.len() < topology.count {
             topology.weigh();

@@ -53,13 +53,14 @@ pub fn named(inner: Box<dyn Snapshot>, format: &str, path: &Path, choice: &Choic
         [] => return Ok(inner),
         [one] => one.clone(),
         several => {
-            let what = format!("the file tells {} particle types apart itself: atoms cannot be named", several.len());
-            return Err(Error::input(path, what));
+            let message =
+                format!("the file tells {} particle types apart itself: atoms cannot be named", several.len());
+            return Err(Error::input(path, message));
         }
     };
     if all.count != topology.count as u64 {
-        let what = format!("the file has {} atoms, but {} has {}", all.count, topology.place, topology.count);
-        return Err(Error::input_with(path, what, "name the topology of this system"));
+        let message = format!("the file has {} atoms, but {} has {}", all.count, topology.place, topology.count);
+        return Err(Error::input_with(path, message, "name the topology of this system"));
     }
     let mut description = inner.description().clone();
     description.notes.retain(|note| note != super::NO_NAMES);

@@ -76,8 +76,8 @@ pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
         }
     }
     if scan.out.arrays.is_empty() {
-        let what = scan.out.note.take().unwrap_or_else(|| "there is no POINTS section".into());
-        return Err(scan.fault(what));
+        let message = scan.out.note.take().unwrap_or_else(|| "there is no POINTS section".into());
+        return Err(scan.fault(message));
     }
     Ok(scan.out)
 }
@@ -139,8 +139,8 @@ impl LegacyScan<'_> {
             ("DATASET", [kind]) => {
                 self.out.dataset = kind.to_ascii_uppercase();
                 if !["POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID"].contains(&&self.out.dataset[..]) {
-                    let what = format!("data of type `{}` have no explicit points", shown(kind));
-                    return Err(Error::input_with(self.path, what, "save them as POLYDATA"));
+                    let message = format!("data of type `{}` have no explicit points", shown(kind));
+                    return Err(Error::input_with(self.path, message, "save them as POLYDATA"));
                 }
             }
             ("DIMENSIONS", [_, _, _]) => {}
@@ -184,11 +184,11 @@ impl LegacyScan<'_> {
         match end.filter(|&e| e <= self.bytes.len() as u64) {
             Some(end) => self.at = end as usize,
             None => {
-                let what = format!(
+                let message = format!(
                     "{name} at byte {at} needs {count} numbers, but the file ends at byte {}",
                     self.bytes.len()
                 );
-                return Err(self.fault(what));
+                return Err(self.fault(message));
             }
         }
         Ok(ArrayData::Binary(at))

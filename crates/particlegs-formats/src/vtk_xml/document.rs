@@ -131,8 +131,8 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
             }
             Event::Text(_) => walk.text(bytes, at..reader.buffer_position()),
             Event::DocType(_) | Event::GeneralRef(_) => {
-                let what = format!("byte {at}: the XML defines or uses entities, which VTK files never do");
-                return Err(Error::input_with(path, what, "save it again with VTK or ParaView"));
+                let message = format!("byte {at}: the XML defines or uses entities, which VTK files never do");
+                return Err(Error::input_with(path, message, "save it again with VTK or ParaView"));
             }
             Event::Eof => break,
             _ => {}

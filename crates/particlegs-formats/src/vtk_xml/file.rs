@@ -119,8 +119,8 @@ impl VtkXmlFile {
     }
 
     fn fault(&self, declared: &ArrayDeclaration, what: &str) -> Error {
-        let what = format!("array `{}`: {what}", declared.name);
-        Error::input_with(&self.path, what, "the file is cut short or damaged: copy it again from its source")
+        let message = format!("array `{}`: {what}", declared.name);
+        Error::input_with(&self.path, message, "the file is cut short or damaged: copy it again from its source")
     }
 
     /// The time, where the file says it as ParaView does.

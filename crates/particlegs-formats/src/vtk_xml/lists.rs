@@ -74,8 +74,8 @@ impl CollectionParts {
                 self.notes.push(format!("{} is skipped: `{}` has no explicit points", path.display(), shown(other)));
             }
             other => {
-                let what = format!("VTK data of type `{}` have no explicit points", shown(other));
-                return Err(Error::input_with(path, what, "save them as VTP or VTU"));
+                let message = format!("VTK data of type `{}` have no explicit points", shown(other));
+                return Err(Error::input_with(path, message, "save them as VTP or VTU"));
             }
         }
         Ok(())
@@ -111,8 +111,8 @@ fn moment(
 fn beside(path: &Path, name: &str) -> Result<PathBuf> {
     let relative = Path::new(name);
     if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
-        let what = format!("it lists a file outside its folder: `{}`", shown(name));
-        return Err(Error::input_with(path, what, "put the listed files beside it"));
+        let message = format!("it lists a file outside its folder: `{}`", shown(name));
+        return Err(Error::input_with(path, message, "put the listed files beside it"));
     }
     let file = path.parent().unwrap_or(Path::new("")).join(relative);
     match file.is_file() {

@@ -136,8 +136,8 @@ impl AlphaCanvas {
         let lists = match kept {
             Some(lists) => lists,
             None => {
-                let what = format!("{}x{}: {entries} tile entries", self.size.width, self.size.height);
-                device.holds(&what, 4 * u64::from(entries))?;
+                let message = format!("{}x{}: {entries} tile entries", self.size.width, self.size.height);
+                device.holds(&message, 4 * u64::from(entries))?;
                 // Pictures of a turn need now more, now less.
                 let room = u64::from(entries).next_power_of_two().min(device.largest_binding() / 4) as u32;
                 let lists = self.new_lists(device, kernels, room);

@@ -156,8 +156,8 @@ impl Sum<'_> {
         let work = self.work(points)?;
         if work > MOST_THOUSANDS {
             let (name, radius) = (&self.view.name, self.view.radius);
-            let what = format!("view `{name}`: splats of radius {radius} cover too many pixels");
-            return Err(Error::argument_with(what, Hint::use_cpu()));
+            let message = format!("view `{name}`: splats of radius {radius} cover too many pixels");
+            return Err(Error::argument_with(message, Hint::use_cpu()));
         }
         let pieces = work.div_ceil(THOUSANDS).max(1) as u32;
         let each = points.count.div_ceil(pieces);

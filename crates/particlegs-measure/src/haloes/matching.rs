@@ -59,8 +59,8 @@ impl HaloMatch {
         if let [Some(of_truth), Some(own)] = units
             && of_truth != own
         {
-            let what = format!("its masses are in {own}, those of the truth in {of_truth}: they cannot be compared");
-            return Err(Error::input_with("the catalogue", what, "state masses and their unit for both"));
+            let message = format!("its masses are in {own}, those of the truth in {of_truth}: they cannot be compared");
+            return Err(Error::input_with("the catalogue", message, "state masses and their unit for both"));
         }
         let both = [truth, other].map(|c| ComparedHaloes::new(c, domain));
         let [Some(truth), Some(other)] = both else { return Ok(None) };

@@ -58,9 +58,9 @@ impl LinkedHaloes {
         let spacing = linked.spacing * (p.len() as f64 / number as f64).cbrt();
         let length = o.linking * spacing;
         if length > longest_link(domain) {
-            let what =
+            let message =
                 format!("the linking length {length:.4} is more than a third of the box: there are too few particles");
-            return Err(Error::argument(what));
+            return Err(Error::argument(message));
         }
         let groups = linked.link(positions, domain, length, o.smallest, context)?.members;
         let number_density = spacing.powi(-3);

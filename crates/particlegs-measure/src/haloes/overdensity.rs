@@ -84,11 +84,11 @@ impl HaloDensities {
         let stated = critical.as_ref().map(|c| c.matter);
         let matter = stated.or(mean);
         if matter.is_none() {
-            let what = format!(
+            let message = format!(
                 "the mean density is not known: the box is not periodic, and the file does not state {}",
                 missing.join(", ")
             );
-            return Err(Error::argument(what));
+            return Err(Error::argument(message));
         }
         if stated.is_none() {
             notes.push(format!("200m is relative to the mean density of the box; 200c, 500c and vir are left out: the file does not state {}", missing.join(", ")));

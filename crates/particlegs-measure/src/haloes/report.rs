@@ -73,8 +73,8 @@ impl HaloReport {
         let agreement = truth.as_ref().map(|truth| HaloMatch::new([truth, &found], &domain)).transpose()?.flatten();
         context.check()?;
         if found.is_empty() {
-            let what = format!("there are no haloes of {} linked particles and more", options.smallest);
-            return Err(Error::argument(what));
+            let message = format!("there are no haloes of {} linked particles and more", options.smallest);
+            return Err(Error::argument(message));
         }
         let (masses, unit) = found.masses().unwrap_or_default();
         let masses: Vec<f64> = masses.into_iter().filter(|m| m.is_finite()).collect();
@@ -184,14 +184,14 @@ impl HaloReport {
 fn check_same_box(input: Subject<'_>, truth: Subject<'_>, name: &str) -> Result<()> {
     let [own, other] = [input, truth].map(|s| s.unit_system().units.length_text().unwrap_or("none").to_string());
     if own != other {
-        let what = format!("its unit of length is {other}, that of the input {own}");
-        return Err(Error::input_with(name, what, "convert one of them first"));
+        let message = format!("its unit of length is {other}, that of the input {own}");
+        return Err(Error::input_with(name, message, "convert one of them first"));
     }
     let [own, other] = [input, truth].map(|s| s.domain());
     let same = (0..3).all(|k| (own.length[k] / other.length[k] - 1.0).abs() < 0.01);
     if own.periodic != other.periodic || own.periodic.contains(&true) && !same {
-        let what = format!("its box is {:?}, that of the input {:?}", other.length, own.length);
-        return Err(Error::input_with(name, what, "compare haloes of the same box"));
+        let message = format!("its box is {:?}, that of the input {:?}", other.length, own.length);
+        return Err(Error::input_with(name, message, "compare haloes of the same box"));
     }
     Ok(())
 }

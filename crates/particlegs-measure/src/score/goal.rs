@@ -122,8 +122,8 @@ impl<'a> GoalMetric<'a> {
 /// How spectra up to `k_max` are taken: as the certificate's.
 fn spectrum_to(k_max: f64, domain: &Domain, particles: usize) -> Result<SpectrumOptions> {
     if domain.periodic != [true; 3] {
-        let what = "a power spectrum needs a box that is periodic along all axes";
-        return Err(Error::argument_with(what, Hint::state_box()));
+        let message = "a power spectrum needs a box that is periodic along all axes";
+        return Err(Error::argument_with(message, Hint::state_box()));
     }
     let options = spectrum_options(domain, particles);
     let (longest, most) = (2.0 * PI / domain.longest(), options.k_max);
@@ -150,8 +150,8 @@ fn power_of(
 ) -> Result<CachedTransform> {
     let truth = CachedTransform::new(Subject::Particles(particles), domain, options, context)?;
     if truth.against_itself(context)?.largest_power_deviation().is_none() {
-        let what = format!("up to k = {}, the power of the particles does not exceed their noise", options.k_max);
-        return Err(Error::argument(what));
+        let message = format!("up to k = {}, the power of the particles does not exceed their noise", options.k_max);
+        return Err(Error::argument(message));
     }
     Ok(truth)
 }
@@ -172,19 +172,19 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, context: &Context
     };
     let groups = linking.groups(particles, context)?;
     if groups.finest.is_some() {
-        let what = "the number of groups cannot be a target for a zoom simulation: the model may mix its masses";
-        return Err(Error::argument_with(what, "select only its lightest particles"));
+        let message = "the number of groups cannot be a target for a zoom simulation: the model may mix its masses";
+        return Err(Error::argument_with(message, "select only its lightest particles"));
     }
     let sizes = groups.sizes;
     let found = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
     if found < FEWEST_GROUPS {
-        let what =
+        let message =
             format!("there are {found} groups of {from} particles or more, but a comparison needs {FEWEST_GROUPS}");
         let hint = match sizes.get(FEWEST_GROUPS as usize - 1) {
             Some(size) => format!("use {size} as the smallest group").into(),
             None => Hint::default(),
         };
-        return Err(Error::argument_with(what, hint));
+        return Err(Error::argument_with(message, hint));
     }
     Ok(sizes)
 }

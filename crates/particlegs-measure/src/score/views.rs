@@ -51,11 +51,11 @@ pub fn check_radius(m: &Metadata, seed: u64) -> Result<()> {
     if most * m.count as f64 <= COVERED_BY_ALL.max(COVERED * m.count as f64) {
         return Ok(());
     }
-    let what = format!(
+    let message = format!(
         "at a particle radius of {}, each of {} particles would cover {most:.0} pixels of the certificate's pictures",
         m.default_radius, m.count
     );
-    Err(Error::input_with(&m.source, what, "use a smaller radius, or no certificate"))
+    Err(Error::input_with(&m.source, message, "use a smaller radius, or no certificate"))
 }
 
 /// The certificate's from close up: three, as near as the reference pictures' `inside`.

@@ -70,8 +70,8 @@ fn same_box(truth: &Cell, other: &Cell, name: &str) -> Result<()> {
     if same {
         return Ok(());
     }
-    let what = format!("its box is {other}, but the truth's box is {truth}, so they cannot be compared");
-    Err(Error::input_with(name, what, "compare snapshots with the same box and the same unit of length"))
+    let message = format!("its box is {other}, but the truth's box is {truth}, so they cannot be compared");
+    Err(Error::input_with(name, message, "compare snapshots with the same box and the same unit of length"))
 }
 
 #[cfg(test)]

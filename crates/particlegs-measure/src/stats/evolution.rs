@@ -134,8 +134,8 @@ impl Evolution {
     fn compare_scales(&mut self, model: &Model, place: &str) -> Result<()> {
         let m = &model.metadata;
         if m.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no masses to measure: its splats hold opacities";
-            return Err(Error::input(place, what));
+            let message = "an alpha-blend model has no masses to measure: its splats hold opacities";
+            return Err(Error::input(place, message));
         }
         let masses = model.layers.iter().map(|l| (l.name.clone(), l.mass));
         let own = FrameScale { units: m.units.clone(), cosmology: m.cosmology, masses: masses.collect() };

@@ -53,8 +53,8 @@ impl SeriesStatistics {
         let pairs = options.measures.iter().find(|m| !Self::MEASURES.contains(m));
         if let Some(measure) = pairs.filter(|_| options.measures.len() < Measure::ALL.len()) {
             let names = Self::MEASURES.map(Measure::name).join(" and ");
-            let what = format!("{} compares two inputs; of a series alone there are {names}", measure.name());
-            return Err(Error::argument(what));
+            let message = format!("{} compares two inputs; of a series alone there are {names}", measure.name());
+            return Err(Error::argument(message));
         }
         let taken = json!(&options);
         let mut evolution = Evolution::new(options)?;

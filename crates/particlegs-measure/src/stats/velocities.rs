@@ -120,8 +120,8 @@ impl ParticleFields {
             }
         }
         if let Some(i) = (0..particles.len()).find(|i| velocity.iter().any(|c| !c[*i].is_finite())) {
-            let what = format!("the velocity of particle {i} is not a finite number");
-            return Err(Error::input(&particles.meta.name, what));
+            let message = format!("the velocity of particle {i} is not a finite number");
+            return Err(Error::input(&particles.meta.name, message));
         }
         (self.velocity, self.unit) = (velocity, unit);
         Ok(())

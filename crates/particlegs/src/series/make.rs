@@ -144,8 +144,8 @@ pub fn make_series(
         return Err(Error::io(&source.path, absent));
     }
     if old_frames.len() > sources.len() {
-        let what = format!("it has {} frames, more than the {} snapshots given", old_frames.len(), sources.len());
-        return Err(Error::input(name_of(output), what));
+        let message = format!("it has {} frames, more than the {} snapshots given", old_frames.len(), sources.len());
+        return Err(Error::input(name_of(output), message));
     }
     let (mut frames, mut unread, mut all_kept) = (Vec::new(), None, true);
     for (number, source) in sources.iter().enumerate() {
@@ -316,8 +316,8 @@ impl<'a> SeriesWork<'a> {
         let chosen = chosen.map_err(|e| e.at(source))?;
         let is_turned = |kind: QuantityKind| kind == QuantityKind::Vector && self.aligner.is_some();
         if let Some(vector) = chosen.quantities().iter().find(|q| is_turned(q.kind)) {
-            let what = format!("align turns positions, but not vectors such as the field `{}`", vector.name);
-            return Err(Error::argument_with(format!("{source}: {what}"), "leave the field out, or do not align"));
+            let message = format!("align turns positions, but not vectors such as the field `{}`", vector.name);
+            return Err(Error::argument_with(format!("{source}: {message}"), "leave the field out, or do not align"));
         }
         chosen.hashed().map(Some)
     }
@@ -331,8 +331,8 @@ impl<'a> SeriesWork<'a> {
         let outcome = if frame.is_some() { "is kept as it was" } else { "is missing" };
         self.context.warn(&format!("frame {number} {outcome}: {error}"));
         if frame.is_some() && self.aligner.as_ref().is_some_and(|a| a.first.is_none()) {
-            let what = format!("frame {number} cannot be read, and align needs the first frame: {error}");
-            return Err(Error::argument_with(what, "bring its snapshot back"));
+            let message = format!("frame {number} cannot be read, and align needs the first frame: {error}");
+            return Err(Error::argument_with(message, "bring its snapshot back"));
         }
         if let Some(frame) = &frame {
             let tracked = self.builder.decode(frame, &self.place(number), self.context)?;
@@ -355,8 +355,8 @@ impl<'a> SeriesWork<'a> {
             }
             Some(_) if self.options.replace => Ok(None),
             Some(difference) => {
-                let what = format!("{place} was made from another snapshot than {}: {difference}", read.source);
-                Err(Error::argument_with(what, Hint::from("replace the series with ").option("force", "")))
+                let message = format!("{place} was made from another snapshot than {}: {difference}", read.source);
+                Err(Error::argument_with(message, Hint::from("replace the series with ").option("force", "")))
             }
         }
     }
@@ -426,8 +426,8 @@ impl Aligner {
         }
         let Some((alignment, first)) = &self.first else { return Ok(all) };
         if ids != *first {
-            let what = "its atoms are in another order than those of the first frame, by which it is aligned";
-            return Err(Error::input_with(source.name(), what, "sort the atoms of each frame by their ids"));
+            let message = "its atoms are in another order than those of the first frame, by which it is aligned";
+            return Err(Error::input_with(source.name(), message, "sort the atoms of each frame by their ids"));
         }
         let AlignedFrame { particles, rms_distance } = alignment.apply(&chosen, &all)?;
         let unit = all.meta.units.length_text().unwrap_or_default();

@@ -54,11 +54,11 @@ fn compare(device: &Arc<Device>, columns: &[Vec<f32>; 3], view: &View) -> usize 
         let card = draw(&there, &canvas, view, &points(device, columns, 1), fxaa);
         let (differ, lit, worst) = apart(&card, &own.draw(view, SIZE, look, &Context::SILENT).unwrap());
         let (at, radius, opacity) = (view.camera.position, view.radius, view.opacity);
-        let what =
+        let message =
             format!("{at:?} radius {radius} opacity {opacity} {}: {differ} of {lit}, largest {worst}", look.name());
-        println!("{what}");
+        println!("{message}");
         // None does on Mesa's software; a card's last bits may tell otherwise where two roundings are as near.
-        assert!(differ * 10_000 <= lit, "{what}");
+        assert!(differ * 10_000 <= lit, "{message}");
         most = most.max(lit);
     }
     most

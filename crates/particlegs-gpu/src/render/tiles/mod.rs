@@ -162,8 +162,8 @@ impl<'a> DepthTiles<'a> {
         let (device, canvas) = (&self.renderer.device, self.canvas);
         if entries > self.most {
             let Size { width, height } = canvas.planes.size;
-            let what = format!("{width}x{height}: {entries} tile entries are more than the {} that", self.most);
-            return Err(Error::argument(format!("{what} device {} can bind; atomic adds need none", device.name())));
+            let message = format!("{width}x{height}: {entries} tile entries are more than the {} that", self.most);
+            return Err(Error::argument(format!("{message} device {} can bind; atomic adds need none", device.name())));
         }
         // Pictures of a turn need now more, now less.
         let room = u64::from(entries).next_power_of_two().min(u64::from(self.most)) as u32;

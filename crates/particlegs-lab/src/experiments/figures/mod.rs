@@ -116,8 +116,8 @@ fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPict
 fn artefact(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, STREAKS)?;
     let title = format!("Close up: all particles, the model and {} at one file size", other.name);
-    let what = "The centre 30 % of the first far and the first near view, as ParaView draws all particles.";
-    Some(beside(shown, other, "artefact", title, what, close_up))
+    let message = "The centre 30 % of the first far and the first near view, as ParaView draws all particles.";
+    Some(beside(shown, other, "artefact", title, message, close_up))
 }
 
 fn qualitative(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {

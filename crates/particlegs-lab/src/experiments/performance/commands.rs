@@ -89,13 +89,13 @@ pub(super) fn table(
     }
     timed.iter().for_each(|t| row(&mut table, &t.what, &t.runs));
     for (size, found) in vtk {
-        let what = format!("VTK, including Python: load and draw all frames of {}x{}", size.width, size.height);
+        let message = format!("VTK, including Python: load and draw all frames of {}x{}", size.width, size.height);
         let ran = match found {
             Ok(v) => CommandRun { cost: Some(v.cost.clone()), said: String::new() },
             // The notes say why.
             Err(_) => CommandRun { cost: None, said: String::new() },
         };
-        row(&mut table, &what, &[ran]);
+        row(&mut table, &message, &[ran]);
     }
     table
 }

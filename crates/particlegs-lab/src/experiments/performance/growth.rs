@@ -32,8 +32,8 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &RawCopy<'_>, machine: 
         if n > 0 {
             let sample = (*part > 1).then_some(n);
             let selection = Selection { sample, seed: lab.settings.seed, ..Selection::all() };
-            let what = if *part > 1 { format!("a random 1/{part}") } else { "all".into() };
-            all.push(one(lab, of, what, n, machine, |name| raw.written(name, Tiling::single(), selection))?);
+            let message = if *part > 1 { format!("a random 1/{part}") } else { "all".into() };
+            all.push(one(lab, of, message, n, machine, |name| raw.written(name, Tiling::single(), selection))?);
         }
     }
     if let (false, Ok(tiling)) = (lab.settings.quick, Tiling::new([2, 2, 1], &of.particles)) {
