@@ -10,7 +10,7 @@ use particlegs_particles::{Selection, Storage};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// What to read; the names are those of the command.
+/// Options of reading; the names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ReadOptions {
@@ -41,7 +41,7 @@ pub struct ReadOptions {
 
 impl ReadOptions {
     pub fn choice(self) -> particlegs_core::Result<Choice> {
-        let kept = match (self.region, self.center, self.width) {
+        let selection = match (self.region, self.center, self.width) {
             (Some([x0, x1, y0, y1, z0, z1]), ..) => {
                 Selection { crop: Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }), ..Selection::all() }
             }
@@ -70,7 +70,7 @@ impl ReadOptions {
             length_unit: self.length_unit,
             mass_unit: self.mass_unit,
             convert_units: true,
-            selection: Some(Selection { every, sample, left_out, seed, ..kept }.check()?),
+            selection: Some(Selection { every, sample, left_out, seed, ..selection }.check()?),
             ..Choice::default()
         })
     }

@@ -48,7 +48,7 @@ impl CompressOptions {
             self.size.map(Target::Size),
             self.gaussians.map(Target::Gaussians),
             self.psnr.map(Target::Psnr),
-            self.goal.as_ref().map(|(kind, asked, at)| goal(kind, *asked, *at)).transpose()?,
+            self.goal.as_ref().map(|(kind, limit, at)| goal(kind, *limit, *at)).transpose()?,
         ];
         let mut targets = targets.into_iter().flatten();
         match (targets.next(), targets.next()) {
@@ -100,14 +100,14 @@ impl CompressOptions {
     }
 }
 
-fn goal(kind: &str, asked: f64, at: f64) -> PyResult<Target> {
+fn goal(kind: &str, limit: f64, at: f64) -> PyResult<Target> {
     let kind = match kind {
         "max_pk_error" => GoalKind::PowerSpectrum,
         "min_correlation" => GoalKind::Correlation,
         "groups_within" => GoalKind::Groups,
         other => return Err(InputError::new_err(format!("there is no goal \"{other}\""))),
     };
-    Ok(Target::Goal(Goal { kind, asked, at }))
+    Ok(Target::Goal(Goal { kind, asked: limit, at }))
 }
 
 /// A field as an array: name, unit, values of shape (n,) or (n, 3).
@@ -136,14 +136,14 @@ pub fn layer_fields(particles: &Particles, arrays: &[FieldArray<'_>]) -> PyResul
     }
     // Vectors first, as readers give them.
     fields.sort_by_key(|(field, _)| field.components != 3);
-    let of = |layer: &Layer<std::ops::Range<usize>>| {
+    let fields_of = |layer: &Layer<std::ops::Range<usize>>| {
         let columns = fields.iter().flat_map(|(_, columns)| columns).map(|c| c[layer.content.clone()].to_vec());
         LayerFields::from_columns(fields.iter().map(|(field, _)| field.clone()).collect(), columns.collect())
     };
-    Ok(particles.layers().iter().map(of).collect())
+    Ok(particles.layers().iter().map(fields_of).collect())
 }
 
-/// Where a model is written, and how a run is continued.
+/// The file of a model, and options of a run that is continued.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct OutputOptions {
@@ -182,8 +182,8 @@ pub fn compress(
         }
         let source = snapshot.source(fields, false, context)?;
         let Some(out) = &target.output else { return particlegs::compress(&source, &options, context) };
-        let made = particlegs::compress_into(&source, out, (&options, &run), &outputs, context)?.made;
-        particlegs::Model::decode(made.bytes, &out.display().to_string(), context)
+        let compressed_model = particlegs::compress_into(&source, out, (&options, &run), &outputs, context)?.made;
+        particlegs::Model::decode(compressed_model.bytes, &out.display().to_string(), context)
     })?;
     Ok(model.into())
 }

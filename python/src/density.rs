@@ -9,7 +9,7 @@ use particlegs_measure::stats::{self, field_in_cells};
 use particlegs_particles::Domain;
 use pyo3::prelude::*;
 
-/// How many cells a grid has.
+/// Number of cells of a grid.
 #[derive(FromPyObject)]
 pub enum CellNumbers {
     /// Along the longest edge.

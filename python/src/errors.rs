@@ -26,7 +26,7 @@ pub fn add(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// The enum value named by an argument.
 pub fn named<T: NamedValue>(argument: &str, name: &str) -> PyResult<T> {
-    T::from_name(name).map_err(|there| InputError::new_err(format!("{argument}=\"{name}\": {there}")))
+    T::from_name(name).map_err(|message| InputError::new_err(format!("{argument}=\"{name}\": {message}")))
 }
 
 /// A hint for Python: arguments and methods instead of options and commands.
@@ -56,30 +56,30 @@ fn hint_text(hint: &Hint) -> String {
 /// The exception for an error.
 pub fn exception(error: &Error) -> PyErr {
     let hint = error.hint();
-    let said = match hint.is_empty() {
+    let message = match hint.is_empty() {
         true => error.to_string(),
         false => format!("{error}; {}", hint_text(&hint)),
     };
     match error {
-        Error::Input { .. } | Error::Argument { .. } => InputError::new_err(said),
-        Error::Corrupt { .. } | Error::Compatibility { .. } | Error::Differs { .. } => ModelError::new_err(said),
-        Error::Unreachable { .. } => UnreachableError::new_err(said),
-        Error::Memory { .. } | Error::Bound { .. } => PyMemoryError::new_err(said),
+        Error::Input { .. } | Error::Argument { .. } => InputError::new_err(message),
+        Error::Corrupt { .. } | Error::Compatibility { .. } | Error::Differs { .. } => ModelError::new_err(message),
+        Error::Unreachable { .. } => UnreachableError::new_err(message),
+        Error::Memory { .. } | Error::Bound { .. } => PyMemoryError::new_err(message),
         Error::Io { place, source } => match source.raw_os_error() {
             // From the number Python makes FileNotFoundError, PermissionError and so on.
             Some(number) => {
-                let said = source.to_string();
-                let said = said.split(" (os error").next().unwrap_or_default().to_string();
-                PyOSError::new_err((number, said, place.clone()))
+                let message = source.to_string();
+                let message = message.split(" (os error").next().unwrap_or_default().to_string();
+                PyOSError::new_err((number, message, place.clone()))
             }
             None if source.kind() == std::io::ErrorKind::NotFound => {
-                pyo3::exceptions::PyFileNotFoundError::new_err(said)
+                pyo3::exceptions::PyFileNotFoundError::new_err(message)
             }
-            None => PyOSError::new_err(said),
+            None => PyOSError::new_err(message),
         },
-        Error::Output { .. } => PyFileExistsError::new_err(said),
-        Error::Cancelled | Error::Checkpointed { .. } => PyKeyboardInterrupt::new_err(said),
-        _ => PyRuntimeError::new_err(said),
+        Error::Output { .. } => PyFileExistsError::new_err(message),
+        Error::Cancelled | Error::Checkpointed { .. } => PyKeyboardInterrupt::new_err(message),
+        _ => PyRuntimeError::new_err(message),
     }
 }
 

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// What a film shows; the names are those of the command's `render`.
+/// Options of a film; the names are those of the command's `render`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct FilmArguments {

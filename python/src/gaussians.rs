@@ -19,7 +19,7 @@ pub struct Gaussians {
     fields: Vec<FieldArrays>,
 }
 
-/// What all Gaussians have of a field; NaN in layers without it.
+/// Moments of a field of all Gaussians; NaN in layers without it.
 struct FieldArrays {
     name: String,
     components: usize,
@@ -45,9 +45,9 @@ impl Gaussians {
                     masses.push(layer.mass.unit_or_one() * g.mass_of(i));
                 }
                 counts.extend(&g.count);
-                if let Some(own) = g.law.alpha_blend() {
-                    opacities[0].extend(&own.opacity);
-                    opacities[1].extend(&own.grey);
+                if let Some(law) = g.law.alpha_blend() {
+                    opacities[0].extend(&law.opacity);
+                    opacities[1].extend(&law.grey);
                 }
             }
             layers.push((layer.name.clone(), first, counts.len()));
@@ -122,7 +122,7 @@ impl Gaussians {
         slf: &Bound<'py, Self>,
     ) -> PyResult<Vec<(String, MomentArray<'py>, MomentArray<'py>, MomentArray<'py>)>> {
         let n = slf.get().counts.len();
-        let of = |f: &FieldArrays| {
+        let moment_arrays = |f: &FieldArrays| {
             let [means, slopes, covariances]: [&[usize]; 3] = match f.components {
                 1 => [&[n], &[n, 3], &[n]],
                 _ => [&[n, 3], &[n, 3, 3], &[n, 3, 3]],
@@ -134,7 +134,7 @@ impl Gaussians {
                 view(slf.as_any(), &f.covariances, covariances)?,
             ))
         };
-        slf.get().fields.iter().map(of).collect()
+        slf.get().fields.iter().map(moment_arrays).collect()
     }
 
     #[getter]

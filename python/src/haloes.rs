@@ -9,13 +9,14 @@ use particlegs_measure::haloes::{HaloOptions, find_haloes, stated_cosmology};
 use particlegs_measure::stats::StatsSide;
 use pyo3::prelude::*;
 
-/// How to find haloes; the names are those of the command.
+/// Options of finding haloes; the names are those of the command.
 fn finder_options(json: &str) -> PyResult<HaloOptions> {
-    let mut asked = asked_options(json)?;
-    let cosmology: Option<String> = read(asked.remove("cosmology").unwrap_or_default())?;
+    let mut options = asked_options(json)?;
+    let cosmology: Option<String> = read(options.remove("cosmology").unwrap_or_default())?;
     let cosmology = cosmology.map(|text| stated_cosmology(&text)).transpose();
-    let cosmology = cosmology.map_err(|what| InputError::new_err(format!("cosmology: {what}")))?.unwrap_or_default();
-    Ok(HaloOptions { cosmology, ..read(asked.into())? })
+    let cosmology =
+        cosmology.map_err(|message| InputError::new_err(format!("cosmology: {message}")))?.unwrap_or_default();
+    Ok(HaloOptions { cosmology, ..read(options.into())? })
 }
 
 /// A column: name, unit, description, whether its values are whole numbers, and these.
@@ -35,8 +36,8 @@ pub fn haloes<'py>(
     let options = finder_options(asked)?;
     let (fields, subject) = (source.fields(&fields)?, source.subject());
     let side = StatsSide { subject, fields: &fields };
-    let found = WorkOptions { threads, progress }.run(py, |context| find_haloes(side, &options, context))?;
-    let columns = found.columns.into_iter();
+    let catalogue = WorkOptions { threads, progress }.run(py, |context| find_haloes(side, &options, context))?;
+    let columns = catalogue.columns.into_iter();
     let columns = columns.map(|c| (c.name, c.unit, c.description, c.whole, c.values.into_pyarray(py)));
-    Ok((columns.collect(), found.remarks, found.notes))
+    Ok((columns.collect(), catalogue.remarks, catalogue.notes))
 }

@@ -53,7 +53,7 @@ impl Model {
         ViewSubject::of_model(self.inner(), false)
     }
 
-    /// Which layers to use; all without names.
+    /// A flag for each layer, whether it is used; all are without names.
     fn shown(&self, names: Option<&[String]>) -> PyResult<Vec<bool>> {
         let Some(names) = names else { return Ok(vec![true; self.inner().layers.len()]) };
         self.inner().which(names).or_raise()
@@ -95,8 +95,8 @@ impl Model {
     #[staticmethod]
     #[pyo3(signature = (path, threads=None))]
     fn read(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
-        let read = |context: &Context<'_>| particlegs::Model::open_frame(&path, &FrameChoice::Last, context);
-        WorkOptions::quietly(threads).run(py, read).map(Model::from)
+        let open_model = |context: &Context<'_>| particlegs::Model::open_frame(&path, &FrameChoice::Last, context);
+        WorkOptions::quietly(threads).run(py, open_model).map(Model::from)
     }
 
     #[getter]
@@ -160,11 +160,11 @@ impl Model {
     #[getter]
     fn gaussians(slf: &Bound<'_, Self>) -> PyResult<Py<Gaussians>> {
         let (py, this) = (slf.py(), slf.get());
-        if let Some(there) = this.gaussians.get() {
-            return Ok(there.clone_ref(py));
+        if let Some(gaussians) = this.gaussians.get() {
+            return Ok(gaussians.clone_ref(py));
         }
-        let made = Py::new(py, py.detach(|| Gaussians::of(this.inner())))?;
-        Ok(this.gaussians.get_or_init(|| made).clone_ref(py))
+        let gaussians = Py::new(py, py.detach(|| Gaussians::of(this.inner())))?;
+        Ok(this.gaussians.get_or_init(|| gaussians).clone_ref(py))
     }
 
     /// A picture: 8-bit levels, or brightness in [0, 1] for style `expected`.
@@ -180,18 +180,18 @@ impl Model {
         layers: Option<Vec<String>>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
+        let (tone, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
         let view = camera.view(&self.subject(), size, [radius, opacity]).or_raise()?;
-        let shown = self.shown(layers.as_deref())?;
-        let scene = Scene::from_layers(self.inner(), |l| shown[l]);
+        let mask = self.shown(layers.as_deref())?;
+        let scene = Scene::from_layers(self.inner(), |l| mask[l]);
         let how = WorkOptions::quietly(threads);
-        match look {
-            Some(look) => {
+        match tone {
+            Some(tone) => {
                 let picture = how.run(py, |progress| {
                     progress.require_memory("a picture", size.pixels() as u64)?;
                     let mut picture = Gray8::black(size);
                     let out = Pixels::new(size, &mut picture.data)?;
-                    self.scratch.with(|scratch| draw_into(&scene, &view, look, out, scratch, progress))?;
+                    self.scratch.with(|scratch| draw_into(&scene, &view, tone, out, scratch, progress))?;
                     Ok(picture)
                 })?;
                 pictures::levels(py, picture)
@@ -222,8 +222,8 @@ impl Model {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let size = Size { width: size.0, height: size.1 };
         let view = camera.view(&self.subject(), size, [None; 2]).or_raise()?;
-        let shown = self.shown(layers.as_deref())?;
-        pictures::plane(py, &self.surface_density(py, (&shown, &view, size), threads)?)
+        let mask = self.shown(layers.as_deref())?;
+        pictures::plane(py, &self.surface_density(py, (&mask, &view, size), threads)?)
     }
 
     /// Mean of a field along the lines of sight, its unit, what it is, and the scale of its colours.
@@ -243,7 +243,7 @@ impl Model {
         let size = Size { width: size.0, height: size.1 };
         let view = camera.view(&self.subject(), size, [None; 2]).or_raise()?;
         let view = self.subject().density_view(&view, size);
-        let shown = self.shown(layers.as_deref())?;
+        let mask = self.shown(layers.as_deref())?;
         let mut query = FieldQuery::new(field, &self.inner().metadata.fields).or_raise()?;
         if weight != "mass" {
             query = query.weighted(weight, &self.inner().metadata.fields).or_raise()?;
@@ -252,7 +252,7 @@ impl Model {
             query.bulk = mean_vector(&self.inner().layers, &query.name);
         }
         query.bulk = bulk.unwrap_or(query.bulk);
-        let scene = Scene::from_layers(self.inner(), |l| shown[l]);
+        let scene = Scene::from_layers(self.inner(), |l| mask[l]);
         let map = WorkOptions::quietly(threads).run(py, |progress| field_map(&scene, &query, &view, size, progress))?;
         Ok((
             pictures::plane(py, map.wanted(&query))?,
@@ -266,18 +266,18 @@ impl Model {
     /// Fields: name, kind, unit, what weighs their means.
     #[getter]
     fn fields(&self) -> Vec<(String, &'static str, Option<String>, &'static str)> {
-        let of = |q: &Quantity| {
+        let field_words = |q: &Quantity| {
             let unit = q.unit.as_ref().map(|u| u.text.clone());
             (q.name.clone(), kind_of(q), unit, if q.by_mass { "mass" } else { "count" })
         };
-        self.inner().metadata.fields.iter().map(of).collect()
+        self.inner().metadata.fields.iter().map(field_words).collect()
     }
 
     /// Unit of the densities of some layers, per area (2) or volume (3).
     #[pyo3(signature = (power, layers=None))]
     fn density_unit(&self, power: u8, layers: Option<Vec<String>>) -> PyResult<String> {
-        let shown = self.shown(layers.as_deref())?;
-        let mut masses = self.inner().layers.iter().zip(shown).filter(|(_, shown)| *shown).map(|(l, _)| l.mass);
+        let mask = self.shown(layers.as_deref())?;
+        let mut masses = self.inner().layers.iter().zip(mask).filter(|(_, is_shown)| *is_shown).map(|(l, _)| l.mass);
         Ok(density_unit(&self.inner().metadata, masses.all(|m| m != Mass::Unknown), power))
     }
 
@@ -331,9 +331,10 @@ impl Model {
             Options { particles: n, method, scale, seed, form: RawForm::Columns, model_name: self.file.file_name() };
         let model = self.only(layers.as_deref())?.into_owned();
         let notes = options.notes(&model, codec::file_hash(self.file.bytes())).to_string();
-        let drawn = WorkOptions { threads, progress }.run(py, |progress| options.draw_with_fields(model, progress))?;
-        let (drawn, fields) = drawn;
-        Ok(Snapshot { drawn: Some(notes), fields, ..Snapshot::of(drawn, BTreeMap::new()) })
+        let particles_and_fields =
+            WorkOptions { threads, progress }.run(py, |progress| options.draw_with_fields(model, progress))?;
+        let (particles, fields) = particles_and_fields;
+        Ok(Snapshot { drawn: Some(notes), fields, ..Snapshot::of(particles, BTreeMap::new()) })
     }
 
     /// A web page that shows the model offline; `opening` is JSON.
@@ -346,7 +347,6 @@ impl Model {
     /// A small PNG of the default view, and the surface densities of its first and last colour; `None` for grey levels.
     fn poster<'py>(&self, py: Python<'py>, size: (usize, usize)) -> PyResult<(Bound<'py, PyBytes>, Option<[f64; 2]>)> {
         let size = Size { width: size.0, height: size.1 };
-        pictures::check(size).or_raise()?;
         let poster = WorkOptions::quietly(None).run(py, |progress| poster::draw(self.inner(), size, progress))?;
         Ok((PyBytes::new(py, &poster.png), poster.range))
     }
@@ -357,7 +357,7 @@ impl Model {
     }
 }
 
-/// What a field is, in Python.
+/// The kind of a field, in Python.
 fn kind_of(q: &Quantity) -> &'static str {
     match (q.extensive, q.logarithmic) {
         (true, _) => "sum",

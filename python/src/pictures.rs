@@ -36,7 +36,6 @@ pub struct Angles {
 impl CameraArgs {
     /// The view of a subject, checked.
     pub fn view(self, subject: &ViewSubject, size: Size, [radius, opacity]: [Option<f64>; 2]) -> Result<View> {
-        check(size)?;
         let angles = match self {
             CameraArgs::Angles(angles) => angles,
             CameraArgs::Whole(json) => {
@@ -75,18 +74,9 @@ pub fn camera_around(bounds: [[f64; 3]; 2], azimuth: f64, elevation: f64, distan
     serde_json::to_string(&camera).map_err(|e| InputError::new_err(e.to_string()))
 }
 
-/// Checks the size of a picture.
-pub fn check(size: Size) -> Result<()> {
-    let fine = |n: usize| (1..=32_768).contains(&n);
-    if fine(size.width) && fine(size.height) {
-        return Ok(());
-    }
-    Err(Error::argument(format!("width and height must be 1 to 32768 pixels, not {} x {}", size.width, size.height)))
-}
-
 /// The tone style; `None` = brightness without rounding.
 pub fn look(style: &str) -> PyResult<Option<ToneStyle>> {
-    Ok(Some(named("style", style)?).filter(|look| *look != ToneStyle::Expected))
+    Ok(Some(named("style", style)?).filter(|style| *style != ToneStyle::Expected))
 }
 
 /// 8-bit levels, (height, width).

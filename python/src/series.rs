@@ -27,7 +27,7 @@ impl ModelSeries {
         Ok(ModelSeries { file })
     }
 
-    /// Does a file that begins with these bytes hold a series?
+    /// Whether a file that begins with these bytes holds a series.
     #[staticmethod]
     fn begins(head: &[u8]) -> bool {
         codec::is_series(head)
@@ -48,7 +48,7 @@ impl ModelSeries {
         self.file.clock()
     }
 
-    /// What the clock shows for each frame; `None` for a frame that is missing.
+    /// Time of the clock for each frame; `None` for a frame that is missing.
     #[getter]
     fn times(&self) -> Vec<Option<f64>> {
         self.file.times()
@@ -68,9 +68,9 @@ impl ModelSeries {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(String, Option<String>)> {
-        let verified = WorkOptions { threads, progress }.run(py, |context| self.file.verify(context))?;
-        let wrong = verified.judge(self.file.name()).err().map(|e| e.to_string());
-        Ok((serde_json::to_string(&verified).expect("plain data"), wrong))
+        let verification = WorkOptions { threads, progress }.run(py, |context| self.file.verify(context))?;
+        let wrong = verification.judge(self.file.name()).err().map(|e| e.to_string());
+        Ok((serde_json::to_string(&verification).expect("plain data"), wrong))
     }
 
     /// Statistics of every frame, of some layers or all: JSON as the command writes it.
@@ -85,8 +85,8 @@ impl ModelSeries {
     ) -> PyResult<String> {
         let options = measure_options(asked)?;
         WorkOptions { threads, progress }.run(py, |context| {
-            let found = self.file.statistics(options, &layers.unwrap_or_default(), context)?;
-            Ok(serde_json::to_string(&found).expect("plain data"))
+            let statistics = self.file.statistics(options, &layers.unwrap_or_default(), context)?;
+            Ok(serde_json::to_string(&statistics).expect("plain data"))
         })
     }
 
@@ -102,7 +102,7 @@ impl ModelSeries {
     }
 }
 
-/// How the frames of a series are made; the names are those of the command.
+/// Options of making the frames of a series; the names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct FrameOptions {
@@ -133,7 +133,7 @@ pub fn make_series(
         align: frames.align,
         replace: frames.overwrite,
     };
-    let made = WorkOptions { threads, progress }
+    let series = WorkOptions { threads, progress }
         .run(py, |context| particlegs::make_series(&snapshots, &choice, &output, &options, context))?;
-    Ok(serde_json::to_string(&made).expect("plain data"))
+    Ok(serde_json::to_string(&series).expect("plain data"))
 }

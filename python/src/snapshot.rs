@@ -26,7 +26,7 @@ use std::sync::Arc;
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
 pub struct Snapshot {
     pub particles: Arc<Particles>,
-    /// What was read from the files, for the recipe of a model.
+    /// Options that the files were read with, for the recipe of a model.
     pub read: BTreeMap<String, String>,
     /// Notes on drawn particles, as JSON; `None` for others.
     pub drawn: Option<String>,
@@ -176,11 +176,11 @@ impl Snapshot {
         skip_invalid: bool,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let (given, layers) = (InputPositions::of(positions)?, std::mem::take(&mut known.layers));
+        let (input_positions, layers) = (InputPositions::of(positions)?, std::mem::take(&mut known.layers));
         let meta = known.meta()?;
         let weights = weights.map(|w| arrays::column(&w)).transpose()?;
         let particles = WorkOptions::quietly(threads).run(py, move |progress| {
-            let particles = match given {
+            let particles = match input_positions {
                 InputPositions::InPlace(positions) => Particles::new(positions, [0.0; 3], meta),
                 InputPositions::Rows(array) => {
                     let reader = array.reader(meta)?;
@@ -262,21 +262,21 @@ impl Snapshot {
     /// The particles of a species.
     fn of_species(&self, name: &str) -> PyResult<Snapshot> {
         let layers = self.particles.layers();
-        let called: Vec<_> = layers.iter().filter(|l| l.name == name).collect();
+        let named_layers: Vec<_> = layers.iter().filter(|l| l.name == name).collect();
         let of_species = || layers.iter().filter(|l| is_species(&l.name, name)).collect();
-        let found: Vec<_> = if called.is_empty() { of_species() } else { called };
-        let [layer] = found[..] else {
+        let matching_layers: Vec<_> = if named_layers.is_empty() { of_species() } else { named_layers };
+        let [layer] = matching_layers[..] else {
             let all: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
             let message = format!("\"{name}\" does not name one species; the species are {}", all.join(", "));
             return Err(InputError::new_err(message));
         };
-        let mut read = self.read.clone();
-        read.insert("particle-type".into(), layer.name.clone());
+        let mut read_options = self.read.clone();
+        read_options.insert("particle-type".into(), layer.name.clone());
         let particles = self
             .particles
             .of_layer(layer)
             .with_layers(vec![Layer { content: 0..layer.content.len(), ..layer.clone() }]);
-        Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read) })
+        Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read_options) })
     }
 
     /// The particles inside a box.
@@ -286,10 +286,10 @@ impl Snapshot {
             Selection { crop: Some(Bounds { min: low, max: high }), ..Selection::all() }.check().or_raise()?;
         let particles = WorkOptions::quietly(threads)
             .run(py, |progress| self.particles.select(selection, &Storage::Memory, progress))?;
-        let mut read = self.read.clone();
+        let mut read_options = self.read.clone();
         let corners = [low[0], high[0], low[1], high[1], low[2], high[2]].map(|v| v.to_string());
-        read.insert("region".into(), corners.join(","));
-        Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read) })
+        read_options.insert("region".into(), corners.join(","));
+        Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read_options) })
     }
 
     /// Metadata as JSON.
@@ -338,8 +338,8 @@ impl Snapshot {
             let Some(numbers) = numbers else { continue };
             let components = field.components as usize;
             let mut rows: Vec<f64> = Vec::with_capacity(components * self.particles.len());
-            for ((layer, own), number) in self.particles.layers().iter().zip(&layers).zip(numbers) {
-                let columns = own.values(number, layer.content.len()).or_raise()?;
+            for ((layer, fields), number) in self.particles.layers().iter().zip(&layers).zip(numbers) {
+                let columns = fields.values(number, layer.content.len()).or_raise()?;
                 rows.extend((0..layer.content.len()).flat_map(|i| columns.iter().map(move |c| c[i])));
             }
             let mut shape = vec![self.particles.len()];
@@ -365,16 +365,16 @@ impl Snapshot {
         opacity: Option<f64>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
+        let (tone, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
         let particles = self.checked()?;
         let reference = WorkOptions::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
         let (cell, count) = (particles.meta.cell, particles.len() as u64);
         let subject = ViewSubject::of_particles(*reference.bounds(), cell, count, false);
         let view = camera.view(&subject, size, [radius, opacity]).or_raise()?;
         let how = WorkOptions::quietly(threads);
-        match look {
-            Some(look) => {
-                let picture = how.run(py, |progress| reference.draw(&view, size, look, progress))?;
+        match tone {
+            Some(tone) => {
+                let picture = how.run(py, |progress| reference.draw(&view, size, tone, progress))?;
                 pictures::levels(py, picture)
             }
             None => {

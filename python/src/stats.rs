@@ -19,8 +19,8 @@ pub type AskedOptions = Map<String, Value>;
 /// A value that was given as JSON.
 pub fn read<T: DeserializeOwned>(given: Value) -> PyResult<T> {
     serde_json::from_value(given).map_err(|error| match error.to_string() {
-        what if what.starts_with("invalid type") => PyTypeError::new_err(what),
-        what => InputError::new_err(what),
+        message if message.starts_with("invalid type") => PyTypeError::new_err(message),
+        message => InputError::new_err(message),
     })
 }
 
@@ -34,19 +34,19 @@ fn check_name<T: NamedValue>(option: &str, given: Option<&Value>) -> PyResult<()
     given.and_then(Value::as_str).map_or(Ok(()), |name| named::<T>(option, name).map(drop))
 }
 
-/// What to measure; the names are those of the command.
+/// Options of measuring; the names are those of the command.
 pub fn measure_options(json: &str) -> PyResult<StatsOptions> {
-    let mut asked = asked_options(json)?;
-    let only = asked.get("only").and_then(Value::as_array).cloned().unwrap_or_default();
+    let mut options = asked_options(json)?;
+    let only = options.get("only").and_then(Value::as_array).cloned().unwrap_or_default();
     only.iter().try_for_each(|name| check_name::<Measure>("only", Some(name)))?;
     if only.is_empty() {
-        asked.remove("only");
+        options.remove("only");
     }
-    check_name::<Convention>("convention", asked.get("convention"))?;
-    ["assignment", "spectrum_assignment"].into_iter().try_for_each(|o| check_name::<Assignment>(o, asked.get(o)))?;
-    let centers: Option<Vec<[f64; 3]>> = read(asked.remove("centers").unwrap_or_default())?;
+    check_name::<Convention>("convention", options.get("convention"))?;
+    ["assignment", "spectrum_assignment"].into_iter().try_for_each(|o| check_name::<Assignment>(o, options.get(o)))?;
+    let centers: Option<Vec<[f64; 3]>> = read(options.remove("centers").unwrap_or_default())?;
     let centers = centers.map(|all| all.into_iter().map(|c| (c, None)).collect());
-    Ok(StatsOptions { centers, ..read(asked.into())? })
+    Ok(StatsOptions { centers, ..read(options.into())? })
 }
 
 /// A snapshot or a model.
@@ -90,6 +90,6 @@ pub fn stats(
     let [of_truth, of_other] = [truth.fields(&fields[0])?, other.fields(&fields[1])?];
     let truth = StatsSide { subject: truth.subject(), fields: &of_truth };
     let other = StatsSide { subject: other.subject(), fields: &of_other };
-    let found = WorkOptions { threads, progress }.run(py, |context| compare(truth, other, &options, context))?;
-    Ok(serde_json::to_string(&found).expect("plain data"))
+    let statistics = WorkOptions { threads, progress }.run(py, |context| compare(truth, other, &options, context))?;
+    Ok(serde_json::to_string(&statistics).expect("plain data"))
 }

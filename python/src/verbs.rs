@@ -69,7 +69,7 @@ pub fn evaluate(
     Ok(serde_json::to_string(&report).expect("plain data"))
 }
 
-/// What the command's `verify` finds: JSON, and what is wrong where anything is.
+/// The findings of the command's `verify`: JSON, and the fault in words where there is one.
 #[pyfunction]
 #[pyo3(signature = (model, snapshot=None, full=false, fields=Vec::new(), threads=None, progress=None))]
 pub fn verify(
@@ -131,7 +131,7 @@ pub fn export(
     Kind::for_output(&path, options.kind).or_raise()?;
     refuse(&path, asked.overwrite)?;
     let outputs = Outputs::new(asked.overwrite);
-    let made =
+    let export =
         WorkOptions { threads, progress }.run(py, |context| model.file.export(&path, &options, &outputs, context))?;
-    Ok(made.bytes)
+    Ok(export.bytes)
 }

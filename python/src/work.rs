@@ -13,7 +13,7 @@ use std::time::Duration;
 /// Interval between checks for signals and reports of progress.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// How to run work.
+/// Options of running work.
 pub struct WorkOptions {
     /// Number of threads; `None` = all that the process may use.
     pub threads: Option<usize>,

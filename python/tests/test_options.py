@@ -111,7 +111,7 @@ def by_command(verb, row, made, folder, command):
             "stats": "stats",
         }
         words += ["-o", str(folder / (outputs.get(verb) or row["output"]))]
-        words += [] if verb == "stats" else ["--force"]
+        words += [] if verb in ("stats", "render") else ["--force"]
     options = {} if verb in JOB_PARTS else row["options"]
     if verb == "render":
         options = {"size": [32, 32], "projection": "orthographic" if "width" in options else "perspective", **options}

@@ -195,9 +195,10 @@ def changed(model, key, data, elapsed):
     new = {"open": False, "vizm": None, "meta": metadata(joined), "cert": {}, "layers": []}
     moves = [content for tag, content, _ in found if tag == b"MoVE"]
     cells = [spanned(m["meta"]["cell"]) for m in (model, new)]
-    for tag, content, _ in found:
-        if tag == b"CERT":
-            new["cert"] = certificate(content)
+    certificates = [content for tag, content, _ in found if tag == b"CERT"]
+    check(len(certificates) <= 1, "certificates of a change")
+    if certificates:
+        new["cert"] = certificate(certificates[0])
     for name, blocks in model["layers"]:
         new["layers"].append((name, [Change(block, moves.pop(0)[4:], cells, elapsed) for block in blocks]))
     check(not moves, "blocks of a change")

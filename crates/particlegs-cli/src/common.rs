@@ -66,13 +66,13 @@ pub fn one_of<T: Clone + Send + Sync + 'static>(
         if help.is_empty() { value } else { value.help(*help) }
     });
     PossibleValuesParser::new(possible).try_map(move |name| {
-        let value = values.iter().find(|(_, of, _)| *of == name);
+        let value = values.iter().find(|(_, value_name, _)| *value_name == name);
         value.map(|(value, ..)| value.clone()).ok_or("no such value")
     })
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);
-/// Does the work write a checkpoint when it is stopped?
+/// Whether the work writes a checkpoint when it is stopped.
 static KEEPS: AtomicBool = AtomicBool::new(false);
 /// Time for that after the first signal; further signals are ignored meanwhile.
 const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
@@ -235,6 +235,6 @@ impl ProgressSink for CommandDisplay {
     }
 }
 
-fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

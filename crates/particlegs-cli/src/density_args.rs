@@ -32,8 +32,8 @@ pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
     named()
 }
 
-pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
-    match asked {
+pub fn range_of(numbers: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
+    match numbers {
         None => Ok(None),
         Some([lo, hi]) if *lo > 0.0 && hi > lo && hi.is_finite() => Ok(Some([*lo, *hi])),
         Some(_) => Err(Error::argument("--range takes LO,HI with 0 < LO < HI")),

@@ -6,7 +6,7 @@ use particlegs_figure::{BarPlacement, PaperColour};
 use particlegs_pictures::{FigureAxes, FigureOptions};
 use std::path::PathBuf;
 
-/// How a figure looks.
+/// Options of figures.
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Figures")]
 pub struct FigureArgs {

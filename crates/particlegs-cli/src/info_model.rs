@@ -57,7 +57,7 @@ fn layer_report(layer: &Layer<Vec<BlockInfo>>, shared: &[SharedSpecies]) -> Valu
 /// The same of what was read.
 pub fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
     let gaussians = info.gaussians() as u64;
-    let kept = info.metadata.quantities(info.layers.iter().any(|l| l.mass.is_weighted()));
+    let quantities = info.metadata.quantities(info.layers.iter().any(|l| l.mass.is_weighted()));
     let report = ModelInfoReport {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
         model_bytes: info.bytes,
@@ -68,14 +68,14 @@ pub fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
         compression_ratio: info.compression_ratio(),
         gaussians,
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
-        metadata: metadata(&info.metadata, &kept),
+        metadata: metadata(&info.metadata, &quantities),
         layers: info.layers.iter().map(|l| layer_report(l, &info.metadata.shared_species)).collect(),
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * AlphaBlend::PLY_BYTES,
         certificate: info.certificate.as_ref(),
         verdict: Assessment::verdict(info.certificate.as_ref(), &info.metadata),
     };
-    context.finish(&text(info, &report, &kept), &report)
+    context.finish(&text(info, &report, &quantities), &report)
 }
 
 fn network(n: &VizMapper) -> Value {
@@ -85,12 +85,12 @@ fn network(n: &VizMapper) -> Value {
     })
 }
 
-fn metadata(m: &Metadata, kept: &[Quantity]) -> Value {
+fn metadata(m: &Metadata, quantities: &[Quantity]) -> Value {
     let mut report = json!({
         "law": m.law.name(), "particles": m.count, "mass": m.mass, "bounds": m.bounds, "cell": m.cell,
         "default_radius": m.default_radius, "default_opacity": m.default_opacity, "source": m.source,
         "source_blake3": hex(&m.source_hash), "redshift": m.epoch.redshift(), "weighting": Metadata::WEIGHTING,
-        "kept": kept, "command": m.recipe.to_string(), "tool_version": m.tool_version,
+        "kept": quantities, "command": m.recipe.to_string(), "tool_version": m.tool_version,
         "effort": m.recipe.fitted().map(Effort::name),
     });
     m.weight_name().iter().for_each(|name| report["weight_name"] = (*name).into());
@@ -100,7 +100,7 @@ fn metadata(m: &Metadata, kept: &[Quantity]) -> Value {
     report
 }
 
-fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
+fn text(info: &FileInfo, r: &ModelInfoReport<'_>, quantities: &[Quantity]) -> String {
     let m = &info.metadata;
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
@@ -108,7 +108,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     };
     row("format", format!("{}, image law {}", r.format_version, m.law.name()));
     row("size", format!("{} bytes, {} to {} raw bytes", r.model_bytes, info.describe_ratio(), r.raw_bytes));
-    r.missing.iter().chain(r.lacking_fields).for_each(|what| row("incomplete", what.clone()));
+    r.missing.iter().chain(r.lacking_fields).for_each(|gap| row("incomplete", gap.clone()));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
     // Splats have no fields.
     let raw_bytes = r.raw_bytes - info.raw_field_bytes();
@@ -125,8 +125,8 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
         None => {}
     }
     row("particles", m.count.to_string());
-    let of = m.weight_name().map_or_else(String::new, |name| format!(" of `{name}`"));
-    row("weights", format!("{}{of} in total (1 per particle in layers without weights)", m.mass));
+    let weight_words = m.weight_name().map_or_else(String::new, |name| format!(" of `{name}`"));
+    row("weights", format!("{}{weight_words} in total (1 per particle in layers without weights)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::to_string));
     row("default radius", number(m.default_radius));
@@ -135,7 +135,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("source BLAKE3", hex(&m.source_hash));
     row("unit of length", info_snapshot::length(&m.units));
     info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
-    row("raw data", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
+    row("raw data", quantities.iter().map(quantity).collect::<Vec<_>>().join("; "));
     for (field, line) in m.fields.iter().zip(info.describe_fields()) {
         let by = if field.by_mass { "mass" } else { "count" };
         row("field", format!("{line}; {}, weighted by {by}", field.describe_kind()));
@@ -284,7 +284,7 @@ pub fn describe_new_model<T>(
         );
     }
     let differing = c.map_or_else(Vec::new, |c| c.differing_layers(layers, metadata.units.length_text()));
-    differing.iter().for_each(|what| context.message(&format!("warning: {what}")));
+    differing.iter().for_each(|difference| context.message(&format!("warning: {difference}")));
     let short = if c.is_some() { brief(&v) } else { String::new() };
     (format!("{short}\nparticlegs info {} shows the rest", place.display()), v)
 }
@@ -298,5 +298,5 @@ fn brief(findings: &[Assessment]) -> String {
         let uses: Vec<&str> = missing.iter().filter(|f| f.figure() == why).map(|f| f.of.name()).collect();
         lines.push([Grade::NotMeasured.name().into(), String::new(), format!("{}: {why}", uses.join(", "))]);
     }
-    lines.iter().map(|[of, word, why]| format!("\n  {of:<15} {word:<14} {why}")).collect()
+    lines.iter().map(|[name, word, why]| format!("\n  {name:<15} {word:<14} {why}")).collect()
 }

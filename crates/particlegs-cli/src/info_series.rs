@@ -7,13 +7,13 @@ use std::fmt::Write;
 
 /// A line for each frame: its number, what the clock shows, what it is, its bytes and its score.
 pub fn print(context: &CommandContext, series: &Series) -> Result<()> {
-    let described = series.describe()?;
+    let description = series.describe()?;
     let keyframes =
-        described.frames.iter().filter(|f| matches!(f, FrameDescription::There { kind: "keyframe", .. })).count();
-    let (frames, bytes, clock) = (described.frames.len(), described.series_bytes, described.clock);
+        description.frames.iter().filter(|f| matches!(f, FrameDescription::There { kind: "keyframe", .. })).count();
+    let (frames, bytes, clock) = (description.frames.len(), description.series_bytes, description.clock);
     let mut text = format!("series of {frames} frames, {keyframes} of them keyframes, {bytes} bytes");
     let _ = write!(text, "\n{:>6} {clock:>13} {:>9} {:>9} {:>9}", "frame", "kind", "bytes", "PSNR, dB");
-    for frame in &described.frames {
+    for frame in &description.frames {
         let _ = match frame {
             FrameDescription::Missing { frame, kind } => write!(text, "\n{frame:>6} {:>13} {kind:>9}", ""),
             FrameDescription::There { frame, kind, time, bytes, masked_psnr } => {
@@ -22,5 +22,5 @@ pub fn print(context: &CommandContext, series: &Series) -> Result<()> {
             }
         };
     }
-    context.finish(&text, &described)
+    context.finish(&text, &description)
 }

@@ -10,7 +10,7 @@ use particlegs_core::context::{Context, ProgressSink};
 use particlegs_core::text::one_line;
 use std::path::Path;
 
-/// Which frame of a series is read.
+/// Options that name a frame of a series.
 #[derive(Args, Clone, Debug, Default)]
 pub struct FrameArgs {
     /// Frame of a series, from 0; -1 is the last [default: the last].
@@ -27,7 +27,7 @@ impl FrameArgs {
         self.time.clone().map_or(self.frame.into(), FrameChoice::Moment)
     }
 
-    /// Is a frame or a moment named?
+    /// Whether a frame or a moment is named.
     pub fn is_given(&self) -> bool {
         self.choice() != FrameChoice::Last
     }
@@ -39,7 +39,7 @@ pub fn model_with_snapshot(path: &Path, opening: &mut SnapshotArgs, context: &Co
     read_model_of_snapshot(path, &mut opening.frame, context)
 }
 
-/// How `path` is opened when it is compared with `other`: a frame is one of `other` where this is a single model.
+/// Options of opening `path` beside `other`: a frame is one of `other` where `path` is a single model.
 pub fn opening_beside(path: &Path, other: Option<&Path>, opening: &SnapshotArgs) -> SnapshotArgs {
     SnapshotArgs { frame: frame_beside(path, other, opening.frame), ..opening.clone() }
 }

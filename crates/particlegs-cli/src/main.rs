@@ -89,7 +89,7 @@ fn run() -> Result<()> {
     }
     let matches = match program().try_get_matches_from(arguments) {
         Ok(matches) => matches,
-        Err(asked) if !asked.use_stderr() => return report::help(&asked),
+        Err(page) if !page.use_stderr() => return report::help(&page),
         Err(wrong) => wrong.exit(),
     };
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());

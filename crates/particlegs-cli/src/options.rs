@@ -14,7 +14,7 @@ struct OptionRule {
     commands: &'static str,
     /// clap's ids; a group of options by the name of its struct.
     options: &'static str,
-    /// Do they have no effect, given the other arguments?
+    /// Whether they have no effect, given the other arguments.
     idle: fn(&CommandMatches<'_>) -> bool,
     belongs: &'static str,
     hint: &'static str,
@@ -106,13 +106,13 @@ const RULES: &[OptionRule] = rules! {
 
 pub fn check(matches: &ArgMatches) -> Result<()> {
     let Some((command, matches)) = matches.subcommand() else { return Ok(()) };
-    let given = CommandMatches(matches);
+    let command_matches = CommandMatches(matches);
     if command == "stats" {
-        given.check_measures()?;
+        command_matches.check_measures()?;
     }
     for rule in RULES.iter().filter(|r| r.commands.split(' ').any(|c| c == command)) {
-        if let Some(option) = rule.options.split(' ').find_map(|o| given.first_of(o))
-            && (rule.idle)(&given)
+        if let Some(option) = rule.options.split(' ').find_map(|o| command_matches.first_of(o))
+            && (rule.idle)(&command_matches)
         {
             return Err(no_effect(&option, rule.belongs, rule.hint));
         }
@@ -138,7 +138,7 @@ fn is_group(option: &str) -> bool {
 struct CommandMatches<'a>(&'a ArgMatches);
 
 impl CommandMatches<'_> {
-    /// Was the argument given, not only as a default?
+    /// Whether the argument was given, not only as a default.
     fn has(&self, id: &str) -> bool {
         self.0.try_contains_id(id).unwrap_or(false) && self.0.value_source(id) == Some(ValueSource::CommandLine)
     }
@@ -146,8 +146,8 @@ impl CommandMatches<'_> {
     /// The option, or the first one of a group that was given.
     fn first_of(&self, option: &str) -> Option<String> {
         if is_group(option) {
-            let given = self.0.try_get_many::<Id>(option).ok().flatten();
-            return given.into_iter().flatten().find(|id| self.has(id.as_str())).map(Id::to_string);
+            let ids = self.0.try_get_many::<Id>(option).ok().flatten();
+            return ids.into_iter().flatten().find(|id| self.has(id.as_str())).map(Id::to_string);
         }
         self.has(option).then(|| option.to_string())
     }
@@ -162,12 +162,12 @@ impl CommandMatches<'_> {
         self.words(id).iter().any(|v| v == value)
     }
 
-    /// Is a field drawn? With --like one may be.
+    /// Whether a field is drawn; with --like one may be.
     fn draws_field(&self) -> bool {
         self.has("field") || self.has("like") && !self.has("style")
     }
 
-    /// Is a surface density or a field drawn? With --like one may be.
+    /// Whether a surface density or a field is drawn; with --like one may be.
     fn density(&self) -> bool {
         self.is("style", "density") || self.draws_field()
     }
@@ -177,12 +177,12 @@ impl CommandMatches<'_> {
         self.density() || self.draws_page() || beside
     }
 
-    /// Does the picture have annotations?
+    /// Whether the picture has annotations.
     fn has_letters(&self) -> bool {
         self.has_bars() || ["axes", "title", "frames", "time"].iter().any(|id| self.has(id))
     }
 
-    /// Is the output a PDF or SVG page?
+    /// Whether the output is a PDF or SVG page.
     fn draws_page(&self) -> bool {
         let kind = self.paths("out").first().and_then(|p| FileKind::from_path(p));
         kind.is_some_and(|k| k != FileKind::Png)
@@ -192,18 +192,18 @@ impl CommandMatches<'_> {
         ["fast", "best", "paper"].iter().any(|p| self.is("train", p)) || self.has("config") || self.has("print_config")
     }
 
-    /// What `export` writes; `None` if that is unclear, which is reported later.
+    /// The group of formats that `export` writes; `None` if that is unclear, which is reported later.
     fn exports(&self) -> Option<Group> {
-        let asked = self.words("kind").first().and_then(|name| Exported::from_name(name).ok());
+        let kind = self.words("kind").first().and_then(|name| Exported::from_name(name).ok());
         let out = self.paths("output").into_iter().next()?;
-        Exported::for_output(&out, asked).ok().map(Exported::group)
+        Exported::for_output(&out, kind).ok().map(Exported::group)
     }
 
     fn exports_picture(&self) -> bool {
         matches!(self.exports(), Some(Group::Page | Group::Splats))
     }
 
-    /// Does a page open with a surface density, its default?
+    /// Whether a page opens with a surface density, its default.
     fn page_of_density(&self) -> bool {
         let page = self.exports().is_none_or(|e| e == Group::Page);
         page && !["paraview", "expected"].iter().any(|s| self.is("style", s))
@@ -227,12 +227,12 @@ impl CommandMatches<'_> {
         Ok(())
     }
 
-    /// Is a series alone measured?
+    /// Whether a series alone is measured.
     fn measures_series(&self) -> bool {
         self.series("truth") && !self.has("other")
     }
 
-    /// Is the only positional argument a model? Unreadable files are reported later, and pipes are not touched.
+    /// Whether the only positional argument is a model. Unreadable files are reported later, and pipes are not touched.
     fn model(&self, id: &str) -> bool {
         matches!(&self.paths(id)[..], [one] if is_single(one))
     }

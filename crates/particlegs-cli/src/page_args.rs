@@ -1,4 +1,4 @@
-//! How a page opens. Shared by `view` and `export`.
+//! Options of a page's first view. Shared by `view` and `export`.
 
 use crate::common::{CommandContext, named};
 use crate::density_args::{colormaps, range_of};
@@ -102,7 +102,7 @@ impl PageArgs {
         [&self.like, &self.views, &self.overlay].into_iter().flatten()
     }
 
-    /// How a page of these models opens; empty `layers` means all.
+    /// The first view of a page of these models; empty `layers` means all.
     pub fn opening(
         &self,
         dials: &AppearanceArgs,
@@ -115,16 +115,16 @@ impl PageArgs {
             opening.views = Some(views(ViewsFile::read(path, context)?.0)?);
         }
         if let Some(path) = &self.like {
-            let (told, set) = PictureProvenance::read(path, context)?;
-            opening.field = told.field.clone().filter(|_| opening.style.is_none());
-            let style = || PageStyle::from_name(&told.style).ok();
+            let (provenance, set) = PictureProvenance::read(path, context)?;
+            opening.field = provenance.field.clone().filter(|_| opening.style.is_none());
+            let style = || PageStyle::from_name(&provenance.style).ok();
             opening.style = opening.style.or_else(style);
-            let same = opening.style == Some(PageStyle::Density) && opening.field == told.field;
-            opening.range = opening.range.or(told.range.filter(|_| same));
-            opening.colormap = opening.colormap.or_else(|| told.colormap.and_then(|name| name.parse().ok()));
-            opening.white = opening.white.or(told.background.map(|name| name == "white"));
-            opening.color_by_layer |= told.color_by_layer;
-            opening.layers = told.layers;
+            let same = opening.style == Some(PageStyle::Density) && opening.field == provenance.field;
+            opening.range = opening.range.or(provenance.range.filter(|_| same));
+            opening.colormap = opening.colormap.or_else(|| provenance.colormap.and_then(|name| name.parse().ok()));
+            opening.white = opening.white.or(provenance.background.map(|name| name == "white"));
+            opening.color_by_layer |= provenance.color_by_layer;
+            opening.layers = provenance.layers;
             opening.views = Some(views(set)?);
         }
         if layers != ["all"] && !layers.is_empty() {
@@ -183,19 +183,19 @@ impl PageArgs {
 /// The layers of all models with these names or species.
 fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
     let layers: Vec<_> = models.iter().flat_map(|m| m.species_layers()).collect();
-    let there: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
-    let called =
-        |layer: &str, asked: &str| if there.contains(&asked) { layer == asked } else { is_species(layer, asked) };
-    if let Some(name) = names.iter().find(|n| !there.iter().any(|l| called(l, n))) {
-        return Err(Error::argument(format!("no layer `{name}`: the layers are {}", there.join(", "))));
+    let layer_names: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
+    let is_match =
+        |layer: &str, name: &str| if layer_names.contains(&name) { layer == name } else { is_species(layer, name) };
+    if let Some(name) = names.iter().find(|n| !layer_names.iter().any(|l| is_match(l, n))) {
+        return Err(Error::argument(format!("no layer `{name}`: the layers are {}", layer_names.join(", "))));
     }
-    let mut own: Vec<String> = Vec::new();
-    for layer in there.iter().filter(|l| names.iter().any(|n| called(l, n))) {
-        if !own.iter().any(|o| o == layer) {
-            own.push((*layer).into());
+    let mut matching_names: Vec<String> = Vec::new();
+    for layer in layer_names.iter().filter(|l| names.iter().any(|n| is_match(l, n))) {
+        if !matching_names.iter().any(|o| o == layer) {
+            matching_names.push((*layer).into());
         }
     }
-    Ok(own)
+    Ok(matching_names)
 }
 
 /// Centres and radii of the circles over all models.

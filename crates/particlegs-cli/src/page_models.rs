@@ -53,9 +53,9 @@ impl ModelFiles {
             }
             files.push(PageModelFile { name, place, bytes, info });
         }
-        let viewed = ModelFiles { files };
-        viewed.note_units(context);
-        Ok(viewed)
+        let model_files = ModelFiles { files };
+        model_files.note_units(context);
+        Ok(model_files)
     }
 
     /// Note on models with other units than the first.
@@ -65,9 +65,11 @@ impl ModelFiles {
         for PageModelFile { name, info, .. } in others {
             let other = &info.metadata;
             if !share_length(other, &first.info.metadata) {
-                let (own, of) = (text(other), text(&first.info.metadata));
-                let words =
-                    format!("{name} is in {own} and {} in {of}: the page shows each in its own unit", first.name);
+                let (unit, first_unit) = (text(other), text(&first.info.metadata));
+                let words = format!(
+                    "{name} is in {unit} and {} in {first_unit}: the page shows each in its own unit",
+                    first.name
+                );
                 context.note(&words);
             }
         }
@@ -93,7 +95,7 @@ impl ModelFiles {
         self.files.iter_mut().map(|f| (f.name.clone(), std::mem::take(&mut f.bytes))).collect()
     }
 
-    /// Does the only model load slowly enough to need a poster?
+    /// Whether the only model loads slowly enough to need a poster.
     pub fn has_poster(&self, opening: &PageOpening) -> bool {
         matches!(&self.files[..], [only] if !codec::is_series(&only.bytes) && poster::wanted(only.info.gaussians(), opening)
             && only.info.gaussians() <= poster::SERVED_UP_TO)
@@ -114,7 +116,7 @@ impl ModelFiles {
     }
 }
 
-/// Do two models have the same unit of length, as far as they say?
+/// Whether two models have the same unit of length, as far as they say.
 pub fn share_length(one: &Metadata, other: &Metadata) -> bool {
     one.unit_system().conversion(&other.unit_system()).is_ok_and(|by| by.length == 1.0)
 }

@@ -95,10 +95,10 @@ impl ProgressPhase {
     }
 
     fn look(&mut self, now: Duration) {
-        let look = ProgressSample { at: now, done: self.done };
-        self.first.get_or_insert(look);
+        let sample = ProgressSample { at: now, done: self.done };
+        self.first.get_or_insert(sample);
         if self.moved.done != self.done {
-            self.moved = look;
+            self.moved = sample;
         }
     }
 
@@ -106,13 +106,13 @@ impl ProgressPhase {
     /// step that exceeds the estimate is assumed to take another tenth of its time.
     fn left(&self, now: Duration) -> Option<Duration> {
         let first = self.first.unwrap_or(ProgressSample { at: self.began, done: 0 });
-        let moved = if self.moved.done == self.done { self.moved.at } else { now };
-        let (elapsed, since) = (moved.saturating_sub(first.at), now.saturating_sub(moved).as_secs_f64());
+        let moved_at = if self.moved.done == self.done { self.moved.at } else { now };
+        let (elapsed, since) = (moved_at.saturating_sub(first.at), now.saturating_sub(moved_at).as_secs_f64());
         let share = self.share()?;
         let gained = share - self.share_of(first.done)?;
-        let known = gained > 0.0 && elapsed >= SETTLED;
+        let is_known = gained > 0.0 && elapsed >= SETTLED;
         let at_last_step = elapsed.as_secs_f64() * (1.0 - share) / gained;
-        known.then(|| Duration::from_secs_f64((at_last_step - since).max(0.1 * since).clamp(1.0, 1e9)))
+        is_known.then(|| Duration::from_secs_f64((at_last_step - since).max(0.1 * since).clamp(1.0, 1e9)))
     }
 }
 
@@ -153,11 +153,11 @@ impl Display {
             return ProgressStatus { name: "working".into(), share: None, elapsed, left: None };
         };
         // Prefer the outer phase as soon as one of its steps is done.
-        let known = self.phases.iter().find(|p| p.done > 0 && p.total > 0);
-        let told = known.or(self.phases.iter().find(|p| p.total > 0)).unwrap_or(outermost);
+        let known_phase = self.phases.iter().find(|p| p.done > 0 && p.total > 0);
+        let phase = known_phase.or(self.phases.iter().find(|p| p.total > 0)).unwrap_or(outermost);
         let names: Vec<&str> = self.phases.iter().map(|p| p.name.as_str()).collect();
-        let elapsed = now.saturating_sub(told.began);
-        ProgressStatus { name: shortened(&names.join(": ")), share: told.share(), elapsed, left: told.left(now) }
+        let elapsed = now.saturating_sub(phase.began);
+        ProgressStatus { name: shortened(&names.join(": ")), share: phase.share(), elapsed, left: phase.left(now) }
     }
 
     fn tick(&mut self, now: Duration) {
@@ -172,8 +172,8 @@ fn shortened(name: &str) -> String {
     if name.chars().count() <= NAME_WIDTH {
         return name.to_string();
     }
-    let kept: String = name.chars().take(NAME_WIDTH - 1).collect();
-    format!("{kept}…")
+    let beginning: String = name.chars().take(NAME_WIDTH - 1).collect();
+    format!("{beginning}…")
 }
 
 /// A live line on a terminal.
@@ -194,11 +194,11 @@ impl StatusSink for Terminal {
         if status.elapsed < UNSEEN && self.of_known_size.is_none() {
             return;
         }
-        let known = status.share.is_some();
-        if self.of_known_size != Some(known) {
-            let form = if known { "{prefix} {wide_bar} {msg}" } else { "{prefix} {spinner} {msg}" };
+        let is_known = status.share.is_some();
+        if self.of_known_size != Some(is_known) {
+            let form = if is_known { "{prefix} {wide_bar} {msg}" } else { "{prefix} {spinner} {msg}" };
             self.bar.set_style(ProgressStyle::with_template(form).unwrap_or_else(|_| ProgressStyle::default_bar()));
-            self.of_known_size = Some(known);
+            self.of_known_size = Some(is_known);
         }
         self.bar.set_prefix(status.name.clone());
         self.bar.set_message(status.figures());
@@ -276,12 +276,12 @@ impl Meter {
     fn with(sink: Box<dyn StatusSink>, every: Duration) -> Meter {
         let began = Instant::now();
         let shared = Arc::new(SharedDisplay { display: Mutex::new(Some(Display::new(sink))), over: Condvar::new() });
-        let seen = Arc::clone(&shared);
+        let ticker_display = Arc::clone(&shared);
         let ticker = std::thread::Builder::new().name("progress".into()).spawn(move || {
-            let mut display = seen.lock();
+            let mut display = ticker_display.lock();
             while let Some(d) = display.as_mut() {
                 d.tick(began.elapsed());
-                display = seen.over.wait_timeout(display, every).unwrap_or_else(|e| e.into_inner()).0;
+                display = ticker_display.over.wait_timeout(display, every).unwrap_or_else(|e| e.into_inner()).0;
             }
         });
         // Without a thread the work goes on without progress.
@@ -338,7 +338,7 @@ mod tests {
         Duration::from_secs(seconds)
     }
 
-    /// What was shown, with its time.
+    /// The shown texts, with their times.
     #[derive(Clone, Default)]
     struct ShownRecord(Arc<Mutex<Vec<String>>>);
 
@@ -368,8 +368,8 @@ mod tests {
 
     #[test]
     fn durations_have_at_most_two_units() {
-        let said = [0, 59, 60, 3599, 3600, 90_061].map(|s| duration(at(s)));
-        assert_eq!(said, ["0 s", "59 s", "1 min 0 s", "59 min 59 s", "1 h 0 min", "25 h 1 min"]);
+        let texts = [0, 59, 60, 3599, 3600, 90_061].map(|s| duration(at(s)));
+        assert_eq!(texts, ["0 s", "59 s", "1 min 0 s", "59 min 59 s", "1 h 0 min", "25 h 1 min"]);
     }
 
     #[test]
@@ -397,7 +397,7 @@ mod tests {
         );
     }
 
-    /// What an earlier run did says nothing about the rate of this one.
+    /// Steps of an earlier run say nothing about the rate of this one.
     #[test]
     fn a_resumed_phase_estimates_time_from_its_own_steps() {
         let mut d = Display::new(Box::new(ShownRecord::default()));
@@ -505,8 +505,8 @@ mod tests {
             std::thread::yield_now();
         }
         drop(meter);
-        let shown = record.all().len();
+        let line_count = record.all().len();
         std::thread::yield_now();
-        assert_eq!(record.all().len(), shown);
+        assert_eq!(record.all().len(), line_count);
     }
 }

@@ -36,8 +36,8 @@ pub fn text(bytes: &[u8]) -> particlegs_core::Result<()> {
     whole(|| std::io::stdout().write_all(bytes))
 }
 
-pub fn help(asked: &clap::Error) -> particlegs_core::Result<()> {
-    whole(|| asked.print())
+pub fn help(page: &clap::Error) -> particlegs_core::Result<()> {
+    whole(|| page.print())
 }
 
 /// Writes to stdout and checks that all of it arrived.

@@ -1,4 +1,4 @@
-//! How a snapshot is named, and what of it is read.
+//! Options of snapshots: their files, and the particles that are read.
 
 use clap::{Args, ValueEnum};
 use particlegs_core::context::Context;
@@ -196,10 +196,10 @@ impl SnapshotArgs {
             ("--unwrapped", (self.unwrapped == UnwrappedPositions::Keep).then(|| "keep".into())),
             ("--gadget-blocks", (!self.gadget_blocks.is_empty()).then(|| self.gadget_blocks.join(","))),
         ];
-        let given = all.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", value?)));
+        let options = all.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", value?)));
         let switches = [("--skip-invalid", self.skip_invalid), ("--strict", self.strict)];
         let switches = switches.into_iter().filter(|s| s.1).map(|s| s.0.to_string());
-        let words: Vec<String> = given.chain(switches).collect();
+        let words: Vec<String> = options.chain(switches).collect();
         (!words.is_empty()).then(|| words.join(" "))
     }
 
@@ -238,7 +238,7 @@ impl SnapshotArgs {
 
 impl SelectionArgs {
     pub fn selection(&self, window: &WindowArgs, seed: u64) -> Result<Selection> {
-        let kept = match (self.region.as_deref(), window.center.as_deref(), window.width.as_deref()) {
+        let selection = match (self.region.as_deref(), window.center.as_deref(), window.width.as_deref()) {
             (None, None, _) => Selection::all(),
             (Some(&[x0, x1, y0, y1, z0, z1]), ..) => {
                 Selection { crop: Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }), ..Selection::all() }
@@ -249,7 +249,7 @@ impl SelectionArgs {
             _ => return Err(Error::argument("a window needs --center X,Y,Z and --width W or Wx,Wy,Wz")),
         };
         let (every, sample, left_out) = (self.every, self.sample, self.left_out);
-        Selection { every, sample, left_out, seed, ..kept }.check()
+        Selection { every, sample, left_out, seed, ..selection }.check()
     }
 }
 
@@ -264,14 +264,14 @@ mod tests {
         snapshot: SnapshotArgs,
     }
 
-    /// What is said of the options gives them again.
+    /// The description of options gives them again.
     #[test]
     fn options_are_reported_as_given() {
-        let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.describe();
-        assert_eq!(of(&[]), None);
+        let describe = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.describe();
+        assert_eq!(describe(&[]), None);
         let rest = "--particle-type 1,dm --mass-field none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
                     --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";
         let all = format!("--format {} {rest}", names()[0]);
-        assert_eq!(of(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));
+        assert_eq!(describe(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));
     }
 }

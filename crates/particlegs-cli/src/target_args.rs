@@ -25,10 +25,10 @@ pub struct TargetArgs {
 
 /// Adds a default to the help of --ratio.
 pub fn with_default(ratio: Arg, default: &str) -> Arg {
-    let noted = |help: Option<&clap::builder::StyledStr>| {
+    let help_with_default = |help: Option<&clap::builder::StyledStr>| {
         help.map(|h| h.to_string().replace("to reach", &format!("to reach [default: {default}]")))
     };
-    let (short, long) = (noted(ratio.get_help()), noted(ratio.get_long_help()));
+    let (short, long) = (help_with_default(ratio.get_help()), help_with_default(ratio.get_long_help()));
     ratio.help(short.unwrap_or_default()).long_help(long.unwrap_or_default())
 }
 
@@ -115,11 +115,11 @@ impl GoalArgs {
             (GoalKind::Correlation, "--min-correlation", self.min_correlation, self.cell),
             (GoalKind::Groups, "--groups-within", self.groups_within, self.from.map(|n| n as f64)),
         ];
-        let given = |(kind, name, asked, at)| {
-            let (asked, at) = (Option::<f64>::zip(asked, at))?;
-            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| e.at(name)))
+        let goal = |(kind, name, limit, at)| {
+            let (limit, at) = (Option::<f64>::zip(limit, at))?;
+            Some(Target::Goal(Goal { kind, asked: limit, at }).check().map_err(|e| e.at(name)))
         };
-        goals.into_iter().find_map(given).transpose()
+        goals.into_iter().find_map(goal).transpose()
     }
 }
 

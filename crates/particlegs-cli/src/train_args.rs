@@ -153,7 +153,7 @@ fn table(config: &Config) -> Result<toml::Table> {
 fn overlay(all: &mut toml::Table, changes: toml::Table) {
     for (key, value) in changes {
         match (all.get_mut(&key), value) {
-            (Some(toml::Value::Table(own)), toml::Value::Table(more)) => overlay(own, more),
+            (Some(toml::Value::Table(base)), toml::Value::Table(more)) => overlay(base, more),
             (_, value) => {
                 all.insert(key, value);
             }
@@ -167,8 +167,8 @@ fn differing(all: toml::Table, other: &toml::Table) -> toml::Table {
     for (key, value) in all {
         match (value, other.get(&key)) {
             (value, Some(same)) if value == *same => {}
-            (toml::Value::Table(own), Some(toml::Value::Table(theirs))) => {
-                out.insert(key, toml::Value::Table(differing(own, theirs)));
+            (toml::Value::Table(table), Some(toml::Value::Table(other_table))) => {
+                out.insert(key, toml::Value::Table(differing(table, other_table)));
             }
             (value, _) => {
                 out.insert(key, value);

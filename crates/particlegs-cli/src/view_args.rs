@@ -1,4 +1,4 @@
-//! Which views to draw: a views file, or one camera from options. Shared by `reference` and `render`.
+//! Options of views: a views file, or one camera. Shared by `reference` and `render`.
 
 use crate::common::named;
 use clap::{Args, ValueEnum, ValueHint};

@@ -85,11 +85,11 @@ fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
     let corners = b.bounds.min.into_iter().chain(b.bounds.max);
     let g = &b.gaussians;
     writeln!(out, "block {} {} {}", b.count, bits([b.mass].into_iter().chain(corners)), g.len())?;
-    let own = g.law.alpha_blend();
-    let extra = [g.masses(), own.map(|l| &l.opacity), own.map(|l| &l.grey)];
+    let alpha_blend = g.law.alpha_blend();
+    let extra = [g.masses(), alpha_blend.map(|l| &l.opacity), alpha_blend.map(|l| &l.grey)];
     for i in 0..g.len() {
-        let own = g.mean_of(i).into_iter().chain(g.cov_of(i).0).chain([g.count[i]]);
-        writeln!(out, "{}", bits(own.chain(extra.iter().flatten().map(|c| c[i]))))?;
+        let numbers = g.mean_of(i).into_iter().chain(g.cov_of(i).0).chain([g.count[i]]);
+        writeln!(out, "{}", bits(numbers.chain(extra.iter().flatten().map(|c| c[i]))))?;
     }
     for (name, field) in g.fields.iter() {
         writeln!(out, "field {name}")?;

@@ -1,5 +1,6 @@
-//! What a velocity field costs and keeps: bytes a Gaussian, and particles drawn from the model against the snapshot's.
-//! `cargo run --release -p particlegs-compress --example fields -- FOLDER MODEL.pgs`: columns xx yy zz vx vy vz in FOLDER.
+//! Cost and gain of a velocity field: bytes a Gaussian, and particles drawn from the model against the snapshot's.
+//! `cargo run --release -p particlegs-compress --example fields -- FOLDER MODEL.pgs`: columns xx yy zz vx vy vz in
+//! FOLDER.
 
 use particlegs_core::codec;
 use particlegs_core::math::Random;

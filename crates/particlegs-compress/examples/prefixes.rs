@@ -1,6 +1,6 @@
-//! What the first bytes of a model's block are worth, beside a model that was simplified to as many bytes: masked PSNR of
-//! noise-free pictures against the snapshot's. `cargo run --release -p particlegs-compress --example prefixes MODEL.pgs X.f32 Y.f32
-//! Z.f32`, a model of one block and the raw columns that it was made of.
+//! The worth of the first bytes of a model's block, beside a model that was simplified to as many bytes: masked PSNR of
+//! noise-free pictures against the snapshot's. `cargo run --release -p particlegs-compress --example prefixes MODEL.pgs
+//! X.f32 Y.f32 Z.f32`, a model of one block and the raw columns that it was made of.
 
 use particlegs_compress::simplify;
 use particlegs_core::camera::View;

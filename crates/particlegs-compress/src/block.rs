@@ -1,6 +1,6 @@
 //! One block of a job: a part of the particles, in its layers, fitted and coded on its own.
 //!
-//! What a block becomes depends on its particles, the options and its share of the target alone:
+//! The bytes of a block depend on its particles, the options and its share of the target alone:
 //! not on other blocks, nor on where it is done.
 
 use super::clock::Clock;
@@ -47,9 +47,9 @@ impl BlockParticles {
 
     /// [`BlockParticles::new`] where the bounds of the layers are known.
     pub fn with_bounds(particles: &Particles, law: LawKind, bounds: &[Bounds]) -> Self {
-        let kept = |mass: Mass| if law == LawKind::OpticalDepth { mass } else { mass.without_weights() };
+        let stored_mass = |mass: Mass| if law == LawKind::OpticalDepth { mass } else { mass.without_weights() };
         let layer = |(l, bounds): (&Layer<_>, &Bounds)| {
-            LayerParticles::new(particles, &Layer { mass: kept(l.mass), ..l.clone() }, *bounds)
+            LayerParticles::new(particles, &Layer { mass: stored_mass(l.mass), ..l.clone() }, *bounds)
         };
         let mut layers: Vec<LayerParticles> = particles.layers().iter().zip(bounds).map(layer).collect();
         layers.sort_by(|a, b| (a.raw_bytes, &a.layer.name).cmp(&(b.raw_bytes, &b.layer.name)));
@@ -59,20 +59,25 @@ impl BlockParticles {
 
     /// Codes the block to its share of the job: of bytes, every layer at about the same ratio; of
     /// Gaussians, shared among the layers by their particles.
-    pub fn code(&self, share: Share, setup: BlockSetup<'_>, pieces: &mut dyn CheckpointStore) -> Result<CodedBlock> {
+    pub fn code(
+        &self,
+        share: Share,
+        setup: BlockSetup<'_>,
+        checkpoints: &mut dyn CheckpointStore,
+    ) -> Result<CodedBlock> {
         let mut coded = CodedBlock::empty(self.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds)));
-        let mut left = RemainingShare { share, count: self.count, raw_bytes: self.raw_bytes };
+        let mut remaining = RemainingShare { share, count: self.count, raw_bytes: self.raw_bytes };
         for (i, layer) in self.layers.iter().enumerate() {
             let task = LayerTask { layer, setup, runs_left: self.layers.len() - i };
-            let made = task.make(left.next(layer), pieces)?;
-            left.take(layer, &made);
-            coded.push(layer, made);
+            let layer_result = task.make(remaining.next(layer), checkpoints)?;
+            remaining.take(layer, &layer_result);
+            coded.push(layer, layer_result);
         }
         Ok(coded)
     }
 }
 
-/// What is left of a block's share, and the particles that it is for.
+/// The rest of a block's share, and the particles that it is for.
 struct RemainingShare {
     share: Share,
     count: u64,
@@ -87,18 +92,18 @@ impl RemainingShare {
                 Share::Bytes((bytes as f64 * (layer.raw_bytes as f64 / self.raw_bytes as f64)) as u64)
             }
             Share::Gaussians(number) => {
-                let own = (number as f64 * layer.count() as f64 / self.count as f64).round() as u64;
-                Share::Gaussians(own.clamp(1, layer.count()))
+                let layer_share = (number as f64 * layer.count() as f64 / self.count as f64).round() as u64;
+                Share::Gaussians(layer_share.clamp(1, layer.count()))
             }
         }
     }
 
-    /// Takes away what a layer was made of: bytes that it has not used are left.
-    fn take(&mut self, layer: &LayerParticles, made: &LayerResult) {
+    /// Takes away the share of a layer: bytes that it has not used are left.
+    fn take(&mut self, layer: &LayerParticles, result: &LayerResult) {
         self.share = match (self.share, self.next(layer)) {
-            (Share::Gaussians(number), Share::Gaussians(own)) => Share::Gaussians(number.saturating_sub(own)),
+            (Share::Gaussians(number), Share::Gaussians(part)) => Share::Gaussians(number.saturating_sub(part)),
             (Share::Bytes(bytes), _) => {
-                Share::Bytes(bytes.saturating_sub(codec::stored_bytes(&made.coded.bytes) as u64))
+                Share::Bytes(bytes.saturating_sub(codec::stored_bytes(&result.coded.bytes) as u64))
             }
             (share, _) => share,
         };
@@ -131,12 +136,12 @@ impl CodedBlock {
         self.layers.iter().flat_map(|l| &l.content).map(bytes).sum()
     }
 
-    fn push(&mut self, layer: &LayerParticles, made: LayerResult) {
-        self.layers.push(layer.layer.with(vec![made.coded.bytes.into()]));
-        self.vizmapper = made.vizmapper.or(self.vizmapper.take());
-        (self.step_factor, self.size_met) = (made.coded.step_factor, made.coded.size_met);
-        self.trained.extend(made.trained);
-        self.stopped |= made.stopped;
-        self.clock.append(made.clock);
+    fn push(&mut self, layer: &LayerParticles, result: LayerResult) {
+        self.layers.push(layer.layer.with(vec![result.coded.bytes.into()]));
+        self.vizmapper = result.vizmapper.or(self.vizmapper.take());
+        (self.step_factor, self.size_met) = (result.coded.step_factor, result.coded.size_met);
+        self.trained.extend(result.trained);
+        self.stopped |= result.stopped;
+        self.clock.append(result.clock);
     }
 }

@@ -1,4 +1,4 @@
-//! What a block may take of the whole, and what the blocks together became: their file, and whether it meets its target.
+//! The share of a block in the whole, and the file of all blocks together: whether it meets its target.
 
 use super::block::{BlockParticles, CodedBlock};
 use super::clock::Clock;
@@ -71,7 +71,7 @@ impl CompressionPlan {
         }
     }
 
-    /// What a user should know of how all blocks together meet their target.
+    /// A note for the user on how all blocks together meet their target.
     pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
         let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();

@@ -1,4 +1,4 @@
-//! A file decoded again, measured, and put together with what was found.
+//! A file decoded again, measured, and put together with its certificate.
 
 use super::clock::Clock;
 use super::cross_validation::held_out;
@@ -12,8 +12,8 @@ use particlegs_particles::Particles;
 const PLACE: &str = "the file just coded";
 
 /// Measures `model` against the snapshot that it was made from, as files of that level are measured when they are
-/// made, and what they say was asked for; the same seed measures the same. The model is best the decoded one; `bytes` are
-/// those of its file without a certificate, which are given to a subset of the particles, too.
+/// made, and what they say was asked for; the same seed measures the same. The model is best the decoded one; `bytes`
+/// are those of its file without a certificate, which are given to a subset of the particles, too.
 pub fn certify(
     model: &Model,
     bytes: u64,
@@ -41,7 +41,7 @@ pub fn measured_bytes(bytes: &[u8], model: &Model, place: &str) -> Result<u64> {
     Ok(codec::assemble_with(&metadata, network, None, layers)?.len() as u64)
 }
 
-/// What one model's particles say of it, and where all is asked for what halves of them do.
+/// Measurements of a model on its particles, and at the full level those of models of their halves.
 fn complete(measure: &CertificateInput<'_>, model: &Model, bytes: u64, context: &Context<'_>) -> Result<Certificate> {
     let certificate = measure.certificate(model, bytes, context)?;
     let held_out = match measure.level {
@@ -60,7 +60,7 @@ fn reached_again(
     context: &Context<'_>,
 ) -> Result<Option<GoalResult>> {
     match GoalMetric::new(goal, particles, &model.metadata, seed, context) {
-        Ok(gauge) => gauge.measure(model, context).map(Some),
+        Ok(metric) => metric.measure(model, context).map(Some),
         Err(Error::Argument { .. }) => Ok(None),
         Err(other) => Err(other),
     }
@@ -74,7 +74,7 @@ pub(crate) struct DecodedFile {
 }
 
 impl DecodedFile {
-    /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
+    /// Decodes the file that `file` gives for a certificate, at first none; measures it, and puts it together again.
     pub fn new(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
         measure: Option<CertificateInput<'_>>,

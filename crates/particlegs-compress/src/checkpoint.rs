@@ -1,4 +1,4 @@
-//! A file of finished pieces: what an interrupted job goes on from.
+//! A file of finished pieces, from which an interrupted job goes on.
 //!
 //! Little-endian: magic, the 32 bytes that say whose it is; pieces (u32 length of the key, key, u64
 //! length, bytes); CRC-32 of all that.
@@ -18,7 +18,7 @@ const FORM: Form = Form { title: "a checkpoint", begins: Begins::With(MAGIC), mo
 /// its state is to be written.
 const INTERVAL: Duration = Duration::from_secs(60);
 
-/// What there was where a checkpoint is looked for.
+/// State of a file that was opened as a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CheckpointState {
     Nothing,
@@ -44,7 +44,7 @@ impl Checkpoint {
     pub const KIND: output::Kind =
         output::Kind { name: "a checkpoint", kept: false, is: |_, head| head.starts_with(&MAGIC[..7]) };
 
-    /// What is there of the work that `whose` names; nothing where the file is missing, broken or of
+    /// The pieces of the work that `whose` names; none if the file is missing, broken or of
     /// other work: it only saves time.
     pub fn open(path: PathBuf, whose: &[u8; 32]) -> Result<Checkpoint> {
         let mut all = Checkpoint::fresh(path, whose);
@@ -61,7 +61,7 @@ impl Checkpoint {
         Ok(all)
     }
 
-    /// Why what was there when it was opened cannot be gone on from; `None` where it can, or nothing was there.
+    /// The reason why the file that was opened is of no use; `None` if it is of use, or there was none.
     pub fn fault(&self) -> Option<&'static str> {
         match self.found {
             CheckpointState::Ours | CheckpointState::Nothing => None,
@@ -70,7 +70,7 @@ impl Checkpoint {
         }
     }
 
-    /// A checkpoint of new work: what is in the file is not looked at.
+    /// A checkpoint of new work: the file is not looked at.
     pub fn fresh(path: PathBuf, whose: &[u8; 32]) -> Checkpoint {
         let head = [&MAGIC[..], whose].concat();
         Checkpoint {
@@ -93,12 +93,12 @@ impl Checkpoint {
         self.pieces.len()
     }
 
-    /// No parts?
+    /// Whether it has no pieces.
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
 
-    /// Writes what the file does not hold yet.
+    /// Writes the pieces that the file does not hold yet.
     pub fn save(&mut self) -> Result<()> {
         if self.unsaved == 0 {
             return Ok(());
@@ -166,9 +166,9 @@ fn pieces_of(bytes: &[u8], head: &[u8]) -> Option<BTreeMap<String, Vec<u8>>> {
 }
 
 fn take<'a>(rest: &mut &'a [u8], n: usize) -> Option<&'a [u8]> {
-    let (own, after) = rest.split_at_checked(n)?;
+    let (bytes, after) = rest.split_at_checked(n)?;
     *rest = after;
-    Some(own)
+    Some(bytes)
 }
 
 #[cfg(test)]
@@ -202,17 +202,17 @@ mod tests {
     fn a_checkpoint_says_what_it_found_in_its_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.checkpoint");
-        let found = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found;
-        assert_eq!(found(1), CheckpointState::Nothing);
+        let state_of = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found;
+        assert_eq!(state_of(1), CheckpointState::Nothing);
         let mut c = Checkpoint::fresh(path.clone(), &[1; 32]);
         c.keep("fit", vec![7]).unwrap();
-        assert_eq!(found(1), CheckpointState::Nothing, "pieces of fits wait");
+        assert_eq!(state_of(1), CheckpointState::Nothing, "pieces of fits wait");
         c.keep_now("train", vec![1, 2, 3]).unwrap();
-        assert_eq!((found(1), found(2)), (CheckpointState::Ours, CheckpointState::Other));
+        assert_eq!((state_of(1), state_of(2)), (CheckpointState::Ours, CheckpointState::Other));
         let bytes = std::fs::read(&path).unwrap();
         for broken in [&bytes[..bytes.len() - 1], &bytes[1..], b"", b"abc"] {
             std::fs::write(&path, broken).unwrap();
-            assert_eq!(found(1), CheckpointState::Broken);
+            assert_eq!(state_of(1), CheckpointState::Broken);
         }
     }
 }

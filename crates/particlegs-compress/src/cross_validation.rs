@@ -11,8 +11,8 @@ use particlegs_particles::{Particles, Selection, Storage};
 /// Particles whose halves are fitted: of fewer the halves say nothing.
 const LEAST: usize = 2000;
 
-/// Scores models of two random halves of the particles, of `seed`, by the other half, of a region's where the snapshot is
-/// large; `None` for models that were trained, and less than [`LEAST`] particles.
+/// Scores models of two random halves of the particles, of `seed`, by the other half, of a region's where the snapshot
+/// is large; `None` for models that were trained, and less than [`LEAST`] particles.
 pub(super) fn held_out(
     model: &Model,
     particles: &Particles,

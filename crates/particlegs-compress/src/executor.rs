@@ -1,5 +1,5 @@
-//! The one way in which blocks are done: read, fitted, coded, kept. Where their particles wait and where
-//! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::in_memory`]) or the folder of
+//! The one way in which blocks are done: read, fitted, coded, kept. The places of their particles and of
+//! coded blocks are a [`BlockStore`]'s: memory and scratch files ([`super::in_memory`]) or the folder of
 //! a job ([`crate::job`]).
 
 use super::block::{BlockParticles, CodedBlock};
@@ -10,7 +10,7 @@ use particlegs_core::checkpoint::{CheckpointStore, PrefixedCheckpoints};
 use particlegs_core::context::Context;
 use particlegs_core::model::Target;
 
-/// Where the particles of a job's blocks wait, and its coded blocks are kept.
+/// The place where the particles of a job's blocks wait, and its coded blocks are kept.
 pub(crate) trait BlockStore {
     fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles>;
 
@@ -23,11 +23,11 @@ pub(crate) fn do_block(
     block: u32,
     target: Target,
     setup: BlockSetup<'_>,
-    pieces: &mut dyn CheckpointStore,
+    checkpoints: &mut dyn CheckpointStore,
 ) -> Result<()> {
     let mut clock = Clock::default();
     let particles = clock.time("read", || store.particles(block, setup.context))?;
-    let coded = particles.code(setup.plan.share(target, &particles)?, setup, pieces)?;
+    let coded = particles.code(setup.plan.share(target, &particles)?, setup, checkpoints)?;
     clock.append(coded.clock);
     store.keep(block, CodedBlock { clock, ..coded }, setup.context)
 }
@@ -38,7 +38,7 @@ pub(crate) fn do_blocks(
     store: &mut dyn BlockStore,
     target: Target,
     setup: BlockSetup<'_>,
-    pieces: &mut dyn CheckpointStore,
+    checkpoints: &mut dyn CheckpointStore,
 ) -> Result<()> {
     let blocks = setup.plan.recipe().blocks;
     for block in 0..blocks {
@@ -54,7 +54,7 @@ pub(crate) fn do_blocks(
             block,
             target,
             setup,
-            &mut PrefixedCheckpoints { pieces: &mut *pieces, prefix: block.to_string() },
+            &mut PrefixedCheckpoints { pieces: &mut *checkpoints, prefix: block.to_string() },
         )?;
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! How far the fields of a model are those of particles that they were not gathered from, for its certificate.
+//! Agreement of a model's fields with those of particles that they were not gathered from, for its certificate.
 
 use super::FieldSelection;
 use particlegs_core::context::Context;
@@ -15,9 +15,9 @@ const LEAST_PARTICLES: u64 = 200;
 const RUNS: usize = 4;
 
 impl FieldSelection<'_> {
-    /// Gathers the first fields from a random half of the particles, as [`FieldSelection::add_to_model`] does from all, for the
-    /// Gaussians of a `model` that was made of all, and compares with the other half: means in cells, whose sampling noise
-    /// is independent in the halves. Of many particles, those of some regions. `None` without fields.
+    /// Gathers the first fields from a random half of the particles, as [`FieldSelection::add_to_model`] does from all,
+    /// for the Gaussians of a `model` that was made of all, and compares with the other half: means in cells, whose
+    /// sampling noise is independent in the halves. Of many particles, those of some regions. `None` without fields.
     pub fn agreement(&self, model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<FieldAgreements>> {
         self.agreement_by(model, seed, false, context)
     }
@@ -43,12 +43,13 @@ impl FieldSelection<'_> {
         let counts: Vec<u64> = self.particles.layers().iter().map(|l| l.content.len() as u64).collect();
         let sums = self.sums_by(model, &cells, &counts, of_model, context)?;
         let mut agreements = FieldAgreements::default();
-        let found = sums.iter().map(|sums| Some(cells.agreement(sums)));
-        agreements.each.iter_mut().zip(found).for_each(|(to, found)| *to = found);
+        let field_agreements = sums.iter().map(|sums| Some(cells.agreement(sums)));
+        agreements.each.iter_mut().zip(field_agreements).for_each(|(to, agreement)| *to = agreement);
         Ok((!sums.is_empty()).then_some(agreements))
     }
 
-    /// What that adds up of each field, here of particles that may be a part of all. `counts` are those of all layers.
+    /// Sums of each field that agreement is measured by, here of particles that may be a part of all. `counts` are
+    /// those of all layers.
     pub(crate) fn sums(
         &self,
         model: &Model,
@@ -91,6 +92,7 @@ impl FieldSelection<'_> {
             self.shapes(index).into_iter().map(|s| FieldShape { may_lack: true, ..s }).collect();
         let (Some(at), false) = (at, shapes.is_empty()) else { return Ok(()) };
         let (blocks, particles) = (&model.layers[at].content, self.particles.of_layer(layer));
+        // Found once, as gathering and comparing must split the particles alike.
         let places = parallel::map(0..particles.len().div_ceil(RUN), |run| {
             let place = |i: usize| cells.place(particles.position(i));
             (run * RUN..particles.len().min((run + 1) * RUN)).map(place).collect::<Vec<Option<FieldPlace>>>()
@@ -118,7 +120,7 @@ impl FieldSelection<'_> {
                 self.read(index, run as u64, &mut values)?;
                 let start = run * RUN;
                 let chunk = particles.chunk(start..particles.len().min(start + RUN), &mut buffer);
-                let mut found = Vec::with_capacity(chunk.len() * shapes.len());
+                let mut contributions = Vec::with_capacity(chunk.len() * shapes.len());
                 for (i, place) in places[run].iter().enumerate() {
                     let Some(FieldPlace { cell, half }) = *place else { continue };
                     let x = each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
@@ -130,21 +132,24 @@ impl FieldSelection<'_> {
                         if values[first][i].is_nan() {
                             continue;
                         }
-                        let mut own = FieldCellSums::default();
-                        own[half] = weight;
+                        let mut cell_sums = FieldCellSums::default();
+                        cell_sums[half] = weight;
+                        // The model's means are looked at where they were not gathered from: in the second half.
                         let mean = if half == 1 { means.at(&gathered, field, x, &mut shares) } else { [0.0; 3] };
+                        // The layout is that of `FieldCellSums`.
                         for c in 0..shape.components {
-                            own[2 + 3 * c + half] = weight * values[first + c][i];
-                            own[4 + 3 * c] = weight * mean[c];
+                            cell_sums[2 + 3 * c + half] = weight * values[first + c][i];
+                            cell_sums[4 + 3 * c] = weight * mean[c];
                         }
-                        found.push((cell, *number, own));
+                        contributions.push((cell, *number, cell_sums));
                     }
                 }
-                Ok::<_, particlegs_core::Error>(found)
+                Ok::<_, particlegs_core::Error>(contributions)
             })?;
-            for (cell, number, own) in parts.iter().flatten() {
+            // In the order of the runs, so that sums do not depend on threads.
+            for (cell, number, cell_sums) in parts.iter().flatten() {
                 if let Some(sums) = sums.get_mut(*number) {
-                    sums.entry(*cell).or_default().iter_mut().zip(own).for_each(|(a, b)| *a += b);
+                    sums.entry(*cell).or_default().iter_mut().zip(cell_sums).for_each(|(a, b)| *a += b);
                 }
             }
         }
@@ -160,11 +165,11 @@ impl FieldSelection<'_> {
             none.slope.iter_mut().flatten().for_each(|column| column.resize(g.len(), 0.0));
             none
         };
-        let of = |(number, shape): (&usize, &FieldShape<'_>)| {
-            let own = g.fields.get(&self.quantities()[*number].name);
-            let own = own.filter(|f| f.components() == shape.components);
-            BlockField { moments: own.cloned().unwrap_or_else(|| none(shape.components)), sums: Vec::new() }
+        let block_field = |(number, shape): (&usize, &FieldShape<'_>)| {
+            let moments = g.fields.get(&self.quantities()[*number].name);
+            let moments = moments.filter(|f| f.components() == shape.components);
+            BlockField { moments: moments.cloned().unwrap_or_else(|| none(shape.components)), sums: Vec::new() }
         };
-        numbers.iter().zip(shapes).map(of).collect()
+        numbers.iter().zip(shapes).map(block_field).collect()
     }
 }

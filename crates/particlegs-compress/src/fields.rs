@@ -17,7 +17,7 @@ const DECADES: f64 = 100.0;
 /// Fields of a model file at most (docs/format.md, section 2).
 pub const MOST_FIELDS: usize = 256;
 
-/// Which fields of a snapshot a model gets.
+/// The fields of a snapshot that a model gets.
 pub struct FieldSelection<'a> {
     pub(super) particles: &'a Particles,
     sources: &'a [LayerFields],
@@ -28,26 +28,26 @@ pub struct FieldSelection<'a> {
 /// Fields that a model gets, and where the layers have them.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct FieldPlan {
-    /// What the model's metadata lists.
+    /// The fields that the model's metadata lists.
     pub quantities: Vec<Quantity>,
-    /// For each layer of the particles: a quantity's place in the list, and where its values come from.
+    /// For each layer of the particles: a quantity's place in the list, and the source of its values.
     pub layers: Vec<Vec<(usize, FieldColumns)>>,
     /// Names of the snapshot's fields that the model omits.
     #[serde(skip)]
     pub omitted: Vec<String>,
-    /// How values were converted, for people.
+    /// Notes on conversions of values, for people.
     #[serde(skip)]
     pub notes: Vec<String>,
 }
 
 impl FieldPlan {
-    /// No fields?
+    /// Whether no field is chosen.
     pub fn is_empty(&self) -> bool {
         self.quantities.is_empty()
     }
 
-    /// Finds fields by their names among `sources`, those of each of the layers of such `counts`; `listed` are all that the
-    /// snapshot has. `star_forming` is for temperatures that are computed from energies.
+    /// Finds fields by their names among `sources`, those of each of the layers of such `counts`; `listed` are all that
+    /// the snapshot has. `star_forming` is for temperatures that are computed from energies.
     pub fn new(
         (names, star_forming): (&[String], StarFormingGas),
         (sources, counts): (&[LayerFields], &[u64]),
@@ -70,58 +70,64 @@ impl FieldPlan {
                 "compress all particles of the chosen types, or convert the selection to a file first",
             ));
         }
-        let mut wanted: Vec<String> = Vec::new();
+        // `all` and a name may stand for the same field, which is stored once.
+        let mut wanted_names: Vec<String> = Vec::new();
         for name in names {
             let all = sources.iter().flat_map(|s| s.real_fields()).collect();
-            let found = if name == ALL { all } else { vec![field_name(name.trim(), sources, star_forming)] };
-            found.into_iter().for_each(|name| {
-                if !wanted.contains(&name) {
-                    wanted.push(name)
+            let matching_names = if name == ALL { all } else { vec![field_name(name.trim(), sources, star_forming)] };
+            matching_names.into_iter().for_each(|name| {
+                if !wanted_names.contains(&name) {
+                    wanted_names.push(name)
                 }
             });
         }
         let mut plan = FieldPlan::default();
         plan.layers.resize_with(sources.len(), Vec::new);
         let mut used: Vec<String> = Vec::new();
-        for name in &wanted {
-            let mut found: Vec<(usize, FieldColumns)> = Vec::new();
+        for name in &wanted_names {
+            let mut layer_columns: Vec<(usize, FieldColumns)> = Vec::new();
             let mut missing = None;
             for (layer, source) in sources.iter().enumerate() {
                 match source.find(name, star_forming) {
-                    Ok(columns) => found.push((layer, columns)),
+                    Ok(columns) => layer_columns.push((layer, columns)),
                     Err(error) => missing = Some(error),
                 }
             }
-            let Some((_, first)) = found.first() else {
+            let Some((_, first)) = layer_columns.first() else {
                 return Err(missing.unwrap_or_else(|| Error::argument("the snapshot has no particles")));
             };
+            // The metadata list a field once, so its unit and kind must be those of every layer.
             if let Some((_, other)) =
-                found.iter().find(|(_, f)| f.unit != first.unit || f.columns.len() != first.columns.len())
+                layer_columns.iter().find(|(_, f)| f.unit != first.unit || f.columns.len() != first.columns.len())
             {
-                let said = |f: &FieldColumns| {
+                let description = |f: &FieldColumns| {
                     format!("{} numbers, unit {}", f.columns.len(), f.unit.as_deref().unwrap_or("not stated"))
                 };
-                let message = format!("field `{name}` differs between layers: {} and {}", said(first), said(other));
+                let [first, other] = [first, other].map(description);
+                let message = format!("field `{name}` differs between layers: {first} and {other}");
                 return Err(Error::argument_with(message, "compress one particle type at a time"));
             }
             let kind = if first.columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
-            used.extend(found.iter().flat_map(|(_, columns)| columns.sources.clone()));
-            if let Some(classes) = classes(sources, counts, &found)?.filter(|_| !is_sum(name)) {
+            // Fields that a temperature or a vector is made of are not omitted either.
+            used.extend(layer_columns.iter().flat_map(|(_, columns)| columns.sources.clone()));
+            if let Some(classes) = classes(sources, counts, &layer_columns)?.filter(|_| !is_sum(name)) {
                 plan.notes.push(format!(
                     "{name} is a category: the model stores the share of each of its {} values",
                     classes.len()
                 ));
-                plan.add_classes(name, &classes, found, by_mass);
+                plan.add_classes(name, &classes, layer_columns, by_mass);
                 continue;
             }
             let unit = first.unit.clone().map(|text| Unit { text, si: None });
             let bytes = 4 * first.columns.len() as u16;
             let place = plan.quantities.len();
             let extensive = kind == QuantityKind::Scalar && is_sum(name);
-            let logarithmic = kind == QuantityKind::Scalar && !extensive && spans_decades(sources, counts, &found)?;
-            let own = name.clone();
-            plan.quantities.push(Quantity { name: own, kind, unit, bytes, by_mass, logarithmic, extensive });
-            for (layer, columns) in found {
+            // This reads all values, so it comes after what the names alone decide.
+            let logarithmic =
+                kind == QuantityKind::Scalar && !extensive && spans_decades(sources, counts, &layer_columns)?;
+            let quantity_name = name.clone();
+            plan.quantities.push(Quantity { name: quantity_name, kind, unit, bytes, by_mass, logarithmic, extensive });
+            for (layer, columns) in layer_columns {
                 plan.notes.extend(columns.note.as_ref().map(|why| format!("{name}: {why}")));
                 plan.layers[layer].push((place, columns));
             }
@@ -132,6 +138,7 @@ impl FieldPlan {
                 plan.quantities.len()
             )));
         }
+        // Layers whose values are converted alike give the same note.
         plan.notes.dedup();
         let is_omitted = |name: &&String| !used.contains(name);
         plan.omitted = listed.iter().filter(is_omitted).cloned().collect();
@@ -140,15 +147,15 @@ impl FieldPlan {
 }
 
 impl FieldPlan {
-    /// Adds the classes of a category, which the layers have where `found` says.
-    fn add_classes(&mut self, name: &str, classes: &[f64], found: Vec<(usize, FieldColumns)>, by_mass: bool) {
+    /// Adds the classes of a category, whose values the layers have in `layer_columns`.
+    fn add_classes(&mut self, name: &str, classes: &[f64], layer_columns: Vec<(usize, FieldColumns)>, by_mass: bool) {
         for (k, class) in classes.iter().enumerate() {
             let place = self.quantities.len();
             let quantity = Quantity::new(format!("{name}={class}"), QuantityKind::Category);
             self.quantities.push(Quantity { bytes: u16::from(k == 0), by_mass, ..quantity });
-            for (layer, columns) in &found {
-                let own = FieldColumns { class: Some(*class), wide: false, ..columns.clone() };
-                self.layers[*layer].push((place, own));
+            for (layer, columns) in &layer_columns {
+                let class_columns = FieldColumns { class: Some(*class), wide: false, ..columns.clone() };
+                self.layers[*layer].push((place, class_columns));
             }
         }
     }
@@ -160,9 +167,9 @@ impl FieldPlan {
 }
 
 impl<'a> FieldSelection<'a> {
-    /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of real
-    /// numbers. `star_forming` is for temperatures that are computed from energies. A layer that lacks a field has none; a
-    /// name that no layer has is an error, and so are two layers that differ in a field's unit or kind.
+    /// Finds fields by their names among `sources`, those of each layer of the particles. `all` means every field of
+    /// real numbers. `star_forming` is for temperatures that are computed from energies. A layer that lacks a field has
+    /// none; a name that no layer has is an error, and so are two layers that differ in a field's unit or kind.
     pub fn new(
         names: &[String],
         star_forming: StarFormingGas,
@@ -186,6 +193,7 @@ impl<'a> FieldSelection<'a> {
         let mut hasher = blake3::Hasher::new();
         for (layer, (source, chosen)) in self.particles.layers().iter().zip(self.sources.iter().zip(&self.plan.layers))
         {
+            // Each run has a hash of its own, so that threads can share the work and order still counts.
             let hash_of_run = |run: usize| {
                 let (mut columns, mut bytes) = (Vec::new(), Vec::new());
                 source.read_some(run as u64, |c| chosen.iter().any(|f| f.1.needs(c)), &mut columns)?;
@@ -213,7 +221,7 @@ impl<'a> FieldSelection<'a> {
         &self.plan.omitted
     }
 
-    /// What the fields are, in the order of their names.
+    /// Descriptions of the fields, in the order of their names.
     pub fn quantities(&self) -> &[Quantity] {
         &self.plan.quantities
     }
@@ -228,8 +236,8 @@ impl<'a> FieldSelection<'a> {
             for (id, start) in layer.content.clone().step_by(RUN).enumerate() {
                 source.read_some(id as u64, |c| from.needs(c), &mut run)?;
                 for (k, column) in columns.iter_mut().enumerate() {
-                    let own = column[start..].iter_mut().zip(from.values(&run, k));
-                    own.for_each(|(to, v)| *to = v);
+                    let entries = column[start..].iter_mut().zip(from.values(&run, k));
+                    entries.for_each(|(to, v)| *to = v);
                 }
             }
         }
@@ -241,7 +249,7 @@ impl<'a> FieldSelection<'a> {
         self.plan.stored(layer).map(|f| f.0).collect()
     }
 
-    /// What is gathered of them.
+    /// Shapes of a layer's fields, by which they are gathered.
     pub(super) fn shapes(&self, layer: usize) -> Vec<FieldShape<'_>> {
         let shape = |(n, columns): &(usize, FieldColumns)| FieldShape {
             may_lack: columns.may_lack,
@@ -252,13 +260,13 @@ impl<'a> FieldSelection<'a> {
 
     /// Reads their values in a run of the layer's particles, as [`gather`] wants them.
     pub(super) fn read(&self, layer: usize, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
-        let own = self.particles.of_layer(&self.particles.layers()[layer]);
+        let layer_particles = self.particles.of_layer(&self.particles.layers()[layer]);
         let chosen: Vec<&(usize, FieldColumns)> = self.plan.stored(layer).collect();
         let mut all = Vec::new();
         self.sources[layer].read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut all)?;
         let mut buffer = ChunkBuffer::default();
         let first = run as usize * RUN;
-        let chunk = own.chunk(first..own.len().min(first + RUN), &mut buffer);
+        let chunk = layer_particles.chunk(first..layer_particles.len().min(first + RUN), &mut buffer);
         let over_weight = |(i, v): (usize, f64)| v / chunk.weight.map_or(1.0, |w| f64::from(w[i]));
         for (n, columns) in chosen {
             if self.plan.quantities[*n].logarithmic {
@@ -272,7 +280,7 @@ impl<'a> FieldSelection<'a> {
         Ok(())
     }
 
-    /// How values were converted, for people.
+    /// Notes on conversions of values, for people.
     pub fn notes(&self) -> &[String] {
         &self.plan.notes
     }
@@ -306,9 +314,9 @@ impl<'a> FieldSelection<'a> {
 
     /// Whether scalars are described by their logarithms as `others` of their names and kinds are.
     pub(crate) fn with_scales(mut self, others: &[Quantity]) -> Self {
-        for (own, other) in self.plan.quantities.iter_mut().zip(others) {
-            if own.name == other.name && own.kind == other.kind && own.extensive == other.extensive {
-                own.logarithmic = other.logarithmic;
+        for (quantity, other) in self.plan.quantities.iter_mut().zip(others) {
+            if quantity.name == other.name && quantity.kind == other.kind && quantity.extensive == other.extensive {
+                quantity.logarithmic = other.logarithmic;
             }
         }
         self
@@ -326,7 +334,7 @@ impl<'a> FieldSelection<'a> {
     }
 
     /// The fields of a `model` that was made of the particles, coded for each of its blocks: as changes, where `before`
-    /// gives what the Gaussians of a layer's block had of a quantity in the frame before.
+    /// gives the values of a quantity that the Gaussians of a layer's block had in the frame before.
     pub(crate) fn sections<'b>(
         &self,
         model: &Model,
@@ -337,6 +345,7 @@ impl<'a> FieldSelection<'a> {
         let mut sections: Vec<Vec<Vec<StoredSection>>> =
             model.layers.iter().map(|l| vec![Vec::new(); l.content.len()]).collect();
         for (index, layer) in self.particles.layers().iter().enumerate() {
+            // Layers are matched by name: those of the file may stand in another order.
             let chosen = self.numbers(index);
             let at = model.layers.iter().position(|l| l.name == layer.name);
             let (Some(at), false) = (at, chosen.is_empty()) else { continue };
@@ -355,9 +364,14 @@ impl<'a> FieldSelection<'a> {
                 for (n, f) in chosen.iter().zip(fields) {
                     let quantity = &self.plan.quantities[*n];
                     let before = before([at, number], quantity);
-                    let of = (*n as u8, quantity);
-                    let bytes =
-                        codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, precision, before.as_ref());
+                    let bytes = codec::encode_field(
+                        (*n as u8, quantity),
+                        &f.moments,
+                        &block.gaussians,
+                        &f.sums,
+                        precision,
+                        before.as_ref(),
+                    );
                     let tag = if before.is_some() { codec::FIELD_CHANGE } else { codec::FIELD };
                     stored.push(StoredSection { tag, bytes });
                 }
@@ -382,18 +396,22 @@ fn field_name(name: &str, sources: &[LayerFields], star_forming: StarFormingGas)
 }
 
 /// The values of a field of whole numbers that has 2 to 16 of them, rising; `None` of others.
-fn classes(sources: &[LayerFields], counts: &[u64], found: &[(usize, FieldColumns)]) -> Result<Option<Vec<f64>>> {
+fn classes(
+    sources: &[LayerFields],
+    counts: &[u64],
+    layer_columns: &[(usize, FieldColumns)],
+) -> Result<Option<Vec<f64>>> {
     let is_one = |(_, c): &(usize, FieldColumns)| c.whole && c.columns.len() == 1 && c.temperature.is_none();
-    if !found.iter().all(is_one) {
+    if !layer_columns.iter().all(is_one) {
         return Ok(None);
     }
     let mut values: Vec<f64> = Vec::new();
     let mut run = Vec::new();
-    for (layer, columns) in found {
+    for (layer, columns) in layer_columns {
         for id in 0..counts[*layer].div_ceil(RUN as u64) {
             sources[*layer].read_some(id, |c| columns.needs(c), &mut run)?;
             for v in columns.values(&run, 0) {
-                if let Err(place) = values.binary_search_by(|own| own.total_cmp(&v)) {
+                if let Err(place) = values.binary_search_by(|value| value.total_cmp(&v)) {
                     values.insert(place, v);
                 }
                 if values.len() > SharedSpecies::MOST {
@@ -405,11 +423,11 @@ fn classes(sources: &[LayerFields], counts: &[u64], found: &[(usize, FieldColumn
     Ok(Some(values).filter(|v| v.len() > 1))
 }
 
-/// Are all values of a field positive, and does the largest have [`DECADES`] times the least?
-fn spans_decades(sources: &[LayerFields], counts: &[u64], found: &[(usize, FieldColumns)]) -> Result<bool> {
+/// Whether all values of a field are positive, and the largest is at least [`DECADES`] times the least.
+fn spans_decades(sources: &[LayerFields], counts: &[u64], layer_columns: &[(usize, FieldColumns)]) -> Result<bool> {
     let (mut least, mut largest) = (f64::INFINITY, 0.0f64);
     let mut run = Vec::new();
-    for (layer, columns) in found {
+    for (layer, columns) in layer_columns {
         for id in 0..counts[*layer].div_ceil(RUN as u64) {
             sources[*layer].read_some(id, |c| columns.needs(c), &mut run)?;
             for v in columns.values(&run, 0).filter(|v| !(columns.may_lack && v.is_nan())) {

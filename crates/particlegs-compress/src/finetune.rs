@@ -16,21 +16,21 @@ use particlegs_particles::Particles;
 use particlegs_reference::Reference;
 use particlegs_train::{AlphaConfig, Config, Defaults, InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
 
-/// What `finetune` is asked to do.
+/// Options of fine-tuning.
 #[derive(Clone, Debug)]
 pub struct FineTuning {
     /// Size, ratio or the most Gaussians (at the nominal precision); [`Target::Default`] = the model's
     /// own size.
     pub target: Target,
-    /// How it is trained.
+    /// Hyper-parameters of the training.
     pub training: Config,
-    /// How far training goes.
+    /// Limits of the training.
     pub limits: Limits,
     /// Memory to stay within while the model is measured, bytes.
     pub memory: Option<u64>,
     /// Seed of the pictures.
     pub seed: u64,
-    /// Measure the decoded model and store what was found?
+    /// The measurements of the decoded model that the file stores.
     pub certificate: CertificateLevel,
 }
 
@@ -49,8 +49,8 @@ impl Default for FineTuning {
 
 impl FineTuning {
     /// 32 bytes that name the work on `model`, a file's bytes: BLAKE3 of all options that decide the new
-    /// file's bytes, but for how far training goes, and of the model, which names its snapshot. What was kept
-    /// of other work is of no use.
+    /// file's bytes, but for how far training goes, and of the model, which names its snapshot. Pieces of
+    /// other work are of no use.
     pub fn id(&self, model: &[u8]) -> [u8; 32] {
         let FineTuning { target, training, limits: _, memory: _, seed, certificate } = self;
         let model = blake3::hash(model).to_hex().to_string();
@@ -60,13 +60,13 @@ impl FineTuning {
 }
 
 /// Trains `model` (of `model_bytes` bytes) on pictures of `particles`, the whole snapshot that it was
-/// made of, and codes it again, in one block. What is known about the source stays.
+/// made of, and codes it again, in one block. Metadata of the source stay.
 pub fn finetune(
     model: &Model,
     model_bytes: u64,
     particles: &Particles,
     options: &FineTuning,
-    pieces: &mut dyn CheckpointStore,
+    checkpoints: &mut dyn CheckpointStore,
     context: &Context<'_>,
 ) -> Result<CompressedModel> {
     let file = NewFile::new(model, model_bytes, options)?;
@@ -82,12 +82,13 @@ pub fn finetune(
     let trained = clock.time("train", || {
         let m = &file.metadata;
         let (radius, opacity) = (m.default_radius, m.default_opacity);
+        // `NewFile::config` has put the number of Gaussians into the configuration already.
         let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None, gaussians: None };
         let subject = Reference::with_bounds(particles, m.bounds);
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
         training.run(
             InitialGaussians::Model(model),
-            &mut PrefixedCheckpoints { pieces, prefix: "finetune".into() },
+            &mut PrefixedCheckpoints { pieces: checkpoints, prefix: "finetune".into() },
             context,
         )
     })?;
@@ -151,6 +152,7 @@ impl NewFile {
         let mut metadata = model.metadata.clone();
         let (target, seed, training) = (options.target, options.seed, options.training.recipe());
         metadata.fields.clear();
+        // The new step is a part of the header, whose bytes are counted below.
         metadata.recipe.steps.push(RecipeStep::Finetune { target, seed, training });
         metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
         let layer = layer.with(());
@@ -169,18 +171,21 @@ impl NewFile {
     /// The hyper-parameters with the most Gaussians: as many as are asked for; else as they say; else as
     /// many as the block holds at the model's own bytes a Gaussian, and no fewer than it has.
     fn config(&self, model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Config> {
-        let (own, said) = (model.gaussians() as u64, options.training.alpha_blend.most_gaussians);
+        let (model_gaussians, configured_most) =
+            (model.gaussians() as u64, options.training.alpha_blend.most_gaussians);
         let most_gaussians = match (options.target, self.block_bytes) {
-            (Target::Gaussians(k), _) if k < own => {
-                let message = format!("the target is {k} Gaussians, but the model already has {own}");
-                return Err(Error::unreachable(message, Hint::from("use ").option("gaussians", own).words(" or more")));
+            (Target::Gaussians(k), _) if k < model_gaussians => {
+                let message = format!("the target is {k} Gaussians, but the model already has {model_gaussians}");
+                let hint = Hint::from("use ").option("gaussians", model_gaussians).words(" or more");
+                return Err(Error::unreachable(message, hint));
             }
             (Target::Gaussians(k), _) => Some(k),
-            (_, Some(bytes)) => said.or_else(|| {
-                let grown = own as f64 * (bytes as f64 / model_bytes.saturating_sub(self.beside).max(1) as f64);
-                Some(own.max(grown as u64))
+            (_, Some(bytes)) => configured_most.or_else(|| {
+                let grown =
+                    model_gaussians as f64 * (bytes as f64 / model_bytes.saturating_sub(self.beside).max(1) as f64);
+                Some(model_gaussians.max(grown as u64))
             }),
-            _ => said,
+            _ => configured_most,
         };
         let alpha_blend = AlphaConfig { most_gaussians, ..options.training.alpha_blend };
         Ok(Config { alpha_blend, ..options.training.clone() })
@@ -192,8 +197,8 @@ impl NewFile {
         let Some(bytes) = self.block_bytes else { return Ok(CodedGaussians::at_nominal_steps(&encoder)) };
         let coded = CodedGaussians::to_size(&encoder, bytes, None, check)?;
         if coded.size_met == SizeOutcome::TooLarge {
-            let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
-            let message = format!("the target is {asked} bytes, but the smallest possible file has {smallest} bytes");
+            let (target, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
+            let message = format!("the target is {target} bytes, but the smallest possible file has {smallest} bytes");
             return Err(Error::unreachable(message, Hint::larger_file(smallest)));
         }
         Ok(coded)

@@ -12,8 +12,9 @@ use particlegs_particles::{Column, Particles, RUN, SnapshotMeta};
 /// Points that stand for a Gaussian: two along each of three axes of its places, and of its values.
 const POINTS: usize = 12;
 
-/// Adds the `fields` of `old` layers, one block each, to the file that was made of them. Sums stay the particles'; joined
-/// means, slopes and spreads are those of points with the moments of the old Gaussians and their fields together.
+/// Adds the `fields` of `old` layers, one block each, to the file that was made of them. Sums stay the particles';
+/// joined means, slopes and spreads are those of points with the moments of the old Gaussians and their fields
+/// together.
 pub(super) fn join_fields(
     bytes: Vec<u8>,
     old: &[Layer<Block>],
@@ -26,20 +27,22 @@ pub(super) fn join_fields(
     let model = codec::decode_with(&bytes, "the smaller model", context)?;
     let mut coded = codec::coded_layers(&bytes, "the smaller model")?;
     for (layer, stored) in model.layers.iter().zip(&mut coded) {
-        let Some(own) = old.iter().find(|l| l.name == layer.name) else { continue };
-        let g = &own.content.gaussians;
+        let Some(old_layer) = old.iter().find(|l| l.name == layer.name) else { continue };
+        let g = &old_layer.content.gaussians;
         let is_there =
             |(n, q): &(usize, &Quantity)| g.fields.get(&q.name).is_some() && Metadata::is_stored(&fields, *n);
-        let there: Vec<(usize, &Quantity)> = fields.iter().enumerate().filter(is_there).collect();
-        if there.is_empty() {
+        let present_fields: Vec<(usize, &Quantity)> = fields.iter().enumerate().filter(is_there).collect();
+        if present_fields.is_empty() {
             continue;
         }
+        // A point is held as a place and a weight in float32.
         require("the points of fields", (g.len() * POINTS * 16) as u64)?;
-        let points = points(g, &own.content);
-        let shapes: Vec<FieldShape<'_>> = there.iter().map(|(_, q)| FieldShape::new(q)).collect();
+        let points = points(g, &old_layer.content);
+        let shapes: Vec<FieldShape<'_>> = present_fields.iter().map(|(_, q)| FieldShape::new(q)).collect();
         let read = |run: u64, out: &mut Vec<Vec<f64>>| {
             let range = run as usize * RUN..points.len().min((run as usize + 1) * RUN);
             for &FieldShape { name, components, logarithmic, share, .. } in &shapes {
+                // A share has no spread: the points for values repeat those for places.
                 let value = |k: usize, p: usize| {
                     let value = value(g, name, k, if share { p - p % POINTS + p % (POINTS / 2) } else { p });
                     if share { value.clamp(0.0, 1.0) } else { value }
@@ -58,19 +61,21 @@ pub(super) fn join_fields(
             layer.content.iter().zip(&mut stored.content).zip(gathered).zip(pairs)
         {
             for pair in pairs {
-                let bytes =
-                    codec::encode_correlation(pair.fields.map(|f| there[f].0 as u8), &pair.values, &block.gaussians);
+                let numbers = pair.fields.map(|f| present_fields[f].0 as u8);
+                let bytes = codec::encode_correlation(numbers, &pair.values, &block.gaussians);
                 stored.sections.push(StoredSection { tag: codec::CORRELATION, bytes });
             }
-            for ((number, q), mut f) in there.iter().zip(gathered) {
+            for ((number, q), mut f) in present_fields.iter().zip(gathered) {
                 let Some(field) = g.fields.get(&q.name) else { continue };
                 let weight = |i: usize| if q.by_mass { g.mass_of(i) } else { g.count[i] };
                 let value = |k: usize, i: usize| weight(i) * field.overall_value(k, i, &g.cov_of(i));
+                // The points give moments; sums and ranges are still the particles' own.
                 f.sums = (0..field.components()).map(|k| (0..g.len()).map(|i| value(k, i)).sum()).collect();
                 f.moments.range.clone_from(&field.range);
                 let precision = FieldPrecision::default();
-                let of = (*number as u8, *q);
-                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision, None);
+                let numbered_quantity = (*number as u8, *q);
+                let bytes =
+                    codec::encode_field(numbered_quantity, &f.moments, &block.gaussians, &f.sums, &precision, None);
                 stored.sections.push(StoredSection { tag: codec::FIELD, bytes });
             }
         }
@@ -79,7 +84,8 @@ pub(super) fn join_fields(
     codec::assemble(&metadata, None, coded)
 }
 
-/// Correlations of the scalars, of points that have the moments of the old Gaussians. None where a pair's are not known.
+/// Correlations of the scalars, of points that have the moments of the old Gaussians. None where a pair's are not
+/// known.
 fn joined_correlations(
     blocks: &[Block],
     points: &Particles,
@@ -100,6 +106,7 @@ fn joined_correlations(
         out.push(range.map(|p| g.count[p / POINTS] / POINTS as f64).collect());
         Ok(())
     };
+    // Points carry means alone here: the spread of values inside an old Gaussian comes in as a covariance.
     let within = |p: usize, [a, b]: [usize; 2]| {
         let (i, [a, b]) = (p / POINTS, [a, b].map(|f| shapes[f].name));
         let spread = |name: &str| g.fields.get(name).map_or(0.0, |f| f.spread[0][i]);
@@ -108,10 +115,10 @@ fn joined_correlations(
         }
         g.correlation(a, b).map_or(0.0, |r| r[i] * (spread(a) * spread(b)).sqrt())
     };
-    let mut found = correlations(blocks, points, (shapes, gathered), &read, Some(&within), context)?;
+    let mut block_correlations = correlations(blocks, points, (shapes, gathered), &read, Some(&within), context)?;
     let is_known = |c: &FieldCorrelation| g.correlation(shapes[c.fields[0]].name, shapes[c.fields[1]].name).is_some();
-    found.iter_mut().for_each(|pairs| pairs.retain(is_known));
-    Ok(found)
+    block_correlations.iter_mut().for_each(|pairs| pairs.retain(is_known));
+    Ok(block_correlations)
 }
 
 /// The points of all Gaussians, each with its share of the mass.
@@ -152,7 +159,7 @@ fn mean_of_values(g: &Mixture, field: &FieldMoments, p: usize) -> f64 {
     field.value_at(0, p / POINTS, offset(p, &root(&g.cov_of(p / POINTS))))
 }
 
-/// Where a point lies from the mean: half of them along the axes, the others at the mean itself.
+/// The offset of a point from the mean: half of them lie along the axes, the others at the mean itself.
 fn offset(p: usize, root: &[[f64; 3]; 3]) -> [f64; 3] {
     match p % POINTS {
         corner if corner < POINTS / 2 => along(corner, root),

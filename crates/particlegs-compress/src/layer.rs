@@ -28,8 +28,9 @@ pub(crate) struct LayerParticles {
 impl LayerParticles {
     /// A layer of some particles, and its bounds.
     pub fn new(particles: &Particles, layer: &Layer<Range<usize>>, bounds: Bounds) -> Self {
-        let own = particles.of_layer(layer);
-        LayerParticles { bounds, mass: own.total_mass(), raw_bytes: own.raw_bytes(), layer: layer.with(own) }
+        let content = particles.of_layer(layer);
+        let (mass, raw_bytes) = (content.total_mass(), content.raw_bytes());
+        LayerParticles { bounds, mass, raw_bytes, layer: layer.with(content) }
     }
 
     pub fn particles(&self) -> &Particles {
@@ -41,7 +42,7 @@ impl LayerParticles {
     }
 }
 
-/// What a layer is coded to.
+/// The size that a layer is coded to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Share {
     /// At most so many bytes.
@@ -71,7 +72,7 @@ struct LayerFit {
     clock: Clock,
 }
 
-/// What Gaussians are to be once they are made.
+/// Number and bytes of Gaussians that are to be made.
 #[derive(Clone, Copy)]
 struct GaussianGoal {
     /// Their number at most.
@@ -89,67 +90,68 @@ pub(super) struct LayerTask<'a> {
 
 impl LayerTask<'_> {
     /// Makes it.
-    pub fn make(&self, share: Share, pieces: &mut dyn CheckpointStore) -> Result<LayerResult> {
+    pub fn make(&self, share: Share, checkpoints: &mut dyn CheckpointStore) -> Result<LayerResult> {
         match share {
             Share::Gaussians(gaussians) => {
-                self.code(self.gaussians(GaussianGoal { gaussians, bytes: None }, pieces)?, None)
+                self.code(self.gaussians(GaussianGoal { gaussians, bytes: None }, checkpoints)?, None)
             }
-            Share::Bytes(bytes) => self.to_size(bytes, pieces),
+            Share::Bytes(bytes) => self.to_size(bytes, checkpoints),
         }
     }
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `bytes`.
-    fn to_size(&self, bytes: u64, pieces: &mut dyn CheckpointStore) -> Result<LayerResult> {
+    fn to_size(&self, bytes: u64, checkpoints: &mut dyn CheckpointStore) -> Result<LayerResult> {
         let plan = self.setup.plan;
         let each = bytes_a_gaussian(plan.recipe().effort);
         let target = SizeTarget { bytes, bytes_a_gaussian: each, most: most_gaussians(self.layer.count()) };
         let training = plan.training.as_ref();
         if training.is_some_and(|t| t.start == Start::Random || t.law == LawKind::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.
-            let fitted = self.gaussians(GaussianGoal { gaussians: target.number(each), bytes: Some(bytes) }, pieces)?;
+            let goal = GaussianGoal { gaussians: target.number(each), bytes: Some(bytes) };
+            let fitted = self.gaussians(goal, checkpoints)?;
             return self.code(fitted, Some(bytes));
         }
         let (mut clock, mut fitter) = (Clock::default(), Fitter::new(self.layer.particles()));
         let (coded, mixture) = target.find(|number| {
-            let mixture = clock.time("fit", || self.fit(number, &mut fitter, pieces))?;
-            let kept = training.is_some().then(|| mixture.clone());
+            let mixture = clock.time("fit", || self.fit(number, &mut fitter, checkpoints))?;
+            let mixture_copy = training.is_some().then(|| mixture.clone());
             let check = || self.setup.context.check();
             let code = |encoder: &Encoder| CodedGaussians::to_size(encoder, bytes, None, check);
-            Ok((clock.time("code", || self.coded(mixture, code))?, kept))
+            Ok((clock.time("code", || self.coded(mixture, code))?, mixture_copy))
         })?;
         drop(fitter);
         let (Some(config), Some(mixture)) = (training, mixture) else {
             return Ok(LayerResult { coded, vizmapper: None, trained: None, stopped: false, clock });
         };
         let goal = GaussianGoal { gaussians: mixture.len() as u64, bytes: Some(bytes) };
-        let trained = self.train(config, InitialGaussians::Fit(&mixture), goal, pieces)?;
+        let trained = self.train(config, InitialGaussians::Fit(&mixture), goal, checkpoints)?;
         clock.append(trained.clock);
         self.code(LayerFit { clock, ..trained }, Some(bytes))
     }
 
     /// Gaussians that are fitted and, where the job is to, trained.
-    fn gaussians(&self, goal: GaussianGoal, pieces: &mut dyn CheckpointStore) -> Result<LayerFit> {
+    fn gaussians(&self, goal: GaussianGoal, checkpoints: &mut dyn CheckpointStore) -> Result<LayerFit> {
         let mut clock = Clock::default();
-        let mut fit = |pieces: &mut dyn CheckpointStore| {
-            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(self.layer.particles()), pieces))
+        let mut fit = |checkpoints: &mut dyn CheckpointStore| {
+            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(self.layer.particles()), checkpoints))
         };
         let Some(config) = &self.setup.plan.training else {
-            let mixture = fit(pieces)?;
+            let mixture = fit(checkpoints)?;
             return Ok(LayerFit { mixture, clock, ..LayerFit::default() });
         };
         let trained = if config.start == Start::Random {
             let first = config.start_gaussians.unwrap_or(goal.gaussians).min(goal.gaussians);
-            self.train(config, InitialGaussians::Particles(first as usize), goal, pieces)?
+            self.train(config, InitialGaussians::Particles(first as usize), goal, checkpoints)?
         } else {
-            let mixture = fit(pieces)?;
-            self.train(config, InitialGaussians::Fit(&mixture), goal, pieces)?
+            let mixture = fit(checkpoints)?;
+            self.train(config, InitialGaussians::Fit(&mixture), goal, checkpoints)?
         };
         clock.append(trained.clock);
         Ok(LayerFit { clock, ..trained })
     }
 
     /// Fits `number` Gaussians, fewer where the particles do not carry so many.
-    fn fit(&self, number: u64, fitter: &mut Fitter<'_>, pieces: &mut dyn CheckpointStore) -> Result<Mixture> {
+    fn fit(&self, number: u64, fitter: &mut Fitter<'_>, checkpoints: &mut dyn CheckpointStore) -> Result<Mixture> {
         let (plan, count) = (self.setup.plan, self.layer.count());
         let partition = plan.training.as_ref().is_some_and(|t| t.start == Start::Partition);
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
@@ -161,8 +163,9 @@ impl LayerTask<'_> {
             seed: plan.recipe().seed,
             share: count as f64 / plan.particles().max(1) as f64,
         };
-        let mut pieces = PrefixedCheckpoints { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
-        fitter.fit(&options, &mut pieces, self.setup.context)
+        let prefix = format!("{}/{gaussians}", self.layer.layer.name);
+        let mut checkpoints = PrefixedCheckpoints { pieces: checkpoints, prefix };
+        fitter.fit(&options, &mut checkpoints, self.setup.context)
     }
 
     fn train(
@@ -170,7 +173,7 @@ impl LayerTask<'_> {
         config: &Config,
         from: InitialGaussians<'_>,
         goal: GaussianGoal,
-        pieces: &mut dyn CheckpointStore,
+        checkpoints: &mut dyn CheckpointStore,
     ) -> Result<LayerFit> {
         let (layer, plan) = (self.layer, self.setup.plan);
         let m = &plan.metadata;
@@ -184,12 +187,13 @@ impl LayerTask<'_> {
         };
         let limits = self.limits();
         // A search for a quality trains more than one number.
-        let mut pieces = PrefixedCheckpoints { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
+        let prefix = format!("{}/trained/{}", layer.layer.name, from.len());
+        let mut checkpoints = PrefixedCheckpoints { pieces: checkpoints, prefix };
         let mut clock = Clock::default();
         let trained = clock.time("train", || {
             let subject = Reference::with_bounds(layer.particles(), layer.bounds);
             let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
-            training.run(from, &mut pieces, self.setup.context)
+            training.run(from, &mut checkpoints, self.setup.context)
         })?;
         if trained.stopped && (self.setup.on_stop == StopPolicy::GiveUp || self.runs_left > 1) {
             return Err(Error::Cancelled);
@@ -227,11 +231,11 @@ impl LayerTask<'_> {
         };
         for _ in 1..Thickness::TRIALS {
             let coded = code(&self.encoder(gaussians.clone())?)?;
-            let by = thickness.factor(&[&decode_block(&coded.bytes, "a block")?.gaussians]);
-            if (by - 1.0).abs() < 0.01 {
+            let factor = thickness.factor(&[&decode_block(&coded.bytes, "a block")?.gaussians]);
+            if (factor - 1.0).abs() < 0.01 {
                 return Ok(coded);
             }
-            gaussians.stretch(thickness.axis, by);
+            gaussians.stretch(thickness.axis, factor);
         }
         code(&self.encoder(gaussians)?)
     }

@@ -1,4 +1,4 @@
-//! How many blocks a bound on memory asks for.
+//! The number of blocks that a bound on memory asks for.
 
 use super::size::bytes_a_gaussian;
 use particlegs_core::model::Target;
@@ -18,7 +18,7 @@ const MEASURED: u64 = 400 << 20;
 /// A Gaussian of the whole model while coded blocks are copied: they and the file made of them.
 const COPIED: u64 = 16;
 
-/// What decides the memory of a job.
+/// Numbers that decide the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MemoryLoad {
     pub count: u64,
@@ -50,8 +50,8 @@ impl MemoryLoad {
         let fits = |blocks: u64| bytes(blocks) <= bound;
         let most = self.count.min(1 << 20);
         if !fits(most) {
-            let message = "even the smallest block".to_string();
-            return Err(Error::Bound { what: message, need_bytes: bytes(most), bound_bytes: bound });
+            let subject = "even the smallest block".to_string();
+            return Err(Error::Bound { what: subject, need_bytes: bytes(most), bound_bytes: bound });
         }
         let (mut low, mut high) = (0, most);
         while high - low > 1 {
@@ -85,13 +85,13 @@ impl MemoryLoad {
 
     /// Gaussians that the target will ask for.
     fn gaussians(&self) -> u64 {
-        let wanted = match (self.target, self.target.bytes(self.raw_bytes)) {
+        let target_gaussians = match (self.target, self.target.bytes(self.raw_bytes)) {
             (_, Some(bytes)) => (bytes as f64 / bytes_a_gaussian(self.effort)) as u64,
             (Target::Gaussians(number), _) => number,
             // A quality: as many as the default size has, and twice as many again.
             _ => 3 * (Target::Default.bytes(self.raw_bytes).unwrap_or(0) as f64 / bytes_a_gaussian(self.effort)) as u64,
         };
-        wanted.clamp(1, self.count.max(1))
+        target_gaussians.clamp(1, self.count.max(1))
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a model is to be.
+//! Options of compression.
 
 use super::memory::MemoryLoad;
 use super::sharing_policy::{self, SharingPolicy};
@@ -8,7 +8,7 @@ use particlegs_particles::{Particles, StarFormingGas, Storage};
 use particlegs_train::{Config, Limits};
 use std::collections::BTreeMap;
 
-/// What is asked for. The default is the default of the command: the default size, a refined fit, no training,
+/// Options of compression. The default is that of the command: the default size, a refined fit, no training,
 /// measured.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -24,17 +24,17 @@ pub struct Options {
     pub blocks: Option<u32>,
     /// Memory to stay within, bytes; `None` = what the work takes in one block.
     pub memory: Option<u64>,
-    /// Where the particles of blocks are put while they wait.
+    /// Place of the particles of blocks while they wait.
     pub storage: Storage,
-    /// How the fit is trained further; `None` = not.
+    /// Hyper-parameters of training after the fit; `None` = no training.
     pub training: Option<Config>,
-    /// How far training goes.
+    /// Limits of training.
     pub limits: Limits,
     /// Seed of the fit and the views.
     pub seed: u64,
-    /// How much of the decoded model is measured and stored.
+    /// Measurements of the decoded model that are stored.
     pub certificate: CertificateLevel,
-    /// Do species share Gaussians?
+    /// Whether species share Gaussians.
     pub sharing: SharingPolicy,
     /// Names of fields to store as well, case aside; `all` stands for every field of real numbers. Species of a model
     /// with fields cannot share Gaussians.
@@ -43,7 +43,7 @@ pub struct Options {
     pub star_forming: StarFormingGas,
     /// Whether a target of a size counts the fields too, and not positions and masses alone. Up to six fits are made.
     pub size_with_fields: bool,
-    /// What is read of the snapshot, for the file's [`Recipe::read`].
+    /// The selection that is read of the snapshot, for the file's [`Recipe::read`].
     pub read: BTreeMap<String, String>,
 }
 
@@ -83,12 +83,12 @@ impl Options {
         self.target.check().map(drop)
     }
 
-    /// How Gaussians become pictures.
+    /// The law by which Gaussians become pictures.
     pub fn law(&self) -> LawKind {
         self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
     }
 
-    /// What makes a model in `blocks` blocks, as its file says it.
+    /// The recipe of a model in `blocks` blocks, as its file states it.
     pub fn recipe(&self, blocks: u32) -> Recipe {
         let mut read = self.read.clone();
         if !self.fields.is_empty() {
@@ -114,8 +114,7 @@ impl Options {
         }
     }
 
-    /// May species share Gaussians where nothing is said about it? Blocks are fitted as those of a job, whose tasks cannot
-    /// tell.
+    /// Whether species may share Gaussians by default. Blocks are fitted as those of a job, whose tasks cannot tell.
     pub(super) fn may_share(&self) -> bool {
         self.fields.is_empty() && self.training.is_none() && self.blocks.is_none() && self.memory.is_none()
     }
@@ -135,7 +134,7 @@ impl Options {
         within(self.memory.unwrap_or(u64::MAX), load.task_bytes(u64::from(blocks)), blocks)
     }
 
-    /// What decides the memory of `count` particles of `raw_bytes`; a process holds so many `copies` of a
+    /// The memory load of `count` particles of `raw_bytes`; a process holds so many `copies` of a
     /// block's.
     pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> MemoryLoad {
         let measuring = self.certificate == CertificateLevel::Blocks;

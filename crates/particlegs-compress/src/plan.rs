@@ -1,4 +1,4 @@
-//! What every block must know of the whole: the same for all of a job, wherever blocks are done.
+//! The plan of the whole that every block needs: the same for all of a job, wherever blocks are done.
 
 use super::describe::{SourceFacts, describe};
 use super::options::Options;
@@ -14,27 +14,27 @@ use particlegs_particles::{LayeredParticles, check_box};
 use particlegs_train::Config;
 use serde::{Deserialize, Serialize};
 
-/// What is asked for, and what is known of the whole.
+/// Options of a compression, and metadata of the whole snapshot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompressionPlan {
-    /// How blocks are trained after the fit; `None` = not.
+    /// Hyper-parameters of training after the fit of a block; `None` = no training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Config>,
     pub certificate: CertificateLevel,
     /// Layers, and their numbers of particles.
     pub layers: Vec<Layer<u64>>,
-    /// What the file will say; its mass comes from the blocks.
+    /// Metadata of the file; its mass comes from the blocks.
     pub metadata: Metadata,
-    /// Which block a position belongs to.
+    /// The cuts that assign positions to blocks.
     pub tree: KdTree,
-    /// What a user should know, a sentence each.
+    /// Notes for the user, a sentence each.
     #[serde(skip)]
     pub notes: Vec<String>,
 }
 
 impl CompressionPlan {
-    /// A plan for a snapshot that was scanned, in `blocks` blocks: all that can be refused before a block is fitted, and
-    /// all that a user should know. Says what the default target chose.
+    /// A plan for a snapshot that was scanned, in `blocks` blocks: all that can be refused before a block is fitted,
+    /// and all that a user should know. Says what the default target chose.
     pub(crate) fn new(
         options: &Options,
         source: &LayeredParticles,
@@ -88,10 +88,10 @@ impl CompressionPlan {
         *blake3::hash(&serde_json::to_vec(self).expect("plain data")).as_bytes()
     }
 
-    /// Does the target hold more than the network? Better said before hours of training than after.
+    /// Checks that the target holds more than the network: better before hours of training than after.
     fn has_room(&self) -> Result<()> {
-        let (asked, beside) = (self.recipe().target.bytes(self.raw_bytes()), self.overhead());
-        let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
+        let (target_bytes, beside) = (self.recipe().target.bytes(self.raw_bytes()), self.overhead());
+        let Some(bytes) = target_bytes.filter(|b| *b <= beside) else { return Ok(()) };
         let message = format!(
             "the target is {bytes} bytes, but the header and the network of an alpha-blend model alone take {beside}"
         );
@@ -107,7 +107,7 @@ impl CompressionPlan {
         }
     }
 
-    /// Bytes of what the file keeps of the particles, as float32.
+    /// Bytes of the particles' columns that the file keeps, as float32.
     pub fn raw_bytes(&self) -> u64 {
         self.layers.iter().map(|l| l.content * self.kept_mass(l).particle_bytes()).sum()
     }

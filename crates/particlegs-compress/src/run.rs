@@ -34,16 +34,16 @@ pub struct CompressedModel {
     pub bytes: Vec<u8>,
     /// The file decoded again.
     pub model: Model,
-    /// What was asked for in the terms of the data, and what the file reaches.
+    /// The goal in the terms of the data, and the value that the file reaches.
     pub reached: Option<GoalResult>,
     /// Multiple of the nominal quantisation steps.
     pub step_factor: f64,
-    /// How each training run went: one for a layer of a block.
+    /// Reports of training runs: one for a layer of a block.
     pub trained: Vec<TrainedRun>,
-    /// Was training stopped, and this is the best so far?
+    /// Whether training was stopped, and this is the best so far.
     pub stopped: bool,
-    /// What a user should know, a sentence each: those of [`Compression::notes`], then how the
-    /// target is met, and how thick the model of a flat box is.
+    /// Notes for the user, a sentence each: those of [`Compression::notes`], then on how the target is met, and on
+    /// the thickness of the model of a flat box.
     pub notes: Vec<String>,
     /// Wall-clock seconds by phase, in order.
     pub seconds: Vec<(&'static str, f64)>,
@@ -57,14 +57,14 @@ impl CompressedModel {
     }
 }
 
-/// Compresses a snapshot; `pieces` keeps what an interrupted run can go on from.
+/// Compresses a snapshot; `checkpoints` keeps pieces from which an interrupted run goes on.
 pub fn compress(
     particles: &Particles,
     options: &Options,
-    pieces: &mut dyn CheckpointStore,
+    checkpoints: &mut dyn CheckpointStore,
     context: &Context<'_>,
 ) -> Result<CompressedModel> {
-    Compression::plan(particles, &[], options, context)?.run(pieces, context)
+    Compression::plan(particles, &[], options, context)?.run(checkpoints, context)
 }
 
 /// A compression that is planned: the snapshot was read once, and no block is fitted yet.
@@ -74,14 +74,14 @@ pub struct Compression<'a> {
     fields: Option<FieldSelection<'a>>,
     plan: CompressionPlan,
     layer_bounds: Vec<Bounds>,
-    /// Where species share Gaussians.
+    /// All species as one layer, if they share Gaussians.
     shared: Option<SharedLayer>,
     clock: Clock,
 }
 
 impl<'a> Compression<'a> {
     /// Checks the options, finds the fields that they name among `sources`, those of each layer (none are needed where
-    /// no field is named), and reads the particles once: bounds, hash, and where they are to be cut.
+    /// no field is named), and reads the particles once: bounds, hash, and a sample for their cuts.
     pub fn plan(
         particles: &'a Particles,
         sources: &'a [LayerFields],
@@ -130,40 +130,40 @@ impl<'a> Compression<'a> {
         Ok(Compression { particles, options, fields: None, plan, layer_bounds, shared, clock })
     }
 
-    /// What the file will say; its mass comes from the blocks.
+    /// Metadata of the file; its mass comes from the blocks.
     pub(crate) fn metadata(&self) -> &Metadata {
         &self.plan.metadata
     }
 
-    /// What a user should know before blocks are fitted, a sentence each.
+    /// Notes for the user before blocks are fitted, a sentence each.
     pub fn notes(&self) -> &[String] {
         &self.plan.notes
     }
 
-    /// 32 bytes that name the work: a hash of all that decides the model's bytes. What was kept of other
-    /// work is of no use.
+    /// 32 bytes that name the work: a hash of all that decides the model's bytes. Pieces of other work are of no
+    /// use.
     pub fn id(&self) -> [u8; 32] {
         self.plan.id()
     }
 
     /// Fits and codes the blocks, puts the file together and measures it.
-    pub fn run(mut self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
+    pub fn run(mut self, checkpoints: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
         match self.fields.take() {
-            None => self.fit(pieces, context),
+            None => self.fit(checkpoints, context),
             Some(fields) if self.options.size_with_fields => {
                 compress_to_total(self.particles, self.options, &fields, context)
             }
-            Some(fields) => fields.add_to_model(self.fit(pieces, context)?, context),
+            Some(fields) => fields.add_to_model(self.fit(checkpoints, context)?, context),
         }
     }
 
     /// The model without fields.
-    pub(super) fn fit(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
+    pub(super) fn fit(self, checkpoints: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
         let Compression { particles, options, fields: _, plan, layer_bounds, shared, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
-        let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, context);
-        let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
+        let metric_of = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, context);
+        let metric = plan.recipe().target.goal().map(|goal| clock.time("measure", || metric_of(goal))).transpose()?;
         let (blocks, reached) = {
             let fitted = shared.as_ref().map_or(particles, |s| &s.particles);
             let divide = || InMemoryBlocks::new(fitted, &plan.tree, &layer_bounds, options, context);
@@ -171,7 +171,7 @@ impl<'a> Compression<'a> {
             let setup = BlockSetup { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, context };
             let mut code = |target| -> Result<Vec<CodedBlock>> {
                 let mut fit = |target| {
-                    do_blocks(&mut store, target, setup, pieces)?;
+                    do_blocks(&mut store, target, setup, checkpoints)?;
                     Ok(store.take_coded())
                 };
                 let mut coded = match &shared {
@@ -184,15 +184,15 @@ impl<'a> Compression<'a> {
                 }
                 Ok(coded)
             };
-            match &gauge {
-                Some(gauge) => {
-                    search::reach(gauge, &plan, &mut code, context).map(|(b, reached)| (b, Some(reached)))?
+            match &metric {
+                Some(metric) => {
+                    search::reach(metric, &plan, &mut code, context).map(|(b, reached)| (b, Some(reached)))?
                 }
                 None => (code(plan.recipe().target)?, None),
             }
             // The store goes: the particles of blocks may be half of all that is in memory.
         };
-        let met = plan.judge(&blocks)?;
+        let size_note = plan.judge(&blocks)?;
         let stopped = blocks.iter().any(|b| b.stopped);
         let (level, memory) = (plan.certificate, options.memory);
         let measured = level.measures() && !stopped;
@@ -203,8 +203,8 @@ impl<'a> Compression<'a> {
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let seconds = clock.seconds();
         let DecodedFile { bytes, model, .. } = done;
-        let thick = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
-        let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
+        let thickness_note = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
+        let notes = plan.notes.iter().cloned().chain(size_note).chain(thickness_note).collect();
         Ok(CompressedModel { bytes, model, reached, step_factor, trained, stopped, notes, seconds })
     }
 }

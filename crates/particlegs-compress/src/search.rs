@@ -18,15 +18,16 @@ const CLOSE_NUMBERS: f64 = 0.05;
 /// densities falls again (of nbody64 in cells of 0.5 Mpc/h: 0.99903 with 16 to each, 0.99886 with 8).
 const PARTICLES_A_GAUSSIAN: u64 = 8;
 
-/// How a figure follows the number of Gaussians. It is searched as a height that rises by about as much with every
-/// doubling: decibels, or how often the error is halved.
+/// The dependence of a figure on the number of Gaussians. It is searched as a height that rises by about as much with
+/// every doubling: decibels, or how often the error is halved.
 struct SearchScale {
-    /// What a doubling of the Gaussians buys, to begin with.
+    /// Gain in height of a doubling of the Gaussians, to begin with.
     a_doubling: f64,
     /// A file this far above what is wanted is small enough.
     close: f64,
-    /// Doublings from one number to the next while nothing lies on the other side: at least, and at most. Pictures follow
-    /// their number closely; the deviation of a statistic changes its sign now and then, and what it gains scatters.
+    /// Doublings from one number to the next while nothing lies on the other side: at least, and at most. Pictures
+    /// follow their number closely; the deviation of a statistic changes its sign now and then, and what it gains
+    /// scatters.
     steps: [f64; 2],
     /// The share of the way, in doublings, between two numbers on either side that the next one keeps from both.
     apart: f64,
@@ -47,7 +48,7 @@ impl SearchScale {
     }
 }
 
-/// How high `value` is: decibels, or how often the error is halved (see [`SearchScale`]).
+/// The height of `value`: decibels, or the number of halvings of the error (see [`SearchScale`]).
 fn height(goal: &Goal, value: f64) -> f64 {
     let halvings = |error: f64| -error.max(1e-12).log2();
     match goal.kind {
@@ -65,34 +66,34 @@ struct SearchTrial {
 }
 
 /// Finds the number of Gaussians, at the nominal precision, whose decoded file just reaches the goal; `code` gives all
-/// blocks at a number. What the file reaches comes with it.
+/// blocks at a number. The value that the file reaches comes with it.
 pub(super) fn reach(
-    gauge: &GoalMetric<'_>,
+    metric: &GoalMetric<'_>,
     plan: &CompressionPlan,
     code: &mut dyn FnMut(Target) -> Result<Vec<CodedBlock>>,
     context: &Context<'_>,
 ) -> Result<(Vec<CodedBlock>, GoalResult)> {
-    let goal = gauge.goal;
+    let goal = metric.goal;
     let scale = SearchScale::new(goal.kind, plan.metadata.count);
     let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.recipe().effort);
     // A fit may find room for fewer Gaussians than it is asked for.
-    let (mut kept, mut made) = (None, Vec::new());
+    let (mut best_blocks, mut trials) = (None, Vec::new());
     let best = search(&goal, &scale, start, &mut |number| {
         let blocks = code(Target::Gaussians(number as u64))?;
         let model = codec::decode(&plan.file(&blocks, None)?, "the file just coded")?;
-        let reached = gauge.measure(&model, context)?;
-        made.push((number, model.gaussians()));
+        let reached = metric.measure(&model, context)?;
+        trials.push((number, model.gaussians()));
         let bytes: usize = blocks.iter().map(CodedBlock::size).sum();
         let figure = goal.describe_value(reached.reached);
         context.message(&format!("{} Gaussians, {bytes} bytes: {figure}", model.gaussians()));
         // Numbers that reach the goal only fall from one to the next.
         if goal.is_met(reached.reached) {
-            kept = Some((blocks, reached));
+            best_blocks = Some((blocks, reached));
         }
         Ok(reached)
     })?;
-    let gaussians = made.iter().find(|m| m.0 == best.number).map_or(0, |m| m.1);
-    kept.ok_or_else(|| unreachable(&scale, best.reached, gaussians, plan))
+    let gaussians = trials.iter().find(|m| m.0 == best.number).map_or(0, |m| m.1);
+    best_blocks.ok_or_else(|| unreachable(&scale, best.reached, gaussians, plan))
 }
 
 /// Tries numbers of Gaussians, each that reaches the goal smaller than the last that did. Gives the best.
@@ -102,7 +103,7 @@ fn search(
     start: f64,
     attempt: &mut dyn FnMut(f64) -> Result<GoalResult>,
 ) -> Result<SearchTrial> {
-    let (most, wanted) = (scale.most as f64, height(goal, goal.asked));
+    let (most, wanted_height) = (scale.most as f64, height(goal, goal.asked));
     let mut number = start.clamp(1.0, most).floor();
     let (mut above, mut below, mut best): (Option<SearchTrial>, Option<SearchTrial>, Option<SearchTrial>) =
         (None, None, None);
@@ -114,12 +115,14 @@ fn search(
         if best.is_none_or(|b| tried.height > b.height) {
             best = Some(tried);
         }
-        let close_enough = met && (tried.height - wanted <= scale.close || number <= 1.0);
+        let close_enough = met && (tried.height - wanted_height <= scale.close || number <= 1.0);
         let bracketed = above.zip(below).is_some_and(|(a, b)| a.number <= b.number * (1.0 + CLOSE_NUMBERS));
         if close_enough || bracketed || !met && number >= most {
             break;
         }
-        number = next(above, below, wanted + 0.4 * scale.close, scale).clamp(1.0, most).floor();
+        // Aimed a little above the goal, so that the next number is likely to reach it.
+        number = next(above, below, wanted_height + 0.4 * scale.close, scale).clamp(1.0, most).floor();
+        // The same number would give the same file.
         if [above, below].into_iter().flatten().any(|t| t.number == number) {
             break;
         }
@@ -181,8 +184,8 @@ mod tests {
         for asked in [24.0, 27.0, 30.0] {
             let right = ((asked - 20.0) / 0.7f64).exp2();
             let (tried, met, _) = searched(psnr(asked), 1 << 24, decibels);
-            let found = *met.last().unwrap();
-            assert!(tried.len() <= 6 && found >= right && found < 1.06 * right, "{asked}: {tried:?}, {right}");
+            let smallest = *met.last().unwrap();
+            assert!(tried.len() <= 6 && smallest >= right && smallest < 1.06 * right, "{asked}: {tried:?}, {right}");
             assert!(met.is_sorted_by(|a, b| a > b));
         }
         let density = |least| Goal { kind: GoalKind::Correlation, asked: least, at: 1.0 };
@@ -190,8 +193,8 @@ mod tests {
         for asked in [0.99, 0.999, 0.9995] {
             let right = ((1.0 - asked) / 2.0f64).powf(-1.25);
             let (tried, met, _) = searched(density(asked), 1 << 20, correlation);
-            let found = *met.last().unwrap();
-            assert!(tried.len() <= FITS && found >= right && found < 1.15 * right, "{asked}: {tried:?}, {right}");
+            let smallest = *met.last().unwrap();
+            assert!(tried.len() <= FITS && smallest >= right && smallest < 1.15 * right, "{asked}: {tried:?}, {right}");
         }
     }
 

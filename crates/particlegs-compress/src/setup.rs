@@ -1,10 +1,10 @@
-//! What every block of a job is made by, whichever block it is.
+//! Settings by which every block of a job is made, whichever block it is.
 
 use super::plan::CompressionPlan;
 use particlegs_core::context::Context;
 use particlegs_train::Limits;
 
-/// What the blocks of a job are made by.
+/// Settings by which the blocks of a job are made.
 #[derive(Clone, Copy)]
 pub(crate) struct BlockSetup<'a> {
     pub plan: &'a CompressionPlan,
@@ -13,7 +13,7 @@ pub(crate) struct BlockSetup<'a> {
     pub context: &'a Context<'a>,
 }
 
-/// What becomes of a training run that the caller stops.
+/// The fate of a training run that the caller stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum StopPolicy {
     /// The best so far is coded.

@@ -22,7 +22,7 @@ pub(super) struct SharedLayer {
     /// The particles as that layer.
     pub particles: Particles,
     pub species: Vec<SharedSpecies>,
-    /// Where the particles of each lie.
+    /// The particles of each.
     ranges: Vec<Range<usize>>,
     /// The part of a file's bytes that is for the Gaussians; the rest is for the shares.
     pub gaussians: f64,
@@ -32,13 +32,13 @@ impl SharedLayer {
     /// Species that can share Gaussians: 2 to 16, whose particles have no masses of their own.
     pub fn new(particles: &Particles) -> Result<SharedLayer> {
         let layers = particles.layers();
-        let refused = |what: &str| {
+        let refused = |reason: &str| {
             let hint = Hint::from("leave out ").option("share-gaussians", "yes");
-            Error::argument_with(format!("the particle types cannot share Gaussians: {what}"), hint)
+            Error::argument_with(format!("the particle types cannot share Gaussians: {reason}"), hint)
         };
         if !(2..=SharedSpecies::MOST).contains(&layers.len()) {
-            let there = if layers.len() == 1 { "one type".into() } else { format!("{} types", layers.len()) };
-            return Err(refused(&format!("{there} instead of 2 to {}", SharedSpecies::MOST)));
+            let type_count = if layers.len() == 1 { "one type".into() } else { format!("{} types", layers.len()) };
+            return Err(refused(&format!("{type_count} instead of 2 to {}", SharedSpecies::MOST)));
         }
         if let Some(layer) = layers.iter().find(|l| l.mass.is_weighted()) {
             return Err(refused(&format!("those of type `{}` have individual masses", layer.name)));
@@ -48,10 +48,10 @@ impl SharedLayer {
             count: l.content.len() as u64,
             mass: l.mass.unit(),
         };
-        let mut own: Vec<(SharedSpecies, Range<usize>)> =
+        let mut species_ranges: Vec<(SharedSpecies, Range<usize>)> =
             layers.iter().map(|l| (species(l), l.content.clone())).collect();
-        own.sort_by(|a, b| a.0.name.cmp(&b.0.name));
-        let (species, ranges): (Vec<_>, Vec<_>) = own.into_iter().unzip();
+        species_ranges.sort_by(|a, b| a.0.name.cmp(&b.0.name));
+        let (species, ranges): (Vec<_>, Vec<_>) = species_ranges.into_iter().unzip();
         let name = SharedSpecies::layer_name(&species);
         if name.len() > 255 {
             return Err(refused("the names of the types have more than 255 characters together"));
@@ -62,8 +62,8 @@ impl SharedLayer {
         Ok(SharedLayer { particles, species, ranges, gaussians })
     }
 
-    /// As asked for, of particles whose model will have so many `gaussians` and a default particle `radius`. A trial decides
-    /// where nothing is asked for.
+    /// As asked for, of particles whose model will have so many `gaussians` and a default particle `radius`. A trial
+    /// decides where nothing is asked for.
     pub fn chosen(
         particles: &Particles,
         options: &Options,
@@ -81,9 +81,9 @@ impl SharedLayer {
             (SharingPolicy::No, _) | (SharingPolicy::Automatic, Err(_)) => Ok(None),
             (SharingPolicy::Yes, shared) => shared.map(Some),
             (SharingPolicy::Automatic, Ok(shared)) => {
-                let found =
+                let trial =
                     SharingTrial::new(particles, gaussians_and_radius, context)?.filter(SharingTrial::is_better);
-                Ok(found.map(|t| SharedLayer { gaussians: t.gaussians.min(1.0), ..shared }))
+                Ok(trial.map(|t| SharedLayer { gaussians: t.gaussians.min(1.0), ..shared }))
             }
         }
     }
@@ -94,8 +94,9 @@ impl SharedLayer {
         layer.with(layer.content.len() as u64)
     }
 
-    /// Adds the shares of the species to all coded blocks of the layer, in steps so fine that the blocks take `most` bytes
-    /// where that is possible. Gives the part of the bytes that the Gaussians take with the finest shares, if these do not fit.
+    /// Adds the shares of the species to all coded blocks of the layer, in steps so fine that the blocks take `most`
+    /// bytes where that is possible. Gives the part of the bytes that the Gaussians take with the finest shares, if
+    /// these do not fit.
     pub fn add_shares(
         &self,
         blocks: &mut [CodedBlock],
@@ -107,6 +108,7 @@ impl SharedLayer {
         let decoded = stored.iter().map(|b| codec::decode_block(&b.bytes, "the block just coded"));
         let decoded = decoded.collect::<Result<Vec<Block>>>()?;
         let quantities: Vec<Quantity> = self.species.iter().map(SharedSpecies::quantity).collect();
+        // The last species has what the others leave of each Gaussian (docs/format.md, section 15).
         let coded = &quantities[..quantities.len() - 1];
         let shapes: Vec<FieldShape<'_>> = coded.iter().map(FieldShape::new).collect();
         let read = |run: u64, out: &mut Vec<Vec<f64>>| {
@@ -119,11 +121,13 @@ impl SharedLayer {
         let gathered = gather(&decoded, &self.particles, &shapes, &read, context)?;
         let beside: usize = stored.iter().map(|b| codec::stored_bytes(&b.bytes)).sum();
         let code = |coarser: f32| -> Vec<Vec<StoredSection>> {
-            let own = FieldPrecision::default();
-            let precision = FieldPrecision { shares: own.shares.map(|s| s * coarser), ..own };
+            let default_precision = FieldPrecision::default();
+            let precision =
+                FieldPrecision { shares: default_precision.shares.map(|s| s * coarser), ..default_precision };
             let section = |block: &Block, (k, f): (usize, &BlockField)| {
-                let of = (k as u8, &coded[k]);
-                let bytes = codec::encode_field(of, &f.moments, &block.gaussians, &f.sums, &precision, None);
+                let numbered_quantity = (k as u8, &coded[k]);
+                let bytes =
+                    codec::encode_field(numbered_quantity, &f.moments, &block.gaussians, &f.sums, &precision, None);
                 StoredSection { tag: SHARE, bytes }
             };
             let of_block = |(block, fields): (&Block, &Vec<BlockField>)| {
@@ -135,6 +139,7 @@ impl SharedLayer {
             |sections: &[Vec<StoredSection>]| -> usize { sections.iter().flatten().map(StoredSection::size).sum() };
         let mut sections = code(1.0);
         let whole = beside + bytes(&sections);
+        // By the finest shares, whatever is stored: the caller may fit again with more room for them.
         let too_small = most.filter(|most| whole as u64 > *most).map(|_| beside as f64 / whole as f64);
         for coarser in COARSER {
             if most.is_none_or(|most| (beside + bytes(&sections)) as u64 <= most) {

@@ -3,10 +3,10 @@
 use particlegs_core::model::Recipe;
 use std::fmt;
 
-/// Do the species of a snapshot share Gaussians?
+/// Whether the species of a snapshot share Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SharingPolicy {
-    /// Where that describes them better in as many bytes.
+    /// They do if that describes them better in as many bytes.
     #[default]
     Automatic,
     /// They do.
@@ -38,7 +38,7 @@ impl std::str::FromStr for SharingPolicy {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let found = Self::NAMES.iter().find(|(name, _)| *name == text);
-        found.map(|f| f.1).ok_or_else(|| "use `auto`, `yes` or `no`".into())
+        let policy = Self::NAMES.iter().find(|(name, _)| *name == text);
+        policy.map(|f| f.1).ok_or_else(|| "use `auto`, `yes` or `no`".into())
     }
 }

@@ -18,25 +18,25 @@ const REGIONS: [u64; 2] = [0b01_0110_1001, 0b10_1001_0110];
 const FEWEST: usize = 4000;
 /// Power spectra may be off by so much more, of any species, on average over bands.
 const POWER: f64 = 0.03;
-/// Wave numbers up to which spectra are compared, over those that half the particles resolve: halves have no shot noise in
-/// common.
+/// Wave numbers up to which spectra are compared, over those that half the particles resolve: halves have no shot noise
+/// in common.
 const BEYOND: f64 = 1.5;
-/// What a section of shares says before its stream, bytes.
+/// Bytes of a section of shares before its stream.
 const SECTION_HEAD: f64 = 66.0;
 
-/// What sharing changes for the species that it serves least, at as many bytes: fast fits to half the particles of up to two
-/// regions, with and without, scored on the other half.
+/// The change by sharing for the species that it serves least, at as many bytes: fast fits to half the particles of up
+/// to two regions, with and without, scored on the other half.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SharingTrial {
     /// Bits gained, a particle that the fit has not seen.
     gain: f64,
-    /// How much more its power is off, on average over bands.
+    /// Increase of the deviation of its power, on average over bands.
     power: f64,
     /// The part of the bytes that Gaussians take without the shares.
     pub gaussians: f64,
 }
 
-/// What sharing changes for a species, added up over regions.
+/// The change by sharing for a species, added up over regions.
 #[derive(Clone, Copy, Default)]
 struct SpeciesChange {
     bits: f64,
@@ -54,13 +54,14 @@ struct RegionHalves {
 }
 
 impl SharingTrial {
-    /// For a model of so many `gaussians` of particles of such a `radius`. `None` where too few particles are together to
-    /// tell.
+    /// For a model of so many `gaussians` of particles of such a `radius`. `None` where too few particles are together
+    /// to tell.
     pub fn new(
         particles: &Particles,
         (gaussians, radius): (f64, f64),
         context: &Context<'_>,
     ) -> Result<Option<SharingTrial>> {
+        // Progress and messages of trial fits would be taken for those of the model.
         let context = &context.with_sink(Context::SILENT.sink());
         let (mut changes, mut bytes_of_all) = (BTreeMap::<String, SpeciesChange>::new(), [0.0; 2]);
         for seed in REGIONS {
@@ -84,7 +85,7 @@ impl SharingTrial {
         Ok(least.map(|gain| SharingTrial { gain, power, gaussians: bytes / with_shares }))
     }
 
-    /// Is no species served worse?
+    /// Whether no species is served worse.
     pub fn is_better(&self) -> bool {
         self.gain > 0.0 && self.power < POWER
     }
@@ -126,7 +127,7 @@ impl RegionHalves {
         Ok((done.model, coded_bytes(&done.bytes)?))
     }
 
-    /// Adds what the second model changes for a species against the first.
+    /// Adds the change by the second model for a species against the first.
     fn compare(
         &self,
         species: &str,
@@ -134,8 +135,8 @@ impl RegionHalves {
         change: &mut SpeciesChange,
         context: &Context<'_>,
     ) -> Result<()> {
-        let of = |all: &Particles| all.layers().iter().find(|l| l.name == species).map(|l| all.of_layer(l));
-        let (Some(fitted), Some(others)) = (of(&self.fitted), of(&self.others)) else { return Ok(()) };
+        let layer_of = |all: &Particles| all.layers().iter().find(|l| l.name == species).map(|l| all.of_layer(l));
+        let (Some(fitted), Some(others)) = (layer_of(&self.fitted), layer_of(&self.others)) else { return Ok(()) };
         let mut options = spectrum_options(&self.domain, others.len());
         // Halves of the particles show less than all, on which a certificate is measured.
         options.k_max *= BEYOND;
@@ -144,9 +145,9 @@ impl RegionHalves {
         let truth = power_spectra(halves, &self.domain, &options, context)?.shells;
         let (mut bits, mut off) = ([0.0; 2], [0.0; 2]);
         for (i, model) in models.into_iter().enumerate() {
-            let own = model.clone().only(&[species.to_string()])?;
-            bits[i] = likelihood(&own, &others, &self.domain, self.seed, context)?.bits;
-            let pair = [Subject::Model(&own), Subject::Particles(&others)];
+            let species_model = model.clone().only(&[species.to_string()])?;
+            bits[i] = likelihood(&species_model, &others, &self.domain, self.seed, context)?.bits;
+            let pair = [Subject::Model(&species_model), Subject::Particles(&others)];
             let power = power_spectra(pair, &self.domain, &options, context)?.shells;
             off[i] = deviation(&truth, &power, options.k_max);
         }
@@ -159,7 +160,7 @@ impl RegionHalves {
     }
 }
 
-/// How much the power of the first field differs from the cross power of `truth`, on average over bands.
+/// Relative difference of the power of the first field from the cross power of `truth`, on average over bands.
 fn deviation(truth: &[Shell], power: &[Shell], k_max: f64) -> f64 {
     let (mut from, mut sum, mut bands) = (0.0, 0.0, 0.0f64);
     for share in BANDS {
@@ -168,9 +169,9 @@ fn deviation(truth: &[Shell], power: &[Shell], k_max: f64) -> f64 {
         let in_band = |shells: &[Shell], value: &dyn Fn(&Shell) -> f64| -> f64 {
             shells.iter().filter(inside).map(|s| s.modes as f64 * value(s)).sum()
         };
-        let (truth, own) = (in_band(truth, &|s| s.cross), in_band(power, &|s| s.power[0]));
+        let (truth, model_power) = (in_band(truth, &|s| s.cross), in_band(power, &|s| s.power[0]));
         if truth > 0.0 {
-            sum += (own / truth - 1.0).abs();
+            sum += (model_power / truth - 1.0).abs();
             bands += 1.0;
         }
         from = to;

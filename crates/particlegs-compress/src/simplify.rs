@@ -11,7 +11,7 @@ use particlegs_core::{Error, Result, codec};
 use particlegs_fit::{Effort, SimplifyOptions};
 
 /// Reduces `model` (of `model_bytes` bytes) to a number of Gaussians or a ratio; every layer becomes
-/// one block. What is known about the source stays, its hash with it; the certificate goes.
+/// one block. Metadata of the source stay, its hash with them; the certificate goes.
 pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Context<'_>) -> Result<Vec<u8>> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
@@ -76,21 +76,21 @@ impl Reduction<'_> {
 
     /// `number` Gaussians at the nominal precision, every layer by the same factor.
     fn to_number(&self, number: u64) -> Result<Vec<CodedGaussians>> {
-        let there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
+        let model_gaussians: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let fewest = self.layers.len();
-        if number > there as u64 || number < fewest as u64 {
-            let message = format!("use {fewest} to {there} Gaussians for this model, not {number}");
+        if number > model_gaussians as u64 || number < fewest as u64 {
+            let message = format!("use {fewest} to {model_gaussians} Gaussians for this model, not {number}");
             return Err(Error::argument(message));
         }
-        let (mut left, mut there_left) = (number as usize, there);
+        let (mut left, mut gaussians_left) = (number as usize, model_gaussians);
         let mut coded = Vec::with_capacity(fewest);
         for (i, layer) in self.layers.iter().enumerate() {
-            let own = layer.content.gaussians.len();
-            let share = (left as f64 * own as f64 / there_left as f64).round() as usize;
+            let layer_gaussians = layer.content.gaussians.len();
+            let share = (left as f64 * layer_gaussians as f64 / gaussians_left as f64).round() as usize;
             // One at least for this layer and for each that is still to come.
-            let share = share.clamp(1, left - (fewest - 1 - i)).min(own);
+            let share = share.clamp(1, left - (fewest - 1 - i)).min(layer_gaussians);
             coded.push(CodedGaussians::at_nominal_steps(&self.reduced(layer, share)?));
-            (left, there_left) = (left - share, there_left - own);
+            (left, gaussians_left) = (left - share, gaussians_left - layer_gaussians);
         }
         Ok(coded)
     }
@@ -100,13 +100,14 @@ impl Reduction<'_> {
         let heads: Vec<Layer<usize>> = self.layers.iter().map(|l| l.with(1)).collect();
         let overhead = codec::size_without_blocks(&self.metadata, CertificateLevel::None, &heads) as u64;
         let mut left = target.saturating_sub(overhead);
-        let mut there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
+        let mut gaussians_left: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let mut coded = Vec::with_capacity(self.layers.len());
         for layer in &self.layers {
-            let own = layer.content.gaussians.len();
-            let done = self.layer_to_size(layer, (left as f64 * own as f64 / there as f64) as u64)?;
+            let layer_gaussians = layer.content.gaussians.len();
+            let bytes = (left as f64 * layer_gaussians as f64 / gaussians_left as f64) as u64;
+            let done = self.layer_to_size(layer, bytes)?;
             left = left.saturating_sub(codec::stored_bytes(&done.bytes) as u64);
-            there -= own;
+            gaussians_left -= layer_gaussians;
             coded.push(done);
         }
         if coded.last().is_some_and(|c| c.size_met == SizeOutcome::TooLarge) {

@@ -16,8 +16,8 @@ const FITS: usize = 3;
 /// Step factors between these cost less than another fit gains.
 const CHEAP_STEP_FACTORS: std::ops::Range<f64> = 0.75..1.4;
 
-/// Bytes a Gaussian that lose least at a given size: of nbody64 at eight ratios 3.75 to 4 score alike, 3.5 loses 0.03 dB;
-/// cells of a partition are rounder and take fewer.
+/// Bytes a Gaussian that lose least at a given size: of nbody64 at eight ratios 3.75 to 4 score alike, 3.5 loses 0.03
+/// dB; cells of a partition are rounder and take fewer.
 pub fn bytes_a_gaussian(effort: Effort) -> f64 {
     if effort == Effort::Fast { 3.2 } else { 3.85 }
 }
@@ -25,7 +25,8 @@ pub fn bytes_a_gaussian(effort: Effort) -> f64 {
 /// Particles for each Gaussian of a file of a given size, at least: on a half of nbody64, 25, 20, 15, 12 and 10 give
 /// 4.650, 4.640, 4.632, 4.585 and 4.520 bits a held-out particle, and pictures gain nothing either.
 const PARTICLES_A_GAUSSIAN: u64 = 16;
-/// At least this many Gaussians, some 10 kB, are always made where there are particles: pictures of few are better for it.
+/// At least this many Gaussians, some 10 kB, are always made where there are particles: pictures of few are better for
+/// it.
 const ALWAYS: u64 = 2500;
 
 /// The most Gaussians that `particles` support: more would fit the noise of their sample.
@@ -33,7 +34,7 @@ pub(super) fn most_gaussians(particles: u64) -> u64 {
     (particles / PARTICLES_A_GAUSSIAN).max(ALWAYS.min(particles))
 }
 
-/// How coded Gaussians meet the size that was asked for.
+/// The size of coded Gaussians against the one that was asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SizeOutcome {
@@ -63,8 +64,8 @@ impl CodedGaussians {
         CodedGaussians { bytes, gaussians, step_factor: 1.0, size_met: SizeOutcome::Met, nominal_bytes }
     }
 
-    /// Gaussians at the finest steps at which they have at most `size` bytes. Where a step factor is
-    /// `wanted` and close enough to the size, it is taken. `check` is asked before each encoding.
+    /// Gaussians at the finest steps at which they have at most `size` bytes. A step factor that is
+    /// `wanted` is taken if its bytes are close enough to the size. `check` is asked before each encoding.
     pub fn to_size(
         encoder: &Encoder,
         size: u64,
@@ -83,7 +84,7 @@ impl CodedGaussians {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SizeTarget {
     pub bytes: u64,
-    /// What a Gaussian may take, to begin with.
+    /// Bytes that a Gaussian may take, to begin with.
     pub bytes_a_gaussian: f64,
     /// Gaussians at most.
     pub most: u64,
@@ -99,9 +100,9 @@ impl SizeTarget {
     /// Gaussians, or fewer, and codes them to the size.
     pub fn find<T>(&self, mut fit: impl FnMut(u64) -> Result<(CodedGaussians, T)>) -> Result<(CodedGaussians, T)> {
         let mut number = self.number(self.bytes_a_gaussian);
-        let mut found = fit(number)?;
+        let mut coded_fit = fit(number)?;
         for _ in 1..FITS {
-            let coded = &found.0;
+            let coded = &coded_fit.0;
             let cheap = coded.size_met != SizeOutcome::TooLarge && CHEAP_STEP_FACTORS.contains(&coded.step_factor);
             // What a Gaussian costs at the nominal steps tells the right number.
             let better = self.number(coded.nominal_bytes as f64 / coded.gaussians as f64);
@@ -110,12 +111,13 @@ impl SizeTarget {
                 break;
             }
             number = better;
-            found = fit(number)?;
+            coded_fit = fit(number)?;
         }
-        if found.0.size_met == SizeOutcome::TooLarge && number > 1 {
-            found = fit(1)?;
+        if coded_fit.0.size_met == SizeOutcome::TooLarge && number > 1 {
+            // The smallest file that there is: if it is too large, no other fits.
+            coded_fit = fit(1)?;
         }
-        Ok(found)
+        Ok(coded_fit)
     }
 }
 
@@ -125,17 +127,19 @@ fn close_enough(bytes: u64, target: u64) -> bool {
 
 /// Finds the step factor at which `encode` gives the largest file that is not above `target`:
 /// secant steps on log(factor), kept inside a shrinking bracket that begins at the nominal steps.
-/// Where a factor is `wanted` and its file is close enough, it is taken.
+/// A factor that is `wanted` is taken if its file is close enough.
 fn meet_size(
     target: u64,
     gaussians: usize,
     wanted: Option<f64>,
     mut encode: impl FnMut(f64) -> Result<Vec<u8>>,
 ) -> Result<CodedGaussians> {
+    // Logarithms of step factors, to base 2, on which bytes depend almost linearly.
     let [mut fine, mut coarse] = Precision::FACTORS.map(f64::log2);
     let mut at = 0.0f64;
-    let mut kept = (at, encode(1.0)?);
-    let nominal_bytes = kept.1.len() as u64;
+    // Nominal steps come first: what a Gaussian costs at them tells how many there should be.
+    let mut best = (at, encode(1.0)?);
+    let nominal_bytes = best.1.len() as u64;
     let coded = |bytes: Vec<u8>, step_factor, size_met| CodedGaussians {
         bytes,
         gaussians: gaussians as u64,
@@ -160,15 +164,16 @@ fn meet_size(
         // Aim a little below the target, so that the next step is likely to fit.
         let aim = target as f64 - 8.0_f64.max(target as f64 / 1200.0);
         let next = at + Precision::doublings(size as f64 - aim, gaussians);
+        // A step too close to an end would hardly shrink the bracket: it is halved instead.
         let margin = 0.02 * (coarse - fine);
         at = if next > fine + margin && next < coarse - margin { next } else { 0.5 * (fine + coarse) };
         let bytes = encode(at.exp2())?;
         size = bytes.len() as u64;
-        if better(&bytes, &kept.1, target) {
-            kept = (at, bytes);
+        if better(&bytes, &best.1, target) {
+            best = (at, bytes);
         }
     }
-    let (at, bytes) = kept;
+    let (at, bytes) = best;
     let size_met = match bytes.len() as u64 {
         n if n > target => SizeOutcome::TooLarge,
         n if close_enough(n, target) => SizeOutcome::Met,
@@ -225,15 +230,15 @@ mod tests {
     #[test]
     fn the_number_is_found_by_what_a_gaussian_costs() {
         let target = SizeTarget { bytes: 10_000, bytes_a_gaussian: 4.0, most: 100_000 };
-        let fit = |each: f64, there: u64, tried: &mut Vec<u64>| {
-            let found = target.find(|n| {
+        let fit = |each: f64, most: u64, tried: &mut Vec<u64>| {
+            let coded_fit = target.find(|n| {
                 tried.push(n);
-                let gaussians = n.min(there);
+                let gaussians = n.min(most);
                 let encode =
                     |q: f64| Ok(vec![0; (gaussians as f64 * (8.0 * each - 9.0 * q.log2()).max(1.0) / 8.0) as usize]);
                 Ok((meet_size(target.bytes, gaussians as usize, None, encode)?, n))
             });
-            found.unwrap()
+            coded_fit.unwrap()
         };
         let mut tried = Vec::new();
         let (coded, number) = fit(8.0, u64::MAX, &mut tried);

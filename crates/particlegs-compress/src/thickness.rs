@@ -26,13 +26,13 @@ impl Thickness {
         Some(Thickness { axis, variance: second - first * first }).filter(|t| t.variance > 0.0)
     }
 
-    /// What Gaussians' widths along the axis are multiplied by for the particles' variance, 1/4 to 4.
+    /// The factor on Gaussians' widths along the axis that gives the particles' variance, 1/4 to 4.
     pub fn factor(&self, gaussians: &[&Mixture]) -> f64 {
         let [between, within] = self.variances(gaussians);
         ((self.variance - between) / within.max(f64::MIN_POSITIVE)).clamp(0.0625, 16.0).sqrt()
     }
 
-    /// What a user should know where a model is a tenth thicker or thinner than its particles.
+    /// A note for the user if a model is a tenth thicker or thinner than its particles.
     pub fn note(&self, model: &Model) -> Option<String> {
         let gaussians: Vec<_> = model.layers.iter().flat_map(|l| &l.content).map(|b| &b.gaussians).collect();
         let ratio = (self.variances(&gaussians).iter().sum::<f64>() / self.variance).sqrt();
@@ -67,12 +67,13 @@ mod tests {
     fn thickness(edges: [f64; 3], axis: usize) -> f64 {
         let particles = from_points(random_points(20_000, 21, |_, r| edges.map(|e| e * r.uniform())));
         let options = Options { certificate: CertificateLevel::None, ..Options::default() };
-        let made = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
+        let compressed_model = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
         let thickness = Thickness::new(&particles, &particles.bounds()).unwrap();
         assert_eq!(thickness.axis, axis);
-        let gaussians = made.model.layers[0].content.iter().map(|b| &b.gaussians).collect::<Vec<_>>();
+        let gaussians = compressed_model.model.layers[0].content.iter().map(|b| &b.gaussians).collect::<Vec<_>>();
         let ratio = (thickness.variances(&gaussians).iter().sum::<f64>() / thickness.variance).sqrt();
-        assert_eq!(made.notes.iter().any(|n| n.contains("the box is flat")), (ratio - 1.0).abs() > 0.1, "{ratio}");
+        let is_noted = compressed_model.notes.iter().any(|n| n.contains("the box is flat"));
+        assert_eq!(is_noted, (ratio - 1.0).abs() > 0.1, "{ratio}");
         ratio
     }
 

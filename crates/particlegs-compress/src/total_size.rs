@@ -1,4 +1,4 @@
-//! A size that positions and fields meet together: what fields take is known once a model is fitted, so the fit is
+//! A size that positions and fields meet together: bytes of fields are known once a model is fitted, so the fit is
 //! repeated.
 
 use super::{CompressedModel, Compression, FieldSelection, Options};
@@ -17,8 +17,8 @@ const AIM: f64 = 0.99;
 const GAUSSIAN: f64 = 5.0;
 const NUMBER: f64 = 3.0;
 
-/// Compresses particles to a file that has at most the size of the target with its fields. The recipe of the file has the size that
-/// positions and masses got.
+/// Compresses particles to a file that has at most the size of the target with its fields. The recipe of the file has
+/// the size that positions and masses got.
 ///
 /// # Errors
 /// [`Error::Unreachable`] where no fit gives such a file; those of a compression.
@@ -36,6 +36,7 @@ pub(super) fn compress_to_total(
         let options = Options { target: Target::Size(size.max(1)), ..options.clone() };
         let planned = Compression::of_positions(particles, fields.omitted(), &options, context);
         let mut done = match planned.and_then(|planned| planned.fit(&mut NoCheckpoints, context)) {
+            // Less than the positions alone need: the best so far stands.
             Err(Error::Unreachable { .. }) => break,
             done => done?,
         };
@@ -46,6 +47,7 @@ pub(super) fn compress_to_total(
         context.message(&format!("{size} bytes for positions and masses: {whole} bytes with fields"));
         fits.push([size as f64, whole as f64]);
         if whole <= total {
+            // A fit that does not fill its size would make nothing of a larger one.
             let enough = whole as f64 >= FILLED * total as f64 || !filled;
             best = best.filter(|b| b.bytes.len() as u64 > whole).or(Some(done));
             if enough {

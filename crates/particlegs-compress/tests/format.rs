@@ -189,7 +189,7 @@ fn a_huge_claim_is_refused_before_it_is_believed() {
     assert!(matches!(codec::decode(&b, "m"), Err(Error::Corrupt { .. })));
 }
 
-/// Where what follows a block's header begins, in a block of three stages: number of segments, length of the trunk, then
+/// The end of a block's header, in a block of three stages: number of segments, length of the trunk, then
 /// the lengths of the streams.
 const TABLE: usize = 128;
 const STAGES: usize = 3;
@@ -267,12 +267,12 @@ fn pieces_of_a_model_are_read_on_their_own() {
 fn a_table_of_streams_that_lies_is_refused() {
     let b = block(mixture(70_000, 8, 0.0, 50.0, false));
     let bytes = coded(&b);
-    let refused = |changes: &[(usize, u32)], what: &str| {
+    let refused = |changes: &[(usize, u32)], case: &str| {
         let mut bad = bytes.clone();
         for &(field, value) in changes {
             bad[TABLE + 4 * field..TABLE + 4 * field + 4].copy_from_slice(&value.to_le_bytes());
         }
-        assert!(matches!(codec::decode_block(&bad, "b"), Err(Error::Corrupt { .. })), "{what}");
+        assert!(matches!(codec::decode_block(&bad, "b"), Err(Error::Corrupt { .. })), "{case}");
     };
     let field = |i: usize| number(&bytes, TABLE + 4 * i);
     let segments = field(0);
@@ -416,8 +416,8 @@ fn threads_and_simd_give_the_same_bytes() {
     }
 }
 
-/// Files of version 1.0 and what they hold, one of them with all that is to come: an open file with an index and sections
-/// that nobody knows yet. To write them anew after a deliberate change: PARTICLEGS_WRITE_FIXTURES=1.
+/// Files of version 1.0 and what they hold, one of them with all that is to come: an open file with an index and
+/// sections that nobody knows yet. To write them anew after a deliberate change: PARTICLEGS_WRITE_FIXTURES=1.
 #[test]
 fn files_of_version_1_0_stay_readable() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
@@ -448,7 +448,7 @@ fn files_of_version_1_0_stay_readable() {
     }
 }
 
-/// What an index of a file has to list.
+/// The entries of a file's index.
 fn index(file: &[u8]) -> Vec<u8> {
     let (mut out, mut at) = (Vec::new(), 24);
     while at < file.len() {

@@ -69,15 +69,15 @@ fn check_sums(m: &Model) {
     assert_eq!(m.metadata.law, LawKind::AlphaBlend);
     for b in m.blocks() {
         let g = &b.gaussians;
-        let own = columns(g);
-        assert_eq!((own.opacity.len(), own.grey.len(), g.masses().is_none()), (g.len(), g.len(), true));
-        assert!(own.opacity.iter().all(|&o| o > 0.0 && o < 1.0));
-        assert!(own.grey.iter().all(|&v| v >= 0.0 && v.is_finite()));
+        let shades = columns(g);
+        assert_eq!((shades.opacity.len(), shades.grey.len(), g.masses().is_none()), (g.len(), g.len(), true));
+        assert!(shades.opacity.iter().all(|&o| o > 0.0 && o < 1.0));
+        assert!(shades.grey.iter().all(|&v| v >= 0.0 && v.is_finite()));
         assert_eq!(g.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
         // Counts are opacities' shares, rounded to one of the two whole numbers beside them.
-        let sum: f64 = own.opacity.iter().sum();
+        let sum: f64 = shades.opacity.iter().sum();
         let share = |o: f64| o / sum * b.count as f64;
-        assert!(g.count.iter().zip(&own.opacity).all(|(c, &o)| (c - share(o)).abs() <= 1.0 + 1e-9 * share(o)));
+        assert!(g.count.iter().zip(&shades.opacity).all(|(c, &o)| (c - share(o)).abs() <= 1.0 + 1e-9 * share(o)));
     }
 }
 
@@ -339,14 +339,14 @@ fn merged_files_take_the_network_of_the_first_block() {
     let model = codec::decode(&whole, "merged").unwrap();
     check_sums(&model);
     assert_eq!((model.gaussians(), &model.certificate), (60, &None));
-    let of = |bytes: &[u8]| codec::decode(bytes, "part").unwrap().vizmapper().cloned();
-    assert_eq!(model.vizmapper().cloned(), of(a));
+    let network_of = |bytes: &[u8]| codec::decode(bytes, "part").unwrap().vizmapper().cloned();
+    assert_eq!(model.vizmapper().cloned(), network_of(a));
     // Shades are copied, not coded anew.
     let first = codec::decode(a, "a").unwrap();
     assert_eq!(model.layers[0].content[0].gaussians, first.layers[0].content[0].gaussians);
     // A part without a network that holds the first block leaves none.
     let bare = encoded(&without_network(&part(0)));
-    assert_eq!(of(&merge(&[b, &bare]).unwrap()), None);
+    assert_eq!(network_of(&merge(&[b, &bare]).unwrap()), None);
     // Laws do not mix.
     let mut other = part(5);
     (other.metadata.law, other.layers[0].content[0].gaussians.law) = (LawKind::OpticalDepth, Law::OpticalDepth);
@@ -388,7 +388,8 @@ fn files_of_version_1_0_stay_readable() {
 /// The numbers of the first block, and of the network.
 fn table(m: &Model) -> String {
     let g = &m.layers[0].content[0].gaussians;
-    let own = columns(g);
-    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count, &own.opacity, &own.grey]).collect();
+    let shades = columns(g);
+    let columns: Vec<&Vec<f64>> =
+        g.mean.iter().chain(&g.cov).chain([&g.count, &shades.opacity, &shades.grey]).collect();
     common::table(&columns) + "\n" + &serde_json::to_string(&m.vizmapper().unwrap().parameters).unwrap()
 }

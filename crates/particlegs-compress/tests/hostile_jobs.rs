@@ -87,7 +87,7 @@ fn copy(from: &Path, to: &Path) {
 }
 
 /// Every step on a folder; the errors in words.
-fn steps(folder: &Path, what: &str) -> Vec<String> {
+fn steps(folder: &Path, alteration: &str) -> Vec<String> {
     let began = Instant::now();
     LARGEST.store(0, Relaxed);
     let source = || Ok(LayeredParticles::from_particles(&particles()));
@@ -111,10 +111,10 @@ fn steps(folder: &Path, what: &str) -> Vec<String> {
         errors
     };
     let done = std::panic::catch_unwind(run);
-    let errors = done.unwrap_or_else(|_| panic!("a panic after {what}"));
-    assert!(began.elapsed() < LONGEST, "{:?} after {what}", began.elapsed());
-    assert!(LARGEST.load(Relaxed) <= MOST_BYTES, "{} bytes at once after {what}", LARGEST.load(Relaxed));
-    assert!(errors.iter().all(|e| !e.is_empty() && e.len() < 600), "{what}: {errors:?}");
+    let errors = done.unwrap_or_else(|_| panic!("a panic after {alteration}"));
+    assert!(began.elapsed() < LONGEST, "{:?} after {alteration}", began.elapsed());
+    assert!(LARGEST.load(Relaxed) <= MOST_BYTES, "{} bytes at once after {alteration}", LARGEST.load(Relaxed));
+    assert!(errors.iter().all(|e| !e.is_empty() && e.len() < 600), "{alteration}: {errors:?}");
     errors
 }
 
@@ -158,7 +158,7 @@ fn places(value: &Value, here: &str, out: &mut Vec<String>) {
     }
 }
 
-/// What stands in a value's place.
+/// Values that stand in a value's place.
 fn odd_values() -> Vec<Value> {
     vec![
         json!(0),
@@ -190,15 +190,15 @@ fn altered(original: &Value, count: u64, seed: u64) -> Vec<(Value, String)> {
         .map(|case| {
             let mut random = Random::new(seed, 2, case);
             let mut pick = |n: usize| ((random.uniform() * n as f64) as usize).min(n - 1);
-            let (mut value, mut what) = (original.clone(), String::new());
+            let (mut value, mut alteration) = (original.clone(), String::new());
             for _ in 0..1 + case % 2 {
                 let (place, by) = (&all[1 + pick(all.len() - 1)], &odd[pick(odd.len())]);
                 if let Some(at) = value.pointer_mut(place) {
                     *at = by.clone();
-                    what += &format!("{place} = {by} ");
+                    alteration += &format!("{place} = {by} ");
                 }
             }
-            (value, what)
+            (value, alteration)
         })
         .collect()
 }
@@ -208,10 +208,10 @@ fn each(cases: impl IntoIterator<Item = HostileCase>) -> Vec<Vec<String>> {
     let dir = tempfile::tempdir().unwrap();
     let (whole, broken) = (dir.path().join("whole"), dir.path().join("broken"));
     prepared(&whole);
-    let run = |(what, alter): HostileCase| {
+    let run = |(alteration, alter): HostileCase| {
         copy(&whole, &broken);
         alter(&broken);
-        let errors = steps(&broken, &what);
+        let errors = steps(&broken, &alteration);
         std::fs::remove_dir_all(&broken).unwrap();
         errors
     };
@@ -239,13 +239,13 @@ fn altered_plans_are_refused_or_do_no_harm() {
     let dir = tempfile::tempdir().unwrap();
     let original: Value =
         serde_json::from_slice(&std::fs::read(planned(dir.path()).folder.join("plan.json")).unwrap()).unwrap();
-    let case = |(plan, what): (Value, String)| -> HostileCase {
+    let case = |(plan, alteration): (Value, String)| -> HostileCase {
         let text = plan.to_string();
         let alter = move |folder: &Path| {
             std::fs::write(folder.join("plan.json"), &text).unwrap();
             adopt(folder);
         };
-        (format!("plan.json: {what}"), Box::new(alter))
+        (format!("plan.json: {alteration}"), Box::new(alter))
     };
     let errors = each(altered(&original, 160, 11).into_iter().map(case));
     let refused = errors.iter().filter(|e| !e.is_empty()).count();
@@ -312,8 +312,8 @@ fn altered_files_of_a_job_are_refused_or_do_no_harm() {
         cases.push((format!("a bucket's entry at {field}: {value}"), write("scatter/00000.bin", buckets)));
     }
     let report: Value = serde_json::from_slice(&read("blocks/00000.json")).unwrap();
-    for (value, what) in altered(&report, 40, 13) {
-        cases.push((format!("report: {what}"), write("blocks/00000.json", value.to_string().into_bytes())));
+    for (value, alteration) in altered(&report, 40, 13) {
+        cases.push((format!("report: {alteration}"), write("blocks/00000.json", value.to_string().into_bytes())));
     }
     each(cases);
 }

@@ -25,7 +25,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// ... and has then stopped within this, on a machine that does much else.
 const HEARD: Duration = Duration::from_secs(20);
 
-/// Runs a step, which is told to stop when it has gone on for [`PATIENCE`]; a stop that was asked for is a result like any other.
+/// Runs a step, which is told to stop when it has gone on for [`PATIENCE`]; a stop that was asked for is a result like
+/// any other.
 fn step<T>(name: &str, work: impl FnOnce(&Context<'_>) -> Result<T, Error>) -> Option<T> {
     let start = Instant::now();
     let outcome = work(&Context::SILENT.with_cancel(&|| start.elapsed() > PATIENCE));
@@ -78,7 +79,7 @@ fn places(file: &[u8]) -> Vec<(usize, usize)> {
     out
 }
 
-/// What a number of so many bytes may become.
+/// Values that a number of so many bytes may become.
 fn values(width: usize) -> Vec<Vec<u8>> {
     const REALS: [f64; 14] =
         [0.0, -1.0, 5e-324, 1e-300, 1e-160, 1e-45, 1e-6, 0.5, 1e6, 1e38, 1e160, 1e300, f64::MAX, f64::NAN];

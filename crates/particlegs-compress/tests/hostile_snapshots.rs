@@ -21,12 +21,12 @@ const SIZE: Size = Size { width: 40, height: 24 };
 /// Clustered points in the unit cube, scaled and moved.
 fn snapshot(n: u64, scale: [f32; 3], shift: f32) -> Particles {
     let place = |k: usize| {
-        let of = |i: u64| {
+        let coordinate = |i: u64| {
             let (mut r, mut c) = (Random::new(7, k as u32, i), Random::new(7, 10 + k as u32, i % 9));
             let x = if i.is_multiple_of(2) { r.uniform() } else { (c.uniform() + 0.01 * r.normal()).rem_euclid(1.0) };
             (x as f32 * scale[k] + shift).clamp(f32::MIN, f32::MAX)
         };
-        (0..n).map(of).collect::<Vec<f32>>()
+        (0..n).map(coordinate).collect::<Vec<f32>>()
     };
     Particles::from_columns(place(0), place(1), place(2))
 }
@@ -42,9 +42,9 @@ fn options() -> Options {
 }
 
 fn compressed(p: &Particles) -> Result<Model> {
-    let made = compress(p, &options(), &mut NoCheckpoints, &Context::SILENT)?;
-    codec::check(&made.bytes, "made", &Context::SILENT)?;
-    codec::decode(&made.bytes, "made")
+    let compressed_model = compress(p, &options(), &mut NoCheckpoints, &Context::SILENT)?;
+    codec::check(&compressed_model.bytes, "made", &Context::SILENT)?;
+    codec::decode(&compressed_model.bytes, "made")
 }
 
 /// Draws and measures a model of a snapshot.
@@ -133,8 +133,8 @@ fn nothing_is_no_snapshot_and_empty_layers_are_none() {
     let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
     p = p.with_layers(vec![layer("gas", 0..0), layer("dm", 0..400), layer("stars", 400..400)]);
     for target in [Target::Gaussians(40), Target::Ratio(4.0)] {
-        let made = compress(&p, &Options { target, ..options() }, &mut NoCheckpoints, &Context::SILENT).unwrap();
-        let names: Vec<&str> = made.model.layers.iter().map(|l| &l.name[..]).collect();
+        let done = compress(&p, &Options { target, ..options() }, &mut NoCheckpoints, &Context::SILENT).unwrap();
+        let names: Vec<&str> = done.model.layers.iter().map(|l| &l.name[..]).collect();
         assert_eq!(names, ["dm"]);
     }
     let two = compress(&p, &Options { blocks: Some(2), ..options() }, &mut NoCheckpoints, &Context::SILENT).unwrap();
@@ -145,14 +145,13 @@ fn nothing_is_no_snapshot_and_empty_layers_are_none() {
 fn tiny_opacities_are_stored_and_drawn() {
     let p = snapshot(400, [1.0; 3], 0.0);
     for opacity in [1e-9, 1e-300, f64::MIN_POSITIVE] {
-        let made = compress(&p, &Options { opacity: Some(opacity), ..options() }, &mut NoCheckpoints, &Context::SILENT)
-            .unwrap();
-        let m = &made.model.metadata;
+        let options = Options { opacity: Some(opacity), ..options() };
+        let model = compress(&p, &options, &mut NoCheckpoints, &Context::SILENT).unwrap().model;
+        let m = &model.metadata;
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
         for radius in [1e-300, m.default_radius, 1e100] {
             let view = View { name: "v".into(), camera, radius, opacity };
-            let picture =
-                draw(&Scene::new(&made.model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap();
+            let picture = draw(&Scene::new(&model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap();
             assert!(picture.data.iter().all(|v| *v == 0), "splats of opacity {opacity} change no 8-bit buffer");
         }
     }
@@ -215,12 +214,12 @@ fn a_file_that_was_cut_since_is_refused() {
     let bytes: Vec<u8> = (0..8192).flat_map(|i| (i as f32 / 8192.0).to_le_bytes()).collect();
     ["xx", "yy", "zz"].iter().for_each(|name| std::fs::write(path(name), &bytes).unwrap());
     let particles = Particles::open_raw(&[dir.path().to_path_buf()]).unwrap();
-    let kept = particles.clone().in_memory().unwrap();
+    let in_memory = particles.clone().in_memory().unwrap();
     std::fs::File::options().write(true).open(path("yy")).unwrap().set_len(100).unwrap();
     let cut = compress(&particles, &Options::default(), &mut NoCheckpoints, &Context::SILENT).err().unwrap();
     assert!(cut.to_string().contains("it was cut to 100 bytes; it had 32768"), "{cut}");
-    assert!(particles.clone().in_memory().is_err() && kept.check_files().is_ok());
-    assert_eq!(kept.position(8191), [8191.0 / 8192.0; 3]);
+    assert!(particles.clone().in_memory().is_err() && in_memory.check_files().is_ok());
+    assert_eq!(in_memory.position(8191), [8191.0 / 8192.0; 3]);
     // A file in its place is another.
     std::fs::write(path("new"), [0; 4]).unwrap();
     std::fs::rename(path("new"), path("yy")).unwrap();

@@ -141,8 +141,8 @@ fn other_options_are_other_work() {
 
     // What was kept of one is not gone on from by another.
     let path = folder.path().join("m.checkpoint");
-    let mut kept = Checkpoint::fresh(path.clone(), &ids[0]);
-    particlegs_core::checkpoint::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
+    let mut checkpoint = Checkpoint::fresh(path.clone(), &ids[0]);
+    particlegs_core::checkpoint::CheckpointStore::keep_now(&mut checkpoint, "train", vec![1]).unwrap();
     assert_eq!(Checkpoint::open(path.clone(), &ids[0]).unwrap().len(), 1);
     for other in &ids[1..] {
         let opened = Checkpoint::open(path.clone(), other).unwrap();
@@ -178,7 +178,7 @@ fn measured(folder: &Path, order: [u32; 3]) -> Job {
     job
 }
 
-/// What blocks measure each by itself adds up, in any order, to what the whole is measured as: without the particles.
+/// Measurements of the blocks add up, in any order, to those of the whole: without the particles.
 #[test]
 fn certificates_add_up_over_blocks() {
     let folder = tempfile::tempdir().unwrap();
@@ -192,8 +192,8 @@ fn certificates_add_up_over_blocks() {
     let (one, quick) = (whole(CertificateLevel::Blocks), whole(CertificateLevel::Quick));
     assert_eq!((added.blocks, one.blocks), (Some(3), Some(1)));
     for other in [one, quick] {
-        for (o, own) in added.views.orbits.iter().zip(&other.views.orbits) {
-            let [a, b] = [o, own].map(|o| o.expected.model.unwrap());
+        for (o, orbit) in added.views.orbits.iter().zip(&other.views.orbits) {
+            let [a, b] = [o, orbit].map(|o| o.expected.model.unwrap());
             let off = a.masked_psnr.unwrap() - b.masked_psnr.unwrap();
             assert!(off.abs() < 0.01 && (a.ssim - b.ssim).abs() < 1e-3, "{off}");
         }

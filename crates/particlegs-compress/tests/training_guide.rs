@@ -25,14 +25,14 @@ fn names(value: &Value, prefix: &str, into: &mut BTreeSet<String>) {
 fn the_guide_names_every_hyper_parameter() {
     let guide = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/training.md");
     let guide = std::fs::read_to_string(guide).unwrap();
-    let mut there = BTreeSet::new();
+    let mut hyper_parameters = BTreeSet::new();
     for config in [Config::preset(Preset::Paper, LawKind::AlphaBlend), Config::fine_tuning()] {
-        names(&serde_json::to_value(config).unwrap(), "", &mut there);
+        names(&serde_json::to_value(config).unwrap(), "", &mut hyper_parameters);
     }
     let table = guide.split("## Hyper-parameters").nth(1).unwrap();
     let rows = table.lines().filter_map(|l| l.strip_prefix("| `")?.split_once('`'));
-    let told: BTreeSet<String> = rows.map(|(name, _)| name.to_string()).collect();
-    let missing: Vec<_> = there.difference(&told).collect();
-    let stale: Vec<_> = told.difference(&there).collect();
+    let documented_names: BTreeSet<String> = rows.map(|(name, _)| name.to_string()).collect();
+    let missing: Vec<_> = hyper_parameters.difference(&documented_names).collect();
+    let stale: Vec<_> = documented_names.difference(&hyper_parameters).collect();
     assert!(missing.is_empty() && stale.is_empty(), "not in the guide: {missing:?}; only there: {stale:?}");
 }

@@ -2,7 +2,7 @@
 
 use crate::Result;
 
-/// Where finished pieces are kept. What the work gives does not depend on which of them are there.
+/// A store of finished pieces. The result of the work does not depend on which of them are there.
 pub trait CheckpointStore {
     /// A piece that was kept before.
     fn get(&self, key: &str) -> Option<Vec<u8>>;
@@ -29,9 +29,9 @@ impl CheckpointStore for NoCheckpoints {
 
 /// Pieces under a name of their own.
 pub struct PrefixedCheckpoints<'a> {
-    /// Where they are kept.
+    /// The store that holds them.
     pub pieces: &'a mut dyn CheckpointStore,
-    /// What their keys begin with.
+    /// The beginning of their keys.
     pub prefix: String,
 }
 

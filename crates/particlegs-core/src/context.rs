@@ -1,4 +1,4 @@
-//! What long work is given by its caller: where progress goes, whether to stop, the instruction set, the memory
+//! The caller's side of long work: the sink of progress, whether to stop, the instruction set, the memory
 //! there is. The library prints nothing, reads no environment and keeps no state of its own.
 
 use crate::{Error, Result};
@@ -9,7 +9,7 @@ pub use fearless_simd::Level;
 /// Smaller needs are not asked about: a look at the system takes longer than they do.
 const SMALL: u64 = 32 << 20;
 
-/// What happens in long work.
+/// An event in long work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgressEvent<'a> {
     /// A phase begins, within those that have not ended.
@@ -29,7 +29,7 @@ pub enum ProgressEvent<'a> {
 
 /// Receives what long work has to say, from any thread.
 pub trait ProgressSink: Sync {
-    /// How far the work is.
+    /// The progress of the work.
     fn event(&self, _event: ProgressEvent<'_>) {}
     /// Something the user should read.
     fn message(&self, _text: &str) {}

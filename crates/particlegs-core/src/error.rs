@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// The library's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What a caller can act on. Every variant's text is one line that names the place and the fault: `place` is a file, a
+/// An error that a caller can act on. Every variant's text is one line that names place and fault: `place` is a file, a
 /// folder or an argument, `what` what is wrong with it or which step it is, `hint` what would help; memory is in bytes.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
@@ -39,7 +39,7 @@ pub enum Error {
     /// An output that is an input or another output, or that is there and may not be replaced.
     #[error("{place}: {what}")]
     Output { place: String, what: String, hint: Hint },
-    /// What was measured is not what a file says.
+    /// A measurement that differs from what a file says.
     #[error("{place}: {what}")]
     Differs { place: String, what: String, hint: Hint },
     /// The caller asked to stop.
@@ -100,7 +100,7 @@ impl Error {
         Error::Io { place: place.as_place(), source }
     }
 
-    /// What would help.
+    /// The hint at what would help.
     pub fn hint(&self) -> Hint {
         match self {
             Error::Input { hint, .. }

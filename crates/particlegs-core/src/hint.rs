@@ -1,9 +1,9 @@
-//! What a caller can change where work is refused.
+//! Hints at what a caller can change where work is refused.
 
 use std::fmt::{Display, Formatter, Result};
 
-/// What would help: words, and among them options and commands, which the command line, Python and a page each spell in
-/// their own way ([`Hint::spell`]). Empty where nothing is known.
+/// A hint at what would help: words, among them options and commands, which the command line, Python and a page each
+/// spell in their own way ([`Hint::spell`]). Empty where nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hint(Vec<HintPart>);
 
@@ -15,7 +15,7 @@ enum HintPart {
 }
 
 impl Hint {
-    /// Is it empty?
+    /// Whether it is empty.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -11,7 +11,7 @@ pub trait NamedValue: Copy + Send + Sync + 'static {
     /// "there are a, b, c" for any other name.
     fn from_name(name: &str) -> Result<Self, String> {
         let names = || Self::VALUES.iter().map(|(_, name, _)| *name).collect::<Vec<_>>().join(", ");
-        let value = Self::VALUES.iter().find(|(_, of, _)| *of == name);
+        let value = Self::VALUES.iter().find(|(_, text, _)| *text == name);
         value.map(|(value, ..)| *value).ok_or_else(|| format!("there are {}", names()))
     }
 }

@@ -17,14 +17,14 @@ const ALONE: usize = 1 << 14;
 /// Items in a piece, at most.
 const MOST: usize = 1024;
 
-/// Calls `of` with every number below `n`, on as many threads as there are. Numbers are begun in their order.
-fn each(n: usize, of: &(dyn Fn(usize) + Sync)) {
+/// Calls `action` with every number below `n`, on as many threads as there are. Numbers are begun in their order.
+fn each(n: usize, action: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {
         while let i = next.fetch_add(1, Ordering::Relaxed)
             && i < n
         {
-            of(i);
+            action(i);
         }
     };
     #[cfg(feature = "threads")]
@@ -47,14 +47,14 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
     slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// `of(0)`, `of(1)`, ... `of(n - 1)`.
-pub fn map_range<R: Send>(n: usize, of: impl Fn(usize) -> R + Sync) -> Vec<R> {
+/// `value_of(0)`, `value_of(1)`, ... `value_of(n - 1)`.
+pub fn map_range<R: Send>(n: usize, value_of: impl Fn(usize) -> R + Sync) -> Vec<R> {
     let size = piece(n);
     let parts: Vec<Mutex<Vec<R>>> = (0..n.div_ceil(size)).map(|_| Mutex::default()).collect();
     each(parts.len(), &|k| {
         let mut part = Vec::with_capacity(size);
         for i in k * size..n.min((k + 1) * size) {
-            part.push(of(i));
+            part.push(value_of(i));
         }
         *lock(&parts[k]) = part;
     });
@@ -66,10 +66,10 @@ pub fn map_range<R: Send>(n: usize, of: impl Fn(usize) -> R + Sync) -> Vec<R> {
 }
 
 /// [`map_range`] of what may fail.
-pub fn try_map_range<R: Send, E: Send>(n: usize, of: impl Fn(usize) -> Result<R, E> + Sync) -> Result<Vec<R>, E> {
+pub fn try_map_range<R: Send, E: Send>(n: usize, value_of: impl Fn(usize) -> Result<R, E> + Sync) -> Result<Vec<R>, E> {
     let failed = AtomicUsize::new(n);
     let one = |i: usize| {
-        let result = (i < failed.load(Ordering::Relaxed)).then(|| of(i))?;
+        let result = (i < failed.load(Ordering::Relaxed)).then(|| value_of(i))?;
         if result.is_err() {
             failed.fetch_min(i, Ordering::Relaxed);
         }
@@ -82,19 +82,19 @@ pub fn try_map_range<R: Send, E: Send>(n: usize, of: impl Fn(usize) -> Result<R,
     Ok(all)
 }
 
-/// `of` every item, in their order.
-pub fn map<T: Send, R: Send>(items: impl IntoIterator<Item = T>, of: impl Fn(T) -> R + Sync) -> Vec<R> {
+/// `value_of` every item, in their order.
+pub fn map<T: Send, R: Send>(items: impl IntoIterator<Item = T>, value_of: impl Fn(T) -> R + Sync) -> Vec<R> {
     let items = slots(items);
-    map_range(items.len(), |i| of(taken(&items[i])))
+    map_range(items.len(), |i| value_of(taken(&items[i])))
 }
 
 /// [`map`] of what may fail.
 pub fn try_map<T: Send, R: Send, E: Send>(
     items: impl IntoIterator<Item = T>,
-    of: impl Fn(T) -> Result<R, E> + Sync,
+    value_of: impl Fn(T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
     let items = slots(items);
-    try_map_range(items.len(), |i| of(taken(&items[i])))
+    try_map_range(items.len(), |i| value_of(taken(&items[i])))
 }
 
 /// Places that items are taken from, each once, by any thread.
@@ -106,10 +106,10 @@ fn taken<T>(slot: &Mutex<Option<T>>) -> T {
     lock(slot).take().expect("every item is taken once")
 }
 
-/// Calls `of` with every item.
-pub fn for_each<T: Send>(items: impl IntoIterator<Item = T>, of: impl Fn(T) + Sync) {
+/// Calls `work` with every item.
+pub fn for_each<T: Send>(items: impl IntoIterator<Item = T>, work: impl Fn(T) + Sync) {
     let items = slots(items);
-    each(items.len(), &|i| of(taken(&items[i])));
+    each(items.len(), &|i| work(taken(&items[i])));
 }
 
 /// [`for_each`] of what may fail.
@@ -148,9 +148,9 @@ impl<S: Default> Scratch<S> {
     /// `work` with scratch space as the last to use it left it.
     pub fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
         let last = lock(&self.0).pop();
-        let mut own = last.unwrap_or_default();
-        let result = work(&mut own);
-        lock(&self.0).push(own);
+        let mut scratch = last.unwrap_or_default();
+        let result = work(&mut scratch);
+        lock(&self.0).push(scratch);
         result
     }
 }
@@ -184,7 +184,7 @@ pub fn threads() -> usize {
 /// Sets how many threads share work, once and before any is done.
 ///
 /// # Errors
-/// Where the system has not so many, or they are set already.
+/// A system that has not so many, or threads that are set already.
 pub fn set_threads(threads: usize) -> Result<(), String> {
     #[cfg(feature = "threads")]
     return rayon_core::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| e.to_string());
@@ -195,7 +195,7 @@ pub fn set_threads(threads: usize) -> Result<(), String> {
 /// `work` on so many threads of its own, which end with it: what is left of it is not the process's.
 ///
 /// # Errors
-/// Where the system has not so many.
+/// A system that has not so many.
 pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> Result<R, String> {
     #[cfg(feature = "threads")]
     {

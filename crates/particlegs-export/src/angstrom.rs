@@ -5,12 +5,12 @@ use particlegs_core::model::{Dimension, Unit};
 
 /// A grid's lengths and densities in Angstrom, where their unit is one of molecules; as they are elsewhere.
 pub struct AngstromGrid {
-    /// Where the middle of the first cell lies.
+    /// The middle of the first cell.
     pub origin: [f64; 3],
     pub side: [f64; 3],
-    /// What values are multiplied by.
+    /// Factor on values.
     pub by: f64,
-    /// What the file says of itself, a line each.
+    /// Notes of the file, a line each.
     pub lines: Vec<String>,
 }
 
@@ -20,12 +20,12 @@ impl AngstromGrid {
         let length = scale.unwrap_or(1.0);
         let side = density.grid.side.map(|s| s * length);
         let origin = [0, 1, 2].map(|k| density.grid.min[k] * length + 0.5 * side[k]);
-        let message = density.unit.split_once(" / ").map_or(&density.unit[..], |unit| unit.0);
-        let own = match scale {
-            Some(_) => format!("this file: lengths in Angstrom, density in {message} / Angstrom^3"),
+        let amount_unit = density.unit.split_once(" / ").map_or(&density.unit[..], |unit| unit.0);
+        let unit_line = match scale {
+            Some(_) => format!("this file: lengths in Angstrom, density in {amount_unit} / Angstrom^3"),
             None => format!("this file: lengths as they are, density in {}", density.unit),
         };
-        let lines = std::iter::once(super::ascii::ascii(&own)).chain(notes.lines()).collect();
+        let lines = std::iter::once(super::ascii::ascii(&unit_line)).chain(notes.lines()).collect();
         AngstromGrid { origin, side, by: length.powi(-3), lines }
     }
 }
@@ -39,7 +39,7 @@ fn scale(unit: Option<&str>) -> Option<f64> {
     Some(angstrom).filter(|length| *length > 0.0 && *length < 1e4)
 }
 
-/// What a file of this kind loses of lengths in this unit.
+/// A note on the unit of length, if a file of this kind loses it.
 pub fn lost_unit(kind: Kind, unit: Option<&str>) -> Option<String> {
     let is_lost = matches!(kind, Kind::Dx | Kind::Mrc) && scale(unit).is_none();
     let unit = unit.map_or("an unstated unit".into(), super::ascii::ascii);

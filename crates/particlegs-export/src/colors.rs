@@ -40,11 +40,12 @@ impl Coloring {
         match by {
             ColorBy::Grey => Ok(Coloring { colors: None, range: None }),
             ColorBy::Layer => {
-                let of = |(i, layer): (usize, &Layer<Vec<_>>)| {
+                let layer_colors = |(i, layer): (usize, &Layer<Vec<_>>)| {
                     let color = Rgb8::layer_color(i).map(|v| f32::from(v) / 255.0);
                     greys(layer).map(move |grey| color.map(|v| v * grey)).collect::<Vec<_>>()
                 };
-                Ok(Coloring { colors: Some(model.layers.iter().enumerate().flat_map(of).collect()), range: None })
+                let colors = model.layers.iter().enumerate().flat_map(layer_colors).collect();
+                Ok(Coloring { colors: Some(colors), range: None })
             }
             ColorBy::Density => {
                 let densities: Vec<f64> = model.layers.iter().flat_map(densities).collect();
@@ -81,18 +82,18 @@ impl Coloring {
 
 /// Grey levels of a layer's Gaussians, which colours are multiplied by; 1 of the optical-depth law.
 fn greys(layer: &Layer<Vec<particlegs_core::model::Block>>) -> impl Iterator<Item = f32> {
-    let grey = |g: &Mixture, i: usize| g.law.alpha_blend().map_or(1.0, |own| own.grey[i].clamp(0.0, 1.0) as f32);
+    let grey = |g: &Mixture, i: usize| g.law.alpha_blend().map_or(1.0, |a| a.grey[i].clamp(0.0, 1.0) as f32);
     layer.content.iter().flat_map(move |b| (0..b.gaussians.len()).map(move |i| grey(&b.gaussians, i)))
 }
 
 /// Mass, or number, per volume at the centre of each of a layer's Gaussians.
 fn densities(layer: &Layer<Vec<particlegs_core::model::Block>>) -> Vec<f64> {
     let unit = layer.mass.unit_or_one();
-    let own = |g: &Mixture, i: usize| unit * g.mass_of(i) * peak(&g.cov_of(i));
+    let density_of = |g: &Mixture, i: usize| unit * g.mass_of(i) * peak(&g.cov_of(i));
     layer
         .content
         .iter()
-        .flat_map(|b| (0..b.gaussians.len()).map(|i| own(&b.gaussians, i)).collect::<Vec<_>>())
+        .flat_map(|b| (0..b.gaussians.len()).map(|i| density_of(&b.gaussians, i)).collect::<Vec<_>>())
         .collect()
 }
 

@@ -1,5 +1,5 @@
-//! Density as a FITS cube (FITS Standard 4.0): a primary array of float32, x fastest, with linear world coordinates, and
-//! an image extension like it for the mean and the dispersion of each component of each field.
+//! Density as a FITS cube (FITS Standard 4.0): a primary array of float32, x fastest, with linear world coordinates,
+//! and an image extension like it for the mean and the dispersion of each component of each field.
 
 use super::ascii::ascii;
 use super::{Density, Notes, written};
@@ -22,7 +22,7 @@ const SAME: &str = "nm um mm cm m km AU pc kpc Mpc Gpc g";
 const RENAMED: [(&str, &str); 5] =
     [("A", "Angstrom"), ("ly", "lyr"), ("Rsun", "solRad"), ("Msun", "solMass"), ("amu", "u")];
 
-/// What numbers are multiplied by to be in units that the standard knows: it has no h (that is the hour there) and no
+/// Factors on numbers that bring them to units that the standard knows: it has no h (that is the hour there) and no
 /// factors.
 struct UnitScale {
     length: f64,
@@ -63,13 +63,13 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
     for field in &density.fields {
         for (k, name) in field.quantity.component_names().iter().enumerate() {
             let by = if field.quantity.by_mass { "mass" } else { "number of particles" };
-            let message =
+            let content =
                 if field.quantity.extensive { "sum per volume".into() } else { format!("mean, weighted by {by}") };
-            let head = field_head(density, &scale, field.unit.as_deref(), (&message, name));
+            let head = field_head(density, &scale, field.unit.as_deref(), (&content, name));
             cubes.push((head, &field.values.mean[k], 1.0));
             if let Some((columns, unit)) = field.dispersion() {
-                let (message, name) = (format!("dispersion, weighted by {by}"), format!("dispersion_{name}"));
-                let head = field_head(density, &scale, unit.as_deref(), (&message, &name));
+                let (content, name) = (format!("dispersion, weighted by {by}"), format!("dispersion_{name}"));
+                let head = field_head(density, &scale, unit.as_deref(), (&content, &name));
                 cubes.push((head, &columns[k], 1.0));
             }
         }
@@ -90,7 +90,7 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
 }
 
 /// The cards of an extension that holds the means or the dispersions of a component of a field.
-fn field_head(density: &Density, scale: &UnitScale, unit: Option<&str>, (what, name): (&str, &str)) -> Vec<u8> {
+fn field_head(density: &Density, scale: &UnitScale, unit: Option<&str>, (content, name): (&str, &str)) -> Vec<u8> {
     let mut head = FitsHeader(Vec::new());
     head.text("XTENSION", "IMAGE", "FITS Standard 4.0");
     head.axes(&density.grid.cells);
@@ -102,7 +102,7 @@ fn field_head(density: &Density, scale: &UnitScale, unit: Option<&str>, (what, n
         Some((unit, None)) => head.text("FLDUNIT", unit, "unit of the field"),
         None => {}
     }
-    head.text("BTYPE", what, "over each cell");
+    head.text("BTYPE", content, "over each cell");
     head.coordinates(&density.grid, scale);
     head.whole()
 }
@@ -129,8 +129,8 @@ fn head(density: &Density, notes: &Notes, scale: &UnitScale) -> Vec<u8> {
         Some(unit) => head.text("BUNIT", unit, ""),
         None => head.text("DENUNIT", &density.unit, "unit of density"),
     }
-    let of = notes.text("weights").map_or_else(String::new, |name| format!(" of {name}"));
-    head.text("BTYPE", &format!("density{of}"), "mean of each cell");
+    let weight_suffix = notes.text("weights").map_or_else(String::new, |name| format!(" of {name}"));
+    head.text("BTYPE", &format!("density{weight_suffix}"), "mean of each cell");
     head.coordinates(grid, scale);
     let length = scale.length_unit.or(notes.text("length_unit"));
     head.text("LENUNIT", length.unwrap_or("not stated"), "unit of length");
@@ -165,7 +165,7 @@ impl FitsHeader {
         self.push(&format!("{name:<8}= {value:>20}{comment}"));
     }
 
-    /// What the array is.
+    /// Cards of the array's type and shape.
     fn axes(&mut self, cells: &[usize; 3]) {
         self.card("BITPIX", "-32", "float32");
         self.card("NAXIS", "3", "x, y and z; x is the fastest");
@@ -174,7 +174,7 @@ impl FitsHeader {
         }
     }
 
-    /// Where its cells are.
+    /// Cards of the places of its cells.
     fn coordinates(&mut self, grid: &Grid, scale: &UnitScale) {
         for (k, axis) in ["X", "Y", "Z"].iter().enumerate() {
             let n = k + 1;

@@ -1,4 +1,4 @@
-//! What the tables of Gaussians share.
+//! Numbers of a Gaussian, for all tables of Gaussians.
 
 use particlegs_core::math::Sym3;
 use particlegs_core::model::{LawKind, Mixture, Model, Quantity};
@@ -16,8 +16,8 @@ impl LayerGaussian<'_> {
         self.unit * self.of.mass_of(self.i)
     }
 
-    /// The numbers of a field: means of its values, slopes (x, y, z of each component), and the variance or the rows of the
-    /// covariance, the latter two of natural logarithms where it is logarithmic; of a sum its totals and their
+    /// The numbers of a field: means of its values, slopes (x, y, z of each component), and the variance or the rows of
+    /// the covariance, the latter two of natural logarithms where it is logarithmic; of a sum its totals and their
     /// slopes, without a variance; NaN where the layer lacks it.
     pub fn field(&self, q: &Quantity) -> FieldNumbers {
         let components = q.component_names().len();
@@ -36,10 +36,10 @@ impl LayerGaussian<'_> {
         let slope = f.slope.iter().flatten().map(|c| c[self.i]);
         if q.extensive {
             let weight = self.of.mass_of(self.i);
-            let of = |v: f64| weight * v;
+            let weighted_value = |v: f64| weight * v;
             return FieldNumbers {
-                mean: mean.map(of).collect(),
-                slope: slope.map(of).collect(),
+                mean: mean.map(weighted_value).collect(),
+                slope: slope.map(weighted_value).collect(),
                 spread: vec![f64::NAN],
             };
         }
@@ -47,11 +47,11 @@ impl LayerGaussian<'_> {
     }
 
     pub fn splat(&self) -> [f64; 2] {
-        self.of.law.alpha_blend().map_or([0.0; 2], |own| [own.opacity[self.i], own.grey[self.i]])
+        self.of.law.alpha_blend().map_or([0.0; 2], |a| [a.opacity[self.i], a.grey[self.i]])
     }
 }
 
-/// What a Gaussian has of a field.
+/// Numbers of a Gaussian's field.
 pub struct FieldNumbers {
     pub mean: Vec<f64>,
     pub slope: Vec<f64>,
@@ -62,8 +62,8 @@ pub struct FieldNumbers {
 pub fn all(model: &Model) -> impl Iterator<Item = LayerGaussian<'_>> {
     model.layers.iter().enumerate().flat_map(|(layer, l)| {
         let unit = l.mass.unit_or_one();
-        let of = move |g| (0..Mixture::len(g)).map(move |i| LayerGaussian { of: g, i, layer, unit });
-        l.content.iter().flat_map(move |b| of(&b.gaussians))
+        let gaussians_of = move |g| (0..Mixture::len(g)).map(move |i| LayerGaussian { of: g, i, layer, unit });
+        l.content.iter().flat_map(move |b| gaussians_of(&b.gaussians))
     })
 }
 

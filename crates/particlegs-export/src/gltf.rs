@@ -81,12 +81,12 @@ fn scene(model: &Model, colors: Option<&[[f32; 3]]>, notes: &Notes, context: &Co
     let mut colors = colors;
     for layer in &model.layers {
         let count = layer.content.iter().map(|b| b.gaussians.len()).sum();
-        let own = colors.map(|all| all.split_at(count));
-        colors = own.map(|o| o.1);
+        let color_split = colors.map(|all| all.split_at(count));
+        colors = color_split.map(|o| o.1);
         if count == 0 {
             continue;
         }
-        let columns = LayerArrays::new(layer, own.map(|o| o.0), &frame, context)?;
+        let columns = LayerArrays::new(layer, color_split.map(|o| o.0), &frame, context)?;
         let first = accessors.len();
         let mut attributes = serde_json::Map::new();
         for (k, (name, shape, bytes)) in ATTRIBUTES.iter().enumerate() {
@@ -148,17 +148,17 @@ impl LayerArrays {
             if number.is_multiple_of(RUN) {
                 context.check()?;
             }
-            let own = g.law.alpha_blend().map_or((0.5, 0.5), |s| (s.opacity[i] as f32, s.grey[i] as f32));
-            let color = colors.map_or([own.1; 3], |c| c[number]);
+            let (opacity, grey) = g.law.alpha_blend().map_or((0.5, 0.5), |s| (s.opacity[i] as f32, s.grey[i] as f32));
+            let color = colors.map_or([grey; 3], |c| c[number]);
             let (mean, (deviations, [w, x, y, z])) = (g.mean_of(i), g.cov_of(i).deviations_and_turn());
             let [places, turns, sizes, opacities, harmonics] = &mut columns.floats;
             places.extend((0..3).map(|k| ((mean[k] - frame.center[k]) * frame.scale) as f32));
             turns.extend([x, y, z, w].map(|v| v as f32));
             sizes.extend(deviations.map(|d| (d * frame.scale) as f32));
-            opacities.push(own.0.clamp(0.0, 1.0));
+            opacities.push(opacity.clamp(0.0, 1.0));
             harmonics.extend(color.map(|v| (v - 0.5) / HARMONIC));
             columns.fallback.extend(color.map(|v| byte(linear(v))));
-            columns.fallback.push(byte(own.0));
+            columns.fallback.push(byte(opacity));
         }
         if columns.floats.iter().flatten().any(|v| !v.is_finite()) {
             return Err(Error::argument("a Gaussian is too large or too small for float32"));

@@ -70,7 +70,7 @@ pub struct Density {
     pub unit: String,
     /// Mass, or number, in all cells.
     pub total: f64,
-    /// What lies beyond the open edges of the grid.
+    /// Mass or number beyond the open edges of the grid.
     pub outside: f64,
     /// Means over the cells, weighted by density.
     pub fields: Vec<FieldGrid>,
@@ -99,35 +99,36 @@ pub fn fields_named(kind: Kind, model: &Model, names: &[String]) -> Result<Vec<Q
     }
     // Not those that only other layers have.
     let is_there = |q: &&Quantity| model.blocks().any(|b| b.gaussians.fields.get(&q.name).is_some());
-    let there: Vec<&Quantity> = model.metadata.fields.iter().filter(is_there).collect();
-    let mut found: Vec<Quantity> = Vec::new();
+    let model_fields: Vec<&Quantity> = model.metadata.fields.iter().filter(is_there).collect();
+    let mut chosen_fields: Vec<Quantity> = Vec::new();
     for name in names {
-        let own = there.iter().filter(|q| name == "all" || q.name.eq_ignore_ascii_case(name));
-        let before = found.len();
-        found.extend(own.copied().cloned());
-        if found.len() == before {
-            return Err(match there.is_empty() {
+        let matching_fields = model_fields.iter().filter(|q| name == "all" || q.name.eq_ignore_ascii_case(name));
+        let before = chosen_fields.len();
+        chosen_fields.extend(matching_fields.copied().cloned());
+        if chosen_fields.len() == before {
+            return Err(match model_fields.is_empty() {
                 true => {
                     let hint = Hint::from("compress the snapshot again with ").option("fields", "NAME");
                     Error::argument_with("the model has no fields", hint)
                 }
                 false => {
-                    let names: Vec<&str> = there.iter().map(|q| &q.name[..]).collect();
+                    let names: Vec<&str> = model_fields.iter().map(|q| &q.name[..]).collect();
                     let hint = format!("its fields: {}", names.join(", "));
                     Error::argument_with(format!("the model has no field `{name}`"), hint)
                 }
             });
         }
     }
-    let mut named = BTreeSet::new();
-    found.retain(|q| named.insert(q.name.clone()));
-    Ok(found)
+    let mut unique_names = BTreeSet::new();
+    chosen_fields.retain(|q| unique_names.insert(q.name.clone()));
+    Ok(chosen_fields)
 }
 
 /// Values of a field as float32, where that holds them.
 fn narrow(values: &[f64], name: &str) -> Result<Vec<f32>> {
-    let there = || values.iter().copied().filter(|v| v.is_finite());
-    let [least, largest] = [there().fold(f64::INFINITY, f64::min), there().fold(f64::NEG_INFINITY, f64::max)];
+    let finite_values = || values.iter().copied().filter(|v| v.is_finite());
+    let [least, largest] =
+        [finite_values().fold(f64::INFINITY, f64::min), finite_values().fold(f64::NEG_INFINITY, f64::max)];
     match least > largest || float32_holds([least, largest]) {
         true => Ok(values.iter().map(|v| *v as f32).collect()),
         false => Err(Error::argument_with(
@@ -177,8 +178,8 @@ impl Density {
         Ok(())
     }
 
-    /// Runs of values with x fastest, as VTK and FITS have them, some planes across z at a time; of several columns cell
-    /// by cell.
+    /// Runs of values with x fastest, as VTK and FITS have them, some planes across z at a time; of several columns
+    /// cell by cell.
     pub fn for_each_run(
         &self,
         columns: &[&[f32]],

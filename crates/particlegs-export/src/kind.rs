@@ -57,13 +57,13 @@ impl Kind {
         }
     }
 
-    /// Does a file of density have room for fields?
+    /// Whether a file of density has room for fields.
     pub fn has_fields_in_cells(self) -> bool {
         matches!(self, Kind::Vti | Kind::Fits)
     }
 
     /// The format that an output's ending means, or the one that is asked for.
-    pub fn for_output(out: &Path, asked: Option<Kind>) -> Result<Kind> {
+    pub fn for_output(out: &Path, requested_kind: Option<Kind>) -> Result<Kind> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
         let ending = match ending.as_deref() {
             Some("fit") => Some("fits"),
@@ -71,10 +71,11 @@ impl Kind {
             other => other,
         };
         let meant = Kind::ALL.into_iter().find(|k| Some(k.ending()) == ending);
-        match (meant, asked) {
-            (Some(meant), Some(asked)) if meant != asked => {
-                let [meant, asked] = [meant, asked].map(Kind::ending);
-                let message = format!("{}: the ending means {meant}, but kind {asked} was requested", out.display());
+        match (meant, requested_kind) {
+            (Some(meant), Some(requested)) if meant != requested => {
+                let [meant, requested] = [meant, requested].map(Kind::ending);
+                let message =
+                    format!("{}: the ending means {meant}, but kind {requested} was requested", out.display());
                 let hint = Hint::from("omit ").option("kind", "").words(" or name another file");
                 Err(Error::argument_with(message, hint))
             }
@@ -100,7 +101,7 @@ impl Kind {
         Hint::from(format!("use one of {}, or ", all.join(", "))).option("kind", "")
     }
 
-    /// What may be in the place of such a file.
+    /// The kind of output, by which a file in its place may be replaced.
     pub fn file(self) -> output::Kind {
         const fn kept(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> output::Kind {
             output::Kind { name, kept: true, is }
@@ -120,7 +121,7 @@ impl Kind {
         }
     }
 
-    /// What may be in the place of the description beside an array.
+    /// The kind of output of the description beside an array.
     pub fn description() -> output::Kind {
         output::Kind {
             name: "the description of a density",
@@ -130,7 +131,7 @@ impl Kind {
     }
 }
 
-/// How a table of text begins.
+/// The beginning of a table of text.
 const TABLE_BEGIN: &str = "# written by particlegs ";
 
 fn holds(head: &[u8], words: &str) -> bool {
@@ -143,16 +144,16 @@ mod tests {
 
     #[test]
     fn the_ending_says_what_is_written() {
-        let of = |out: &str, asked: Option<Kind>| Kind::for_output(Path::new(out), asked);
+        let kind_of = |out: &str, asked: Option<Kind>| Kind::for_output(Path::new(out), asked);
         for kind in &Kind::ALL {
-            assert_eq!(of(&format!("a.b/x.{}", kind.ending().to_uppercase()), None).unwrap(), *kind);
-            assert_eq!(of(&format!("x.{}", kind.ending()), Some(*kind)).unwrap(), *kind);
-            assert_eq!(of("-", Some(*kind)).unwrap(), *kind);
+            assert_eq!(kind_of(&format!("a.b/x.{}", kind.ending().to_uppercase()), None).unwrap(), *kind);
+            assert_eq!(kind_of(&format!("x.{}", kind.ending()), Some(*kind)).unwrap(), *kind);
+            assert_eq!(kind_of("-", Some(*kind)).unwrap(), *kind);
         }
-        assert_eq!([of("x.fit", None).unwrap(), of("x.ccp4", None).unwrap()], [Kind::Fits, Kind::Mrc]);
-        assert!(of("x.ply", Some(Kind::Csv)).is_err());
+        assert_eq!([kind_of("x.fit", None).unwrap(), kind_of("x.ccp4", None).unwrap()], [Kind::Fits, Kind::Mrc]);
+        assert!(kind_of("x.ply", Some(Kind::Csv)).is_err());
         for (out, words) in [("x", ".npz"), ("-", "`kind`"), ("x.hdf5", "`recover`"), ("x.png", "`render`")] {
-            let error = of(out, None).unwrap_err();
+            let error = kind_of(out, None).unwrap_err();
             assert!(error.hint().to_string().contains(words), "{out}: {}", error.hint());
         }
     }

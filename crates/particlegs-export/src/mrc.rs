@@ -8,7 +8,7 @@ use particlegs_core::context::Context;
 use std::path::Path;
 
 const HEADER: usize = 1024;
-/// Where labels begin, and the bytes of one; there may be ten.
+/// The place of the first label, and the bytes of one; there may be ten.
 const LABELS: usize = 224;
 const LABEL: usize = 80;
 

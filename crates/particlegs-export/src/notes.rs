@@ -1,4 +1,4 @@
-//! What an exported file says of itself: where it is from, and what is lost.
+//! Notes of an exported file: its source, and what is lost.
 
 use super::angstrom::lost_unit;
 use super::ascii::ascii;
@@ -12,7 +12,7 @@ pub struct Notes {
     pub facts: Map<String, Value>,
     /// The same for people, a line each.
     words: Vec<String>,
-    /// What the format does not keep, a sentence each.
+    /// Losses of the format, a sentence each.
     pub lost: Vec<String>,
 }
 
@@ -68,12 +68,12 @@ impl Notes {
 
     /// All of it as lines of ASCII for people.
     pub fn lines(&self) -> Vec<String> {
-        let lost = self.lost.iter().map(|what| format!("lost: {what}"));
+        let lost = self.lost.iter().map(|loss| format!("lost: {loss}"));
         self.words.iter().cloned().chain(lost).map(|line| ascii(&line)).collect()
     }
 }
 
-/// What is known about a model; unknown things are left out.
+/// Facts about a model; unknown ones are left out.
 fn facts(model: &Model, name: &str) -> Map<String, Value> {
     let m = &model.metadata;
     let layers = model.layers.iter().map(|l| json!({ "name": l.name, "particles": l.count() }));
@@ -114,8 +114,8 @@ fn words(model: &Model, name: &str) -> Vec<String> {
     let comoving = if m.units.comoving == Some(true) { ", comoving" } else { "" };
     lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("an unstated unit")));
     if model.has_masses() {
-        let message = m.weight_name().unwrap_or("masses");
-        lines.push(format!("{message} in {}", m.units.mass_text().unwrap_or("an unstated unit")));
+        let weight_name = m.weight_name().unwrap_or("masses");
+        lines.push(format!("{weight_name} in {}", m.units.mass_text().unwrap_or("an unstated unit")));
     }
     lines.extend(m.cell.as_ref().map(|cell| format!("box {cell}")));
     lines

@@ -19,8 +19,12 @@ struct NpzColumn<'a> {
 }
 
 impl<'a> NpzColumn<'a> {
-    fn reals(name: impl Into<String>, sides: &'static [u64], of: impl Fn(&LayerGaussian<'_>) -> Vec<f64> + 'a) -> Self {
-        NpzColumn { name: name.into(), element: "<f8", sides, put: Box::new(move |g, out| reals(out, &of(g))) }
+    fn reals(
+        name: impl Into<String>,
+        sides: &'static [u64],
+        numbers_of: impl Fn(&LayerGaussian<'_>) -> Vec<f64> + 'a,
+    ) -> Self {
+        NpzColumn { name: name.into(), element: "<f8", sides, put: Box::new(move |g, out| reals(out, &numbers_of(g))) }
     }
 }
 

@@ -6,7 +6,7 @@
 //! the line of sight `d`: `det2 = det(S) d^T S^-1 d`. Its mean over all directions is an elliptic integral,
 //! that of a peak `1 / sqrt(d^T S^-1 d)` Carlson's `R_F` of the eigenvalues of `S^-1`.
 //!
-//! The splat has the opacity `1 - exp(-tau)` of the centre. What a Gaussian of depth hides, `1 - exp(-tau G)`, is
+//! The splat has the opacity `1 - exp(-tau)` of the centre. The opacity of a Gaussian of depth, `1 - exp(-tau G)`, is
 //! flatter than `G`: over the picture it sums to `Ein(tau) / tau` of the depth. So the splat's covariance is `S`
 //! times `Ein(tau) / (1 - exp(-tau))`, which keeps that sum: 1 for what is faint, 1.26 at `tau = 1`.
 
@@ -23,7 +23,7 @@ const FAINTEST: f64 = 1.0 / 255.0;
 /// Largest relative spread at which the series of `R_F` is taken: its error is the spread's sixth power.
 const SPREAD: f64 = 1e-3;
 
-/// What of a model 8-bit viewers leave out.
+/// The part of a model that 8-bit viewers leave out.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub struct Faint {
     /// Share of the Gaussians whose opacity is below 1/255.
@@ -129,8 +129,8 @@ fn carlson_rf([mut x, mut y, mut z]: [f64; 3]) -> f64 {
 fn faint(model: &Model) -> Faint {
     let (mut out, mut all) = (Faint::default(), 0.0);
     for g in model.blocks().map(|b| &b.gaussians) {
-        let own = g.law.alpha_blend().map_or(&[][..], |own| &own.opacity);
-        for (opacity, count) in own.iter().zip(&g.count) {
+        let opacities = g.law.alpha_blend().map_or(&[][..], |a| &a.opacity);
+        for (opacity, count) in opacities.iter().zip(&g.count) {
             all += count;
             if *opacity < FAINTEST {
                 out.gaussians += 1.0;
@@ -138,7 +138,7 @@ fn faint(model: &Model) -> Faint {
             }
         }
     }
-    let share = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
+    let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
     Faint { gaussians: share(out.gaussians, model.gaussians() as f64), particles: share(out.particles, all) }
 }
 
@@ -177,7 +177,7 @@ mod tests {
         assert!(carlson_rf([1e-300, 1.0, 1e12]).is_finite());
     }
 
-    /// What a splat hides of the picture sums to what its depth hides.
+    /// A splat hides as much of the picture in sum as its depth does.
     #[test]
     fn splats_hide_as_much_as_the_depth() {
         for tau in [1e-20, 1e-3, 0.3, 1.0, 5.0, 19.9, 20.1, 300.0] {

@@ -25,8 +25,8 @@ pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
     let half = [0.5 * height_world * size.width as f64 / size.height as f64, 0.5 * height_world];
     let axis = |k: usize, from_middle: &str| {
         let along = frame.axes[k];
-        let of = (0..3).find(|a| (along[*a].abs() - 1.0).abs() < ALONG);
-        match of {
+        let world_axis = (0..3).find(|a| (along[*a].abs() - 1.0).abs() < ALONG);
+        match world_axis {
             Some(a) => {
                 let (center, sign) = (camera.focal_point[a], along[a].signum());
                 let from = offset(center, half[k]);
@@ -41,7 +41,8 @@ pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
     Ok([axis(0, "across"), axis(1, "upwards")])
 }
 
-/// What coordinates are counted from, where they are so large that ticks would have many digits in common; else 0.
+/// The place that coordinates are counted from, if they are so large that ticks would have many digits in common; else
+/// 0.
 fn offset(center: f64, half: f64) -> f64 {
     let step = step(half);
     if center.abs() > FAR * half { (center / step).floor() * step } else { 0.0 }

@@ -1,4 +1,4 @@
-//! What a camera sees of lines in space: the edges of a box with the names of its axes, and circles about places.
+//! Lines in space as a camera sees them: the edges of a box with the names of its axes, and circles about places.
 
 use particlegs_core::Result;
 use particlegs_core::camera::{Camera, Frame, Projection};
@@ -9,16 +9,16 @@ use particlegs_core::space::{Bounds, Cell};
 /// Lines, and names with their places, in shares of the picture's width and height.
 pub type CubeOutline = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], String)>);
 
-/// How far from its edge's middle an axis' name stands, in shares of the picture's height.
+/// Distance of an axis' name from its edge's middle, in shares of the picture's height.
 const AWAY: f64 = 0.035;
-/// Of the distance to the focal point: what is nearer is behind the camera.
+/// Share of the distance to the focal point: nearer points are behind the camera.
 const NEAR: f64 = 1e-3;
 /// Sides of a circle.
 const SIDES: usize = 48;
 /// Radius of the smallest circle that is drawn, in pixels.
 const SMALLEST: f64 = 2.0;
 
-/// Where a camera sees points.
+/// Places in the picture at which a camera sees points.
 struct LineView {
     frame: Frame,
     near: f64,
@@ -117,7 +117,8 @@ fn names(sides: &[Vec<[[f64; 2]; 2]>; 3], size: Size) -> Vec<([f64; 2], String)>
     for (side, name) in sides.iter().zip(["x", "y", "z"]) {
         // Of an axis that is seen end on there is nothing to name.
         let long = |l: &&[[f64; 2]; 2]| ((l[0][0] - l[1][0]) / shape).hypot(l[0][1] - l[1][1]) > 0.05;
-        // The edge farthest from the middle, of those as far the lowest, then the leftmost: names stand outside the box.
+        // The edge farthest from the middle, of those as far the lowest, then the leftmost: names stand outside the
+        // box.
         let out = |l: &[[f64; 2]; 2]| {
             let m = middle(l);
             let far = ((m[0] - center[0]) / shape).hypot(m[1] - center[1]);

@@ -21,7 +21,7 @@ impl Sheet {
 }
 
 named_values! {
-    /// What a file is, by the ending of its name.
+    /// Kind of a file, by the ending of its name.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum FileKind {
         Png = "png": "pixels",

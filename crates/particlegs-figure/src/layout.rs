@@ -1,4 +1,4 @@
-//! Where everything of a figure stands: pictures in rows, axes and captions about each, one colour bar beside all.
+//! Places of all parts of a figure: pictures in rows, axes and captions about each, one colour bar beside all.
 
 use super::font;
 use super::layout_parts::{MarkWriter, UNDER, bar_width, legend_rows};
@@ -75,20 +75,20 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     let whole =
         PageRectangle { x: places[0].x, y: places[0].y, w: inner[0] - left - right, h: inner[1] - above - below };
     let (page, ground, place, fine) = (figure.page, figure.ground, figure.place, matches!(room, FigureSpace::Width(_)));
-    let mut pen = MarkWriter { page, ground, place, em, marks: &mut sheet.marks, fine };
+    let mut writer = MarkWriter { page, ground, place, em, marks: &mut sheet.marks, fine };
     for (i, (panel, at)) in figure.panels.iter().zip(&places).enumerate() {
-        pen.panel(panel, *at, above, margins.ticks[i].as_ref());
+        writer.panel(panel, *at, above, margins.ticks[i].as_ref());
     }
     for i in scales(figure) {
-        pen.scale(&figure.panels[i], places[i]);
+        writer.scale(&figure.panels[i], places[i]);
     }
     if let Some(bar) = &figure.bar {
-        pen.bar(bar, whole, places[places.len() - 1], right);
+        writer.bar(bar, whole, places[places.len() - 1], right);
     }
-    pen.legend(&legend_rows(&figure.legend, em, whole.w), whole.x, sheet.height - 0.5 * em);
+    writer.legend(&legend_rows(&figure.legend, em, whole.w), whole.x, sheet.height - 0.5 * em);
     if let Some(title) = &figure.title {
         let at = [whole.x + 0.5 * whole.w, 1.45 * em];
-        pen.words_within(title, at, 1.1 * em, Anchor::Middle, whole.w.max(sheet.width - em));
+        writer.words_within(title, at, 1.1 * em, Anchor::Middle, whole.w.max(sheet.width - em));
     }
     grow(&mut sheet, em, room);
     Ok(sheet)
@@ -141,7 +141,7 @@ impl Margins {
         Margins { each, all, gap: 0.7 * em, ticks }
     }
 
-    /// What pictures beside one another leave of a width.
+    /// The rest of a width beside pictures next to one another.
     fn across(&self, columns: usize) -> f64 {
         let n = columns as f64;
         self.all[0] + self.all[2] + n * (self.each[0] + self.each[2]) + (n - 1.0) * self.gap

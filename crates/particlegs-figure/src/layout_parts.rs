@@ -14,7 +14,7 @@ const TICK: f64 = 0.35;
 const SPACE: f64 = 0.25;
 /// Ticks, numbers and names under a picture, ems.
 pub const UNDER: f64 = 3.1;
-/// How dark the edges of a box are on a picture.
+/// Darkness of the edges of a box on a picture.
 const EDGES: f64 = 0.6;
 
 /// Room that a colour bar takes beside the pictures.
@@ -30,9 +30,9 @@ pub struct MarkWriter<'a> {
     pub place: BarPlacement,
     /// Height of an em.
     pub em: f64,
-    /// What is drawn so far.
+    /// The marks that are drawn so far.
     pub marks: &'a mut Vec<Mark>,
-    /// May lines be thinner than a unit?
+    /// Whether lines may be thinner than a unit.
     pub fine: bool,
 }
 
@@ -143,9 +143,9 @@ impl MarkWriter<'_> {
                 let ink = self.page.ink();
                 self.length([at.x, y], long, thick, 0.0, ink);
                 let room = at.w - long - 0.6 * em;
-                let own = font::width(&scale.label, em);
+                let label_width = font::width(&scale.label, em);
                 // Beside its bar; where that is too narrow, as small as it need be.
-                let em = if self.fine { em * (room / own).clamp(0.6, 1.0) } else { em };
+                let em = if self.fine { em * (room / label_width).clamp(0.6, 1.0) } else { em };
                 let place = [at.x + long + 0.6 * self.em, y + 0.5 * CAPITALS * em];
                 self.write(self.text(&scale.label, place, em, Anchor::Start));
             }
@@ -239,20 +239,20 @@ impl MarkWriter<'_> {
     }
 }
 
-/// Where a name begins in its row of the legend, and the colour that it is of.
+/// The beginning of a name in its row of the legend, the name, and its colour.
 pub type LegendEntry<'a> = (f64, &'a str, RgbColour);
 
 /// The legend in rows no wider than this, where a name alone is not wider.
 pub fn legend_rows(legend: &[(String, RgbColour)], em: f64, width: f64) -> Vec<Vec<LegendEntry<'_>>> {
     let (mut rows, mut used): (Vec<Vec<LegendEntry<'_>>>, f64) = (Vec::new(), 0.0);
     for (name, ink) in legend {
-        let own = font::width(name, em) + 2.4 * em;
-        if rows.is_empty() || used > 0.0 && used + own > width {
+        let entry_width = font::width(name, em) + 2.4 * em;
+        if rows.is_empty() || used > 0.0 && used + entry_width > width {
             rows.push(Vec::new());
             used = 0.0;
         }
         rows.last_mut().into_iter().for_each(|row| row.push((used, name, *ink)));
-        used += own;
+        used += entry_width;
     }
     rows
 }

@@ -2,8 +2,8 @@
 //! or PDF.
 //!
 //! A [`Figure`] says what is to be seen of pictures, a [`Plot`] of curves; [`layout`] and `plot_layout` place it on a
-//! [`Sheet`], a list of marks in one unit; `raster`, `svg` and `pdf` write a sheet, and a new kind of mark goes into each of
-//! them. Nothing here prints.
+//! [`Sheet`], a list of marks in one unit; `raster`, `svg` and `pdf` write a sheet, and a new kind of mark goes into
+//! each of them. Nothing here prints.
 
 #![allow(missing_docs)]
 

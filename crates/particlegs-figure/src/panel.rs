@@ -1,4 +1,4 @@
-//! What a figure shows, before it is placed.
+//! Parts of a figure, before they are placed.
 
 use super::FigureImage;
 use super::sheet::RgbColour;
@@ -32,7 +32,7 @@ impl PaperColour {
 }
 
 named_values! {
-    /// Where the bars of a figure stand.
+    /// Place of the bars of a figure.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum BarPlacement {
         #[default]
@@ -49,7 +49,7 @@ pub struct Figure {
     pub panels: Vec<Panel>,
     pub columns: usize,
     pub bar: Option<ColourBar>,
-    /// What colours stand for.
+    /// Names that colours stand for.
     pub legend: Vec<(String, RgbColour)>,
     pub place: BarPlacement,
     /// The page about the pictures.
@@ -62,7 +62,7 @@ pub struct Figure {
 pub struct Panel {
     pub image: FigureImage,
     pub caption: Option<String>,
-    /// What a length in it means.
+    /// A length in it, and what that is in world units.
     pub scale: Option<ScaleBar>,
     /// Coordinates along its edges: across, and upwards.
     pub axes: Option<[EdgeAxis; 2]>,
@@ -107,7 +107,7 @@ pub struct EdgeAxis {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourBar {
-    /// What it shows, with its unit.
+    /// The quantity that it shows, with its unit.
     pub title: String,
     /// Colours from the lowest value to the highest.
     pub colours: Vec<RgbColour>,

@@ -65,9 +65,9 @@ pub fn pdf(sheet: &Sheet, about: &PngMetadata) -> Result<Vec<u8>> {
     Ok(pdf.finish())
 }
 
-fn picture(pdf: &mut Pdf, own: Ref, image: &FigureImage) -> Result<()> {
+fn picture(pdf: &mut Pdf, image_ref: Ref, image: &FigureImage) -> Result<()> {
     let (size, rows) = (image.size(), compressed_rows(image)?);
-    let mut object = pdf.image_xobject(own, &rows);
+    let mut object = pdf.image_xobject(image_ref, &rows);
     object.filter(Filter::FlateDecode);
     object.width(size.width as i32).height(size.height as i32).bits_per_component(8);
     match image.channels() {
@@ -89,7 +89,7 @@ fn percent(opacity: f64) -> u8 {
     (100.0 * opacity).round().clamp(0.0, 100.0) as u8
 }
 
-/// What is drawn. The page's y points up.
+/// The marks as operators of the page, whose y points up.
 fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
     let mut to = Content::new();
     let up = |y: f64| (sheet.height - y) as f32;

@@ -37,13 +37,13 @@ impl PageFont {
     }
 
     /// Writes the font under the number `own`, and what belongs to it under the five that follow.
-    pub fn write(&self, pdf: &mut Pdf, own: Ref) -> Result<()> {
-        let of = |k: i32| Ref::new(own.get() + k);
-        let (cid, descriptor, file, unicode) = (of(1), of(2), of(3), of(4));
+    pub fn write(&self, pdf: &mut Pdf, font_ref: Ref) -> Result<()> {
+        let ref_behind = |k: i32| Ref::new(font_ref.get() + k);
+        let (cid, descriptor, file, unicode) = (ref_behind(1), ref_behind(2), ref_behind(3), ref_behind(4));
         let face = font();
         let units = face.units_per_em().unwrap_or(1.0);
         let thousandths = |v: f32| 1000.0 * v / units;
-        pdf.type0_font(own)
+        pdf.type0_font(font_ref)
             .base_font(NAME)
             .encoding_predefined(Name(b"Identity-H"))
             .descendant_font(cid)

@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct Plot {
     /// File name without its ending.
     pub name: String,
-    /// What stands above it.
+    /// The text above it.
     pub title: String,
     pub x: PlotAxis,
     pub y: PlotAxis,
@@ -19,7 +19,7 @@ pub struct Plot {
 /// An axis of a plot.
 #[derive(Clone, Debug, Serialize)]
 pub struct PlotAxis {
-    /// What it shows, with its unit.
+    /// The quantity that it shows, with its unit.
     pub label: String,
     pub log: bool,
     /// Ends; `None` = as the values have it.
@@ -27,7 +27,7 @@ pub struct PlotAxis {
     /// Shaded bands across the plot from one value to another, with their names: the wider before the narrower.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<(String, [f64; 2])>,
-    /// What stands at 1, 2, ... where the axis has no values but things without an order: points are not joined then.
+    /// Names at 1, 2, ... if the axis has no values but things without an order: points are not joined then.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
 }

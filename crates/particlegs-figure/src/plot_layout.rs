@@ -1,4 +1,4 @@
-//! Where everything of a plot stands: axes below one another, beside each the names of its curves, levels and bands.
+//! Places of all parts of a plot: axes below one another, beside each the names of its curves, levels and bands.
 
 use super::file_kind::FileKind;
 use super::font::{self, CAPITALS};
@@ -51,8 +51,8 @@ const COLOURS: [RgbColour; 9] = [
 ];
 const INK: RgbColour = COLOURS[8];
 
-/// Writes the plots, which stand below one another, as one file of each kind with the first one's name; none where there
-/// is no point to show.
+/// Writes the plots, which stand below one another, as one file of each kind with the first one's name; none where
+/// there is no point to show.
 pub fn write_plots(folder: &Path, plots: &[Plot], kinds: &[FileKind]) -> Result<()> {
     for kind in kinds {
         if let (Some(first), Some(bytes)) = (plots.first(), plot_bytes(plots, *kind)?) {
@@ -70,7 +70,7 @@ pub fn plot_bytes(plots: &[Plot], kind: FileKind) -> Result<Option<Vec<u8>>> {
     sheet.map(|s| s.bytes(kind, &PngMetadata { title, ..PngMetadata::default() })).transpose()
 }
 
-/// Has it a point to show?
+/// Whether it has a point to show.
 pub fn shows(plot: &Plot) -> bool {
     scales(plot).is_some()
 }
@@ -93,9 +93,10 @@ fn plot_sheet(plots: &[Plot], em: f64, fine: bool) -> Option<Sheet> {
     let height = ((TITLE + heights + UNDER + 0.4) * em).ceil();
     let mut sheet = Sheet { width, height, ground: PaperColour::White.paper(), marks: Vec::new() };
     let (page, place) = (PaperColour::White, BarPlacement::Outside);
-    let mut pen = MarkWriter { page, ground: page, place, em, marks: &mut sheet.marks, fine };
+    let mut writer = MarkWriter { page, ground: page, place, em, marks: &mut sheet.marks, fine };
     let middle = left + 0.5 * ACROSS * em;
-    pen.words_within(&first.title, [middle, 1.8 * em], 1.2 * em, Anchor::Middle, 2.0 * middle.min(width - middle) - em);
+    let room = 2.0 * middle.min(width - middle) - em;
+    writer.words_within(&first.title, [middle, 1.8 * em], 1.2 * em, Anchor::Middle, room);
     let mut top = (TITLE * em).ceil();
     for (i, (((plot, y), up), entries)) in shown.iter().zip(up).zip(entries).enumerate() {
         let area = PageRectangle { x: left, y: top, w: (ACROSS * em).round(), h: (high(i) * em).round() };
@@ -105,10 +106,10 @@ fn plot_sheet(plots: &[Plot], em: f64, fine: bool) -> Option<Sheet> {
             across.major.iter_mut().for_each(|t| t.1.clear());
         }
         let ticks = [across, up];
-        draw(&mut pen, area, plot, [x, *y], &ticks);
-        pen.line(area.outline(), page.ink());
-        pen.axes(area, [if last { &first.x.label } else { "" }, &plot.y.label], &ticks);
-        legend(&mut pen, plot, area, &entries);
+        draw(&mut writer, area, plot, [x, *y], &ticks);
+        writer.line(area.outline(), page.ink());
+        writer.axes(area, [if last { &first.x.label } else { "" }, &plot.y.label], &ticks);
+        legend(&mut writer, plot, area, &entries);
         top = area.bottom() + GAP * em;
     }
     Some(sheet)
@@ -129,7 +130,7 @@ struct AxisScale {
     log: bool,
     low: f64,
     high: f64,
-    /// Are there whole numbers alone, of which halves are nothing?
+    /// Whether there are whole numbers alone, of which halves are nothing.
     whole: bool,
 }
 
@@ -154,12 +155,12 @@ impl AxisScale {
         if self.log { v.log10() } else { v }
     }
 
-    /// Where a value stands; `None` where it does not.
+    /// The place of a value; `None` if that is beyond the axis.
     fn place(&self, v: f64) -> Option<f64> {
         Some(self.value(v)).filter(|at| at.is_finite() && (self.low..=self.high).contains(at))
     }
 
-    /// Where a value stands, or the nearer end of the axis.
+    /// The place of a value, or the nearer end of the axis.
     fn clamped(&self, v: f64) -> Option<f64> {
         Some(self.value(v)).filter(|at| !at.is_nan()).map(|at| at.clamp(self.low, self.high))
     }
@@ -248,59 +249,59 @@ fn dashes(points: &[[f64; 2]], [on, off]: [f64; 2]) -> Vec<Vec<[f64; 2]>> {
 }
 
 /// Bands, the grid and levels, and over them the curves, each with its bars and marks.
-fn draw(pen: &mut MarkWriter<'_>, area: PageRectangle, plot: &Plot, [x, y]: [AxisScale; 2], ticks: &[TickMarks; 2]) {
+fn draw(writer: &mut MarkWriter<'_>, area: PageRectangle, plot: &Plot, [x, y]: [AxisScale; 2], ticks: &[TickMarks; 2]) {
     let at = |(a, b): (f64, f64)| [area.x + x.share(a) * area.w, area.bottom() - y.share(b) * area.h];
     let across = |v: f64| [x.low, x.high].map(|x| at((x, v)));
     for (i, (_, ends)) in plot.y.bands.iter().enumerate() {
         let [Some(low), Some(high)] = ends.map(|v| y.clamped(v)) else { continue };
         let [bottom, top] = [low, high].map(|v| at((x.low, v))[1]);
-        pen.marks.push(Mark::Fill(PageRectangle { y: top, h: bottom - top, ..area }, shade(i)));
+        writer.marks.push(Mark::Fill(PageRectangle { y: top, h: bottom - top, ..area }, shade(i)));
     }
     for x in ticks[0].major.iter().map(|t| area.x + t.0 * area.w) {
-        pen.line(vec![[x, area.y], [x, area.bottom()]], faint(INK, GRID));
+        writer.line(vec![[x, area.y], [x, area.bottom()]], faint(INK, GRID));
     }
     for y in ticks[1].major.iter().map(|t| area.bottom() - t.0 * area.h) {
-        pen.line(vec![[area.x, y], [area.right(), y]], faint(INK, GRID));
+        writer.line(vec![[area.x, y], [area.right(), y]], faint(INK, GRID));
     }
     for (i, (_, level)) in plot.levels.iter().enumerate() {
-        y.place(*level).into_iter().for_each(|v| level_line(pen, i, across(v)));
+        y.place(*level).into_iter().for_each(|v| level_line(writer, i, across(v)));
     }
     for (s, aside) in plot.series.iter().enumerate().map(|(i, s)| (s, aside(plot, i))) {
         let runs = runs(s, x, y);
         for run in runs.iter().filter(|_| plot.x.names.is_empty()) {
-            curve(pen, s, &run.iter().map(|p| at(*p)).collect::<Vec<_>>(), s.dashed);
+            curve(writer, s, &run.iter().map(|p| at(*p)).collect::<Vec<_>>(), s.dashed);
         }
         for p in &s.points {
             let ends = p.range.map(|r| r.map(|v| y.clamped(v)));
             if let (Some(place), Some([Some(low), Some(high)])) = (x.place(p.x), ends)
                 && low < high
             {
-                curve(pen, s, &[low, high].map(|v| at((place + aside, v))), false);
+                curve(writer, s, &[low, high].map(|v| at((place + aside, v))), false);
             }
         }
         let every = s.points.len() / MARKS + 1;
         let at_the_top = identical(s, x).map(|place| (place, y.high));
         for (a, b) in runs.into_iter().flat_map(|run| run.into_iter().step_by(every)).chain(at_the_top) {
-            marks(pen, s, at((a + aside, b)));
+            marks(writer, s, at((a + aside, b)));
         }
     }
 }
 
-fn curve(pen: &mut MarkWriter<'_>, s: &PlotSeries, points: &[[f64; 2]], broken: bool) {
-    let parts = if broken { dashes(points, BROKEN.map(|d| d * pen.em)) } else { vec![points.to_vec()] };
+fn curve(writer: &mut MarkWriter<'_>, s: &PlotSeries, points: &[[f64; 2]], broken: bool) {
+    let parts = if broken { dashes(points, BROKEN.map(|d| d * writer.em)) } else { vec![points.to_vec()] };
     for points in parts.into_iter().filter(|p| p.len() > 1) {
-        pen.marks.push(Mark::Line { points, width: CURVE * pen.em, ink: colour(s.style), opacity: 1.0 });
+        writer.marks.push(Mark::Line { points, width: CURVE * writer.em, ink: colour(s.style), opacity: 1.0 });
     }
 }
 
-fn level_line(pen: &mut MarkWriter<'_>, level: usize, ends: [[f64; 2]; 2]) {
-    let dash = [0.15 + 0.35 * level as f64, 0.35].map(|d| d * pen.em);
-    dashes(&ends, dash).into_iter().for_each(|part| pen.line(part, faint(INK, LEVEL)));
+fn level_line(writer: &mut MarkWriter<'_>, level: usize, ends: [[f64; 2]; 2]) {
+    let dash = [0.15 + 0.35 * level as f64, 0.35].map(|d| d * writer.em);
+    dashes(&ends, dash).into_iter().for_each(|part| writer.line(part, faint(INK, LEVEL)));
 }
 
 /// A mark: circles, squares, triangles in turn, so that colour is not all that tells curves apart.
 /// Those of broken lines are hollow.
-fn marks(pen: &mut MarkWriter<'_>, s: &PlotSeries, at: [f64; 2]) {
+fn marks(writer: &mut MarkWriter<'_>, s: &PlotSeries, at: [f64; 2]) {
     let circle: Vec<[f64; 2]> = (0..16).map(|i| f64::from(i) * PI / 8.0).map(|a| [a.cos(), a.sin()]).collect();
     let corners: &[[f64; 2]] = match s.style % 4 {
         0 => &circle,
@@ -308,21 +309,21 @@ fn marks(pen: &mut MarkWriter<'_>, s: &PlotSeries, at: [f64; 2]) {
         2 => &[[0.0, -1.2], [1.2, 0.9], [-1.2, 0.9]],
         _ => &[[0.0, -1.2], [1.2, 0.0], [0.0, 1.2], [-1.2, 0.0]],
     };
-    let sizes = [(MARK, colour(s.style)), (0.5 * MARK, pen.page.paper())];
+    let sizes = [(MARK, colour(s.style)), (0.5 * MARK, writer.page.paper())];
     for (size, ink) in sizes.into_iter().take(1 + usize::from(s.dashed)) {
-        let place = |c: &[f64; 2]| [0, 1].map(|k| at[k] + size * pen.em * c[k]);
-        pen.marks.push(Mark::Polygon(corners.iter().map(place).collect(), ink));
+        let place = |c: &[f64; 2]| [0, 1].map(|k| at[k] + size * writer.em * c[k]);
+        writer.marks.push(Mark::Polygon(corners.iter().map(place).collect(), ink));
     }
 }
 
-/// How far a series stands from the place of its points, beside the others of it: where points are not joined, those of
+/// Distance of a series from the place of its points, beside the others of it: points that are not joined and have
 /// nearly one value would else hide each other.
 fn aside(plot: &Plot, series: usize) -> f64 {
     let all = plot.series.len() as f64;
     if plot.x.names.is_empty() { 0.0 } else { SLOT * ((series as f64 + 0.5) / all - 0.5) }
 }
 
-/// Where along the axis a series has pictures that do not differ from the truth: they stand at the top edge.
+/// Places along the axis at which a series has pictures that do not differ from the truth: they stand at the top edge.
 fn identical(s: &PlotSeries, x: AxisScale) -> impl Iterator<Item = f64> {
     s.points.iter().filter(|p| p.y == f64::INFINITY).filter_map(move |p| x.place(p.x))
 }
@@ -337,7 +338,7 @@ fn runs(s: &PlotSeries, x: AxisScale, y: AxisScale) -> Vec<Vec<(f64, f64)>> {
         .collect()
 }
 
-/// What the legend says of a curve that is not to be seen: whether there is none, or none within the axes.
+/// Words of the legend for a curve that is not to be seen: whether there is none, or none within the axes.
 fn unseen(s: &PlotSeries, x: AxisScale, y: AxisScale) -> &'static str {
     match (runs(s, x, y).is_empty() && identical(s, x).next().is_none(), s.points.is_empty()) {
         (false, _) => "",
@@ -346,7 +347,7 @@ fn unseen(s: &PlotSeries, x: AxisScale, y: AxisScale) -> &'static str {
     }
 }
 
-/// What stands before a name in the legend.
+/// The sample before a name in the legend.
 enum LegendSample<'a> {
     PlotSeries(&'a PlotSeries),
     Level(usize),
@@ -368,8 +369,8 @@ fn entries(plot: &Plot, x: AxisScale, y: AxisScale) -> Vec<(LegendSample<'_>, St
 }
 
 /// Beside its plot; rows are closer where there are many.
-fn legend(pen: &mut MarkWriter<'_>, plot: &Plot, area: PageRectangle, entries: &[(LegendSample<'_>, String)]) {
-    let em = pen.em;
+fn legend(writer: &mut MarkWriter<'_>, plot: &Plot, area: PageRectangle, entries: &[(LegendSample<'_>, String)]) {
+    let em = writer.em;
     let row = (ROW * em).min(area.h / entries.len().max(1) as f64);
     let (from, to) = (area.right() + 1.2 * em, area.right() + (1.2 + SAMPLE) * em);
     for (i, (sample, text)) in entries.iter().enumerate() {
@@ -377,19 +378,19 @@ fn legend(pen: &mut MarkWriter<'_>, plot: &Plot, area: PageRectangle, entries: &
         match sample {
             LegendSample::PlotSeries(s) => {
                 if plot.x.names.is_empty() {
-                    curve(pen, s, &[[from, y], [to, y]], s.dashed);
+                    curve(writer, s, &[[from, y], [to, y]], s.dashed);
                 }
-                marks(pen, s, [0.5 * (from + to), y]);
+                marks(writer, s, [0.5 * (from + to), y]);
             }
-            LegendSample::Level(i) => level_line(pen, *i, [[from, y], [to, y]]),
+            LegendSample::Level(i) => level_line(writer, *i, [[from, y], [to, y]]),
             LegendSample::Band(i) => {
                 let patch = PageRectangle { x: from, y: y - 0.6 * em, w: to - from, h: 1.2 * em };
-                pen.marks.push(Mark::Fill(patch, shade(*i)));
+                writer.marks.push(Mark::Fill(patch, shade(*i)));
             }
             LegendSample::Nothing => {}
         }
         let (at, em) = ([to + 0.5 * em, y + 0.5 * CAPITALS * em], em.min(row / 1.15));
-        pen.words_within(text, at, em, Anchor::Start, LONGEST_NAME * pen.em);
+        writer.words_within(text, at, em, Anchor::Start, LONGEST_NAME * writer.em);
     }
 }
 
@@ -492,7 +493,7 @@ mod tests {
             let series = vec![PlotSeries { points: points.to_vec(), ..some.series[0].clone() }];
             svg(&Plot { series, ..some.clone() }).unwrap()
         });
-        let count = |text: &str, what: &str| text.matches(what).count();
+        let count = |text: &str, element: &str| text.matches(element).count();
         assert_eq!(count(&with, "<polygon"), count(&without, "<polygon") + 1);
         assert_eq!(count(&with, "stroke-width=\"1.2\""), count(&without, "stroke-width=\"1.2\""));
         assert!(with.contains("top edge: identical") && !without.contains("top edge"));

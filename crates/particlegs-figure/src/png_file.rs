@@ -17,13 +17,13 @@ const FORM: Form = Form { title: "a PNG picture", begins: Begins::With(SIGNATURE
 /// More text than a picture of ours has.
 const MOST_TEXT: usize = 1 << 20;
 
-/// What is said of a picture inside its file.
+/// Metadata of a picture inside its file.
 #[derive(Clone, Debug, Default)]
 pub struct PngMetadata {
     pub title: Option<String>,
     /// Program and version; nothing is said where it is empty.
     pub software: String,
-    /// What it is of, as JSON.
+    /// Its provenance, as JSON.
     pub provenance: String,
     /// Dots an inch, where they are chosen.
     pub dpi: Option<f64>,
@@ -94,22 +94,22 @@ fn chunks(file: &[u8], mut visit: impl FnMut(&[u8], &[u8])) {
     }
 }
 
-/// What a picture says it is of, as JSON.
+/// The provenance that a picture states, as JSON.
 pub fn provenance(path: &Path, context: &Context<'_>) -> Result<String> {
     let file = read_whole(path, FORM, context)?;
     let lead: Vec<u8> = [KEYWORD.as_bytes(), &[0]].concat();
-    let mut found = None;
+    let mut text = None;
     chunks(&file, |kind, data| {
-        if kind == b"iTXt" && data.len() < MOST_TEXT && found.is_none() {
+        if kind == b"iTXt" && data.len() < MOST_TEXT && text.is_none() {
             // Behind the keyword: uncompressed, method, language, translated keyword.
-            found = data.strip_prefix(&lead[..]).and_then(|d| d.strip_prefix(&[0, 0, 0, 0])).map(<[u8]>::to_vec);
+            text = data.strip_prefix(&lead[..]).and_then(|d| d.strip_prefix(&[0, 0, 0, 0])).map(<[u8]>::to_vec);
         }
     });
     let lacks = || {
         let hint = "use a PNG from `particlegs render` or `particlegs reference` that no other program has changed";
         Error::input_with(path, "the PNG does not contain the settings of its view", hint)
     };
-    String::from_utf8(found.ok_or_else(lacks)?).map_err(|_| lacks())
+    String::from_utf8(text.ok_or_else(lacks)?).map_err(|_| lacks())
 }
 
 #[cfg(test)]

@@ -91,7 +91,7 @@ fn window(page: &Rgb8, points: &[[f64; 2]], reach: f64) -> [Range<i64>; 2] {
     })
 }
 
-/// How far something covers pixels of a window, from 0 to 1.
+/// Part of the pixels of a window that something covers, from 0 to 1.
 struct Coverage {
     columns: Range<i64>,
     rows: Range<i64>,
@@ -116,7 +116,7 @@ impl Coverage {
         all.zip(&self.cover).map(|((x, y), c)| (x, y, *c)).filter(|p| p.2 > 0.0)
     }
 
-    /// What lies within a distance of what is covered.
+    /// The pixels within a distance of the covered ones.
     fn widened(&self, by: f64) -> Coverage {
         let reach = by.ceil() as i64;
         let mut wide = Coverage::new([self.columns.clone(), self.rows.clone()]);

@@ -33,7 +33,7 @@ impl PageRectangle {
     }
 }
 
-/// Which point of a text its place is of.
+/// The point of a text that stands at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     Start,
@@ -42,7 +42,7 @@ pub enum Anchor {
 }
 
 impl Anchor {
-    /// How far before its place a text of this width begins.
+    /// Distance of the beginning of a text of this width before its place.
     pub fn before(self, width: f64) -> f64 {
         match self {
             Anchor::Start => 0.0,
@@ -74,7 +74,7 @@ pub enum Mark {
     Picture(PageRectangle, FigureImage),
     /// An area in one colour.
     Fill(PageRectangle, RgbColour),
-    /// What lies between corners, in one colour.
+    /// The area between corners, in one colour.
     Polygon(Vec<[f64; 2]>, RgbColour),
     /// A line through points; `opacity` from 0, unseen, to 1.
     Line {
@@ -94,6 +94,6 @@ pub struct Sheet {
     pub height: f64,
     /// The colour under everything.
     pub ground: RgbColour,
-    /// What is drawn, in order.
+    /// The marks, in the order of drawing.
     pub marks: Vec<Mark>,
 }

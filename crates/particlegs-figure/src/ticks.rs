@@ -1,4 +1,4 @@
-//! Where ticks stand and what they say: one number style for all axes and bars.
+//! Places and texts of ticks: one number style for all axes and bars.
 
 use super::font;
 use particlegs_core::picture::superscript;

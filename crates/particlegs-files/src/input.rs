@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 /// The name of standard input among paths.
 pub(crate) const STANDARD_INPUT: &str = "-";
 
-/// What a file that is read whole must be.
+/// The form of a file that is read whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Form {
     /// In words, with its article: `a views file`.
@@ -38,7 +38,7 @@ pub enum Begins {
 }
 
 impl Begins {
-    /// Does a file with these first bytes begin so? Fewer than [`HEAD`] bytes are the whole file.
+    /// Whether a file with these first bytes begins so. Fewer than [`HEAD`] bytes are the whole file.
     fn fits(self, head: &[u8]) -> bool {
         match self {
             Begins::With(magic) => head.starts_with(magic),
@@ -66,7 +66,7 @@ pub struct Source<'a> {
     /// Bytes, of a regular file.
     length: Option<u64>,
     context: &'a Context<'a>,
-    /// Has somebody been told that we wait?
+    /// Whether the user has been told that we wait.
     said: bool,
 }
 
@@ -216,7 +216,7 @@ impl Form {
 /// Bytes of the disk that a copy of a stream leaves to others.
 const LEFT_FREE: u64 = 256 << 20;
 
-/// What a pipe or device gave, in a file without a name: it can be read again and from many places.
+/// Data of a pipe or device, in a file without a name: it can be read again and from many places.
 #[derive(Debug)]
 pub struct SpoolFile {
     file: File,
@@ -245,7 +245,7 @@ impl SpoolFile {
         Ok(SpoolFile { file, place })
     }
 
-    /// Where it can be opened, while this lives.
+    /// A path by which it can be opened, while this lives.
     pub fn path(&self) -> PathBuf {
         #[cfg(target_os = "linux")]
         return PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&self.file)));
@@ -284,7 +284,7 @@ pub(crate) fn is_standard(path: &Path) -> bool {
     path.as_os_str() == STANDARD_INPUT
 }
 
-/// Does `path` give its data once, in order: standard input, a pipe or a device?
+/// Whether `path` gives its data once, in order: standard input, a pipe or a device.
 pub fn is_stream(path: &Path) -> bool {
     is_standard(path) || std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
@@ -336,7 +336,7 @@ fn standard() -> std::io::Result<File> {
     Ok(std::io::stdin().as_handle().try_clone_to_owned()?.into())
 }
 
-/// Can something be read now, or has it ended? Waits for a moment.
+/// Whether something can be read now, or it has ended. Waits for a moment.
 #[cfg(unix)]
 fn ready(file: &File) -> std::io::Result<bool> {
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -445,12 +445,12 @@ mod tests {
         ] {
             std::fs::write(&path, bytes).unwrap();
             let read = read_whole(&path, NOTE, &Context::SILENT);
-            let own = read_own(&path, NOTE);
+            let own_file = read_own(&path, NOTE);
             match fault {
-                None => assert_eq!((&read.unwrap()[..], &own.unwrap().unwrap()[..]), (bytes, bytes)),
+                None => assert_eq!((&read.unwrap()[..], &own_file.unwrap().unwrap()[..]), (bytes, bytes)),
                 Some(fault) => {
                     assert!(read.unwrap_err().to_string().contains(fault));
-                    assert!(own.unwrap_err().to_string().contains(fault));
+                    assert!(own_file.unwrap_err().to_string().contains(fault));
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! What the machine gives and takes: files that a user names are opened by [`input`], within bounds;
+//! Files and memory of the machine: files that a user names are opened by [`input`], within bounds;
 //! files are made by [`output`], whole or not at all, and never over an input; [`memory`] says how much
 //! of it there is. Files of the house are [`png`], [`ViewsFile`] and [`model_file`].
 

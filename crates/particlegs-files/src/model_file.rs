@@ -13,7 +13,7 @@ pub fn check_name(out: &Path) -> Result<()> {
     output::ending(out, &["pgs"]).map(drop)
 }
 
-/// Is a file merged from several snapshots? Its hash is that of its blocks, so no snapshot has it.
+/// Whether a file is merged from several snapshots. Its hash is that of its blocks then, so no snapshot has it.
 pub fn is_of_several(bytes: &[u8], metadata: &Metadata, place: &str) -> Result<bool> {
     Ok(metadata.source_hash == blocks_hash(&coded_layers(bytes, place)?))
 }
@@ -36,8 +36,8 @@ pub fn read_source(mut source: Source<'_>, place: &str) -> Result<Vec<u8>> {
             false => Ok(bytes),
         };
     };
-    if let Some(there) = source.length().filter(|n| *n != length) {
-        return Err(Error::corrupt(place, other_length(there, length)));
+    if let Some(actual_length) = source.length().filter(|n| *n != length) {
+        return Err(Error::corrupt(place, other_length(actual_length, length)));
     }
     memory::require("a model file", length.min(source.length().unwrap_or(0)))?;
     let bytes = source.read(length.saturating_add(1))?;

@@ -13,8 +13,8 @@ pub fn write_png(path: &Path, size: Size, bytes: &[u8]) -> Result<()> {
     output::write_bytes(path, &png_bytes(size, bytes)?)
 }
 
-/// An 8-bit PNG: of grey levels, or of red, green and blue where there are three bytes a pixel (a [`Gray8`]'s `data`, or an
-/// [`Rgb8`](particlegs_core::picture::Rgb8)'s `data.as_flattened()`). The top row is first.
+/// An 8-bit PNG: of grey levels, or of red, green and blue where there are three bytes a pixel (a [`Gray8`]'s `data`,
+/// or an [`Rgb8`](particlegs_core::picture::Rgb8)'s `data.as_flattened()`). The top row is first.
 pub fn png_bytes(size: Size, bytes: &[u8]) -> Result<Vec<u8>> {
     let color = match bytes.len() {
         n if n == size.pixels() => png::ColorType::Grayscale,

@@ -80,7 +80,7 @@ impl ViewsFile {
         let (Size { width, height }, fov_deg) = (set.size, set.fov_deg());
         let view = |v: &View| {
             let mut camera = CameraRecord::from(v.camera);
-            camera.fov_deg = camera.fov_deg.filter(|own| Some(*own) != fov_deg);
+            camera.fov_deg = camera.fov_deg.filter(|angle| Some(*angle) != fov_deg);
             ViewForm { name: v.name.clone(), camera, radius: v.radius, opacity: v.opacity }
         };
         let form = FileForm { width, height, fov_deg, views: set.views.iter().map(view).collect() };

@@ -1,4 +1,4 @@
-//! Which Gaussians a particle belongs to, and by what share: soft responsibilities of a mixture that is fixed.
+//! Shares of a particle in the Gaussians: soft responsibilities of a mixture that is fixed.
 
 use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
 use particlegs_core::math::{Sym3, each_axis};
@@ -83,12 +83,12 @@ impl SoftAssignment {
         let mut cuts = CutTree { mean: &m.mean, nodes: Vec::new(), boxes: Vec::new() };
         let root = cuts.grow(&mut order, reach(m));
         let leaves = parallel::map_range(cuts.boxes.len(), |leaf| {
-            let mut found = Vec::new();
+            let mut neighbours = Vec::new();
             let (low, high) = cuts.boxes[leaf];
             let center = each_axis(|k| 0.5 * (low[k] + high[k]));
             let [x, y, z] = each_axis(|k| ((high[k] - low[k]) * (high[k] - low[k]) / 12.0).max(f64::MIN_POSITIVE));
-            tree.nearest(&Ellipsoid::new(center, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut found);
-            found.into_iter().map(|f| f.1).collect()
+            tree.nearest(&Ellipsoid::new(center, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut neighbours);
+            neighbours.into_iter().map(|f| f.1).collect()
         });
         let densities = parallel::map_range(m.len(), |i| LogDensity::new(m, i));
         SoftAssignment { nodes: cuts.nodes, leaves, root, densities }
@@ -116,8 +116,8 @@ impl SoftAssignment {
             sum += s.1;
         }
         shares.retain(|s| s.1 >= LEAST_SHARE * sum);
-        let kept: f64 = shares.iter().map(|s| s.1).sum();
-        shares.iter_mut().for_each(|s| s.1 /= kept);
+        let kept_sum: f64 = shares.iter().map(|s| s.1).sum();
+        shares.iter_mut().for_each(|s| s.1 /= kept_sum);
     }
 
     /// The Gaussian that a particle is likeliest to have; 0 where there is none.
@@ -185,17 +185,17 @@ mod tests {
         const POINTS: u64 = 600;
         for i in 0..POINTS {
             // A particle of one of the Gaussians.
-            let (mut r, own) = (Random::new(6, 0, i), i as usize % m.len());
-            let eigen = m.cov_of(own).eigen();
+            let (mut r, gaussian) = (Random::new(6, 0, i), i as usize % m.len());
+            let eigen = m.cov_of(gaussian).eigen();
             let z = eigen.values.map(|v| v.sqrt() * r.normal());
-            let x = each_axis(|k| m.mean[k][own] + (0..3).map(|a| eigen.vectors[a][k] * z[a]).sum::<f64>());
+            let x = each_axis(|k| m.mean[k][gaussian] + (0..3).map(|a| eigen.vectors[a][k] * z[a]).sum::<f64>());
             assignment.shares(x, &mut shares);
             assert!((shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12);
             let logs: Vec<f64> = (0..m.len()).map(|k| LogDensity::new(&m, k).at(x)).collect();
             let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let all: f64 = logs.iter().map(|l| (l - top).exp()).sum();
-            let found = |k: usize| shares.iter().find(|s| s.0 == k as u32).map_or(0.0, |s| s.1);
-            let missed = (0..m.len()).map(|k| ((logs[k] - top).exp() / all - found(k)).abs()).fold(0.0, f64::max);
+            let share_of = |k: usize| shares.iter().find(|s| s.0 == k as u32).map_or(0.0, |s| s.1);
+            let missed = (0..m.len()).map(|k| ((logs[k] - top).exp() / all - share_of(k)).abs()).fold(0.0, f64::max);
             (worst, sum) = (worst.max(missed), sum + missed);
         }
         let mean = sum / POINTS as f64;

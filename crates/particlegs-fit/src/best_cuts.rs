@@ -1,4 +1,4 @@
-//! Which cuts to keep: those whose gain for each Gaussian spent is largest.
+//! The choice of cuts to keep: those whose gain for each Gaussian spent is largest.
 //!
 //! A cut can gain little itself and open the way to cuts that gain much. Its key is therefore the
 //! largest mean gain of any part of the tree that starts with it (the convex hull of tree pruning:
@@ -35,29 +35,29 @@ impl CutGroup {
 }
 
 /// The places of the `keep` best cuts, unsorted.
-pub(super) fn best_cuts(mut made: Vec<CutRecord>, keep: usize) -> Vec<usize> {
-    if made.len() > keep {
+pub(super) fn best_cuts(mut cuts: Vec<CutRecord>, keep: usize) -> Vec<usize> {
+    if cuts.len() > keep {
         // Parents before children, first halves before second ones.
-        made.sort_unstable_by(|a, b| a.start.cmp(&b.start).then(b.end.cmp(&a.end)));
-        let keys = keys(&made);
-        let mut order: Vec<u32> = (0..made.len() as u32).collect();
+        cuts.sort_unstable_by(|a, b| a.start.cmp(&b.start).then(b.end.cmp(&a.end)));
+        let keys = keys(&cuts);
+        let mut order: Vec<u32> = (0..cuts.len() as u32).collect();
         order.sort_unstable_by(|&a, &b| keys[b as usize].total_cmp(&keys[a as usize]).then(a.cmp(&b)));
         order.truncate(keep);
-        return order.into_iter().map(|i| made[i as usize].mid).collect();
+        return order.into_iter().map(|i| cuts[i as usize].mid).collect();
     }
-    made.into_iter().map(|m| m.mid).collect()
+    cuts.into_iter().map(|m| m.mid).collect()
 }
 
 /// Keys of cuts in preorder.
-fn keys(made: &[CutRecord]) -> Vec<f64> {
-    let mut groups: Vec<CutGroup> = made
+fn keys(cuts: &[CutRecord]) -> Vec<f64> {
+    let mut groups: Vec<CutGroup> = cuts
         .iter()
         .map(|m| CutGroup { gain: m.gain, cuts: 1, left: NONE, right: NONE, rank: 1, joined: NONE })
         .collect();
     // Backwards, a cell's halves come before it: their heaps wait on a stack.
     let mut waiting: Vec<(usize, usize, u32)> = Vec::new();
-    for i in (0..made.len()).rev() {
-        let cut = &made[i];
+    for i in (0..cuts.len()).rev() {
+        let cut = &cuts[i];
         let mut heap = NONE;
         while let Some(&(start, end, root)) = waiting.last()
             && start >= cut.start
@@ -66,6 +66,7 @@ fn keys(made: &[CutRecord]) -> Vec<f64> {
             heap = merge(&mut groups, heap, root);
             waiting.pop();
         }
+        // A group of more gain below this cut is to be had with it only: the two become one.
         while heap != NONE && groups[heap as usize].mean() > groups[i].mean() {
             let top = groups[heap as usize];
             groups[i].gain += top.gain;
@@ -76,8 +77,9 @@ fn keys(made: &[CutRecord]) -> Vec<f64> {
         let root = merge(&mut groups, heap, i as u32);
         waiting.push((cut.start, cut.end, root));
     }
-    let mut keys = vec![0.0; made.len()];
-    for i in 0..made.len() {
+    // Groups are joined to cuts before them, whose keys are known by then.
+    let mut keys = vec![0.0; cuts.len()];
+    for i in 0..cuts.len() {
         let joined = groups[i].joined;
         keys[i] = if joined == NONE { groups[i].mean() } else { keys[joined as usize] };
     }
@@ -116,21 +118,21 @@ mod tests {
     #[test]
     fn a_poor_cut_before_rich_ones_is_taken() {
         let cut = |start, mid, end, gain| CutRecord { start, mid, end, gain };
-        let made = vec![
+        let cuts = vec![
             cut(0, 8, 16, 10.0),
             cut(0, 4, 8, 3.0),
             cut(8, 12, 16, 1.0),
             cut(8, 10, 12, 9.0),
             cut(12, 14, 16, 8.0),
         ];
-        let kept = |n| {
-            let mut k = best_cuts(made.clone(), n);
+        let kept_places = |n| {
+            let mut k = best_cuts(cuts.clone(), n);
             k.sort_unstable();
             k
         };
-        assert_eq!(kept(1), [8]);
-        assert_eq!(kept(4), [8, 10, 12, 14]);
-        assert_eq!(kept(5), [4, 8, 10, 12, 14]);
+        assert_eq!(kept_places(1), [8]);
+        assert_eq!(kept_places(4), [8, 10, 12, 14]);
+        assert_eq!(kept_places(5), [4, 8, 10, 12, 14]);
     }
 
     #[test]
@@ -146,11 +148,11 @@ mod tests {
             grow(start, mid, out);
             grow(mid, end, out);
         }
-        let mut made = Vec::new();
-        grow(0, 4096, &mut made);
-        let keys = keys(&made);
-        for (i, a) in made.iter().enumerate() {
-            let parent = made[..i].iter().rposition(|b| b.start <= a.start && a.end <= b.end);
+        let mut cuts = Vec::new();
+        grow(0, 4096, &mut cuts);
+        let keys = keys(&cuts);
+        for (i, a) in cuts.iter().enumerate() {
+            let parent = cuts[..i].iter().rposition(|b| b.start <= a.start && a.end <= b.end);
             assert!(parent.is_none_or(|p| keys[p] >= keys[i]));
         }
     }

@@ -1,4 +1,4 @@
-//! Where a cell is cut in two: along its principal axis, at the place that helps pictures most.
+//! The cut of a cell in two: across its principal axis, at the place that helps pictures most.
 //!
 //! A profile of the cell along the axis (count, place and spread of the particles in 32 slices)
 //! gives every possible cut's two halves; the cut is the one whose halves, blurred, differ most
@@ -113,6 +113,7 @@ impl Cut {
                 right -= BLOCK;
             }
         }
+        // Fewer than two blocks are left, among them those of a list that was not used up.
         let mut front = left;
         for i in left..right {
             let first = self.axis.place(xyz[i]) < self.below;
@@ -159,6 +160,7 @@ impl MisplacedParticles {
         for l in 0..BLOCK {
             wrong[l] = u8::from((cut.axis.place(block[l]) < cut.below) == first);
         }
+        // Without a branch: each place is written, and only wrong ones move the end; `end % BLOCK` is `end`.
         let mut end = 0;
         for l in 0..BLOCK {
             self.place[end % BLOCK] = l as u8;
@@ -173,11 +175,11 @@ impl MisplacedParticles {
 fn profile(axis: &PrincipalAxis, xyz: &[[f32; 3]], stride: usize) -> [SliceSums; SLICES] {
     let mut total = [[0f64; 4]; SLICES];
     let mut part = [[0f32; 4]; SLICES];
-    let mut kept = 0;
+    let mut part_count = 0;
     let mut copy = [axis.reference; BLOCK];
-    let taken = xyz.len().div_ceil(stride);
-    for start in (0..taken).step_by(BLOCK) {
-        let len = BLOCK.min(taken - start);
+    let sample_count = xyz.len().div_ceil(stride);
+    for start in (0..sample_count).step_by(BLOCK) {
+        let len = BLOCK.min(sample_count - start);
         if stride == 1 && len == BLOCK {
             let block = xyz[start..start + BLOCK].try_into().expect("a block");
             add_block(axis, block, BLOCK, &mut part);
@@ -187,13 +189,14 @@ fn profile(axis: &PrincipalAxis, xyz: &[[f32; 3]], stride: usize) -> [SliceSums;
             }
             add_block(axis, &copy, len, &mut part);
         }
-        kept += len;
-        if kept >= FLUSH || start + len == taken {
+        part_count += len;
+        // Sums go to f64 before the rounding of f32 counts.
+        if part_count >= FLUSH || start + len == sample_count {
             for (t, p) in total.iter_mut().flatten().zip(part.iter_mut().flatten()) {
                 *t += f64::from(*p);
                 *p = 0.0;
             }
-            kept = 0;
+            part_count = 0;
         }
     }
     total
@@ -235,6 +238,7 @@ fn best_slice(slices: &[SliceSums; SLICES], two_s: f64) -> Option<usize> {
             running[k][b] = sum[k];
         }
     }
+    // Rounding may leave a variance below 0; two axes across share the squared distance.
     let gaussian = |n: f64, t: f64, tt: f64, rr: f64| {
         let inv = 1.0 / n;
         let m = t * inv;
@@ -242,8 +246,8 @@ fn best_slice(slices: &[SliceSums; SLICES], two_s: f64) -> Option<usize> {
     };
     let n = sum[0];
     let (m, v, u) = gaussian(n, sum[1], sum[2], sum[3]);
-    let own = |n: f64, v: f64, u: f64| n * n / ((2.0 * v + two_s) * (2.0 * u + two_s)).sqrt();
-    let whole = own(n, v, u);
+    let self_product = |n: f64, v: f64, u: f64| n * n / ((2.0 * v + two_s) * (2.0 * u + two_s)).sqrt();
+    let whole = self_product(n, v, u);
     let mut gains = [0f64; SLICES];
     for b in 0..SLICES {
         // Counts are whole numbers; empty halves get a stand-in and are skipped below.
@@ -258,10 +262,11 @@ fn best_slice(slices: &[SliceSums; SLICES], two_s: f64) -> Option<usize> {
         let ab = cross(na * nb, ma - mb, va + vb, ua + ub);
         let wa = cross(n * na, m - ma, v + va, u + ua);
         let wb = cross(n * nb, m - mb, v + vb, u + ub);
-        gains[b] = whole + own(na, va, ua) + own(nb, vb, ub) + 2.0 * (ab - wa - wb);
+        gains[b] = whole + self_product(na, va, ua) + self_product(nb, vb, ub) + 2.0 * (ab - wa - wb);
     }
     let mut best: Option<(f64, usize)> = None;
     for b in 0..SLICES - 1 {
+        // A cut behind an empty slice is that behind the slice before it.
         if slices[b][0] == 0.0 || running[0][b] >= n {
             continue;
         }
@@ -276,10 +281,12 @@ fn best_slice(slices: &[SliceSums; SLICES], two_s: f64) -> Option<usize> {
 #[inline(always)]
 fn exp_negative(x: f64) -> f64 {
     const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52: adding it rounds to a whole number
+    // exp(-700) is a normal number still, so that the exponent below does not wrap.
     let x = x.min(700.0);
     let shifted = -x * std::f64::consts::LOG2_E + ROUND;
     let k = shifted - ROUND;
     let r = -x - k * std::f64::consts::LN_2;
+    // Taylor's series to r^11: |r| is at most ln 2 / 2.
     let mut p = 1.0 / 39_916_800.0;
     for c in [3_628_800.0, 362_880.0, 40_320.0, 5_040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
         p = p * r + 1.0 / c;
@@ -301,10 +308,12 @@ fn closed_principal_axis(cov: &Sym3) -> Option<(f64, [f64; 3])> {
     if t.is_nan() || t <= 1e-60 {
         return None;
     }
+    // With a trace of 1 the bounds below are on shapes, whatever the unit.
     let c = cov.scale(1.0 / t);
     let q = 1.0 / 3.0;
     let [a, b, d, e, f, g] = c.0;
     let (largest, spread) = largest_eigenvalue(&c, q);
+    // Of a sphere the cross products are rounding errors.
     if spread < 1e-6 {
         return None;
     }

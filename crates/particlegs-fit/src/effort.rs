@@ -9,7 +9,7 @@ use particlegs_core::model::{Effort, Mixture};
 use particlegs_core::space::Bounds;
 use particlegs_particles::Particles;
 
-/// What to fit.
+/// Size, effort and scale of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
     /// Number of Gaussians, at most.
@@ -64,7 +64,7 @@ impl<'a> Fitter<'a> {
     pub fn fit(
         &mut self,
         options: &FitOptions,
-        pieces: &mut dyn CheckpointStore,
+        checkpoints: &mut dyn CheckpointStore,
         context: &Context<'_>,
     ) -> Result<Mixture> {
         context.check()?;
@@ -75,12 +75,12 @@ impl<'a> Fitter<'a> {
             }
             None => ParticleStore::new(self.particles, &self.local),
         };
-        let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
-        let cells = partition(store, options.gaussians, options.radius, how, context)?;
+        let partition_options = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
+        let cells = partition(store, options.gaussians, options.radius, partition_options, context)?;
         let (particles, gaussians) = (cells.store.len(), cells.cells.len());
         let thin = self.particles.in_world(self.local).thin_axis();
-        let how = RefineOptions { thin, ..refinement(particles, gaussians, options) };
-        let mixture = refine(&cells, options.radius, &how, pieces, context)?;
+        let refine_options = RefineOptions { thin, ..refinement(particles, gaussians, options) };
+        let mixture = refine(&cells, options.radius, &refine_options, checkpoints, context)?;
         // What comes after takes less memory than refinement, but not always less than a partition.
         self.store = Some(cells.store);
         Ok(mixture)
@@ -90,10 +90,10 @@ impl<'a> Fitter<'a> {
 /// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
 /// clock, so that results repeat).
 pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOptions) -> RefineOptions {
-    /// Rounds at most: 8 lose 0.015 dB of the nine pictures of nbody128 at ratio 300 and 0.05 at large radii, 16 gain no
-    /// more than two fits differ by.
+    /// Rounds at most: 8 lose 0.015 dB of the nine pictures of nbody128 at ratio 300 and 0.05 at large radii, 16 gain
+    /// no more than two fits differ by.
     const MOST_ROUNDS: f64 = 12.0;
-    /// Where the rounds look at a sample: of nbody128 at ratio 3000, 8 and 12 lose 0.10 and 0.02 dB.
+    /// The same if the rounds look at a sample: of nbody128 at ratio 3000, 8 and 12 lose 0.10 and 0.02 dB.
     const MOST_ROUNDS_SAMPLED: f64 = 16.0;
     /// Particle visits by rounds, less than a CPU-second a million.
     const VISITS: f64 = 1600e6;

@@ -68,12 +68,12 @@ impl GroupStore {
     }
 }
 
-/// What the E and the M step regularise by; lengths are store units, squared.
+/// Terms that regularise the E and the M step; lengths are store units, squared.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Regularisation {
     /// Added to every variance.
     pub(crate) floor: f64,
-    /// How strongly moments are taken from a Gaussian's core: a particle counts by
+    /// Strength with which moments are taken from a Gaussian's core: a particle counts by
     /// `exp(-focus/2 d^T (S + blur)^-1 d)`, and the covariance is put right for what that would do
     /// to a true Gaussian. 0 is plain maximum likelihood, which lets outskirts swell the cores
     /// that a picture shows.
@@ -92,7 +92,7 @@ impl ParticleGroups {
     }
 }
 
-/// Which Gaussians each group may belong to, and for each Gaussian the groups that hold it.
+/// The Gaussians that each group may belong to, and for each Gaussian the groups that hold it.
 pub(crate) struct Candidates {
     /// Group g holds `index[start[g]..start[g + 1]]`.
     start: Vec<usize>,
@@ -138,9 +138,9 @@ impl Candidates {
             }
             context.check()?;
             let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
-            Ok::<_, Error>(scratch.with(|found| {
-                tree.nearest(&group, reach, found);
-                found.iter().map(|f| f.1).collect()
+            Ok::<_, Error>(scratch.with(|neighbours| {
+                tree.nearest(&group, reach, neighbours);
+                neighbours.iter().map(|f| f.1).collect()
             }))
         })?;
         Ok(Self::from_lists(&lists, gaussians.len()))
@@ -160,8 +160,8 @@ impl Candidates {
         Candidates { start, index, entry_start, entry, group }
     }
 
-    /// The same lists after an exchange: who held a Gaussian that was merged away holds the one it
-    /// went into, who held one that was split holds both halves.
+    /// The same lists after an exchange: a group that held a Gaussian that was merged away holds the one it
+    /// went into, a group that held one that was split holds both halves.
     pub(crate) fn after(&self, moves: &[GaussianExchange], gaussians: usize) -> Self {
         let (mut into, mut half): (Vec<Option<u32>>, Vec<Option<u32>>) = (vec![None; gaussians], vec![None; gaussians]);
         for m in moves {
@@ -211,7 +211,7 @@ pub(crate) struct Expectation {
     pub(crate) likelihood: f64,
 }
 
-/// What an E step is asked for besides the sums of the M step.
+/// Results of an E step besides the sums of the M step.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct ExpectationOptions {
     pub(crate) owner: bool,
@@ -219,45 +219,50 @@ pub(crate) struct ExpectationOptions {
 }
 
 pub(crate) fn expect(
-    cloud: GroupedParticles<'_>,
+    particles: GroupedParticles<'_>,
     candidates: &Candidates,
     gaussians: &RefinedGaussians,
     shape: Regularisation,
-    wanted: ExpectationOptions,
+    options: ExpectationOptions,
     context: &Context<'_>,
 ) -> Result<Expectation> {
-    let groups = cloud.groups;
+    let groups = particles.groups;
     // Each Gaussian is whitened once, in f64; groups only move it to their centre, where f32 has digits left.
     let whitened: Vec<_> = parallel::map_range(gaussians.len(), |j| Whitening::new(gaussians, j, shape));
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
-    let mut owner = vec![0u32; if wanted.owner { cloud.xyz.len() } else { 0 }];
+    let mut owner = vec![0u32; if options.owner { particles.xyz.len() } else { 0 }];
     let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
     let simd = context.simd();
-    let spaces = parallel::Scratch::<(KernelScratch, Vec<_>)>::default();
+    let scratch_pool = parallel::Scratch::<(KernelScratch, Vec<_>)>::default();
     let parts = parallel::try_map(work, |task| {
         context.check()?;
         let mut total = 0.0;
-        spaces.with(|(scratch, local)| {
+        scratch_pool.with(|(scratch, local_candidates)| {
             let (mut sums, mut owner) = (task.sums, task.owner);
             for g in task.groups {
                 let range = groups.range[g].clone();
                 let list = candidates.of(g);
-                let (mine, rest) = sums.split_at_mut(list.len());
+                // A task's sums lie in the order of its groups' lists: those of this group are the next.
+                let (group_sums, rest) = sums.split_at_mut(list.len());
                 sums = rest;
-                let (named, rest) = owner.split_at_mut(if wanted.owner { range.len() } else { 0 });
+                let (group_owners, rest) = owner.split_at_mut(if options.owner { range.len() } else { 0 });
                 owner = rest;
+                // `gather` moves the sums back by this same rounded centre.
                 let centre = groups.mean[g].map(|v| v as f32);
-                local.clear();
-                local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
-                let weight = cloud.weight.map(|w| &w[range.clone()]);
-                let group = ParticleGroup { points: &cloud.xyz[range], weight, centre, candidates: local };
-                let asked = wanted.owner.then_some(&mut named[..]);
-                total += em_kernel::expect(simd, &group, scratch, mine, asked, wanted.likelihood);
-                named.iter_mut().for_each(|n| *n = list[*n as usize]);
+                local_candidates.clear();
+                local_candidates.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
+                let weight = particles.weight.map(|w| &w[range.clone()]);
+                let group =
+                    ParticleGroup { points: &particles.xyz[range], weight, centre, candidates: local_candidates };
+                let owner_buffer = options.owner.then_some(&mut group_owners[..]);
+                total += em_kernel::expect(simd, &group, scratch, group_sums, owner_buffer, options.likelihood);
+                // The kernel names a candidate by its place in the list.
+                group_owners.iter_mut().for_each(|n| *n = list[*n as usize]);
             }
         });
         Ok(total)
     })?;
+    // Summed in the order of the tasks, whatever the threads; the kernel's logarithms are to base 2.
     let likelihood = parts.iter().sum::<f64>() * std::f64::consts::LN_2;
     Ok(Expectation { sums, owner, likelihood })
 }
@@ -279,12 +284,12 @@ fn split_by_groups<'a>(
     let mut tasks = Vec::with_capacity(n.div_ceil(TASK));
     for first in (0..n).step_by(TASK) {
         let end = n.min(first + TASK);
-        let (mine, rest) = sums.split_at_mut(candidates.start[end] - candidates.start[first]);
+        let (task_sums, rest) = sums.split_at_mut(candidates.start[end] - candidates.start[first]);
         sums = rest;
         let particles = if owner.is_empty() { 0 } else { groups.range[end - 1].end - groups.range[first].start };
-        let (named, rest) = owner.split_at_mut(particles);
+        let (task_owners, rest) = owner.split_at_mut(particles);
         owner = rest;
-        tasks.push(GroupTask { groups: first..end, sums: mine, owner: named });
+        tasks.push(GroupTask { groups: first..end, sums: task_sums, owner: task_owners });
     }
     tasks
 }
@@ -339,9 +344,10 @@ pub(crate) fn maximise(
     shape: Regularisation,
     expected: &[Sym3],
 ) {
-    let new = parallel::map_range(gaussians.len(), |j| {
+    let updates = parallel::map_range(gaussians.len(), |j| {
         let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
         let (count, focused) = (total[0], total[2]);
+        // Moments are divided by the focused sum, which may vanish where the count does not.
         if count < LEAST || focused < LEAST * LEAST {
             return (gaussians.mean[j], gaussians.cov[j], 0.0, 0.0);
         }
@@ -349,10 +355,10 @@ pub(crate) fn maximise(
         let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
         let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
         // What the focus took off is put back before the prior, which is of whole Gaussians.
-        let own = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
-        (mean, shape.prior.most_probable(&own, count, &expected[j]), count, total[1])
+        let sample_cov = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
+        (mean, shape.prior.most_probable(&sample_cov, count, &expected[j]), count, total[1])
     });
-    for (j, (mean, cov, count, mass)) in new.into_iter().enumerate() {
+    for (j, (mean, cov, count, mass)) in updates.into_iter().enumerate() {
         gaussians.mean[j] = mean;
         gaussians.cov[j] = cov;
         gaussians.count[j] = count;
@@ -412,7 +418,7 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
 
 /// Places sorted by a key below a number; those of one key keep their order, so that sums over them do.
 struct CountingSort {
-    /// Where each key's places begin; one more at the end.
+    /// The beginning of each key's places; one more at the end.
     start: Vec<usize>,
     order: Vec<u32>,
 }
@@ -432,10 +438,10 @@ impl CountingSort {
 }
 
 /// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's.
-pub(crate) fn regroup(cloud: GroupedParticles<'_>, owner: &[u32], gaussians: usize) -> GroupStore {
+pub(crate) fn regroup(particles: GroupedParticles<'_>, owner: &[u32], gaussians: usize) -> GroupStore {
     let CountingSort { start, order } = CountingSort::new(owner, gaussians);
-    let xyz: Vec<[f32; 3]> = order.iter().map(|&i| cloud.xyz[i as usize]).collect();
-    let weight = cloud.weight.map(|w| order.iter().map(|&i| w[i as usize]).collect());
+    let xyz: Vec<[f32; 3]> = order.iter().map(|&i| particles.xyz[i as usize]).collect();
+    let weight = particles.weight.map(|w| order.iter().map(|&i| w[i as usize]).collect());
     let groups = ParticleGroups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
     GroupStore { xyz, weight, groups }
 }
@@ -469,15 +475,16 @@ mod tests {
         #[test]
         fn an_iteration_never_lowers_the_likelihood(seed in 0u64..1000) {
             let (store, mut gaussians) = problem(seed);
-            let (cloud, groups) = (store.view(), &store.groups);
-            let wanted = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
+            let (particles, groups) = (store.view(), &store.groups);
+            let options = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
             let reach = SearchReach { most: 8, beyond: 1e9 };
             let candidates = Candidates::find(groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
-                let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Context::SILENT).unwrap();
+                let e = expect(particles, &candidates, &gaussians, PLAIN, options, &Context::SILENT).unwrap();
                 // The floor is added, not fitted: it may cost a little.
-                prop_assert!(e.likelihood >= last - 0.02 * cloud.xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
+                let least = last - 0.02 * particles.xyz.len() as f64 * PLAIN.floor / 0.01;
+                prop_assert!(e.likelihood >= least, "{} {last}", e.likelihood);
                 last = e.likelihood;
                 maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
@@ -498,9 +505,9 @@ mod tests {
             Candidates::find(&groups, &gaussians, SearchReach { most: 4, beyond: 9.0 }, shape.floor, &Context::SILENT)
                 .unwrap();
         for _ in 0..10 {
-            let cloud = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
-            let e =
-                expect(cloud, &candidates, &gaussians, shape, ExpectationOptions::default(), &Context::SILENT).unwrap();
+            let particles = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
+            let e = expect(particles, &candidates, &gaussians, shape, ExpectationOptions::default(), &Context::SILENT)
+                .unwrap();
             maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE]);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {

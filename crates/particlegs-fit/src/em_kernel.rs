@@ -17,7 +17,7 @@ const RUN: usize = 512;
 /// (see [`WhitenedGaussian::focus`]) times 1, x, y, z, xx, xy, xz, yy, yz, zz (relative to the group's centre).
 pub(crate) const SUMS: usize = 12;
 
-/// What a group gives to one candidate.
+/// Sums that a group gives to one candidate.
 pub(crate) type CandidateSums = [f32; SUMS];
 
 /// A Gaussian as the kernel wants it: log2 of its density at x is `level - |rows (x - mean)|^2`.
@@ -56,7 +56,7 @@ pub(crate) struct ParticleGroup<'a> {
     pub(crate) points: &'a [[f32; 3]],
     /// One a particle, where they have weights.
     pub(crate) weight: Option<&'a [f32]>,
-    /// What the sums and the candidates' means are relative to.
+    /// Origin of the sums and of the candidates' means.
     pub(crate) centre: [f32; 3],
     /// The Gaussians, best first.
     pub(crate) candidates: &'a [WhitenedGaussian],
@@ -89,10 +89,12 @@ fn kernel<S: Simd>(
     let &ParticleGroup { points, weight, centre, candidates } = group;
     let k = candidates.len();
     scratch.share.resize(k, [ZERO; BATCH]);
+    // A group of one run needs no sums in f64: those of its run are the result.
     let mut total = vec![[0f64; SUMS]; if points.len() > RUN { k } else { 0 }];
     let mut log_likelihood = likelihood.then_some(0.0);
     for first in (0..points.len()).step_by(RUN) {
         let end = points.len().min(first + RUN);
+        // Resizing alone would keep the sums of the run before.
         scratch.sums.clear();
         scratch.sums.resize(k, [ZERO; SUMS]);
         for start in (first..end).step_by(BATCH * LANES) {
@@ -190,10 +192,12 @@ fn responsibilities<S: Simd>(
             best = best.max(log);
             log.store_slice(&mut out[v].0);
         }
-        let here = v * LANES..batch.n.min((v + 1) * LANES);
+        let particle_range = v * LANES..batch.n.min((v + 1) * LANES);
+        // `share` still holds logarithms, which the densities below overwrite.
         if !owner.is_empty() {
-            name_owners(share, v, &<[f32; LANES]>::from(best), &mut owner[here.clone()]);
+            name_owners(share, v, &<[f32; LANES]>::from(best), &mut owner[particle_range.clone()]);
         }
+        // Relative to the largest density, which gives 1: the norm of a particle is never 0.
         let mut norm = f32x16::splat(simd, 0.0);
         for s in share.iter_mut() {
             let p = exp2(simd, f32x16::load_array_ref(simd, &s[v].0) - best);
@@ -203,7 +207,7 @@ fn responsibilities<S: Simd>(
         (f32x16::load_array_ref(simd, &batch.present[v].0) / norm).store_slice(&mut invert[v].0);
         if let Some(sum) = log_likelihood.as_deref_mut() {
             let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
-            *sum += (0..here.len()).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum::<f64>();
+            *sum += (0..particle_range.len()).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum::<f64>();
         }
     }
     invert
@@ -224,8 +228,8 @@ fn add_moments<S: Simd>(
         for v in 0..batch.vectors() {
             let [x, y, z] = batch.at(simd, v);
             let r = f32x16::load_array_ref(simd, &s[v].0) * f32x16::load_array_ref(simd, &invert[v].0);
-            let far = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
-            let w = r * exp2(simd, -far);
+            let focus_square = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
+            let w = r * exp2(simd, -focus_square);
             let (wx, wy, wz) = (w * x, w * y, w * z);
             let mass = f32x16::load_array_ref(simd, &batch.mass[v].0);
             let add = [r, r * mass, w, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];

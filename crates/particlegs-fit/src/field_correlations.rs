@@ -1,5 +1,5 @@
-//! Correlations between the scalar fields of a decoded model's Gaussians, about their means at each place: one more pass
-//! over the particles, after that of [`super::gather`].
+//! Correlations between the scalar fields of a decoded model's Gaussians, about their means at each place: one more
+//! pass over the particles, after that of [`super::gather`].
 
 use super::assignment::SoftAssignment;
 use super::field_moments::{BlockField, FieldShape, ReadValues, block_of};
@@ -36,8 +36,8 @@ pub type WithinParticle<'a> = dyn Fn(usize, [usize; 2]) -> f64 + Sync + 'a;
 /// Of a pair of fields: number and weight; weighted sums of what both differ by from their means, and of the products.
 type PairSums = [f64; 7];
 
-/// Gathers the correlations of all pairs of scalars among `fields`, whose moments [`super::gather`] gave for these `blocks`
-/// and particles. Gives those of each block. `within` is for particles that stand for several.
+/// Gathers the correlations of all pairs of scalars among `fields`, whose moments [`super::gather`] gave for these
+/// `blocks` and particles. Gives those of each block. `within` is for particles that stand for several.
 pub fn correlations(
     blocks: &[Block],
     particles: &Particles,
@@ -61,6 +61,7 @@ pub fn correlations(
         columns.push(first);
         first += field.columns();
     }
+    // Behind the columns of all fields may be that of how many particles each stands for.
     let pass = CorrelationPass {
         blocks,
         bounds: blocks.iter().map(|b| b.bounds).collect(),
@@ -80,6 +81,7 @@ pub fn correlations(
             read(run as u64, &mut values)?;
             Ok::<_, particlegs_core::Error>(pass.residuals(particles, run, &values))
         })?;
+        // Every Gaussian's rows are one task's, which adds the runs in their order: threads change no sum.
         for (block, sums) in sums.iter_mut().enumerate() {
             parallel::for_each_chunk(sums, pairs.len() * RANGE, |task, rows| {
                 let first = (task * RANGE) as u32;
@@ -95,7 +97,7 @@ pub fn correlations(
     Ok(sums.iter().map(|sums| finished(sums, &pairs)).collect())
 }
 
-/// What residuals are found by.
+/// Inputs from which residuals are computed.
 struct CorrelationPass<'a> {
     blocks: &'a [Block],
     bounds: Vec<Bounds>,
@@ -111,7 +113,7 @@ struct CorrelationPass<'a> {
 struct RunResiduals {
     particles: usize,
     shares: Vec<ParticleShare>,
-    /// For each share, what each field differs by from its mean; NaN where there is no value.
+    /// For each share the difference of each field from its mean; NaN where there is no value.
     residuals: Vec<f64>,
 }
 
@@ -132,19 +134,21 @@ impl CorrelationPass<'_> {
         let start = run * RUN;
         let chunk = particles.chunk(start..particles.len().min(start + RUN), &mut buffer);
         let fields = self.moments.first().map_or(0, Vec::len);
-        let (mut out, mut own) = (Vec::with_capacity(3 * chunk.len()), Vec::new());
+        let (mut out, mut particle_shares) = (Vec::with_capacity(3 * chunk.len()), Vec::new());
         let mut residuals = Vec::with_capacity(3 * chunk.len() * fields);
         for i in 0..chunk.len() {
             let x: [f64; 3] = each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
             let block = block_of(&self.bounds, x);
-            self.assignments[block].shares(x, &mut own);
+            self.assignments[block].shares(x, &mut particle_shares);
             let g = &self.blocks[block].gaussians;
             let first = residuals.len();
-            for (gaussian, share) in &mut own {
+            for (gaussian, share) in &mut particle_shares {
                 let j = *gaussian as usize;
                 let d: [f64; 3] = each_axis(|k| x[k] - g.mean[k][j]);
                 let begin = residuals.len();
+                // NaN stays where a field is no scalar.
                 residuals.resize(begin + fields, f64::NAN);
+                // Shares by place are weighed by how likely the values are, as in the moments' passes.
                 *share = share.ln();
                 for &(field, column) in &self.scalars {
                     let moments = &self.moments[block][field].moments;
@@ -155,12 +159,13 @@ impl CorrelationPass<'_> {
                     }
                 }
             }
-            let largest = own.iter().fold(f64::NEG_INFINITY, |l, s| l.max(s.1));
-            own.iter_mut().for_each(|s| s.1 = (s.1 - largest).exp());
-            let total: f64 = own.iter().map(|s| s.1).sum();
+            // Relative to the largest, so that not all shares of a particle vanish.
+            let largest = particle_shares.iter().fold(f64::NEG_INFINITY, |l, s| l.max(s.1));
+            particle_shares.iter_mut().for_each(|s| s.1 = (s.1 - largest).exp());
+            let total: f64 = particle_shares.iter().map(|s| s.1).sum();
             let number = values.get(self.number).map_or(1.0, |n| n[i]);
             let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
-            out.extend(own.iter().enumerate().map(|(k, &(gaussian, share))| ParticleShare {
+            out.extend(particle_shares.iter().enumerate().map(|(k, &(gaussian, share))| ParticleShare {
                 block: block as u32,
                 gaussian,
                 particle: start + i,
@@ -169,12 +174,14 @@ impl CorrelationPass<'_> {
                 weight: share / total * weight,
             }));
         }
+        // A stable sort: a Gaussian's particles keep their order, and so do the sums over them.
         out.sort_by_key(|s| (s.block, s.gaussian));
         RunResiduals { particles: chunk.len(), shares: out, residuals }
     }
 }
 
-/// The logarithm of a scalar's density where it differs so much from the mean; 0 of a field that is the same everywhere.
+/// The logarithm of a scalar's density where it differs so much from the mean; 0 of a field that is the same
+/// everywhere.
 fn log_density(moments: &FieldMoments, i: usize, off: f64) -> f64 {
     let [least, largest] = moments.range[0];
     let floor = (LEAST_SPREAD * (largest - least)).powi(2);
@@ -196,14 +203,14 @@ impl RunResiduals {
     ) {
         let place = |gaussian: u32| self.shares.partition_point(|s| (s.block, s.gaussian) < (block, gaussian));
         for share in &self.shares[place(range.start)..place(range.end)] {
-            let own = &self.residuals[share.place..][..fields];
+            let residuals = &self.residuals[share.place..][..fields];
             let rows = &mut rows[(share.gaussian - range.start) as usize * pairs.len()..][..pairs.len()];
             for (row, &[a, b]) in rows.iter_mut().zip(pairs) {
-                let (x, y) = (own[a], own[b]);
+                let (x, y) = (residuals[a], residuals[b]);
                 if x.is_nan() || y.is_nan() {
                     continue;
                 }
-                let inside = |p, q| within.map_or(0.0, |of| of(share.particle, [p, q]));
+                let inside = |p, q| within.map_or(0.0, |within| within(share.particle, [p, q]));
                 let products = [x * x + inside(a, a), y * y + inside(b, b), x * y + inside(a, b)];
                 let (n, w) = (share.number, share.weight);
                 let terms = [n, w, w * x, w * y, w * products[0], w * products[1], w * products[2]];
@@ -227,14 +234,14 @@ fn correlation([xx, yy, xy]: [f64; 3]) -> f64 {
 /// The correlations of a block's Gaussians: those of few particles are near that of all.
 fn finished(sums: &[PairSums], pairs: &[[usize; 2]]) -> Vec<FieldCorrelation> {
     let of_pair = |(place, &fields): (usize, &[usize; 2])| {
-        let own = || sums.iter().skip(place).step_by(pairs.len());
-        let pooled = own().fold([0.0; 3], |all, s| {
-            let own = covariance(s);
-            [0, 1, 2].map(|k| all[k] + s[1] * own[k])
+        let pair_rows = || sums.iter().skip(place).step_by(pairs.len());
+        let pooled = pair_rows().fold([0.0; 3], |all, s| {
+            let gaussian_covariance = covariance(s);
+            [0, 1, 2].map(|k| all[k] + s[1] * gaussian_covariance[k])
         });
         let prior = correlation(pooled);
         let value = |s: &PairSums| (s[0] * correlation(covariance(s)) + PRIOR * prior) / (s[0] + PRIOR);
-        FieldCorrelation { fields, values: own().map(value).collect() }
+        FieldCorrelation { fields, values: pair_rows().map(value).collect() }
     };
     pairs.iter().enumerate().map(of_pair).collect()
 }
@@ -275,8 +282,9 @@ mod tests {
             Ok(())
         };
         let moments = gather(&blocks, &particles, &shapes, &read, &Context::SILENT).unwrap();
-        let found = correlations(&blocks, &particles, (&shapes, &moments), &read, None, &Context::SILENT).unwrap();
-        let [one] = &found[0][..] else { panic!("one pair") };
+        let block_correlations =
+            correlations(&blocks, &particles, (&shapes, &moments), &read, None, &Context::SILENT).unwrap();
+        let [one] = &block_correlations[0][..] else { panic!("one pair") };
         assert_eq!(one.fields, [0, 1]);
         assert!((one.values[0] - 0.8).abs() < 0.01 && (one.values[1] + 0.5).abs() < 0.02, "{:?}", one.values);
     }

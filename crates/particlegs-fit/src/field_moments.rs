@@ -16,10 +16,10 @@ const RUNS: usize = 16;
 const RANGE: usize = 256;
 /// Particles that a slope of 0 counts as.
 const SLOPE_PRIOR: f64 = 5.0;
-/// Particles that the block's mean spread counts as. Outside haloes it is far above a Gaussian's own, so more of it would
-/// widen velocities there (docs/results/fields.md); without it Gaussians of few particles would have none.
+/// Particles that the block's mean spread counts as. Outside haloes it is far above a Gaussian's own, so more of it
+/// would widen velocities there (docs/results/fields.md); without it Gaussians of few particles would have none.
 const SPREAD_PRIOR: f64 = 0.5;
-/// What the slopes of a logarithm explain of its variance across a Gaussian, at most: exponentials of slopes that few
+/// Largest part of a logarithm's variance across a Gaussian that its slopes explain: exponentials of slopes that few
 /// particles suggest would outgrow all others.
 const MOST_EXPLAINED_OF_LOGARITHMS: f64 = 0.25;
 /// Passes over the particles.
@@ -47,16 +47,16 @@ pub struct FieldShape<'a> {
     pub name: &'a str,
     /// 1 or 3.
     pub components: usize,
-    /// Is it described by its logarithms?
+    /// Whether it is described by its logarithms.
     pub logarithmic: bool,
-    /// May particles lack a value (NaN)? These count as the others' mean.
+    /// Whether particles may lack a value (NaN). These count as the others' mean.
     pub may_lack: bool,
-    /// Are the values 1 for particles of a class, else 0?
+    /// Whether the values are 1 for particles of a class, else 0.
     pub share: bool,
 }
 
 impl<'a> FieldShape<'a> {
-    /// What is gathered of a field.
+    /// The shape of a field in which no value is missing.
     pub fn new(q: &'a Quantity) -> Self {
         let (components, share) = (q.component_names().len(), q.kind == QuantityKind::Category);
         FieldShape { name: &q.name, components, logarithmic: q.logarithmic, may_lack: false, share }
@@ -68,8 +68,8 @@ impl<'a> FieldShape<'a> {
     }
 }
 
-/// Reads the values of a run of particles: the columns of each field ([`FieldShape`]); then, of particles that stand for
-/// several, a column of how many. A logarithmic field has two: the logarithm of the value, and the value.
+/// Reads the values of a run of particles: the columns of each field ([`FieldShape`]); then, of particles that stand
+/// for several, a column of how many. A logarithmic field has two: the logarithm of the value, and the value.
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
 
 /// The block whose bounds a place lies in.
@@ -95,8 +95,8 @@ pub fn gather(
     let mut sums: Vec<BlockFieldSums> = blocks.iter().map(|b| BlockFieldSums::new(b, fields)).collect();
     let bounds: Vec<Bounds> = blocks.iter().map(|b| b.bounds).collect();
     let runs = particles.len().div_ceil(RUN);
-    let mut held: Vec<Option<Arc<PlaceShares>>> = vec![None; runs];
-    let mut room = HELD;
+    let mut cached_shares: Vec<Option<Arc<PlaceShares>>> = vec![None; runs];
+    let mut bytes_left = HELD;
     context.begin("fields", (PASSES * particles.len()) as u64);
     for pass in 0..PASSES {
         for first in (0..runs).step_by(RUNS) {
@@ -105,6 +105,7 @@ pub fn gather(
                 let range = run_number * RUN..particles.len().min((run_number + 1) * RUN);
                 let mut values = Vec::new();
                 read(run_number as u64, &mut values)?;
+                // Particles that stand for several have one column more.
                 let expected = [columns, columns + 1].contains(&values.len());
                 if !expected || values.iter().any(|v| v.len() != range.len()) {
                     return Err(Error::input(
@@ -115,17 +116,19 @@ pub fn gather(
                 check_finite(fields, &values, range.start)?;
                 let number = values.split_off(columns).pop().unwrap_or_default();
                 let run = RunValues { values, number, ..RunValues::new(particles, range) };
-                let place = held[run_number].clone();
+                let place = cached_shares[run_number].clone();
                 let place = place.unwrap_or_else(|| Arc::new(PlaceShares::new(&run, &bounds, &sums)));
                 Ok(RunShares::new(place, run, &sums))
             })?;
-            for (held, shares) in held[first..].iter_mut().zip(&batch).filter(|(held, _)| held.is_none()) {
+            // Shares by place are the same in every pass: those that fit into the bound are kept for the next.
+            for (entry, shares) in cached_shares[first..].iter_mut().zip(&batch).filter(|(entry, _)| entry.is_none()) {
                 let bytes = shares.place.bytes();
-                if bytes <= room {
-                    room -= bytes;
-                    *held = Some(shares.place.clone());
+                if bytes <= bytes_left {
+                    bytes_left -= bytes;
+                    *entry = Some(shares.place.clone());
                 }
             }
+            // Every row adds the runs in their order, so that sums do not depend on threads.
             for (number, block) in sums.iter_mut().enumerate() {
                 block.add(number as u32, &batch);
             }
@@ -188,7 +191,7 @@ impl<'a> FieldMeans<'a> {
     }
 }
 
-/// What a block's particles sum to, Gaussian by Gaussian.
+/// Sums over a block's particles, Gaussian by Gaussian.
 struct BlockFieldSums<'a> {
     block: &'a Block,
     assignment: SoftAssignment,
@@ -202,14 +205,14 @@ struct FieldSums {
     share: bool,
     /// The first of its columns.
     column: usize,
-    /// A row for each Gaussian: number and weight; weighted place from the mean and its products; values, products of values
-    /// with places, products of values; the values themselves where these are logarithms.
+    /// A row for each Gaussian: number and weight; weighted place from the mean and its products; values, products of
+    /// values with places, products of values; the values themselves where these are logarithms.
     rows: Vec<f64>,
     /// Weighted sum, least and largest value of each component.
     all: Vec<[f64; 3]>,
     /// Weights of all particles, and of those that have a value.
     weights: [f64; 2],
-    /// What the pass before found, from the second pass on.
+    /// Densities by the moments of the pass before, one a Gaussian; empty in the first pass.
     likelihoods: Vec<FieldLikelihood>,
 }
 
@@ -222,12 +225,12 @@ struct FieldLikelihood {
     log: f64,
 }
 
-/// What a run's particles are and carry.
+/// Places, weights and values of a run's particles.
 struct RunValues {
     position: [Vec<f64>; 3],
     weight: Vec<f64>,
     values: Vec<Vec<f64>>,
-    /// How many particles each stands for; empty where that is one.
+    /// Number of particles that each stands for; empty where that is one.
     number: Vec<f64>,
 }
 
@@ -280,7 +283,7 @@ impl PlaceShares {
     /// Of particles that have a value of some field.
     fn new(run: &RunValues, bounds: &[Bounds], blocks: &[BlockFieldSums<'_>]) -> Self {
         let particles = run.weight.len();
-        let (mut shares, mut own) = (Vec::with_capacity(3 * particles), Vec::new());
+        let (mut shares, mut particle_shares) = (Vec::with_capacity(3 * particles), Vec::new());
         let mut block = Vec::with_capacity(particles);
         for i in 0..particles {
             let x = run.place(i);
@@ -289,14 +292,14 @@ impl PlaceShares {
             if !blocks[number].fields.iter().any(|f| f.has_value(run, i)) {
                 continue;
             }
-            blocks[number].assignment.shares(x, &mut own);
+            blocks[number].assignment.shares(x, &mut particle_shares);
             let entry = |&(gaussian, share): &(u32, f64)| PlaceShare {
                 block: number as u32,
                 gaussian,
                 particle: i as u32,
                 share: share as f32,
             };
-            shares.extend(own.iter().map(entry));
+            shares.extend(particle_shares.iter().map(entry));
         }
         shares.sort_unstable_by_key(|s| (s.block, s.gaussian, s.particle));
         shares.shrink_to_fit();
@@ -321,14 +324,15 @@ impl RunShares {
 fn weighed(place: &PlaceShares, run: &RunValues, blocks: &[BlockFieldSums<'_>], field: usize) -> Vec<f32> {
     let likelihood = |s: &PlaceShare| {
         let (block, i) = (&blocks[s.block as usize], s.particle as usize);
-        let own = &block.fields[field];
-        if own.has_value(run, i) {
-            own.log_likelihood(&block.block.gaussians, s.gaussian as usize, run, i)
+        let field_sums = &block.fields[field];
+        if field_sums.has_value(run, i) {
+            field_sums.log_likelihood(&block.block.gaussians, s.gaussian as usize, run, i)
         } else {
             f64::NEG_INFINITY
         }
     };
     let mut logs: Vec<f64> = place.shares.iter().map(likelihood).collect();
+    // Relative to a particle's largest: a value far from all Gaussians would have densities of 0.
     let mut largest = vec![f64::NEG_INFINITY; run.weight.len()];
     let mut sum = vec![0.0; run.weight.len()];
     for (s, log) in place.shares.iter().zip(&logs) {
@@ -340,9 +344,9 @@ fn weighed(place: &PlaceShares, run: &RunValues, blocks: &[BlockFieldSums<'_>], 
         *log = if *log > f64::NEG_INFINITY { f64::from(s.share) * (*log - largest[i]).exp() } else { 0.0 };
         sum[i] += *log;
     }
-    let scaled =
+    let scaled_share =
         |(s, part): (&PlaceShare, f64)| if part > 0.0 { (part / sum[s.particle as usize]) as f32 } else { 0.0 };
-    place.shares.iter().zip(logs).map(scaled).collect()
+    place.shares.iter().zip(logs).map(scaled_share).collect()
 }
 
 impl FieldSums {
@@ -405,8 +409,10 @@ impl<'a> BlockFieldSums<'a> {
                 for batch in batch {
                     let (run, all) = (&batch.run, &batch.place.shares);
                     let place = |gaussian: u32| all.partition_point(|s| (s.block, s.gaussian) < (number, gaussian));
-                    let own = place(first)..place(first + (rows.len() / width) as u32);
-                    for (s, &share) in all[own.clone()].iter().zip(&batch.shares[index][own]) {
+                    // Shares are sorted by block and Gaussian: those of this task are one range.
+                    let share_range = place(first)..place(first + (rows.len() / width) as u32);
+                    for (s, &share) in all[share_range.clone()].iter().zip(&batch.shares[index][share_range]) {
+                        // Particles without a value have no share: their NaN must not reach the sums.
                         if share == 0.0 {
                             continue;
                         }
@@ -414,6 +420,7 @@ impl<'a> BlockFieldSums<'a> {
                         let (i, p) = (s.gaussian as usize, s.particle as usize);
                         let w = f64::from(share) * run.weight[p];
                         let d: [f64; 3] = each_axis(|k| run.position[k][p] - g.mean[k][i]);
+                        // Eleven numbers before the values: number, weight, place (3) and its products (6).
                         row[0] += f64::from(share) * run.number.get(p).copied().unwrap_or(1.0);
                         row[1] += w;
                         (0..3).for_each(|k| row[2 + k] += w * d[k]);
@@ -443,8 +450,8 @@ impl<'a> BlockFieldSums<'a> {
                     let values = &run.values[column + k];
                     // Sums are of values.
                     let summed = if logarithmic { &run.values[column + 1] } else { values };
-                    let own = (0..values.len()).filter(|&i| place.block[i] == number);
-                    for (v, q, w) in own.map(|i| (values[i], summed[i], run.weight[i])) {
+                    let block_particles = (0..values.len()).filter(|&i| place.block[i] == number);
+                    for (v, q, w) in block_particles.map(|i| (values[i], summed[i], run.weight[i])) {
                         if k == 0 {
                             field.weights[0] += w;
                             field.weights[1] += if v.is_nan() { 0.0 } else { w };
@@ -475,8 +482,8 @@ impl<'a> BlockFieldSums<'a> {
             // A block without particles has no range.
             let range = |a: &[f64; 3]| if a[1] <= a[2] { [a[1], a[2]] } else { [0.0; 2] };
             moments.range = field.all.iter().map(range).collect();
-            let [all, there] = field.weights;
-            let scale = if there > 0.0 { all / there } else { 1.0 };
+            let [whole_weight, valued_weight] = field.weights;
+            let scale = if valued_weight > 0.0 { whole_weight / valued_weight } else { 1.0 };
             BlockField { moments, sums: field.all.iter().map(|a| scale * a[0]).collect() }
         };
         self.fields.into_iter().map(finish).collect()
@@ -518,18 +525,19 @@ impl FieldSums {
         let overall: Vec<f64> = (0..components).map(|a| rows().map(|r| r[at + a]).sum::<f64>() / total).collect();
         let mut spreads = vec![0.0; products];
         let mut out = if self.logarithmic { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
-        let mut each = Vec::with_capacity(g.len());
+        let mut regressions = Vec::with_capacity(g.len());
         for (i, row) in rows().enumerate() {
             let most = if self.logarithmic { MOST_EXPLAINED_OF_LOGARITHMS } else { 1.0 };
-            let fitted = Regression::new(row, at, components, (&g.cov_of(i), most));
-            if let Some(f) = &fitted {
+            let regression = Regression::new(row, at, components, (&g.cov_of(i), most));
+            if let Some(f) = &regression {
                 spreads.iter_mut().zip(&f.spread).for_each(|(s, v)| *s += row[1] * v);
             }
-            each.push(fitted);
+            regressions.push(regression);
         }
         spreads.iter_mut().for_each(|s| *s /= total);
-        for (i, (row, fitted)) in rows().zip(each).enumerate() {
-            let f = fitted.unwrap_or_else(|| Regression {
+        // In a second loop, as the mean spread is known only after all Gaussians.
+        for (i, (row, regression)) in rows().zip(regressions).enumerate() {
+            let f = regression.unwrap_or_else(|| Regression {
                 mean: overall.clone(),
                 slope: vec![[0.0; 3]; components],
                 spread: spreads.clone(),
@@ -543,6 +551,7 @@ impl FieldSums {
                 column.push(share * f.spread[k] + (1.0 - share) * spreads[k]);
             }
             if let Some(column) = &mut out.excess {
+                // Above log-normal values of the spread that is stored, not of that of the particles alone.
                 let variance = out.spread[0].last().copied().unwrap_or(0.0);
                 column.push(share * excess(row, &f, variance, &g.cov_of(i)));
             }
@@ -551,8 +560,8 @@ impl FieldSums {
     }
 }
 
-/// What the logarithm of the mean of values is above that of log-normal values in a Gaussian of covariance `cov`; 0 without
-/// particles.
+/// Excess of the logarithm of the values' mean over that of log-normal values in a Gaussian of covariance `cov`; 0
+/// without particles.
 fn excess(row: &[f64], f: &Regression, variance: f64, cov: &Sym3) -> f64 {
     let (w, sum) = (row[1], row[row.len() - 1]);
     if w <= 0.0 || sum <= 0.0 {
@@ -569,8 +578,8 @@ struct Regression {
 }
 
 impl Regression {
-    /// `None` without particles. Across a Gaussian of covariance `cov` slopes explain no more than this part of the variance:
-    /// those of few particles that lie close together would reach far.
+    /// `None` without particles. Across a Gaussian of covariance `cov` slopes explain no more than this part of the
+    /// variance: those of few particles that lie close together would reach far.
     fn new(row: &[f64], at: usize, c: usize, (cov_of_all, most): (&Sym3, f64)) -> Option<Regression> {
         let (number, w) = (row[0], row[1]);
         if number < 1e-3 || w <= 0.0 {
@@ -585,29 +594,31 @@ impl Regression {
         let shrink = number / (number + SLOPE_PRIOR);
         let slope: Vec<[f64; 3]> = (0..c)
             .map(|a| {
-                let with: [f64; 3] = each_axis(|k| row[at + c + 3 * a + k] / w - mean[a] * place[k]);
-                let slope = inverse.map_or([0.0; 3], |i| i.apply(with).map(|v| v * shrink));
+                let place_covariance: [f64; 3] = each_axis(|k| row[at + c + 3 * a + k] / w - mean[a] * place[k]);
+                let slope = inverse.map_or([0.0; 3], |i| i.apply(place_covariance).map(|v| v * shrink));
                 let explained = cov_of_all.quadratic(slope);
-                let all = row[at + 4 * c + a * (2 * c - a + 1) / 2] / w - mean[a] * mean[a];
-                let most = most * all.max(0.0);
+                let variance = row[at + 4 * c + a * (2 * c - a + 1) / 2] / w - mean[a] * mean[a];
+                let most = most * variance.max(0.0);
                 let scale = if explained > most { (most / explained).sqrt() } else { 1.0 };
                 slope.map(|v| v * scale)
             })
             .collect();
+        // Covariances of what the slopes leave: as slopes are shrunk, the mixed terms do not cancel.
         let mut spread = Vec::new();
         let mut product = at + 4 * c;
         for a in 0..c {
             for b in a..c {
-                let both = row[product] / w - mean[a] * mean[b];
+                let pair_covariance = row[product] / w - mean[a] * mean[b];
                 let explained: [f64; 3] = cov.apply(slope[b]);
-                let with = |s: [f64; 3], a: usize| -> f64 {
+                let place_term = |s: [f64; 3], a: usize| -> f64 {
                     (0..3).map(|k| s[k] * (row[at + c + 3 * a + k] / w - mean[a] * place[k])).sum()
                 };
-                let own: f64 = (0..3).map(|k| slope[a][k] * explained[k]).sum();
-                spread.push(both - with(slope[a], b) - with(slope[b], a) + own);
+                let slope_covariance: f64 = (0..3).map(|k| slope[a][k] * explained[k]).sum();
+                spread.push(pair_covariance - place_term(slope[a], b) - place_term(slope[b], a) + slope_covariance);
                 product += 1;
             }
         }
+        // Moments are stated at the Gaussian's mean, from which the particles' mean place differs by `place`.
         let at_mean = (0..c).map(|a| mean[a] - (0..3).map(|k| slope[a][k] * place[k]).sum::<f64>()).collect();
         Some(Regression { mean: at_mean, slope, spread })
     }

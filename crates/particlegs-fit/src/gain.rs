@@ -1,4 +1,4 @@
-//! How much a picture differs when one Gaussian stands for two, or two for one: the squared difference of
+//! The change of a picture when one Gaussian stands for two, or two for one: the squared difference of
 //! the projected densities before and after, blurred, summed over the three axis planes, in closed form.
 //! A split's gain and a merge's cost are this one measure.
 

@@ -111,10 +111,11 @@ fn sums_kernel<S: Simd>(simd: S, xyz: &[[f32; 3]], reference: [f32; 3]) -> [f64;
                 sums[v].store_slice(&mut row[8 * v..][..8]);
             }
         }
-        // Sum k is found in row `of` at lanes `at`, `at + 3`, ...
+        // Sum k is found in its row at lanes `at`, `at + 3`, ...
         const PLACES: [(usize, usize); 9] = [(0, 0), (0, 1), (0, 2), (1, 0), (2, 0), (3, 0), (1, 1), (2, 1), (1, 2)];
-        for (k, (of, at)) in PLACES.into_iter().enumerate() {
-            let lane = |l: usize| acc[of][at + 3 * l];
+        for (k, (row, at)) in PLACES.into_iter().enumerate() {
+            let lane = |l: usize| acc[row][at + 3 * l];
+            // In a fixed order: the same bits with and without vector instructions.
             let sum = ((lane(0) + lane(4)) + (lane(2) + lane(6))) + ((lane(1) + lane(5)) + (lane(3) + lane(7)));
             total[k] += f64::from(sum);
         }

@@ -1,4 +1,4 @@
-//! Which Gaussians a group of particles can belong to: the K of largest overlap.
+//! The Gaussians that a group of particles can belong to: the K of largest overlap.
 //!
 //! Ranked by `d^T (A + B)^-1 d + ln det(A + B) - 2 ln m`, minus twice the logarithm of the
 //! overlap of the group's ellipsoid with the Gaussian. Ranking by the group's mean alone, or by a
@@ -110,6 +110,7 @@ impl<'a> OverlapTree<'a> {
                 node.min[k] = node.min[k].min(e.mean[k]);
                 node.max[k] = node.max[k].max(e.mean[k]);
             }
+            // Of each number the extreme that makes `bound` smallest.
             node.widest = node.widest.max(e.widest);
             node.det_cbrt = node.det_cbrt.min(e.det_cbrt);
             node.log_count2 = node.log_count2.max(e.log_count2);
@@ -121,6 +122,7 @@ impl<'a> OverlapTree<'a> {
             let axis = (0..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a });
             let items = self.items;
             let (low, high) = {
+                // Ties by number, so that the tree is the same every time.
                 order.select_nth_unstable_by(n / 2, |&i, &j| {
                     items[i as usize].mean[axis].total_cmp(&items[j as usize].mean[axis]).then(i.cmp(&j))
                 });
@@ -134,16 +136,16 @@ impl<'a> OverlapTree<'a> {
     }
 
     /// The Gaussians that overlap most with `group`, as far as `reach`, best first.
-    pub(crate) fn nearest(&self, group: &Ellipsoid, reach: SearchReach, found: &mut Vec<(f64, u32)>) {
-        self.search(group, None, usize::MAX, reach, found);
+    pub(crate) fn nearest(&self, group: &Ellipsoid, reach: SearchReach, neighbours: &mut Vec<(f64, u32)>) {
+        self.search(group, None, usize::MAX, reach, neighbours);
     }
 
     /// [`Self::nearest`] to one of the Gaussians themselves, the `at`-th in the tree's order, by a look
     /// at no more than [`MOST_LEAVES`] leaves. Where so many overlap alike that no bound tells them
     /// apart (thousands at one place), those are taken that lie beside it in the tree.
-    pub(crate) fn nearest_to(&self, at: usize, reach: SearchReach, found: &mut Vec<(f64, u32)>) {
-        let own = &self.items[self.order[at] as usize];
-        self.search(own, Some(at as u32), MOST_LEAVES, reach, found);
+    pub(crate) fn nearest_to(&self, at: usize, reach: SearchReach, neighbours: &mut Vec<(f64, u32)>) {
+        let ellipsoid = &self.items[self.order[at] as usize];
+        self.search(ellipsoid, Some(at as u32), MOST_LEAVES, reach, neighbours);
     }
 
     /// The Gaussians in the tree's order.
@@ -157,15 +159,15 @@ impl<'a> OverlapTree<'a> {
         home: Option<u32>,
         mut leaves: usize,
         reach: SearchReach,
-        found: &mut Vec<(f64, u32)>,
+        neighbours: &mut Vec<(f64, u32)>,
     ) {
-        found.clear();
+        neighbours.clear();
         if self.nodes.is_empty() {
             return;
         }
         let mut stack: Vec<(f64, u32)> = vec![(self.bound(0, group), 0)];
         while let Some((bound, id)) = stack.pop() {
-            if bound > reach.limit(found) {
+            if bound > reach.limit(neighbours) {
                 continue;
             }
             let node = &self.nodes[id as usize];
@@ -177,11 +179,11 @@ impl<'a> OverlapTree<'a> {
                 for &i in &self.order[node.start as usize..node.end as usize] {
                     let s = group.separation(&self.items[i as usize]);
                     // From home on, those found first stay where others are as near.
-                    let tie = home.is_some() && found.len() == reach.most && s == found[reach.most - 1].0;
-                    if s <= reach.limit(found) && !tie {
-                        let at = found.partition_point(|f| (f.0, f.1) < (s, i));
-                        found.insert(at, (s, i));
-                        found.truncate(reach.most);
+                    let tie = home.is_some() && neighbours.len() == reach.most && s == neighbours[reach.most - 1].0;
+                    if s <= reach.limit(neighbours) && !tie {
+                        let at = neighbours.partition_point(|f| (f.0, f.1) < (s, i));
+                        neighbours.insert(at, (s, i));
+                        neighbours.truncate(reach.most);
                     }
                 }
             } else {
@@ -191,6 +193,7 @@ impl<'a> OverlapTree<'a> {
                     Some(home) if bl == br => home < self.nodes[r as usize].start,
                     _ => bl <= br,
                 };
+                // The nearer child goes on top of the stack: what it holds tightens the limit for the other.
                 if left_first {
                     stack.push((br, r));
                     stack.push((bl, l));
@@ -200,8 +203,8 @@ impl<'a> OverlapTree<'a> {
                 }
             }
         }
-        let cut = found.first().map_or(0.0, |f| f.0 + reach.beyond);
-        found.retain(|f| f.0 <= cut);
+        let limit = neighbours.first().map_or(0.0, |f| f.0 + reach.beyond);
+        neighbours.retain(|f| f.0 <= limit);
     }
 
     /// No Gaussian of the node has a smaller separation: the distance over the widest sum of
@@ -219,10 +222,10 @@ impl<'a> OverlapTree<'a> {
 
 impl SearchReach {
     /// The largest separation that can still be found.
-    fn limit(self, found: &[(f64, u32)]) -> f64 {
-        match found.first() {
+    fn limit(self, neighbours: &[(f64, u32)]) -> f64 {
+        match neighbours.first() {
             None => f64::INFINITY,
-            Some(best) if found.len() == self.most => found[self.most - 1].0.min(best.0 + self.beyond),
+            Some(best) if neighbours.len() == self.most => neighbours[self.most - 1].0.min(best.0 + self.beyond),
             Some(best) => best.0 + self.beyond,
         }
     }
@@ -251,15 +254,15 @@ mod tests {
     fn the_tree_finds_what_a_full_search_finds() {
         let items = ellipsoids(600);
         let tree = OverlapTree::new(&items);
-        let mut found = Vec::new();
+        let mut neighbours = Vec::new();
         for group in ellipsoids(60) {
             let mut all: Vec<(f64, u32)> =
                 items.iter().enumerate().map(|(i, e)| (group.separation(e), i as u32)).collect();
             all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let cut = all[0].0 + 9.0;
             let expected: Vec<_> = all.into_iter().take(12).filter(|f| f.0 <= cut).collect();
-            tree.nearest(&group, SearchReach { most: 12, beyond: 9.0 }, &mut found);
-            assert_eq!(found, expected);
+            tree.nearest(&group, SearchReach { most: 12, beyond: 9.0 }, &mut neighbours);
+            assert_eq!(neighbours, expected);
         }
     }
 }

@@ -78,8 +78,8 @@ pub(super) fn partition(
     }
     context.check()?;
     let s = (picture_sigma(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
-    let grower = PartitionBuilder { blur: Blur::from_sigma(s), context };
-    let bounds = grower.grow(&mut store, gaussians)?;
+    let builder = PartitionBuilder { blur: Blur::from_sigma(s), context };
+    let bounds = builder.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
     let moments_of =
         |c: &Range<usize>| Moments::from_points(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()]));
@@ -92,7 +92,7 @@ struct PartitionBuilder<'a> {
     context: &'a Context<'a>,
 }
 
-/// What a branch has done.
+/// Cuts of a branch, and cells that it leaves for later rounds.
 #[derive(Default)]
 struct Branch {
     made: Vec<CutRecord>,
@@ -136,20 +136,22 @@ impl PartitionBuilder<'_> {
         let whole = Moments::quick(self.context.simd(), &store.xyz);
         let root = ParticleCell { start: 0, xyz: &mut store.xyz, weight: store.weight.as_deref_mut() };
         let mut all = Branch::default();
+        // No gain reaches an infinite threshold: the root is cut, and its halves wait for the first round.
         self.examine(root, whole, f64::INFINITY, &mut all)?;
         let mut threshold = Threshold::new();
         while all.made.len() + 1 < enough && !all.pending.is_empty() {
             let least = threshold.next(&all, enough);
-            let (go, wait): (Vec<_>, Vec<_>) = all.pending.into_iter().partition(|p| p.gain >= least);
-            all.pending = wait;
-            let made = all.made.len();
-            for branch in self.round(store, go, least) {
+            let (ready_cells, waiting_cells): (Vec<_>, Vec<_>) = all.pending.into_iter().partition(|p| p.gain >= least);
+            all.pending = waiting_cells;
+            let cuts_before = all.made.len();
+            for branch in self.round(store, ready_cells, least) {
                 all.append(branch?);
             }
-            self.context.advance((all.made.len() - made) as u64);
+            self.context.advance((all.made.len() - cuts_before) as u64);
         }
         self.context.end();
         drop(all.pending);
+        // Each cut makes one cell more.
         let mut bounds = best_cuts(all.made, gaussians - 1);
         bounds.extend([0, n]);
         bounds.sort_unstable();
@@ -157,21 +159,26 @@ impl PartitionBuilder<'_> {
     }
 
     /// Cuts the pending cells down to `threshold`, in the order of the store.
-    fn round(&self, store: &mut ParticleStore, mut go: Vec<PendingCell>, threshold: f64) -> Vec<Result<Branch>> {
+    fn round(
+        &self,
+        store: &mut ParticleStore,
+        mut pending_cells: Vec<PendingCell>,
+        threshold: f64,
+    ) -> Vec<Result<Branch>> {
         // In the store's order: each cell's slices are split off what is left of the store.
-        go.sort_unstable_by_key(|p| p.start);
-        let mut cells = Vec::with_capacity(go.len());
+        pending_cells.sort_unstable_by_key(|p| p.start);
+        let mut cells = Vec::with_capacity(pending_cells.len());
         let (mut xyz, mut weight) = (&mut store.xyz[..], store.weight.as_deref_mut());
         let mut at = 0;
-        for p in go {
+        for p in pending_cells {
             let (skip, len) = (p.start - at, p.end - p.start);
-            let here = xyz.split_at_mut(skip).1.split_at_mut(len);
-            xyz = here.1;
+            let xyz_split = xyz.split_at_mut(skip).1.split_at_mut(len);
+            xyz = xyz_split.1;
             let w = weight.map(|w| w.split_at_mut(skip).1.split_at_mut(len));
             let (w_here, w_rest) = w.unzip();
             weight = w_rest;
             at = p.end;
-            let cell = ParticleCell { start: p.start, xyz: here.0, weight: w_here };
+            let cell = ParticleCell { start: p.start, xyz: xyz_split.0, weight: w_here };
             cells.push((cell, p));
         }
         parallel::map(cells, |(cell, p)| {
@@ -216,6 +223,7 @@ impl PartitionBuilder<'_> {
             || self.examine(first, a, threshold, out),
             || self.examine(second, b, threshold, &mut other),
         );
+        // In the order of the halves, whichever thread ends first.
         out.append(other);
         x.and(y)
     }
@@ -238,18 +246,19 @@ impl Threshold {
     /// eight times more cuts a round at most, and the last round just past `enough` cells.
     fn next(&mut self, all: &Branch, enough: usize) -> f64 {
         let largest = all.pending.iter().map(|p| p.gain).fold(0.0, f64::max);
-        let made = all.made.len();
+        let cut_count = all.made.len();
         let next = match (self.last, self.before) {
-            (Some(t1), Some((t0, m0))) if made > m0 && m0 > 0 && t0 > t1 => {
-                let power = ((made as f64 / m0 as f64).ln() / (t0 / t1).ln()).clamp(0.1, 4.0);
-                let growth = (1.02 * enough as f64 / (made + 1) as f64).clamp(1.05, 8.0);
+            (Some(t1), Some((t0, m0))) if cut_count > m0 && m0 > 0 && t0 > t1 => {
+                let power = ((cut_count as f64 / m0 as f64).ln() / (t0 / t1).ln()).clamp(0.1, 4.0);
+                // 2 % beyond what is wanted, so that no further round is needed for the last few cells.
+                let growth = (1.02 * enough as f64 / (cut_count + 1) as f64).clamp(1.05, 8.0);
                 t1 / growth.powf(1.0 / power)
             }
             (Some(t1), _) => t1 / 4.0,
             _ => largest,
         };
         let next = next.min(largest);
-        self.before = self.last.map(|t| (t, made));
+        self.before = self.last.map(|t| (t, cut_count));
         self.last = Some(next);
         next
     }

@@ -128,9 +128,9 @@ fn the_origin_changes_no_cut() {
     let part = cut(&p, 100);
     let mut near = p.clone();
     near.origin = [0.0; 3];
-    let there = cut(&near, 100);
-    check(&near, &there);
-    assert!(part.store.xyz == there.store.xyz && part.cells == there.cells);
+    let near_partition = cut(&near, 100);
+    check(&near, &near_partition);
+    assert!(part.store.xyz == near_partition.store.xyz && part.cells == near_partition.cells);
 }
 
 #[test]

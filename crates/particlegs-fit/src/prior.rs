@@ -1,4 +1,4 @@
-//! What covariance a few particles support.
+//! The covariance that a few particles support.
 //!
 //! Particles that a Gaussian was fitted to lie closer to it than others of the same density do, and the fewer they
 //! are the longer the needle that they happen to form. So each covariance is drawn towards the shape of its
@@ -8,7 +8,7 @@
 
 use particlegs_core::math::Sym3;
 
-/// What is expected of a covariance before its own particles are looked at.
+/// The expectation of a covariance before its own particles are looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Prior {
     /// Particles that the neighbours' shape counts as.
@@ -37,11 +37,11 @@ impl Prior {
         let share = self.shape / all;
         let size = cov.trace() / 3.0;
         let shaped = cov.scale(1.0 - share).add(&expected.scale(share * size));
-        let own = match self.thin {
+        let posterior = match self.thin {
             Some(k) if shaped.variance(k) > 0.0 => shaped.stretched(k, (cov.variance(k) / shaped.variance(k)).sqrt()),
             _ => shaped,
         };
-        own.scale(1.0 + self.spread / count.max(1.0))
+        posterior.scale(1.0 + self.spread / count.max(1.0))
     }
 }
 

@@ -56,9 +56,9 @@ pub(crate) struct RefineOptions {
 const BLOCK_PARTICLES: f64 = 4_000_000.0;
 const BLOCK_GAUSSIANS: usize = 1 << 16;
 
-/// In particle radii: the E step's floor, the focus's blur and the blur of split and merge, before the last round and in
-/// it. Found on N-body data at 50 to 2000 particles a Gaussian; the blur of split and merge trades large drawing radii
-/// (larger) against small ones, and the last round's alone gains 0.01 dB of these for less of those.
+/// In particle radii: the E step's floor, the focus's blur and the blur of split and merge, before the last round and
+/// in it. Found on N-body data at 50 to 2000 particles a Gaussian; the blur of split and merge trades large drawing
+/// radii (larger) against small ones, and the last round's alone gains 0.01 dB of these for less of those.
 const FLOOR_RADII: f64 = 0.4;
 const FOCUS_BLUR_RADII: f64 = 3.0;
 const MOVE_BLUR_RADII: f64 = 6.0;
@@ -66,15 +66,16 @@ const LAST_MOVE_BLUR_RADII: f64 = 5.0;
 /// Pixels of refinement's blurs, in those of the nearest pictures: the far orbit's. Where pixels are wider than splats
 /// (33.6 million particles in 1080 lines) 1 loses 0.02 dB far and mid, and gains nothing near.
 const PIXELS: f64 = 2.0;
-/// See [`Regularisation::focus`]. On nbody64 at ratio 300, focus 0, 0.6 and 1 (of Gaussians wider than 5 radii) give 4.362, 4.393,
-/// 4.374 bits a held-out particle on its halves, 22.93, 23.17, 22.88 dB at large radii and 32.13, 32.24, 32.22 dB at the
-/// default one: all of it swells P(k) by 1 %, none of it loses halo cores (mass 0.59 of the truth's, 0.83 with 1). From
-/// 3 radii on it keeps cores (0.90 with 0.6) and costs 0.01 bits and 0.1 dB at large radii. 0.75 gains 0.01 dB at the default
-/// radius, and loses 0.08 dB at large ones and 0.005 bits; 0.5 to 0.6 gain 0.02 dB at ratio 3000.
+/// See [`Regularisation::focus`]. On nbody64 at ratio 300, focus 0, 0.6 and 1 (of Gaussians wider than 5 radii) give
+/// 4.362, 4.393, 4.374 bits a held-out particle on its halves, 22.93, 23.17, 22.88 dB at large radii and 32.13, 32.24,
+/// 32.22 dB at the default one: all of it swells P(k) by 1 %, none of it loses halo cores (mass 0.59 of the truth's,
+/// 0.83 with 1). From 3 radii on it keeps cores (0.90 with 0.6) and costs 0.01 bits and 0.1 dB at large radii. 0.75
+/// gains 0.01 dB at the default radius, and loses 0.08 dB at large ones and 0.005 bits; 0.5 to 0.6 gain 0.02 dB at
+/// ratio 3000.
 const FOCUS: f64 = 0.63;
-/// See [`MoveOptions::likelihood`]: on a half of nbody64 at ratio 300, 0, 0.3, 1, 3 give 4.375, 4.393, 4.371, 4.334 bits a
-/// held-out particle, and 32.18, 32.22, 32.16, 32.10 dB on all of it; over four ratios 0.12 has the bits of 0.25 and 0.01 dB
-/// more.
+/// See [`MoveOptions::likelihood`]: on a half of nbody64 at ratio 300, 0, 0.3, 1, 3 give 4.375, 4.393, 4.371, 4.334
+/// bits a held-out particle, and 32.18, 32.22, 32.16, 32.10 dB on all of it; over four ratios 0.12 has the bits of 0.25
+/// and 0.01 dB more.
 const LIKELIHOOD: f64 = 0.1;
 
 /// Refines a partition for pictures drawn with `radius` (world units). The same bits for any number
@@ -84,28 +85,29 @@ pub(crate) fn refine(
     partition: &Partition,
     radius: f64,
     options: &RefineOptions,
-    pieces: &mut dyn CheckpointStore,
+    checkpoints: &mut dyn CheckpointStore,
     context: &Context<'_>,
 ) -> Result<Mixture> {
     if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0 && options.pixel >= 0.0) {
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
     let scaled = (radius * partition.store.scale).clamp(1e-9, 1e9);
-    let shade = (options.rounds > 0).then(|| TransmittanceMaps::new(&partition.store.xyz, scaled));
+    let transmittance = (options.rounds > 0).then(|| TransmittanceMaps::new(&partition.store.xyz, scaled));
     let pixel = PIXELS * options.pixel * partition.store.scale;
-    let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, context };
+    let refiner = Refiner { shade: transmittance.as_ref(), partition, radius: scaled, pixel, options, context };
     let blocks = refiner.blocks();
+    // Each block reports its first iterations, each round and its end.
     context.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
     let mut mixture = Mixture::new(store.weight.is_some());
     for (i, block) in blocks.into_iter().enumerate() {
         let key = format!("refined {i}");
-        let gaussians = match pieces.get(&key).and_then(|bytes| RefinedGaussians::from_bytes(&bytes)) {
-            Some(there) => there,
+        let gaussians = match checkpoints.get(&key).and_then(|bytes| RefinedGaussians::from_bytes(&bytes)) {
+            Some(gaussians) => gaussians,
             None => {
-                let (made, _) = refiner.block(block.clone(), gaussians_of(&partition.moments[block]))?;
-                pieces.keep(&key, made.to_bytes())?;
-                made
+                let (gaussians, _) = refiner.block(block.clone(), gaussians_of(&partition.moments[block]))?;
+                checkpoints.keep(&key, gaussians.to_bytes())?;
+                gaussians
             }
         };
         append(&mut mixture, &gaussians, store);
@@ -122,8 +124,8 @@ pub struct TrackedGaussians {
     pub born: Vec<bool>,
 }
 
-/// Refines Gaussians of an earlier frame, moved to where they are expected, on a partition that has a cell for each of them:
-/// the particles that it is likeliest to have.
+/// Refines Gaussians of an earlier frame, moved to where they are expected, on a partition that has a cell for each of
+/// them: the particles that it is likeliest to have.
 pub(crate) fn track(
     partition: &Partition,
     start: &Mixture,
@@ -133,9 +135,9 @@ pub(crate) fn track(
 ) -> Result<TrackedGaussians> {
     let store = &partition.store;
     let scaled = (radius * store.scale).clamp(1e-9, 1e9);
-    let shade = (options.rounds > 0).then(|| TransmittanceMaps::new(&store.xyz, scaled));
+    let transmittance = (options.rounds > 0).then(|| TransmittanceMaps::new(&store.xyz, scaled));
     let pixel = PIXELS * options.pixel * store.scale;
-    let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, context };
+    let refiner = Refiner { shade: transmittance.as_ref(), partition, radius: scaled, pixel, options, context };
     let blocks = refiner.blocks();
     context.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
     let weighted = store.weight.is_some();
@@ -149,6 +151,7 @@ pub(crate) fn track(
             gaussians.push(mean, cov, start.count[i], start.mass_of(i));
         }
         let (gaussians, born) = refiner.block(block, gaussians)?;
+        // Also Gaussians that have lost their particles: those of two frames correspond by their numbers.
         for j in 0..gaussians.len() {
             let cov = without_negative_variances(&gaussians.cov[j]).scale(unit).scale(unit);
             let mean = store.to_world(gaussians.mean[j]);
@@ -186,8 +189,8 @@ impl Refiner<'_> {
 
     /// Share of the particles in the sample.
     fn rate(&self) -> f64 {
-        let wanted = self.options.sample * self.partition.cells.len() as f64;
-        (wanted / self.partition.store.len().max(1) as f64).min(1.0)
+        let sample_particles = self.options.sample * self.partition.cells.len() as f64;
+        (sample_particles / self.partition.store.len().max(1) as f64).min(1.0)
     }
 
     fn shape(&self) -> Regularisation {
@@ -196,8 +199,8 @@ impl Refiner<'_> {
         Regularisation { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
     }
 
-    /// Refines the Gaussians of some cells, from `gaussians` on; and says which of these gave up their places to halves of
-    /// others.
+    /// Refines the Gaussians of some cells, from `gaussians` on; and says which of these gave up their places to halves
+    /// of others.
     fn block(&self, cells: Range<usize>, mut gaussians: RefinedGaussians) -> Result<(RefinedGaussians, Vec<bool>)> {
         let store = &self.partition.store;
         let first = self.partition.cells[cells.start].start;
@@ -218,6 +221,7 @@ impl Refiner<'_> {
             (expected, born) = self.rounds(sampled.view(), &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
             if self.options.last_iterations > 0 {
+                // The candidates of the rounds are those of the sample's groups.
                 let candidates = self.candidates(&groups, &gaussians)?;
                 self.iterate(whole, &candidates, &mut gaussians, &expected, self.options.last_iterations)?;
             }
@@ -236,7 +240,7 @@ impl Refiner<'_> {
     /// EM with fixed candidates and expected shapes; whose each particle is.
     fn iterate(
         &self,
-        cloud: GroupedParticles<'_>,
+        particles: GroupedParticles<'_>,
         candidates: &Candidates,
         gaussians: &mut RefinedGaussians,
         expected: &[Sym3],
@@ -244,24 +248,30 @@ impl Refiner<'_> {
     ) -> Result<Vec<u32>> {
         let (mut owner, mut before) = (Vec::new(), f64::NEG_INFINITY);
         let settled = self.options.settled;
-        let enough = settled.map(|bits| bits * std::f64::consts::LN_2 * cloud.xyz.len() as f64);
+        let enough = settled.map(|bits| bits * std::f64::consts::LN_2 * particles.xyz.len() as f64);
         for i in 0..iterations {
-            let wanted =
+            // Only the last iteration's owners are used; where one may settle, any may be the last.
+            let expectation_options =
                 ExpectationOptions { owner: settled.is_some() || i + 1 == iterations, likelihood: settled.is_some() };
-            let e = expect(cloud, candidates, gaussians, self.shape(), wanted, self.context)?;
-            maximise(&e, cloud.groups, candidates, gaussians, self.shape(), expected);
-            owner = e.owner;
-            if enough.is_some_and(|enough| e.likelihood - before < enough) {
+            let expectation =
+                expect(particles, candidates, gaussians, self.shape(), expectation_options, self.context)?;
+            maximise(&expectation, particles.groups, candidates, gaussians, self.shape(), expected);
+            owner = expectation.owner;
+            if enough.is_some_and(|enough| expectation.likelihood - before < enough) {
                 break;
             }
-            before = e.likelihood;
+            before = expectation.likelihood;
         }
         Ok(owner)
     }
 
-    /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last, and which are halves of
-    /// others.
-    fn rounds(&self, cloud: GroupedParticles<'_>, gaussians: &mut RefinedGaussians) -> Result<(Vec<Sym3>, Vec<bool>)> {
+    /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last, and which are
+    /// halves of others.
+    fn rounds(
+        &self,
+        particles: GroupedParticles<'_>,
+        gaussians: &mut RefinedGaussians,
+    ) -> Result<(Vec<Sym3>, Vec<bool>)> {
         let options = self.options;
         let mut born = vec![false; gaussians.len()];
         let moves = |radii: f64| MoveOptions {
@@ -271,30 +281,32 @@ impl Refiner<'_> {
             ratio: options.ratio,
             share: options.most_moved,
         };
-        let candidates = self.candidates(cloud.groups, gaussians)?;
+        let candidates = self.candidates(particles.groups, gaussians)?;
         let mut expected = shapes_beside(gaussians);
-        let mut owner = self.iterate(cloud, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
+        let mut owner = self.iterate(particles, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
         self.context.advance(1);
-        let mut own: GroupStore;
-        let mut cloud = cloud;
-        let Some(shade) = self.shade else { return Ok((expected, born)) };
+        let mut group_store: GroupStore;
+        let mut particles = particles;
+        let Some(transmittance) = self.shade else { return Ok((expected, born)) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
             self.context.check()?;
-            own = regroup(cloud, &owner, gaussians.len());
-            cloud = own.view();
-            let candidates = self.candidates(cloud.groups, gaussians)?;
+            // Splits and mean shapes rely on group j being Gaussian j's own particles.
+            group_store = regroup(particles, &owner, gaussians.len());
+            particles = group_store.view();
+            let candidates = self.candidates(particles.groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
-            let made = exchange(gaussians, cloud, &candidates, shade, moves, self.context)?;
+            let exchanges = exchange(gaussians, particles, &candidates, transmittance, moves, self.context)?;
             // Searched once a round: an exchange moves few Gaussians, and their groups are known.
-            let candidates = candidates.after(&made, gaussians.len());
-            for m in &made {
+            let candidates = candidates.after(&exchanges, gaussians.len());
+            for m in &exchanges {
+                // A half lies where the whole did, so the same neighbours tell its shape.
                 expected[m.freed as usize] = expected[m.split as usize];
                 born[m.freed as usize] = true;
             }
             let iterations = if last { options.settling } else { options.iterations };
-            owner = self.iterate(cloud, &candidates, gaussians, &expected, iterations.max(1))?;
+            owner = self.iterate(particles, &candidates, gaussians, &expected, iterations.max(1))?;
             self.context.advance(1);
         }
         Ok((expected, born))
@@ -324,18 +336,18 @@ fn gaussians_of(moments: &[Moments]) -> RefinedGaussians {
 
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
-fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> GroupStore {
+fn sample(particles: GroupedParticles<'_>, rate: f64, seed: u64) -> GroupStore {
     let shift = Random::from_purpose(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
-    let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
-    let mut weight = cloud.weight.map(|_| Vec::with_capacity(xyz.capacity()));
-    let mut ranges = Vec::with_capacity(cloud.groups.range.len());
-    for range in &cloud.groups.range {
+    let mut xyz = Vec::with_capacity((particles.xyz.len() as f64 * rate) as usize + 1);
+    let mut weight = particles.weight.map(|_| Vec::with_capacity(xyz.capacity()));
+    let mut ranges = Vec::with_capacity(particles.groups.range.len());
+    for range in &particles.groups.range {
         let from = xyz.len();
         for i in range.clone() {
             if keep(i) {
-                xyz.push(cloud.xyz[i]);
-                if let (Some(new), Some(old)) = (&mut weight, cloud.weight) {
+                xyz.push(particles.xyz[i]);
+                if let (Some(new), Some(old)) = (&mut weight, particles.weight) {
                     new.push(old[i]);
                 }
             }
@@ -371,9 +383,9 @@ fn conserve(gaussians: &mut RefinedGaussians, moments: &[Moments], weighted: boo
 }
 
 fn to_sum(values: &mut [f64], sum: f64) {
-    let is: f64 = values.iter().sum();
-    if is > 0.0 {
-        values.iter_mut().for_each(|v| *v *= sum / is);
+    let total: f64 = values.iter().sum();
+    if total > 0.0 {
+        values.iter_mut().for_each(|v| *v *= sum / total);
     }
 }
 

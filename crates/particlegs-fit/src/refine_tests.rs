@@ -94,7 +94,7 @@ fn refinement_beats_the_partition_in_projection() {
 fn counts_and_masses_are_conserved() {
     let mut p = sample();
     let n = p.len();
-    let check = |sum: f64, of: f64| assert!((sum / of - 1.0).abs() < 1e-12, "{sum} {of}");
+    let check = |sum: f64, expected: f64| assert!((sum / expected - 1.0).abs() < 1e-12, "{sum} {expected}");
     for rate in [1e9, 100.0] {
         let m = refined(&p, 800, 2, rate);
         assert!(m.masses().is_none() && m.len() <= 800);
@@ -200,8 +200,8 @@ fn discs_and_layers_stay_thin() {
     }
 }
 
-/// With 16 particles a Gaussian in boxes of 1:10 000 and 1:100 000, a share of a rounder shape would be several times the
-/// thickness.
+/// With 16 particles a Gaussian in boxes of 1:10 000 and 1:100 000, a share of a rounder shape would be several times
+/// the thickness.
 #[test]
 fn flat_boxes_keep_their_thickness() {
     for thin in [1e-4, 1e-5] {

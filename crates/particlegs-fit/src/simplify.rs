@@ -17,7 +17,7 @@ use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result, parallel};
 use particlegs_files::memory::require;
 
-/// How far a mixture is made smaller.
+/// The size of a smaller mixture, and the pictures that it is made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimplifyOptions {
     /// Gaussians, at most.
@@ -153,20 +153,20 @@ impl OverlapNeighbours {
         let mut place = vec![0u32; items.len()];
         tree.order().iter().enumerate().for_each(|(at, &i)| place[i as usize] = at as u32);
         let scratch = parallel::Scratch::<Vec<(f64, u32)>>::default();
-        let own = |j: usize| {
+        let neighbours_of = |j: usize| {
             if j.is_multiple_of(CHECK) {
                 context.check()?;
             }
-            scratch.with(|found| {
+            scratch.with(|neighbours| {
                 // Those without particles are in no tree: they have no place to search from.
                 match items[j].gaussian.count > 0.0 {
-                    true => tree.nearest_to(place[j] as usize, reach, found),
-                    false => tree.nearest(&ellipsoids[j], reach, found),
+                    true => tree.nearest_to(place[j] as usize, reach, neighbours),
+                    false => tree.nearest(&ellipsoids[j], reach, neighbours),
                 }
-                Ok(found.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
+                Ok(neighbours.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
             })
         };
-        parallel::try_map_range(items.len(), own).map(Self)
+        parallel::try_map_range(items.len(), neighbours_of).map(Self)
     }
 
     /// Each with those before and after it in the order of a tree over places.
@@ -191,30 +191,30 @@ impl OverlapNeighbours {
 
     /// Those of the Gaussians after a round: of a merged pair both ones' in turn.
     fn after(&self, round: &Round) -> Self {
-        let own = |&i: &u32| {
+        let neighbours_after = |&i: &u32| {
             let mut lists = [Some(i), round.partner[i as usize]].map(|k| {
                 let list: &[u32] = k.map_or(&[], |k| &self.0[k as usize]);
                 list.iter()
             });
-            let me = round.place[i as usize];
+            let number = round.place[i as usize];
             let mut all: Vec<u32> = Vec::with_capacity(NEIGHBOURS);
             while all.len() < NEIGHBOURS && lists.iter().any(|l| l.len() > 0) {
                 for n in lists.iter_mut().filter_map(|l| l.next()) {
                     let n = round.place[*n as usize];
-                    if n != me && !all.contains(&n) {
+                    if n != number && !all.contains(&n) {
                         all.push(n);
                     }
                 }
             }
             all
         };
-        OverlapNeighbours(parallel::map(&round.kept, own))
+        OverlapNeighbours(parallel::map(&round.kept, neighbours_after))
     }
 }
 
-/// Which Gaussians a round merged.
+/// The Gaussians that a round merged.
 struct Round {
-    /// With whom each was merged, at the one that stays.
+    /// The Gaussian that each one that stays was merged with.
     partner: Vec<Option<u32>>,
     /// Gaussians that are there after the round, by their old numbers.
     kept: Vec<u32>,
@@ -284,27 +284,27 @@ impl Round {
         let most = (count - wanted).min((count as f64 * SHARE) as usize).max(1);
         let mut partner = vec![None; count];
         let mut into: Vec<Option<u32>> = vec![None; count];
-        let mut made = 0;
+        let mut merge_count = 0;
         for &MergeCandidate { a, b, .. } in merges {
             let free = |k: u32| partner[k as usize].is_none() && into[k as usize].is_none();
-            if made == most {
+            if merge_count == most {
                 break;
             }
             if free(a) && free(b) {
                 partner[a as usize] = Some(b);
                 into[b as usize] = Some(a);
-                made += 1;
+                merge_count += 1;
             }
         }
-        let kept: Vec<u32> = (0..count as u32).filter(|&i| into[i as usize].is_none()).collect();
+        let survivors: Vec<u32> = (0..count as u32).filter(|&i| into[i as usize].is_none()).collect();
         let mut place = vec![0; count];
-        kept.iter().enumerate().for_each(|(to, &i)| place[i as usize] = to as u32);
+        survivors.iter().enumerate().for_each(|(to, &i)| place[i as usize] = to as u32);
         (0..count).for_each(|i| {
             if let Some(a) = into[i] {
                 place[i] = place[a as usize];
             }
         });
-        Round { partner, kept, place }
+        Round { partner, kept: survivors, place }
     }
 }
 
@@ -317,16 +317,16 @@ struct MergeCandidate {
 
 /// Each Gaussian's cheapest merge among its neighbours, the cheapest of all first.
 fn cheapest(items: &[MergeGaussian], neighbours: &OverlapNeighbours, measure: OverlapMeasure) -> Vec<MergeCandidate> {
-    let own = |j: usize| {
-        let me = &items[j].gaussian;
+    let cheapest_of = |j: usize| {
+        let gaussian = &items[j].gaussian;
         let merge = |&n: &u32| {
             let other = &items[n as usize].gaussian;
-            let cost = measure.blur.difference(&me.union(other), me, other);
+            let cost = measure.blur.difference(&gaussian.union(other), gaussian, other);
             MergeCandidate { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
         neighbours.0[j].iter().map(merge).min_by(by_cost)
     };
-    let mut merges: Vec<MergeCandidate> = parallel::map_range(items.len(), own).into_iter().flatten().collect();
+    let mut merges: Vec<MergeCandidate> = parallel::map_range(items.len(), cheapest_of).into_iter().flatten().collect();
     merges.sort_unstable_by(by_cost);
     merges
 }

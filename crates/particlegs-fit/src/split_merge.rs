@@ -32,6 +32,7 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
     }
     let total = histogram.iter().fold((0.0, 0.0), |s, h| (s.0 + h.0, s.1 + h.1));
     let (mut low, mut best) = ((0.0, 0.0), (0.0, 0));
+    // Behind the last bin there is nothing to part from.
     for (k, h) in histogram[..BINS - 1].iter().enumerate() {
         low = (low.0 + h.0, low.1 + h.1);
         let high = total.0 - low.0;
@@ -46,6 +47,7 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
     if best.1 == 0 {
         return None;
     }
+    // About the mean of the whole, so that products of large coordinates do not cancel.
     let mut sums = [[0f64; 10]; 2];
     for p in points {
         let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - mean[k]);
@@ -64,7 +66,7 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
     }))
 }
 
-/// How much a round may change.
+/// Measure and bounds of a round's exchanges.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MoveOptions {
     pub(crate) blur: Blur,
@@ -78,7 +80,7 @@ pub(crate) struct MoveOptions {
     pub(crate) share: f64,
 }
 
-/// What is gained by two Gaussians in the place of one.
+/// The gain of two Gaussians in the place of one.
 #[derive(Clone, Copy)]
 struct SplitGain {
     /// In pictures, by what shows.
@@ -117,24 +119,24 @@ struct MergeProposal {
 /// nothing.
 pub(crate) fn exchange(
     gaussians: &mut RefinedGaussians,
-    cloud: GroupedParticles<'_>,
+    particles: GroupedParticles<'_>,
     candidates: &Candidates,
-    shade: &TransmittanceMaps,
+    transmittance: &TransmittanceMaps,
     options: MoveOptions,
     context: &Context<'_>,
 ) -> Result<Vec<GaussianExchange>> {
-    let mut splits = best_splits(cloud, shade, &options, context)?;
+    let mut splits = best_splits(particles, transmittance, &options, context)?;
     // All splits' likelihood together counts as this share of what they gain in pictures, whatever the data's units.
     let all = splits.iter().fold((0.0, 0.0), |s, x| (s.0 + x.gain.picture, s.1 + x.gain.likelihood));
     let per_nat = if all.1 > 0.0 { options.likelihood * all.0 / all.1 } else { 0.0 };
-    let cost = MergeCost { shade, per_nat, blur: options.blur, floor: options.shape.floor };
+    let cost = MergeCost { shade: transmittance, per_nat, blur: options.blur, floor: options.shape.floor };
     let mut merges = cheapest_merges(gaussians, candidates, &cost, context)?;
     splits.sort_unstable_by(|a, b| b.gain.weighted(per_nat).total_cmp(&a.gain.weighted(per_nat)).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
     let mut used = vec![false; gaussians.len()];
     let mut merges = merges.into_iter();
-    let mut made = Vec::new();
+    let mut exchanges = Vec::new();
     for split in splits {
         let at = split.at as usize;
         if used[at] {
@@ -143,16 +145,16 @@ pub(crate) fn exchange(
         let free = |m: &MergeProposal| !used[m.a as usize] && !used[m.b as usize] && m.a != split.at && m.b != split.at;
         // A merge of Gaussians that are used is never free again: both lists are passed over once.
         let Some(merge) = merges.find(free) else { break };
-        if made.len() == most || split.gain.weighted(per_nat) <= options.ratio * merge.cost {
+        if exchanges.len() == most || split.gain.weighted(per_nat) <= options.ratio * merge.cost {
             break;
         }
         for k in [merge.a, merge.b, split.at] {
             used[k as usize] = true;
         }
         apply(gaussians, at, &split.parts, merge.a as usize, merge.b as usize);
-        made.push(GaussianExchange { split: split.at, kept: merge.a, freed: merge.b });
+        exchanges.push(GaussianExchange { split: split.at, kept: merge.a, freed: merge.b });
     }
-    Ok(made)
+    Ok(exchanges)
 }
 
 fn picture_gaussian(g: &RefinedGaussians, j: usize) -> PictureGaussian {
@@ -180,21 +182,21 @@ fn apply(g: &mut RefinedGaussians, at: usize, [first, second]: &[PictureGaussian
 }
 
 fn best_splits(
-    cloud: GroupedParticles<'_>,
-    shade: &TransmittanceMaps,
+    particles: GroupedParticles<'_>,
+    transmittance: &TransmittanceMaps,
     options: &MoveOptions,
     context: &Context<'_>,
 ) -> Result<Vec<SplitProposal>> {
     let Regularisation { prior, floor, .. } = options.shape;
     let fitted = |b: &PictureGaussian| PictureGaussian { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
-    let groups = cloud.groups;
+    let groups = particles.groups;
     let split = |j: usize| {
-        let points = &cloud.xyz[groups.range[j].clone()];
+        let points = &particles.xyz[groups.range[j].clone()];
         let whole = PictureGaussian { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
         let axis = whole.cov.eigen().vectors[0];
         let parts = cut(points, whole.mean, axis)?;
         let [a, b] = &parts;
-        let picture = options.blur.difference(&whole, a, b) * shade.at(whole.mean);
+        let picture = options.blur.difference(&whole, a, b) * transmittance.at(whole.mean);
         let likelihood = likelihood_gain(&fitted(&whole), &fitted(a), &fitted(b), floor);
         Some(SplitProposal { gain: SplitGain { picture, likelihood }, at: j as u32, parts })
     };
@@ -202,10 +204,10 @@ fn best_splits(
     Ok(splits.into_iter().flatten().collect())
 }
 
-/// What a merge's cost is measured by: a split's gain, the other way round.
+/// The measure of a merge's cost: a split's gain, the other way round.
 struct MergeCost<'a> {
     shade: &'a TransmittanceMaps,
-    /// What a nat of log likelihood is worth in pictures.
+    /// Worth of a nat of log likelihood in pictures.
     per_nat: f64,
     blur: Blur,
     floor: f64,

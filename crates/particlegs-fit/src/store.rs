@@ -41,8 +41,8 @@ impl ParticleStore {
             let start = c * STEP;
             copy_scaled(particles.chunk(start..start + out.len(), buffer), scale, out);
         });
-        if let (Some(own), Some(weights)) = (&mut self.weight, particles.weights()) {
-            own.copy_from_slice(weights);
+        if let (Some(store_weight), Some(weights)) = (&mut self.weight, particles.weights()) {
+            store_weight.copy_from_slice(weights);
         }
     }
 

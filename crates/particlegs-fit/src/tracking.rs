@@ -13,13 +13,13 @@ use particlegs_particles::{Chunk, Particles};
 /// Particles of one parallel step.
 const STEP: usize = 1 << 14;
 
-/// A split of a tracked Gaussian must gain this many times what its merge costs, and no larger share is split in a frame:
-/// Gaussians that are new cost more bytes than those that move.
+/// A split of a tracked Gaussian must gain this many times what its merge costs, and no larger share is split in a
+/// frame: Gaussians that are new cost more bytes than those that move.
 const SPLIT_RATIO: f64 = 3.0;
 const MOST_MOVED: f64 = 0.0075;
 
-/// EM iterations end once one gains less than this many bits a particle: where frames are close, after 3; where they are far
-/// from each other, after 6.
+/// EM iterations end once one gains less than this many bits a particle: where frames are close, after 3; where they
+/// are far from each other, after 6.
 const SETTLED: f64 = 0.02;
 
 /// EM iterations and rounds of split and merge that a tracked frame gets.
@@ -51,14 +51,16 @@ pub fn track_gaussians(
             *owner = assignment.likeliest(store.to_world(store.xyz[c * STEP + i].map(f64::from)), shares);
         }
     });
+    // Its tree goes before the particles are copied.
     drop(assignment);
     let partition = cells_of(store, &owner, start.len());
     let thin = particles.in_world(local).thin_axis();
     let TrackingEffort { first_iterations, rounds, iterations } = effort;
     let settled = Some(SETTLED);
-    let how = refinement(particles.len(), start.len(), options);
+    let base_options = refinement(particles.len(), start.len(), options);
     let (ratio, most_moved) = (SPLIT_RATIO, MOST_MOVED);
-    let how = RefineOptions {
+    // Sampling is that of a fit of its own; iterations and exchanges are bounded as a frame's.
+    let refine_options = RefineOptions {
         thin,
         first_iterations,
         settled,
@@ -67,9 +69,9 @@ pub fn track_gaussians(
         settling: iterations,
         ratio,
         most_moved,
-        ..how
+        ..base_options
     };
-    track(&partition, start, options.radius, &how, context)
+    track(&partition, start, options.radius, &refine_options, context)
 }
 
 /// To which of several mixtures particles belong: that of the Gaussian that each is likeliest to have.
@@ -94,12 +96,12 @@ impl MixtureAssignment {
     /// The mixture of each particle of a chunk whose coordinates begin at `origin`.
     pub fn mixtures_of(&self, chunk: &Chunk<'_>, origin: [f64; 3]) -> Vec<u32> {
         let mut shares = Vec::new();
-        let of = |i: usize| {
+        let mixture_of = |i: usize| {
             let x = each_axis(|k| origin[k] + f64::from(chunk.position[k][i]));
             let gaussian = self.assignment.likeliest(x, &mut shares);
             self.ends.partition_point(|end| *end <= gaussian) as u32
         };
-        (0..chunk.len()).map(of).collect()
+        (0..chunk.len()).map(mixture_of).collect()
     }
 }
 
@@ -111,15 +113,15 @@ fn cells_of(store: ParticleStore, owner: &[u32], gaussians: usize) -> Partition 
         end[i + 1] += end[i];
     }
     let cells: Vec<_> = (0..gaussians).map(|i| end[i]..end[i + 1]).collect();
-    let mut at = end;
+    let mut next_place = end;
     let mut xyz = vec![[0.0; 3]; store.len()];
     let mut weight = store.weight.as_ref().map(|w| vec![0.0; w.len()]);
     for (i, &o) in owner.iter().enumerate() {
-        let to = at[o as usize];
-        at[o as usize] += 1;
+        let to = next_place[o as usize];
+        next_place[o as usize] += 1;
         xyz[to] = store.xyz[i];
-        if let (Some(weight), Some(own)) = (&mut weight, &store.weight) {
-            weight[to] = own[i];
+        if let (Some(weight), Some(source_weight)) = (&mut weight, &store.weight) {
+            weight[to] = source_weight[i];
         }
     }
     let moments = parallel::map_range(gaussians, |i| {

@@ -1,4 +1,4 @@
-//! How much of an error at a place shows in pictures: where depth piles up, white hides it.
+//! The share of an error at a place that shows in pictures: where depth piles up, white hides it.
 //!
 //! A picture is 1 - exp(-tau), so an error in tau shows by exp(-tau). Exchanges weighted by it leave
 //! the nine default views as they are and gain 0.16 dB at six default radii, where cores are white;

@@ -17,9 +17,10 @@ fn read(bencher: Bencher, ending: &str) {
     let particles = Particles::from_columns(x, y, z);
     let folder = tempfile::tempdir().expect("a scratch folder");
     let file = folder.path().join("snapshot").with_extension(ending);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).expect("all");
+    let selected_particles =
+        SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).expect("all");
     let writer = Writer::for_output(&file, None).expect("a known ending");
-    writer.write(&kept, &file, &Context::SILENT).expect("room for 100 MB");
+    writer.write(&selected_particles, &file, &Context::SILENT).expect("room for 100 MB");
     bencher.counter(ItemsCount::new(n)).bench(|| {
         Choice::default()
             .read(std::slice::from_ref(&file), &Storage::Memory, &Context::SILENT)

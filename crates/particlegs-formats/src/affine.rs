@@ -30,7 +30,7 @@ impl Affine {
         })
     }
 
-    /// A piece moved by it; `wide`: have moved positions more digits than f32?
+    /// A piece moved by it; `wide`: moved positions have more digits than f32.
     pub fn moved(self, wide: bool, inner: Box<dyn ParticlePiece>) -> Box<dyn ParticlePiece> {
         match self == Affine::IDENTITY {
             true => inner,

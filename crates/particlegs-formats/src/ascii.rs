@@ -39,14 +39,14 @@ impl Ascii {
             return Err(missing());
         }
         let mut starts = Vec::with_capacity((count / STEP) as usize + 1);
-        let (mut found, mut at) = (0, 0);
-        while found < count {
+        let (mut word_index, mut at) = (0, 0);
+        while word_index < count {
             let word = word(text, at).ok_or_else(missing)?;
-            if found % STEP == 0 {
+            if word_index % STEP == 0 {
                 starts.push(start + word.start as u64);
             }
             at = word.end;
-            found += 1;
+            word_index += 1;
         }
         Ok(Ascii { starts, count, end: start + at as u64 })
     }

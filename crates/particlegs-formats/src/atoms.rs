@@ -24,7 +24,7 @@ pub struct AtomSpecies {
     pub fields: Vec<AtomField>,
     /// Rows that the fields have.
     pub rows: u64,
-    /// Which of the rows are the species', ascending; all by default.
+    /// The rows that are the species', ascending; all by default.
     pub own: Option<Arc<[u32]>>,
 }
 
@@ -43,12 +43,12 @@ impl AtomSpecies {
         if unnamed || names.len() > MOST_SPECIES || types.len() as u64 != self.rows || self.rows > u32::MAX.into() {
             return vec![self];
         }
-        let mut own: Vec<Vec<u32>> = vec![Vec::new(); names.len()];
+        let mut species_rows: Vec<Vec<u32>> = vec![Vec::new(); names.len()];
         for (row, &one) in types.iter().enumerate() {
-            own[one as usize].push(row as u32);
+            species_rows[one as usize].push(row as u32);
         }
-        let there = names.iter().zip(own).filter(|(_, rows)| !rows.is_empty());
-        let species = there.map(|((name, aliases), rows)| AtomSpecies {
+        let named_rows = names.iter().zip(species_rows).filter(|(_, rows)| !rows.is_empty());
+        let species = named_rows.map(|((name, aliases), rows)| AtomSpecies {
             name: name.clone(),
             aliases: aliases.clone(),
             mass: self.mass.clone(),
@@ -60,7 +60,7 @@ impl AtomSpecies {
     }
 
     fn count(&self) -> u64 {
-        self.own.as_ref().map_or(self.rows, |own| own.len() as u64)
+        self.own.as_ref().map_or(self.rows, |rows| rows.len() as u64)
     }
 
     fn described(&self) -> Species {
@@ -135,21 +135,21 @@ impl AtomSnapshot {
     }
 
     fn rows(&self, species: usize, choice: &Choice) -> Result<OwnRows> {
-        let (Some(found), Some(own)) = (self.description.species.get(species), self.species.get(species)) else {
+        let (Some(species), Some(source)) = (self.description.species.get(species), self.species.get(species)) else {
             return Err(Error::argument(format!("particle type {species} does not exist")));
         };
-        let columns = axes::columns(&self.place, found, choice)?;
+        let columns = axes::columns(&self.place, species, choice)?;
         let lane = |(k, wanted): (usize, &axes::FieldComponent)| {
-            let column = own.fields.iter().find(|f| f.0.name == wanted.field)?.0.column(wanted.component)?;
+            let column = source.fields.iter().find(|f| f.0.name == wanted.field)?.0.column(wanted.component)?;
             let kind = column.lane.kind.stored(choice.as_stored && k < 3);
             Some(StridedColumn { offset: column.base + column.lane.offset, kind, ..column.lane })
         };
         let lanes: Option<Vec<StridedColumn>> = columns.iter().enumerate().map(lane).collect();
         let lanes = lanes.ok_or_else(|| Error::input(&self.place, "a field lies beyond the file"))?;
-        let inner = StridedParticles::new(&self.place, self.bytes.clone(), own.rows, &lanes)?;
-        let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == found.positions);
+        let inner = StridedParticles::new(&self.place, self.bytes.clone(), source.rows, &lanes)?;
+        let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == species.positions);
         let cell = if moved { wrapping::cell(&self.description, choice)? } else { None };
-        Ok(OwnRows { inner: Box::new(inner), own: own.own.clone(), cell })
+        Ok(OwnRows { inner: Box::new(inner), own: source.own.clone(), cell })
     }
 }
 
@@ -160,9 +160,9 @@ impl Snapshot for AtomSnapshot {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let rows = self.rows(species, choice)?;
-        let found = &self.description.species[species];
-        let weighted = found.weight_field(&self.place, &choice.weights)?.is_some();
-        Ok(Box::new(PieceReader::new(self.description.meta_of(found), vec![Box::new(rows)], weighted)?))
+        let species = &self.description.species[species];
+        let weighted = species.weight_field(&self.place, &choice.weights)?.is_some();
+        Ok(Box::new(PieceReader::new(self.description.meta_of(species), vec![Box::new(rows)], weighted)?))
     }
 }
 
@@ -178,7 +178,7 @@ pub struct OwnRows {
 
 impl ParticlePiece for OwnRows {
     fn rows(&self) -> u64 {
-        self.own.as_ref().map_or(self.inner.rows(), |own| own.len() as u64)
+        self.own.as_ref().map_or(self.inner.rows(), |rows| rows.len() as u64)
     }
 
     fn is_wide(&self) -> bool {
@@ -189,10 +189,10 @@ impl ParticlePiece for OwnRows {
         let start = out.position[0].len();
         match &self.own {
             None => self.inner.read(rows, out)?,
-            Some(own) => {
+            Some(own_rows) => {
                 // Neighbours together, with what lies between those that are close.
                 let mut between = RowBuffer::default();
-                for near in own[rows.start as usize..rows.end as usize].chunk_by(|a, b| b - a <= CLOSE) {
+                for near in own_rows[rows.start as usize..rows.end as usize].chunk_by(|a, b| b - a <= CLOSE) {
                     let (first, end) = (near[0], near[near.len() - 1] + 1);
                     if near.len() == (end - first) as usize {
                         self.inner.read(first.into()..end.into(), out)?;

@@ -1,4 +1,4 @@
-//! Which fields hold the positions: one of three components, or three scalar ones.
+//! Fields that hold the positions: one of three components, or three scalar ones.
 
 use crate::{Choice, Species, SpeciesField};
 use particlegs_core::Result;
@@ -6,19 +6,19 @@ use particlegs_core::Result;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldComponent {
     pub field: String,
-    /// Which of its numbers, from 0.
+    /// Index of the component in the field, from 0.
     pub component: u32,
 }
 
-/// Where x, y and z of a species are found: the fields chosen, else its own.
+/// The components that hold x, y and z of a species: of the fields chosen, else of its own.
 pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[FieldComponent; 3]> {
     let chosen = choice.positions.as_deref().unwrap_or(&species.positions);
     if species.fields.iter().any(|f| f.name == chosen && f.components == 3) {
         return Ok([0, 1, 2].map(|component| FieldComponent { field: chosen.to_string(), component }));
     }
     let names: Vec<&str> = chosen.split(',').map(str::trim).collect();
-    let found: Vec<FieldComponent> = names.iter().filter_map(|n| axis(species, n)).collect();
-    match <[FieldComponent; 3]>::try_from(found) {
+    let components: Vec<FieldComponent> = names.iter().filter_map(|n| axis(species, n)).collect();
+    match <[FieldComponent; 3]>::try_from(components) {
         Ok(three) if names.len() == 3 => Ok(three),
         _ => {
             let fits = |f: &&SpeciesField| f.components == 3 || f.components == 1;
@@ -27,7 +27,7 @@ pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[FieldCom
     }
 }
 
-/// Where x, y, z and, where they are chosen, weights are found: three columns or four.
+/// The components that hold x, y, z and, where they are chosen, weights: three or four.
 pub fn columns(place: &str, species: &Species, choice: &Choice) -> Result<Vec<FieldComponent>> {
     let axes = axes(place, species, choice)?;
     let weight = species.weight_field(place, &choice.weights)?;

@@ -1,4 +1,4 @@
-//! What a user chooses to read of a snapshot.
+//! The parts of a snapshot that a user chooses to read.
 
 use crate::single_file::named;
 use crate::topology::selection::AtomSelection;
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What to read of a snapshot.
+/// Options of reading a snapshot.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Choice {
@@ -26,7 +26,7 @@ pub struct Choice {
     /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
     /// own by default.
     pub positions: Option<String>,
-    /// Where weights are read from.
+    /// The source of weights.
     pub weights: Weights,
     /// Layers by mass within a species instead of one a species.
     pub by_mass: bool,
@@ -46,17 +46,17 @@ pub struct Choice {
     pub mass_unit: Option<String>,
     /// Convert numbers to those units where the files state others, instead of taking the files to be wrong.
     pub convert_units: bool,
-    /// What is kept of all that; all by default.
+    /// The selection of particles among all that; all by default.
     pub selection: Option<Selection>,
     /// Fields as they are stored: in no cell, not moved, whole numbers of 64 bits as the bits of f64.
     #[serde(skip)]
     pub as_stored: bool,
-    /// What the stream that is named has given already ([`Choice::spool`]).
+    /// The content of the stream that is named, once it was read ([`Choice::spool`]).
     #[serde(skip)]
     pub spooled: Option<Arc<SpoolFile>>,
 }
 
-/// Where weights come from.
+/// The source of weights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Weights {
@@ -70,7 +70,7 @@ pub enum Weights {
 }
 
 impl Choice {
-    /// Are atoms told apart one by one, not by the species of their format?
+    /// Whether atoms are told apart one by one, not by the species of their format.
     pub(crate) fn by_atoms(&self) -> bool {
         self.topology.is_some() || self.select.is_some()
     }
@@ -83,7 +83,7 @@ impl Choice {
             Weights::None => Some("none".to_string()),
             Weights::Field(name) => Some(name.clone()),
         };
-        let own = [
+        let settings = [
             ("format", self.format.clone()),
             ("particle-type", (!self.species.is_empty()).then(|| self.species.join(","))),
             ("positions", self.positions.clone()),
@@ -95,7 +95,7 @@ impl Choice {
             ("unwrapped", self.keep_unwrapped.then(|| "keep".into())),
             ("gadget-blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
         ];
-        let own = own.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)));
-        own.chain(self.selection.iter().flat_map(Selection::options)).collect()
+        let stated_options = settings.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)));
+        stated_options.chain(self.selection.iter().flat_map(Selection::options)).collect()
     }
 }

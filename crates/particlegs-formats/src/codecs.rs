@@ -51,7 +51,7 @@ pub fn zstd(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
 /// An .xz stream of one block of LZMA2, as liblzma's buffer encoder writes it. The dictionary is
 /// taken as large as the result, whatever the stream says: level 9 says 64 MiB for any block.
 pub fn xz(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
-    let broken = |what: &str| format!("an LZMA block is damaged: {what}");
+    let broken = |message: &str| format!("an LZMA block is damaged: {message}");
     if length > MOST_BYTES {
         return space(length);
     }

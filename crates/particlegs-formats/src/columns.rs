@@ -19,7 +19,7 @@ pub struct ColumnarField {
     pub kind: Option<NumberType>,
     pub big_endian: bool,
     pub components: u32,
-    /// Which stretch holds it.
+    /// Index of the stretch that holds it.
     pub stored: usize,
     /// Byte of the content where the records begin.
     pub base: u64,
@@ -42,8 +42,8 @@ impl ColumnarField {
         [base, stride, offset]: [u64; 3],
     ) -> ColumnarField {
         let (name, kind_name, offset_step) = (name.into(), kind.name().into(), kind.bytes());
-        let own = ColumnarField { name, kind_name, kind: Some(kind), components, ..ColumnarField::default() };
-        ColumnarField { base, stride, offset, offset_step, ..own }
+        let field = ColumnarField { name, kind_name, kind: Some(kind), components, ..ColumnarField::default() };
+        ColumnarField { base, stride, offset, offset_step, ..field }
     }
 
     pub fn described(&self) -> SpeciesField {
@@ -81,7 +81,7 @@ pub fn one_species(
 pub struct ColumnarSnapshot {
     pub description: Description,
     pub place: String,
-    /// What the fields lie in.
+    /// Stretches that the fields lie in.
     pub stored: Vec<StoredBytes>,
     /// The species' fields, in the description's order.
     pub fields: Vec<ColumnarField>,
@@ -91,9 +91,9 @@ pub struct ColumnarSnapshot {
 
 impl ColumnarSnapshot {
     fn column(&self, field: &str, component: u32) -> Result<StreamColumn> {
-        let found = self.fields.iter().find(|f| f.name == field);
-        found.and_then(|f| f.column(component)).ok_or_else(|| {
-            let kind = found.map_or("", |f| &f.kind_name);
+        let columnar_field = self.fields.iter().find(|f| f.name == field);
+        columnar_field.and_then(|f| f.column(component)).ok_or_else(|| {
+            let kind = columnar_field.map_or("", |f| &f.kind_name);
             Error::input(&self.place, format!("field `{field}` of type {kind} cannot be read as numbers"))
         })
     }
@@ -131,8 +131,8 @@ impl Snapshot for ColumnarSnapshot {
             return Err(Error::input_with(&self.place, "it is not clear which field holds positions", hint));
         }
         let mut columns = Vec::new();
-        for (k, own) in axes::columns(&self.place, species, choice)?.iter().enumerate() {
-            let mut column = self.column(&own.field, own.component)?;
+        for (k, component) in axes::columns(&self.place, species, choice)?.iter().enumerate() {
+            let mut column = self.column(&component.field, component.component)?;
             column.lane.kind = column.lane.kind.stored(choice.as_stored && k < 3);
             columns.push(column);
         }

@@ -53,8 +53,8 @@ pub fn refuse(path: &Path, title: &str) -> Result<()> {
     file.take(16).read_to_end(&mut head).map_err(|e| Error::io(path, e))?;
     match FileCompression::from_magic(&head) {
         None => Ok(()),
-        Some(found) => {
-            let message = format!("a {title} compressed with {}, which this program does not read", found.name());
+        Some(compression) => {
+            let message = format!("a {title} compressed with {}, which this program does not read", compression.name());
             Err(Error::input_with(path, message, "unpack it first"))
         }
     }
@@ -73,7 +73,7 @@ pub fn open_stream(path: &Path, compression: Option<FileCompression>) -> Result<
 struct ZstdFrames<R> {
     source: BufReader<R>,
     decoder: FrameDecoder,
-    /// Is a frame begun and not read to its end?
+    /// Whether a frame is begun and not read to its end.
     open: bool,
 }
 

@@ -30,7 +30,7 @@ fn detect(head: &FileHead) -> bool {
     FortranRecords::of(&head.content).is_some()
 }
 
-/// How records are framed: their length before and behind them, in 4 bytes or 8.
+/// The frames of records: their length before and behind them, in 4 bytes or 8.
 #[derive(Clone, Copy)]
 struct FortranRecords {
     marker: u64,
@@ -50,8 +50,8 @@ impl FortranRecords {
 
     fn number(self, kind: NumberType, bytes: &[u8], at: u64) -> Option<f64> {
         let at = usize::try_from(at).ok()?;
-        let own = bytes.get(at..at.checked_add(kind.bytes() as usize)?)?;
-        Some(kind.get(own, self.big_endian))
+        let number_bytes = bytes.get(at..at.checked_add(kind.bytes() as usize)?)?;
+        Some(kind.get(number_bytes, self.big_endian))
     }
 
     fn length(self, bytes: &[u8], at: u64) -> Option<u64> {
@@ -87,17 +87,17 @@ struct DcdHeader {
     records: FortranRecords,
     atoms: u64,
     has_cell: bool,
-    /// FortranRecords of a frame beside those of the cell, x, y and z.
+    /// Records of a frame beside those of the cell, x, y and z.
     more: u64,
     /// Step of the first frame, steps between frames, time between steps.
     first: i64,
     every: i64,
     step: f64,
-    /// Did LAMMPS write it, in units that it does not state?
+    /// Whether LAMMPS wrote it, in units that it does not state.
     is_lammps: bool,
     /// The atoms that move, where some are fixed: later frames than the first hold these alone.
     free: Option<Vec<u32>>,
-    /// Where frames begin.
+    /// First byte of the first frame.
     start: u64,
 }
 
@@ -124,6 +124,7 @@ impl DcdHeader {
             records,
             atoms,
             has_cell: is_charmm && whole(10) != 0,
+            // CHARMM's fourth dimension is one record more of each frame.
             more: u64::from(is_charmm && whole(11) != 0),
             first: whole(1),
             every: whole(2),
@@ -152,13 +153,13 @@ impl DcdHeader {
         self.cell_bytes() + (3 + self.more) * self.axis(frame)
     }
 
-    /// Where a frame begins.
+    /// First byte of a frame.
     fn place(&self, frame: u64) -> u64 {
         let later = |later: u64| self.frame_bytes(0) + (later - 1) * self.frame_bytes(1);
         self.start + if frame == 0 { 0 } else { later(frame) }
     }
 
-    /// How many whole frames `length` bytes hold, and the bytes left.
+    /// The number of whole frames in `length` bytes, and the bytes left.
     fn frames_in(&self, length: u64) -> [u64; 2] {
         match length.checked_sub(self.frame_bytes(0)) {
             None => [0, length],
@@ -187,6 +188,7 @@ impl DcdHeader {
         let all = [number(0)?, number(1)?, number(2)?, number(3)?, number(4)?, number(5)?];
         let [a, gamma, b, beta, alpha, c] = all;
         let angles = [alpha, beta, gamma];
+        // A diagonal matrix passes for lengths and cosines of 0, which mean the same cell.
         if angles.iter().all(|v| (-1.0..=1.0).contains(v)) {
             return cell_of([a, b, c], angles.map(|v| if v == 0.0 { 90.0 } else { v.acos().to_degrees() }));
         }
@@ -244,7 +246,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     refuse(path, FORMAT.title)?;
     let bytes = Bytes::from_filled_file(path)?;
-    let broken = |what: String| Error::input_with(path, what, "the file is damaged or cut short: copy it again");
+    let broken = |message: String| Error::input_with(path, message, "the file is damaged or cut short: copy it again");
     let header = DcdHeader::read(&bytes).map_err(broken)?;
     let length = bytes.len() as u64 - header.start;
     let [count, left] = header.frames_in(length);
@@ -252,8 +254,10 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     if header.is_lammps {
         notes.push("LAMMPS wrote the file and states neither its units nor the time".into());
     }
+    // A run that was killed, or that still writes, leaves part of a frame behind the whole ones.
     if left > 0 {
         let message = format!("frame {count} is cut off: it has {left} of {} bytes", header.frame_bytes(count));
+        // Which frame is the last is not clear then: only one counted from the front is read.
         if choice.frame.is_none_or(|frame| frame < 0 || frame as u64 >= count) {
             return Err(with_last_frame(broken(message), count));
         }
@@ -266,15 +270,19 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     if choice.frame.is_none() && count > 1 {
         notes.push(ChosenFrame::<()>::note_of_the_last(count));
     }
-    header.check(&bytes, chosen).map_err(|what| broken(format!("frame {chosen}: {what}")))?;
-    let own = match header.free.as_ref().filter(|_| chosen > 0) {
+    // Only frames that are read are checked: a pass over all would read the whole file.
+    header.check(&bytes, chosen).map_err(|message| broken(format!("frame {chosen}: {message}")))?;
+    // Later frames lack the fixed atoms, whose positions stand in frame 0 alone.
+    let merged_frame = match header.free.as_ref().filter(|_| chosen > 0) {
         None => None,
         Some(free) => {
-            header.check(&bytes, 0).map_err(|what| broken(format!("frame 0: {what}")))?;
+            header.check(&bytes, 0).map_err(|message| broken(format!("frame 0: {message}")))?;
             Some(header.with_fixed(&bytes, chosen, free)?)
         }
     };
+    // The header has the first frame's step (NPRIV) and the steps between frames (NSAVC).
     let step = header.every.checked_mul(chosen as i64).and_then(|steps| steps.checked_add(header.first));
+    // LAMMPS writes a time step of the run's own units, which the file does not state.
     let time = step
         .map(|step| rounded(step as f64 * header.step * AKMA))
         .filter(|t| !header.is_lammps && header.step > 0.0 && t.is_finite());
@@ -296,9 +304,10 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
             meta,
         )
     };
-    let (bytes, place) = match own {
+    // In a merged frame no markers of records stand between the coordinates.
+    let (bytes, place) = match merged_frame {
         None => (bytes, [header.coordinate(chosen, 0), header.axis(chosen)]),
-        Some(own) => (Bytes::Owned(Arc::new(own)), [0, 4 * header.atoms]),
+        Some(merged_frame) => (Bytes::Owned(Arc::new(merged_frame)), [0, 4 * header.atoms]),
     };
     let atoms = AtomSpecies::all(vec![(header.positions(place), unit)], header.atoms);
     Ok(Box::new(AtomSnapshot::new(description, bytes, vec![atoms]).with_unwrapped(choice)?))

@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Components that a field may have in a file that is written.
 const MOST_COMPONENTS: u32 = 1024;
 
-/// Does a field of this name tell particles apart?
+/// Whether a field of this name tells particles apart.
 pub(crate) fn is_id(name: &str) -> bool {
     let names = ["particleids", "particleid", "particle_id", "id", "ids", "pid", "pids", "particle_identifier"];
     names.contains(&&name.to_ascii_lowercase()[..])
@@ -52,24 +52,24 @@ fn positions<'a>(species: &'a Species, choice: &'a Choice) -> Vec<&'a str> {
 
 /// Names of the fields that are neither positions nor weights, nor what species are called by.
 pub(crate) fn others(species: &Species, choice: &Choice) -> Vec<String> {
-    let own = positions(species, choice);
+    let position_names = positions(species, choice);
     let weight = species.weight_field("", &choice.weights).ok().flatten();
     let is_name =
         |f: &SpeciesField| f.kind == "text" && ["species", "element", "symbol", "type"].contains(&&f.name[..]);
-    let fields = species.fields.iter().filter(|f| !own.contains(&&f.name[..]) && !is_name(f));
+    let fields = species.fields.iter().filter(|f| !position_names.contains(&&f.name[..]) && !is_name(f));
     fields.map(|f| f.name.clone()).filter(|name| weight.as_ref() != Some(name)).collect()
 }
 
 /// The fields of species `index` beside its positions, and these where float32 does not hold them.
 pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) -> Result<LayerFields> {
     let species = &snapshot.description().species[index];
-    let own = positions(species, choice);
+    let position_names = positions(species, choice);
     let convention = snapshot.convention();
     let mut fields: Vec<SourceField> = Vec::new();
     for field in &species.fields {
         let Some(number) = number_of(field) else { continue };
         let is_named = field.name == field.name.trim() && !field.name.contains(',');
-        let is_new = !own.contains(&&field.name[..]) && fields.iter().all(|f| f.name != field.name);
+        let is_new = !position_names.contains(&&field.name[..]) && fields.iter().all(|f| f.name != field.name);
         if is_named && is_new && (1..=MOST_COMPONENTS).contains(&field.components) {
             let (name, components) = (field.name.clone(), field.components);
             let attributes = snapshot.attributes(index, &name);
@@ -87,7 +87,8 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
             readers(snapshot, index, choice, &fields)?
         }
     };
-    let is_wide = |f: &&SpeciesField| own.contains(&&f.name[..]) && number_of(f).is_some_and(|n| n != Number::F32);
+    let is_wide =
+        |f: &&SpeciesField| position_names.contains(&&f.name[..]) && number_of(f).is_some_and(|n| n != Number::F32);
     let wide = species.fields.iter().any(|f| is_wide(&f));
     let positions = || snapshot.reader(index, &Choice { weights: Weights::None, ..choice.clone() });
     let absent = snapshot.description().absent.iter().map(|f| (f.name.clone(), f.why.clone())).collect();
@@ -125,16 +126,16 @@ fn readers(
 pub(crate) struct OutField {
     pub name: String,
     pub number: Number,
-    /// Which of a run's columns are its components.
+    /// The run's columns that are its components.
     pub columns: Vec<usize>,
     /// Unit as text, where the source says.
     pub unit: Option<String>,
     /// Numbers that the source says about it.
     pub attributes: Vec<(String, f64)>,
     pub sources: Vec<String>,
-    /// What real numbers are multiplied by.
+    /// Factor of real numbers.
     pub factor: f64,
-    /// What makes velocities peculiar, in km/s, and specific energies physical, in (km/s)^2, where the source tells.
+    /// Factor to peculiar velocities in km/s or physical specific energies in (km/s)^2, where the source tells.
     pub physical: Option<f64>,
 }
 
@@ -153,7 +154,7 @@ impl OutField {
     }
 }
 
-/// What a format calls fields that all snapshots have: its name, numbers a particle, and those of others.
+/// A format's name of a field that all snapshots have, its numbers a particle, and the names in other formats.
 pub(crate) type StandardField = (&'static str, usize, &'static [&'static str]);
 
 const VELOCITIES: [[&str; 3]; 3] =
@@ -211,12 +212,12 @@ fn join(all: &mut Vec<OutField>, name: &str) {
 }
 
 pub(crate) fn common(
-    kept: &SelectedParticles<'_>,
+    particles: &SelectedParticles<'_>,
     standard: &[StandardField],
     reserved: &[&str],
 ) -> Vec<Vec<OutField>> {
-    let own = |fields: &&[SourceField]| outputs(fields, standard, reserved);
-    let layers: Vec<Vec<OutField>> = kept.fields().iter().map(own).collect();
+    let outputs_of = |fields: &&[SourceField]| outputs(fields, standard, reserved);
+    let layers: Vec<Vec<OutField>> = particles.fields().iter().map(outputs_of).collect();
     let Some((first, rest)) = layers.split_first() else { return Vec::new() };
     let alike =
         |a: &OutField, b: &OutField| a.name == b.name && a.number == b.number && a.columns.len() == b.columns.len();

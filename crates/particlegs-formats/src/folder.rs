@@ -74,17 +74,17 @@ fn none_there(folder: &Path) -> Error {
 fn candidates(folder: &Path, options: &Choice) -> Result<Vec<(PathBuf, &'static Format)>> {
     let files = entries(folder, Path::is_file)?;
     let format = |path: PathBuf| {
-        let found = match PathKind::from_head(&FileHead::read(&path).ok()?) {
+        let file_format = match PathKind::from_head(&FileHead::read(&path).ok()?) {
             PathKind::Snapshot(format) => format,
             _ => return None,
         };
-        Some((path, found)).filter(|_| options.format.as_ref().is_none_or(|wanted| found.name == wanted))
+        Some((path, file_format)).filter(|_| options.format.as_ref().is_none_or(|wanted| file_format.name == wanted))
     };
-    let found: Vec<_> = files.iter().cloned().filter_map(format).collect();
+    let known_files: Vec<_> = files.iter().cloned().filter_map(format).collect();
     // A format that content does not tell may be asked for where there is one file alone.
     match (&files[..], &options.format) {
-        ([only], Some(name)) if found.is_empty() => Ok(vec![(only.clone(), registry::named(name)?)]),
-        _ => Ok(found),
+        ([only], Some(name)) if known_files.is_empty() => Ok(vec![(only.clone(), registry::named(name)?)]),
+        _ => Ok(known_files),
     }
 }
 
@@ -99,7 +99,7 @@ impl SnapshotFileSet {
     }
 }
 
-/// What belongs together is one: parts name each other, and a list names its pieces. Catalogues
+/// Files that belong together are one: parts name each other, and a list names its pieces. Catalogues
 /// and tables of text are none where there is another.
 fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec<SnapshotFileSet> {
     let (mut sets, mut catalogues) = (Vec::<SnapshotFileSet>::new(), Vec::new());
@@ -137,8 +137,8 @@ mod tests {
 
     fn names(folder: &Path, format: Option<&str>) -> Result<Vec<String>> {
         let options = Choice { format: format.map(String::from), frame: None, ..Choice::default() };
-        let found = resolved(&[folder.to_path_buf()], &options)?;
-        Ok(found.iter().map(|p| p.file_name().unwrap().to_string_lossy().into_owned()).collect())
+        let paths = resolved(&[folder.to_path_buf()], &options)?;
+        Ok(paths.iter().map(|p| p.file_name().unwrap().to_string_lossy().into_owned()).collect())
     }
 
     #[test]

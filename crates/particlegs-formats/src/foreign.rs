@@ -6,9 +6,9 @@ use particlegs_core::Hint;
 use std::path::Path;
 
 pub(crate) struct ForeignFormat {
-    /// What a file of it is, with its article.
+    /// Title of such a file, with its article.
     pub title: &'static str,
-    /// Does a file that begins so have it?
+    /// Whether a file that begins so has this format.
     is: fn(&FileHead) -> bool,
     converter: Converter,
 }
@@ -20,9 +20,9 @@ enum Converter {
     Ovito,
     /// Lines of Python, `{in}` and `{out}` for the files, and the packages that they want.
     Python(&'static str, &'static str),
-    /// What pandas reads, to a table of text.
+    /// A format that pandas reads, to a table of text.
     Pandas(&'static str),
-    /// What MDAnalysis reads, by its names for the format and for its topology.
+    /// A format that MDAnalysis reads, by its names for the format and for its topology.
     MdAnalysis(&'static str, &'static str),
     /// A command, `{in}` and `{out}` for the files.
     Command(&'static str),
@@ -152,7 +152,8 @@ fn converted(command: String, packages: &str) -> Hint {
     format!("convert it: `{command}`{packages}").into()
 }
 
-/// A file's name for a command, and one beside it without ending. What a shell would take apart is left to the user.
+/// A file's name for a command, and one beside it without ending. Names that a shell would take apart are left to the
+/// user.
 fn names(path: &Path) -> (String, String) {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._/-+".contains(c);
     let input = path.to_str().filter(|p| p.chars().all(plain) && !p.starts_with('-')).unwrap_or("FILE");

@@ -62,13 +62,13 @@ impl FileHead {
     }
 }
 
-/// What the first bytes hold, decompressed.
+/// Lines and words of the first bytes, decompressed.
 impl FileHead {
     pub fn begins(&self, signatures: &[&[u8]]) -> bool {
         signatures.iter().any(|s| self.content.starts_with(s))
     }
 
-    /// Do the first `within` bytes hold `text`?
+    /// Whether the first `within` bytes hold `text`.
     pub fn names(&self, text: &[u8], within: usize) -> bool {
         memchr::memmem::find(&self.content[..within.min(self.content.len())], text).is_some()
     }
@@ -94,7 +94,7 @@ impl FileHead {
     }
 }
 
-/// Digits and nothing else?
+/// Whether it is digits and nothing else.
 pub(crate) fn is_whole(word: &[u8]) -> bool {
     !word.is_empty() && word.iter().all(u8::is_ascii_digit)
 }

@@ -8,7 +8,7 @@ pub struct ChosenFrame<T> {
     pub frame: T,
     /// Its number, from 0.
     pub number: u64,
-    /// How many there are.
+    /// Number of frames in the file.
     pub count: u64,
     pub notes: Vec<String>,
 }
@@ -32,13 +32,13 @@ pub fn number(path: &Path, chosen: Option<i64>, count: u64) -> Result<u64> {
 
 /// The error for a frame that is not among the `count` that there are.
 fn no_frame(path: &Path, chosen: i64, count: u64) -> Error {
-    let there = match count {
+    let range = match count {
         0 => return Error::input(path, "the file has no frames"),
         1 => "the only frame is 0".into(),
         _ if chosen < 0 => format!("the frames are 0 to {}, or -{count} to -1 from the end", count - 1),
         _ => format!("the frames are 0 to {}", count - 1),
     };
-    Error::input(path, format!("there is no frame {chosen}; {there}"))
+    Error::input(path, format!("there is no frame {chosen}; {range}"))
 }
 
 /// Finds all frames of the file `path` and keeps frame `chosen`, or the last. `next` gives the frame of the number that it
@@ -61,7 +61,7 @@ pub fn choose<T>(
         }
         Some(number) => Some(number.unsigned_abs()),
     };
-    let mut kept = None;
+    let mut chosen_frame = None;
     let mut notes = Vec::new();
     let mut count = 0;
     loop {
@@ -70,7 +70,7 @@ pub fn choose<T>(
             Ok(None) => break,
             Ok(Some(frame)) => {
                 if is_wanted {
-                    kept = Some((frame, count));
+                    chosen_frame = Some((frame, count));
                 }
                 count += 1;
             }
@@ -82,7 +82,9 @@ pub fn choose<T>(
             Err(e) => return Err(with_last_frame(e, count)),
         }
     }
-    let Some((frame, number)) = kept else { return Err(no_frame(path, chosen.map_or(-1, |c| c as i64), count)) };
+    let Some((frame, number)) = chosen_frame else {
+        return Err(no_frame(path, chosen.map_or(-1, |c| c as i64), count));
+    };
     if is_default && count > 1 {
         notes.push(ChosenFrame::<T>::note_of_the_last(count));
     }
@@ -116,16 +118,17 @@ mod tests {
             "hoomd.gsd",
         ]) {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name);
-            let of = |frame: i64| Choice { frame: Some(frame), ..Choice::default() }.open(std::slice::from_ref(&path));
-            let count = of(0).unwrap().description().frames.unwrap().count as i64;
+            let open =
+                |frame: i64| Choice { frame: Some(frame), ..Choice::default() }.open(std::slice::from_ref(&path));
+            let count = open(0).unwrap().description().frames.unwrap().count as i64;
             assert!(count > 1, "{name}");
             for number in 0..count {
-                let [a, b] = [number, number - count].map(|frame| of(frame).unwrap());
+                let [a, b] = [number, number - count].map(|frame| open(frame).unwrap());
                 let [a, b] = [a.description(), b.description()];
                 assert_eq!((a.frames.unwrap().chosen, a.meta.epoch.time), (number as u64, b.meta.epoch.time), "{name}");
                 assert_eq!((b.frames.unwrap().chosen, &a.notes), (number as u64, &b.notes), "{name}");
             }
-            let none = |frame: i64| of(frame).map(drop).unwrap_err().to_string();
+            let none = |frame: i64| open(frame).map(drop).unwrap_err().to_string();
             let range = format!("the frames are 0 to {}", count - 1);
             assert!(none(count).contains(&format!("there is no frame {count}; {range}")), "{name}: {}", none(count));
             assert!(none(-count - 1).contains(&format!("{range}, or -{count} to -1")), "{name}: {}", none(-count - 1));

@@ -1,5 +1,5 @@
-//! Trajectories of HOOMD-blue (GSD): chunks of numbers found by an index of frames. What a frame does not hold is as in the
-//! first one, else as the schema says: <https://gsd.readthedocs.io>.
+//! Trajectories of HOOMD-blue (GSD): chunks of numbers found by an index of frames. Chunks that a frame lacks are as in
+//! the first one, else as the schema says: <https://gsd.readthedocs.io>.
 
 use crate::atoms::{AtomField, AtomSnapshot, AtomSpecies, array, widened};
 use crate::compression::refuse;
@@ -51,7 +51,7 @@ struct GsdEntry {
 struct GsdFile {
     bytes: Bytes,
     names: Vec<String>,
-    /// Where the index lies, and entries in it.
+    /// First byte of the index, and entries in it.
     index: u64,
     entries: u64,
     frames: u64,
@@ -64,10 +64,11 @@ impl GsdFile {
         let [index, allocated, list, places] = [8, 16, 24, 32].map(word);
         let (index, allocated) = (index.ok_or(cut)?, allocated.ok_or(cut)?);
         let (list, places) = (list.ok_or(cut)?, places.ok_or(cut)?);
+        // The upper half of `gsd_version`, 32 bits at byte 44, is the major version.
         let version = bytes.get(40..HEADER).ok_or(cut)?[6..8].iter().rev().fold(0u32, |v, &b| v << 8 | u32::from(b));
-        let stretch = |start: u64, count: u64, size: u64, what: &str| {
+        let stretch = |start: u64, count: u64, size: u64, list_name: &str| {
             let end = count.checked_mul(size).and_then(|n| n.checked_add(start));
-            let wrong = || format!("its {what} of {count} entries lies beyond the file");
+            let wrong = || format!("its {list_name} of {count} entries lies beyond the file");
             end.filter(|&end| end <= bytes.len() as u64).map(|end| start as usize..end as usize).ok_or_else(wrong)
         };
         let names = &bytes[stretch(list, places, NAME, "list of names")?];
@@ -84,6 +85,7 @@ impl GsdFile {
         // Entries behind the last one are empty, and frames ascend.
         file.entries = (0..allocated).take_while(|&i| file.word(i, 16) != 0).count() as u64;
         file.frames = (0..file.entries).map(|i| file.word(i, 0)).max().map_or(0, |last| last.saturating_add(1));
+        // Every frame has an entry at least; `absent` makes room for so many frames.
         if file.frames > file.entries {
             return Err(format!("its index has {} entries for {} frames", file.entries, file.frames));
         }
@@ -101,6 +103,7 @@ impl GsdFile {
         let columns = rest as u32;
         let [name, kind] = [rest >> 32 & 0xffff, rest >> 48 & 0xff];
         let kind = match kind {
+            // Type 11 is that of letters, a byte each.
             1 | 11 => Some(NumberType::U8),
             2 => Some(NumberType::U16),
             3 => Some(NumberType::U32),
@@ -125,16 +128,16 @@ impl GsdFile {
 
     /// The chunks of a frame, by name; those of the first one where the frame has none of that name.
     fn chunks(&self, frame: u64) -> Vec<(&str, TextResult<GsdChunk>)> {
-        let mut found: Vec<(&str, TextResult<GsdChunk>)> = Vec::new();
+        let mut chunks: Vec<(&str, TextResult<GsdChunk>)> = Vec::new();
         for wanted in [frame, 0] {
             for entry in (0..self.entries).map(|i| self.entry(i)).filter(|e| e.frame == wanted) {
                 let Some(name) = self.names.get(usize::from(entry.name)) else { continue };
-                if found.iter().all(|f| f.0 != name) {
-                    found.push((name, entry.chunk));
+                if chunks.iter().all(|f| f.0 != name) {
+                    chunks.push((name, entry.chunk));
                 }
             }
         }
-        found
+        chunks
     }
 
     /// Fields of particles that other frames have, and frame `chosen`, which has `fields`, has not.
@@ -145,8 +148,8 @@ impl GsdFile {
                 return None;
             }
             let mut has = vec![false; self.frames as usize];
-            let own = (0..self.entries).map(|i| self.entry(i)).filter(|e| usize::from(e.name) == number);
-            own.for_each(|e| has[e.frame as usize] = true);
+            let named_entries = (0..self.entries).map(|i| self.entry(i)).filter(|e| usize::from(e.name) == number);
+            named_entries.for_each(|e| has[e.frame as usize] = true);
             (has.contains(&true) && !has[chosen as usize]).then(|| AbsentField::new(name, chosen, &has))
         };
         self.names.iter().enumerate().filter_map(absent).collect()
@@ -159,17 +162,18 @@ const NO_FIELDS: [&str; 4] = ["N", "types", "type_shapes", "position"];
 fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     refuse(path, FORMAT.title)?;
-    let broken = |what: String| Error::input_with(path, what, "the file is damaged or cut short: copy it again");
+    let broken = |message: String| Error::input_with(path, message, "the file is damaged or cut short: copy it again");
     let file = GsdFile::read(Bytes::from_filled_file(path)?).map_err(broken)?;
     if file.frames == 0 {
         return Err(broken("the file has no frames".into()));
     }
     let chosen = frames::number(path, choice.frame, file.frames)?;
     let chunks = file.chunks(chosen);
+    // Damage counts where a chunk is needed: logged quantities, which are not, may be broken.
     let chunk = |name: &str| match chunks.iter().find(|c| c.0 == name) {
         None => Ok(None),
         Some((_, Ok(chunk))) => Ok(Some(*chunk)),
-        Some((_, Err(what))) => Err(broken(format!("frame {chosen}: {name}: {what}"))),
+        Some((_, Err(message))) => Err(broken(format!("frame {chosen}: {name}: {message}"))),
     };
     let bytes = &file.bytes[..];
     let first = |name: &str| Ok::<_, Error>(chunk(name)?.and_then(|c| c.number(bytes, 0)));
@@ -187,9 +191,10 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         match chunk {
             Ok(chunk) if chunk.rows == rows && chunk.columns > 0 => fields.push(field(name, chunk)),
             Ok(_) => {}
-            Err(what) => return Err(broken(format!("frame {chosen}: {name}: {what}"))),
+            Err(message) => return Err(broken(format!("frame {chosen}: {name}: {message}"))),
         }
     }
+    // The schema's default is three dimensions; in two, z does not repeat.
     let dimensions = first("configuration/dimensions")?.unwrap_or(3.0);
     let mut notes = vec!["the format states no units: the simulation's own are reduced".to_string()];
     let absent = file.absent(chosen, &fields);
@@ -208,15 +213,16 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         Description { frames: Some(frames), absent, notes, ..Description::new(FORMAT.title, paths, meta) };
     let mut atoms = AtomSpecies::all(fields, rows);
     if atoms.mass == SpeciesMass::Unknown {
-        // The schema says so.
+        // The schema's default mass is 1.
         atoms.mass = SpeciesMass::Each(1.0);
     }
     let species = match chunk("particles/types")?.map(|c| types(bytes, &c)).filter(|names| names.len() > 1) {
         None => vec![atoms],
         Some(names) => {
-            let of = chunk("particles/typeid")?.filter(|c| (c.rows, c.columns) == (rows, 1));
+            // Without them all particles are of type 0, the schema's default.
+            let type_ids = chunk("particles/typeid")?.filter(|c| (c.rows, c.columns) == (rows, 1));
             memory::require("the types of the particles", 4 * rows)?;
-            let number = |row| of.and_then(|c| c.number(bytes, row)).unwrap_or(0.0) as u32;
+            let number = |row| type_ids.and_then(|c| c.number(bytes, row)).unwrap_or(0.0) as u32;
             atoms.by_type(&(0..rows).map(number).collect::<Vec<u32>>(), &names)
         }
     };

@@ -28,7 +28,7 @@ pub fn write_haloes(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
     }
 }
 
-/// Does a catalogue's name mean HDF5, or else CSV?
+/// Whether a catalogue's name means HDF5, or else CSV.
 ///
 /// # Errors
 /// A name that means another type of file.
@@ -138,8 +138,8 @@ mod tests {
         let to = UnitSystem { units: &kpc, scale_factor: Some(0.5), hubble: Some(0.7) };
         let (centres, _) = read.convert(&to, None).unwrap();
         let expected = [([125.0, 333.333_333, 12_000.0], Some(1500.0)), ([3000.0, 4000.0, 5000.0], None)];
-        for (found, expected) in centres.iter().zip(expected) {
-            assert!((0..3).all(|k| (found.0[k] - expected.0[k]).abs() < 1e-6) && found.1 == expected.1, "{found:?}");
+        for (centre, expected) in centres.iter().zip(expected) {
+            assert!((0..3).all(|k| (centre.0[k] - expected.0[k]).abs() < 1e-6) && centre.1 == expected.1, "{centre:?}");
         }
         assert!(write_haloes(&catalogue(), &out).is_err());
         let text = write_haloes(&all, &dir.path().join("haloes.txt")).unwrap_err();

@@ -108,7 +108,7 @@ impl NumberType {
         }
     }
 
-    /// Can f32 not hold all its values?
+    /// Whether f32 cannot hold all its values.
     pub fn is_wide(self) -> bool {
         matches!(self, NumberType::F64 | NumberType::I32 | NumberType::U32 | NumberType::I64 | NumberType::U64)
     }
@@ -152,7 +152,7 @@ fn half(bits: u16) -> f64 {
     if bits >> 15 == 1 { -size } else { size }
 }
 
-/// Where a column's numbers lie: the i-th at byte `offset + i * stride`.
+/// The places of a column's numbers: the i-th at byte `offset + i * stride`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StridedColumn {
     pub offset: u64,
@@ -162,7 +162,7 @@ pub struct StridedColumn {
 }
 
 impl StridedColumn {
-    /// Does a lane of `rows` numbers end within `length` bytes?
+    /// Whether a lane of `rows` numbers ends within `length` bytes.
     pub fn fits(&self, rows: u64, length: usize) -> bool {
         let last = rows.saturating_sub(1).checked_mul(self.stride).and_then(|b| b.checked_add(self.offset));
         rows == 0 || last.and_then(|b| b.checked_add(self.kind.bytes())).is_some_and(|end| end <= length as u64)

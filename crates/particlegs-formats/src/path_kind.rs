@@ -1,4 +1,4 @@
-//! What a path names, in words, so that the wrong kind of input can name the right command.
+//! Kinds of files that a path may name, in words, so that the wrong kind of input can name the right command.
 
 use crate::format::{FileHead, Format};
 use crate::registry::format_of;
@@ -7,7 +7,7 @@ use particlegs_core::{Hint, codec};
 use particlegs_files::input::is_stream;
 use std::path::Path;
 
-/// What a path names.
+/// The kind of file that a path names.
 #[derive(Clone, Copy)]
 pub enum PathKind {
     /// A model file.
@@ -66,7 +66,7 @@ impl PathKind {
         format_of(head).map_or(PathKind::Unknown, PathKind::Snapshot)
     }
 
-    /// What it is, with its article; `None` where that is not known.
+    /// Its title, with an article; `None` where it is not known.
     pub fn describe(self) -> Option<String> {
         Some(match self {
             PathKind::Model => "a model file".into(),
@@ -81,7 +81,7 @@ impl PathKind {
         })
     }
 
-    /// What to do with it where a model file is wanted.
+    /// The hint where a model file is wanted.
     pub fn to_a_model(self) -> Hint {
         match self {
             PathKind::Snapshot(_) | PathKind::RawFolder => {
@@ -96,7 +96,7 @@ impl PathKind {
         }
     }
 
-    /// What to do with it where a snapshot is wanted.
+    /// The hint where a snapshot is wanted.
     pub fn to_a_snapshot(self) -> Hint {
         match self {
             PathKind::Model => {

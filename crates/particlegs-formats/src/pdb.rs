@@ -50,35 +50,35 @@ fn detect(head: &FileHead) -> bool {
 #[derive(Clone, Default)]
 struct PdbFrameHead {
     cell: Option<Cell>,
-    /// Does a cell stand before the atoms, of this model or one before?
+    /// Whether a cell stands before the atoms, of this model or one before.
     is_stated: bool,
-    /// What stands behind the end of the model.
+    /// The cell behind the end of the model, if one stands there.
     behind: Option<Option<Cell>>,
     in_model: bool,
     moment: (Option<f64>, Option<i64>),
     has_elements: bool,
-    /// Are all atoms one species?
+    /// Whether all atoms are one species.
     is_one: bool,
 }
 
 fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let content = TextContent::open(path)?;
-    let found = scanned(&content, choice)?;
+    let scan = scanned(&content, choice)?;
     let meta = SnapshotMeta {
-        cell: found.head.cell,
+        cell: scan.head.cell,
         units: Units::new(Some("Angstrom"), None, None),
-        epoch: Epoch { time: found.head.moment.0, ..found.frames.epoch() },
+        epoch: Epoch { time: scan.head.moment.0, ..scan.frames.epoch() },
         ..named(path)
     };
-    let columns = columns(&found.table);
+    let columns = columns(&scan.table);
     let description = Description {
-        frames: Some(found.frames),
-        notes: found.notes,
+        frames: Some(scan.frames),
+        notes: scan.notes,
         ..Description::new(content.title(FORMAT.title), paths, meta)
     };
-    let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
-    Ok(Box::new(made.with_unwrapped(false, choice)?))
+    let snapshot = TextSnapshot::new(description, scan.table, columns, "atoms", "");
+    Ok(Box::new(snapshot.with_unwrapped(false, choice)?))
 }
 
 fn scanned(content: &TextContent, choice: &Choice) -> Result<FrameScan<PdbFrameHead>> {
@@ -86,36 +86,36 @@ fn scanned(content: &TextContent, choice: &Choice) -> Result<FrameScan<PdbFrameH
     let mut head = PdbFrameHead { is_one: choice.by_atoms(), ..PdbFrameHead::default() };
     let before = head.clone();
     let (mut leads, mut follows, mut next) = (true, false, None);
-    let mut found = scan(content, choice.frame, |lines, number, wanted| {
+    let mut scan = scan(content, choice.frame, |lines, number, wanted| {
         if number == 0 {
             head = before.clone();
         }
-        let found = frame(content, lines, &mut head, number, wanted)?;
-        if let Some(PdbFrameHead { is_stated, behind, .. }) = found.as_ref().map(|f| &f.head) {
+        let text_frame = frame(content, lines, &mut head, number, wanted)?;
+        if let Some(PdbFrameHead { is_stated, behind, .. }) = text_frame.as_ref().map(|f| &f.head) {
             leads = if number == 0 { *is_stated } else { leads };
             next = if wanted { *behind } else { next.or(*behind) };
             follows = behind.is_some();
         }
-        Ok(found)
+        Ok(text_frame)
     })?;
     // Cells belong to the model behind them, but where the first model has none and one stands behind the last.
     if !leads && follows {
-        found.head.cell = next.flatten();
+        scan.head.cell = next.flatten();
     }
-    Ok(found)
+    Ok(scan)
 }
 
 /// The atoms of a model.
 pub fn topology(path: &Path, choice: &Choice) -> Result<Topology> {
     let content = TextContent::open(path)?;
-    let found = scanned(&content, choice)?;
+    let scan = scanned(&content, choice)?;
     let bytes = FixedColumns::new([COLUMNS[0].1, COLUMNS[1].1, COLUMNS[2].1, [22, 26]]);
     let mut topology = Topology::new(path);
-    found.table.for_each_row(|line| {
+    scan.table.for_each_row(|line| {
         let value = |column| bytes.value(line, column).unwrap_or_default();
         let [element, residue, name, number] = [0, 1, 2, 3].map(value);
         let residue_number = std::str::from_utf8(number).ok().and_then(|text| text.parse().ok());
-        topology.species.push(if found.head.has_elements { element } else { substance(residue) });
+        topology.species.push(if scan.head.has_elements { element } else { substance(residue) });
         topology.push(AtomRow { name, residue, residue_number, element, ..AtomRow::default() })
     })?;
     Ok(topology)
@@ -156,13 +156,14 @@ fn frame<'c>(
         let line_number = lines.place().line;
         let Some(line) = lines.peek()? else { return Ok(None) };
         if is_atom(line) {
+            // The first atom decides for the model: species are elements, else by residues.
             head.has_elements = line.get(76..78).is_some_and(|element| !element.trim_ascii().is_empty());
             break;
         }
         if line.starts_with(b"CRYST1") {
             let cell = crystal(line);
-            head.cell = cell.map_err(|what| {
-                Error::input(content.path(), format!("frame {number}, line {line_number}: CRYST1: {what}"))
+            head.cell = cell.map_err(|message| {
+                Error::input(content.path(), format!("frame {number}, line {line_number}: CRYST1: {message}"))
             })?;
             head.is_stated = true;
         } else if line.starts_with(b"MODEL ") {
@@ -180,12 +181,14 @@ fn frame<'c>(
         let Some(block) = lines.block()? else { break };
         let (mut bytes, mut count, mut ended) = (0, 0, false);
         for (line, length) in of_block(block) {
+            // `END` covers `ENDMDL`; in files without models a CRYST1 begins the next frame.
             ended = line.starts_with(b"END") || line.starts_with(b"MODEL ") || line.starts_with(b"CRYST1");
             if ended {
                 break;
             }
             (bytes, count) = (bytes + length, count + 1);
         }
+        // Blocks are cut at the end of the model, so that the next frame finds its own lines.
         if wanted && bytes > 0 {
             rows.add(place, &block[..bytes])?;
         }
@@ -196,14 +199,14 @@ fn frame<'c>(
         }
     }
     let step = head.moment.1;
-    let own = PdbFrameHead { behind: None, ..head.clone() };
-    let own = cell_behind(lines, head, own)?;
-    Ok(Some(TextFrame { head: own, rows: wanted.then(|| rows.until(end)), step }))
+    let model = PdbFrameHead { behind: None, ..head.clone() };
+    let head_with_cell = cell_behind(lines, head, model)?;
+    Ok(Some(TextFrame { head: head_with_cell, rows: wanted.then(|| rows.until(end)), step }))
 }
 
-/// Reads on from the atoms of a model to the title, the model or the atoms of the next; `own` with the cell that stands
-/// there. One within the model is its own, one behind it may be that of the next.
-fn cell_behind(lines: &mut LineReader<'_>, head: &mut PdbFrameHead, mut own: PdbFrameHead) -> Result<PdbFrameHead> {
+/// Reads on from the atoms of `model` to the title, the model or the atoms of the next; gives it with the cell that
+/// stands there. One within the model is its own, one behind it may be that of the next.
+fn cell_behind(lines: &mut LineReader<'_>, head: &mut PdbFrameHead, mut model: PdbFrameHead) -> Result<PdbFrameHead> {
     let is_next = |line: &[u8]| is_atom(line) || line.starts_with(b"MODEL ") || line.starts_with(b"TITLE");
     while let Some(line) = lines.peek()?.filter(|line| !is_next(line)) {
         if line.starts_with(b"CRYST1") {
@@ -211,14 +214,14 @@ fn cell_behind(lines: &mut LineReader<'_>, head: &mut PdbFrameHead, mut own: Pdb
             let Ok(cell) = crystal(line) else { break };
             (head.cell, head.is_stated) = (cell, true);
             match head.in_model {
-                true => (own.cell, own.is_stated) = (cell, true),
-                false => own.behind = own.behind.or(Some(cell)),
+                true => (model.cell, model.is_stated) = (cell, true),
+                false => model.behind = model.behind.or(Some(cell)),
             }
         }
         head.in_model &= !line.starts_with(b"END");
         lines.line()?;
     }
-    Ok(own)
+    Ok(model)
 }
 
 /// Three lengths and angles; a cube of 1 stands for none.

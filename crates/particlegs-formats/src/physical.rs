@@ -1,8 +1,8 @@
-//! What makes velocities peculiar, in km/s, and specific energies physical, in (km/s)^2: one rule for all formats.
+//! Factors to peculiar velocities in km/s and physical specific energies in (km/s)^2: one rule for all formats.
 
 use particlegs_particles::{PhysicalUnit, SnapshotMeta, SourceField};
 
-/// What holds for velocities and specific energies where their own attributes and units do not say.
+/// The convention of velocities and specific energies where their own attributes and units do not say.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct VelocityConvention {
     /// The unit of velocity in cm/s, where the file states one.
@@ -10,7 +10,7 @@ pub struct VelocityConvention {
     /// Powers of the scale factor that make velocities peculiar and energies physical in cosmological runs of the code
     /// that wrote the file; `None` where it is not known.
     pub powers: Option<[f64; 2]>,
-    /// Is the run cosmological? `None` where nothing decides.
+    /// Whether the run is cosmological; `None` where nothing decides.
     pub cosmological: Option<bool>,
     /// The scale factor, where the file states it.
     pub scale_factor: Option<f64>,
@@ -22,21 +22,21 @@ impl VelocityConvention {
     /// SWIFT's: peculiar velocities, comoving energies of gas with gamma = 5/3.
     pub const SWIFT: [f64; 2] = [0.0, -2.0];
 
-    /// Does it leave open what velocities without attributes are?
+    /// Whether it leaves open what velocities without attributes are.
     pub fn is_undecided(&self) -> bool {
         let depends = self.powers.is_some_and(|[power, _]| power != 0.0);
         depends && self.cosmological.is_none() && self.scale_factor != Some(1.0)
     }
 }
 
-/// What a user must know where nothing decides.
+/// The note for the user where nothing decides.
 pub const UNDECIDED: &str = "the file does not say whether the run is cosmological: velocities keep the file's values";
 
-/// How far a time may be from the scale factor of a redshift, for their rounding.
+/// Difference of a time from the scale factor of a redshift, at most, for their rounding.
 pub const SAME_MOMENT: f64 = 1e-5;
 
-/// Does a header's time show that it is no scale factor? The redshift of isolated runs is 0, whatever their time, and their
-/// `matter` density and box may be 0.
+/// Whether a header's time shows that it is no scale factor. The redshift of isolated runs is 0, whatever their time,
+/// and their `matter` density and box may be 0.
 pub fn is_isolated(time: Option<f64>, redshift: Option<f64>, matter: Option<f64>, box_size: Option<f64>) -> bool {
     let is_another_time = time.is_some_and(|t| (t - 1.0).abs() > SAME_MOMENT);
     match redshift {
@@ -94,7 +94,7 @@ pub fn physical(
     Some(PhysicalUnit { factor, note: why.join("; ") })
 }
 
-/// What formats call specific energies of gas.
+/// Names of specific energies of gas.
 const ENERGIES: [&str; 3] = ["InternalEnergy", "InternalEnergies", "U"];
 
 pub const SWIFT_CGS: &str = "Conversion factor to CGS (not including cosmological corrections)";
@@ -112,10 +112,10 @@ fn of_text(text: &str, dimension: i32) -> Option<(f64, f64)> {
     let plain = plain.replace([' ', '*', '^', '(', ')', '.'], "");
     let forms = if dimension == 1 { &["/s", "s-1"][..] } else { &["/s2", "2/s2", "2s-2"] };
     let mut units = [("km", 1e5f64), ("m", 1e2), ("cm", 1.0)].into_iter();
-    let found = units.find(|(name, _)| plain.strip_prefix(name).is_some_and(|rest| forms.contains(&rest)));
+    let unit = units.find(|(name, _)| plain.strip_prefix(name).is_some_and(|rest| forms.contains(&rest)));
     match (&plain[..], dimension) {
         ("erg/g" | "ergg-1", 2) => Some((1.0, power)),
-        _ => found.map(|(_, cgs)| (cgs.powi(dimension), power)),
+        _ => unit.map(|(_, cgs)| (cgs.powi(dimension), power)),
     }
 }
 
@@ -144,23 +144,24 @@ mod tests {
 
     #[test]
     fn velocities_without_attributes_are_by_the_convention_of_their_code() {
-        let of = |c| factor("Velocities", None, &[], &c);
-        assert_eq!(of(KNOWN), Some(0.5));
-        assert_eq!(of(VelocityConvention { unit: Some(1e7), ..KNOWN }), Some(50.0));
-        assert_eq!(of(VelocityConvention { powers: Some(VelocityConvention::SWIFT), ..KNOWN }), Some(1.0));
-        assert_eq!(of(VelocityConvention { cosmological: Some(false), ..KNOWN }), Some(1.0));
-        assert_eq!(of(VelocityConvention { cosmological: None, ..KNOWN }), None);
-        assert_eq!(of(VelocityConvention { cosmological: None, scale_factor: Some(1.0), ..KNOWN }), Some(1.0));
-        assert_eq!(of(VelocityConvention::default()), None);
+        let factor_of = |c| factor("Velocities", None, &[], &c);
+        assert_eq!(factor_of(KNOWN), Some(0.5));
+        assert_eq!(factor_of(VelocityConvention { unit: Some(1e7), ..KNOWN }), Some(50.0));
+        assert_eq!(factor_of(VelocityConvention { powers: Some(VelocityConvention::SWIFT), ..KNOWN }), Some(1.0));
+        assert_eq!(factor_of(VelocityConvention { cosmological: Some(false), ..KNOWN }), Some(1.0));
+        assert_eq!(factor_of(VelocityConvention { cosmological: None, ..KNOWN }), None);
+        assert_eq!(factor_of(VelocityConvention { cosmological: None, scale_factor: Some(1.0), ..KNOWN }), Some(1.0));
+        assert_eq!(factor_of(VelocityConvention::default()), None);
         assert_eq!(factor("Density", None, &[], &KNOWN), None);
     }
 
     #[test]
     fn the_unit_of_velocity_holds_for_energies() {
-        let of = |unit, powers| factor("InternalEnergy", None, &[], &VelocityConvention { unit, powers, ..KNOWN });
-        assert_eq!(of(Some(1e7), KNOWN.powers), Some(1e4));
-        assert_eq!(of(None, KNOWN.powers), Some(1.0));
-        assert_eq!(of(None, Some(VelocityConvention::SWIFT)), Some(16.0));
+        let factor_of =
+            |unit, powers| factor("InternalEnergy", None, &[], &VelocityConvention { unit, powers, ..KNOWN });
+        assert_eq!(factor_of(Some(1e7), KNOWN.powers), Some(1e4));
+        assert_eq!(factor_of(None, KNOWN.powers), Some(1.0));
+        assert_eq!(factor_of(None, Some(VelocityConvention::SWIFT)), Some(16.0));
         let stated = [("to_cgs", 1e12), ("a_scaling", -2.0)];
         assert_eq!(factor("InternalEnergy", None, &stated, &VelocityConvention::default()), None);
         assert_eq!(factor("InternalEnergy", None, &stated, &KNOWN), Some(1600.0));

@@ -40,7 +40,7 @@ impl RowBuffer {
 /// A stretch of particles in a file: one file of several, one rank, one array.
 pub trait ParticlePiece: Send + Sync {
     fn rows(&self) -> u64;
-    /// Are positions stored with more digits than f32 has?
+    /// Whether positions are stored with more digits than f32 has.
     fn is_wide(&self) -> bool;
     /// Appends particles `rows` (within the piece's own) to every column of `out`.
     fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()>;
@@ -169,7 +169,7 @@ impl SnapshotReader for PieceReader {
     }
 }
 
-/// Where f32 positions of a column are best taken about: 0 where 0 lies well inside the sample, so
+/// The origin that f32 positions of a column are best relative to: 0 where 0 lies well inside the sample, so
 /// that such data stay as they are, else the middle of the sample.
 pub fn origin_of(sample: &[f64]) -> f64 {
     let finite = sample.iter().filter(|v| v.is_finite());

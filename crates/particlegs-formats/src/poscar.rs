@@ -51,7 +51,7 @@ pub fn is_poscar(head: &FileHead) -> bool {
 const ATOM: u64 = 120;
 const STEP: u64 = 1 << 16;
 
-/// What stands before the positions.
+/// A file's content before the positions.
 struct PoscarHead {
     scale: [f64; 3],
     vectors: [[f64; 3]; 3],
@@ -88,8 +88,8 @@ impl PoscarLines<'_> {
     }
 
     /// The error for the line that was read last.
-    fn error(&self, path: &PathBuf, what: impl std::fmt::Display) -> Error {
-        Error::input(path, format!("line {}: {what}", self.lines.place().line.saturating_sub(1)))
+    fn error(&self, path: &PathBuf, message: impl std::fmt::Display) -> Error {
+        Error::input(path, format!("line {}: {message}", self.lines.place().line.saturating_sub(1)))
     }
 }
 
@@ -104,11 +104,11 @@ fn head(path: &PathBuf, lines: &mut PoscarLines<'_>) -> Result<PoscarHead> {
     let at = lines.lines.place().line;
     let scale = lines.needed(path)?;
     let scale: Vec<f64> =
-        scale.iter().map(|w| header_number(w)).collect::<TextResult<_>>().map_err(|what| lines.error(path, what))?;
+        scale.iter().map(|w| header_number(w)).collect::<TextResult<_>>().map_err(|e| lines.error(path, e))?;
     let mut vectors = [[0.0; 3]; 3];
     for vector in &mut vectors {
         let words = lines.needed(path)?;
-        *vector = three(&words).map_err(|what| lines.error(path, what))?;
+        *vector = three(&words).map_err(|message| lines.error(path, message))?;
     }
     let scale = scales(&scale, vectors);
     let scale = scale.ok_or_else(|| Error::input(path, format!("line {at}: the scale is invalid")))?;
@@ -144,7 +144,7 @@ fn positions(path: &PathBuf, lines: &mut PoscarLines<'_>, head: &PoscarHead, is_
             let message = format!("the file is cut off: it states {count} atoms, but only {atom} lines follow");
             return Err(Error::input(path, message));
         };
-        position.extend(place(three(&words).map_err(|what| lines.error(path, what))?));
+        position.extend(place(three(&words).map_err(|message| lines.error(path, message))?));
     }
     Ok(position)
 }
@@ -197,7 +197,7 @@ fn velocities(lines: &mut PoscarLines<'_>, count: u64) -> Result<Vec<f64>> {
     }
     for _ in 0..count {
         match lines.words()?.map(|words| three(&words)) {
-            Some(Ok(own)) => velocity.extend(own),
+            Some(Ok(vector)) => velocity.extend(vector),
             _ => return Ok(Vec::new()),
         }
     }
@@ -207,9 +207,9 @@ fn velocities(lines: &mut PoscarLines<'_>, count: u64) -> Result<Vec<f64>> {
 fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let content = TextContent::open(path)?;
-    let found = read(path, &content)?;
+    let poscar = read(path, &content)?;
     let description = Description { format: content.title(FORMAT.title), ..Description::default() };
-    Ok(Box::new(described(path, found, description)))
+    Ok(Box::new(described(path, poscar, description)))
 }
 
 fn open_trajectory(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
@@ -217,21 +217,21 @@ fn open_trajectory(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapsho
     let content = TextContent::open(path)?;
     let begin = || LineReader::open(&content, TextPosition::START, None).map(|lines| PoscarLines { lines });
     let (mut lines, mut head) = (begin()?, None);
-    let found = choose(path, choice.frame, |number, is_wanted| {
+    let chosen_frame = choose(path, choice.frame, |number, is_wanted| {
         if number == 0 {
             (lines, head) = (begin()?, None);
         }
         frame(path, &mut lines, &mut head, is_wanted)
     })?;
-    let frames = found.frames(Some(found.frame.1));
+    let frames = chosen_frame.frames(Some(chosen_frame.frame.1));
     let description = Description {
         format: content.title(XDATCAR.title),
         meta: SnapshotMeta { epoch: frames.epoch(), ..SnapshotMeta::default() },
         frames: Some(frames),
-        notes: found.notes,
+        notes: chosen_frame.notes,
         ..Description::default()
     };
-    Ok(Box::new(described(path, found.frame.0, description).with_unwrapped(choice)?))
+    Ok(Box::new(described(path, chosen_frame.frame.0, description).with_unwrapped(choice)?))
 }
 
 /// The next frame and its number in the file; without positions where it is not wanted. The head of the one `before`
@@ -272,17 +272,17 @@ fn frame(
 }
 
 /// The snapshot of what was found; `description` says what else there is.
-fn described(path: &Path, found: Poscar, mut description: Description) -> AtomSnapshot {
+fn described(path: &Path, poscar: Poscar, mut description: Description) -> AtomSnapshot {
     let mut buffer = FieldBuffer::default();
-    buffer.add("pos", 3, Some("Angstrom"), &found.position);
-    if !found.velocity.is_empty() {
-        buffer.add("velocity", 3, Some("Angstrom/fs"), &found.velocity);
+    buffer.add("pos", 3, Some("Angstrom"), &poscar.position);
+    if !poscar.velocity.is_empty() {
+        buffer.add("velocity", 3, Some("Angstrom/fs"), &poscar.velocity);
     }
     let (bytes, fields) = buffer.finish();
     // A symbol may stand twice.
     let mut names: Vec<(String, Vec<String>)> = Vec::new();
     let mut types = Vec::new();
-    for (name, count) in &found.head.kinds {
+    for (name, count) in &poscar.head.kinds {
         let at = names.iter().position(|n| n.0 == *name).unwrap_or(names.len());
         if at == names.len() {
             names.push((name.clone(), vec![name.to_lowercase()]));
@@ -293,7 +293,7 @@ fn described(path: &Path, found: Poscar, mut description: Description) -> AtomSn
     let species = if types.is_empty() { Vec::new() } else { atoms.by_type(&types, &names) };
     description.files = vec![path.to_path_buf()];
     description.meta = SnapshotMeta {
-        cell: Cell::stated([0.0; 3], found.head.vectors, [true; 3]),
+        cell: Cell::stated([0.0; 3], poscar.head.vectors, [true; 3]),
         units: Units { time: Some(Unit::parse("fs", Dimension::Time)), ..Units::new(Some("Angstrom"), None, None) },
         name: named(path).name,
         ..description.meta

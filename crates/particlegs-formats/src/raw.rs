@@ -60,7 +60,7 @@ fn other_columns(folder: &Path, count: usize) -> Vec<(String, NumberType)> {
             (Some(name), _) => (name, NumberType::F32),
             (_, name) => (name?, NumberType::F64),
         };
-        let other = !POSITIONS.split(',').chain([WEIGHTS]).any(|own| own == name);
+        let other = !POSITIONS.split(',').chain([WEIGHTS]).any(|standard| standard == name);
         (other && length == kind.bytes() * count as u64).then(|| (name.to_string(), kind))
     };
     let mut columns: Vec<(String, NumberType)> = entries.filter_map(|entry| name(entry.ok()?)).collect();
@@ -79,7 +79,7 @@ fn species(
         let unit = meta.field_units.get(name).cloned();
         SpeciesField { unit, ..SpeciesField::new(name, kind.name(), 1) }
     };
-    let own = POSITIONS.split(',').chain(weights.then_some(WEIGHTS)).map(|name| (name, NumberType::F32));
+    let standard_columns = POSITIONS.split(',').chain(weights.then_some(WEIGHTS)).map(|name| (name, NumberType::F32));
     Species {
         name: layer.name.clone(),
         aliases: Vec::new(),
@@ -90,7 +90,7 @@ fn species(
             model::Mass::Unknown => SpeciesMass::Unknown,
         },
         positions: POSITIONS.into(),
-        fields: own.chain(others.iter().map(|(name, kind)| (&name[..], *kind))).map(of_kind).collect(),
+        fields: standard_columns.chain(others.iter().map(|(name, kind)| (&name[..], *kind))).map(of_kind).collect(),
     }
 }
 
@@ -130,7 +130,7 @@ impl ParticlePiece for RawColumns {
 
 impl RawSnapshot {
     fn is_double(&self, name: &str) -> bool {
-        self.double.iter().any(|own| own == name)
+        self.double.iter().any(|column| column == name)
     }
 
     /// A reader of three columns of a layer, of which some are float64; `None` of others.
@@ -171,9 +171,9 @@ impl RawSnapshot {
 
     /// Three other columns in the places of positions.
     fn columns(&self, names: &str) -> Result<Particles> {
-        let there = &self.description.species[0].fields;
+        let fields = &self.description.species[0].fields;
         let three: Vec<&str> = names.split(',').map(str::trim).collect();
-        if let Some(name) = three.iter().find(|name| !there.iter().any(|f| f.name == **name)) {
+        if let Some(name) = three.iter().find(|name| !fields.iter().any(|f| f.name == **name)) {
             return Err(Error::argument(format!("raw data have no field `{name}`: positions are in xx, yy and zz")));
         }
         if three.len() != 3 {

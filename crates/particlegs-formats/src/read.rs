@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 impl Choice {
-    /// What the user states, over what the files say; gives notes for the user.
+    /// Puts what the user states over what the files say; gives notes for the user.
     fn state(&self, meta: &mut SnapshotMeta) -> Result<Vec<String>> {
         meta.state(self.box_lengths, [self.length_unit.as_deref(), self.mass_unit.as_deref()])
     }
@@ -52,7 +52,7 @@ impl Choice {
     }
 
     /// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
-    /// of [`Choice::formats`]. What does not lie in its file as it is used is put into `storage`.
+    /// of [`Choice::formats`]. Columns that do not lie in their file as they are used are put into `storage`.
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let at_hand = InputFiles::new(paths, self, context)?;
         Ok(self.read_at_hand(&at_hand, storage, context, false)?.0)
@@ -111,7 +111,7 @@ impl Choice {
         Ok((if self.by_mass { particles.layers_by_mass(storage)? } else { particles }, fields))
     }
 
-    /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
+    /// The particles chosen, to be read where they lie, in parts and in any order; `None` where that cannot be:
     /// for streams, and where particles are dropped, selected, converted or sorted by mass ([`Choice::read`] does those).
     /// Values are not checked. The layers come with their fields if they are wanted.
     pub fn read_later(
@@ -132,7 +132,7 @@ impl Choice {
         Ok(source.random_access().then_some(source))
     }
 
-    /// What the files say, with what a user states, and if wanted the bounds of each species.
+    /// The description of the files, with what a user states, and if wanted the bounds of each species.
     ///
     /// # Errors
     /// Errors of opening and, for the bounds, of reading.
@@ -184,7 +184,7 @@ impl InputFiles {
         Ok(InputFiles { paths, spooled })
     }
 
-    /// What `read` gives, with the names that people know.
+    /// The result of reading, with errors that name what people know.
     fn named<T>(&self, read: Result<T>) -> Result<T> {
         read.map_err(|e| match &self.spooled {
             Some(spooled) => spooled.named(e),
@@ -253,7 +253,7 @@ fn say(notes: &[String], context: &Context<'_>) {
     notes.iter().for_each(|note| context.note(note));
 }
 
-/// How errors name what was named.
+/// The name of the files in errors: that of the first.
 fn place(paths: &[PathBuf]) -> String {
     paths.first().map(|p| p.display().to_string()).unwrap_or_default()
 }
@@ -285,12 +285,12 @@ fn bounds_of(reader: &dyn SnapshotReader, context: &Context<'_>) -> Result<Bound
             let finite = c.iter().filter(|v| v.is_finite());
             finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v)))
         });
-        let own = Bounds {
+        let run_bounds = Bounds {
             min: std::array::from_fn(|k| origin[k] + f64::from(ends[k].0)),
             max: std::array::from_fn(|k| origin[k] + f64::from(ends[k].1)),
         };
         let mut all = all.lock().unwrap_or_else(|e| e.into_inner());
-        *all = all.union(&own);
+        *all = all.union(&run_bounds);
         Ok(())
     })?;
     Ok(all.into_inner().unwrap_or_else(|e| e.into_inner()))
@@ -309,11 +309,11 @@ fn chosen(species: &[Species], names: &[String], place: &str) -> Result<Vec<usiz
         let lower = name.to_lowercase();
         let fits = |s: &Species| is_species(&s.name, name) || s.aliases.contains(&lower);
         let index = species.iter().position(fits).ok_or_else(|| {
-            let there: Vec<String> = species.iter().map(called).collect();
+            let type_names: Vec<String> = species.iter().map(called).collect();
             Error::input_with(
                 place,
                 format!("there are no particles of type `{name}`"),
-                format!("the types are: {}", there.join(", ")),
+                format!("the types are: {}", type_names.join(", ")),
             )
         })?;
         if !chosen.contains(&index) {

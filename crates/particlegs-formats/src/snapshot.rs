@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Files of one snapshot.
 pub trait Snapshot: Send + Sync {
-    /// What they say about themselves.
+    /// The files' description of themselves.
     fn description(&self) -> &Description;
 
     /// A reader of species `species` (an index into the description's) with the fields chosen.
@@ -21,7 +21,7 @@ pub trait Snapshot: Send + Sync {
         Vec::new()
     }
 
-    /// What holds for velocities and energies whose fields do not say more.
+    /// The convention of velocities and energies whose fields do not say more.
     fn convention(&self) -> VelocityConvention {
         VelocityConvention::default()
     }
@@ -33,7 +33,7 @@ pub trait Snapshot: Send + Sync {
     }
 }
 
-/// What files say about themselves. `None` = they do not say; nothing is guessed.
+/// The files' description of themselves. `None` = they do not say; nothing is guessed.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Description {
     /// The format in words, e.g. `Gadget-2 binary, format 2, big-endian`.
@@ -43,14 +43,14 @@ pub struct Description {
     pub files: Vec<PathBuf>,
     /// Cell, units, cosmology.
     pub meta: SnapshotMeta,
-    /// What kinds of particles there are; those without particles are left out.
+    /// Kinds of particles; those without particles are left out.
     pub species: Vec<Species>,
     /// Frames, where the format can hold several.
     pub frames: Option<TrajectoryFrames>,
     /// Fields that other frames have.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub absent: Vec<AbsentField>,
-    /// What a user should know: features not read, values that contradict each other.
+    /// Notes for the user: features not read, values that contradict each other.
     pub notes: Vec<String>,
 }
 
@@ -73,7 +73,7 @@ impl Description {
     }
 }
 
-/// What is no UTF-8 in a path is replaced.
+/// Bytes of a path that are no UTF-8 are replaced.
 fn paths_as_text<S: serde::Serializer>(paths: &[PathBuf], to: S) -> std::result::Result<S::Ok, S::Error> {
     to.collect_seq(paths.iter().map(|p| p.to_string_lossy()))
 }
@@ -115,7 +115,7 @@ impl AbsentField {
 /// Frames of a trajectory.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct TrajectoryFrames {
-    /// How many the file holds.
+    /// Number of frames in the file.
     pub count: u64,
     /// The one described and read, from 0.
     pub chosen: u64,
@@ -124,7 +124,7 @@ pub struct TrajectoryFrames {
 }
 
 impl TrajectoryFrames {
-    /// What they say of the moment: the frame where there are several to choose from, and the step.
+    /// The moment of the frame chosen: its number where there are several to choose from, and its step.
     pub(crate) fn epoch(&self) -> Epoch {
         Epoch { frame: (self.count > 1).then_some(self.chosen), step: self.step, ..Epoch::default() }
     }
@@ -207,7 +207,7 @@ impl Species {
         }
     }
 
-    /// What a field is as weights; the field of masses is that by any name.
+    /// The kind of weights that a field holds; the field of masses holds masses by any name.
     fn weight_kind(&self, field: &SpeciesField) -> WeightKind {
         match &self.mass {
             SpeciesMass::Field(masses) if *masses == field.name => WeightKind::Mass,
@@ -223,12 +223,12 @@ impl Species {
     }
 
     /// The error for a field that `name` asks for and the species has not.
-    pub(crate) fn missing<'a>(&self, place: &str, name: &str, there: impl Iterator<Item = &'a str>) -> Error {
-        let there: Vec<&str> = there.collect();
-        let hint = if there.is_empty() {
+    pub(crate) fn missing<'a>(&self, place: &str, name: &str, fields: impl Iterator<Item = &'a str>) -> Error {
+        let field_names: Vec<&str> = fields.collect();
+        let hint = if field_names.is_empty() {
             "there are no fields".into()
         } else {
-            format!("the fields are: {}", there.join(", "))
+            format!("the fields are: {}", field_names.join(", "))
         };
         Error::input_with(place, format!("{} has no field `{name}`", self.name), hint)
     }

@@ -9,7 +9,7 @@ use particlegs_files::input::is_stream;
 use std::path::{Path, PathBuf};
 
 /// The snapshots that a user names by a folder, by patterns that no shell has replaced, or one by one: sorted by the times
-/// that they state. Where some state none, they stay as they are named, but for names that differ in numbers alone and that
+/// that they state. If some state none, they stay as they are named, but for names that differ in numbers alone and that
 /// a shell has sorted as text: `snap_2` then comes before `snap_10`. Says so where that changes their order.
 ///
 /// # Errors

@@ -25,7 +25,7 @@ struct RecordGroup {
     stored: usize,
     base: u64,
     stride: u64,
-    /// Which column (x, y, z, weight) and where in the record.
+    /// Column (x, y, z, weight) and its place in the record.
     lanes: Vec<(usize, StridedColumn)>,
 }
 

@@ -1,4 +1,4 @@
-//! What the tests of formats share.
+//! Functions that the tests of formats share.
 
 use crate::{Choice, Snapshot, Writer};
 use particlegs_core::Result;
@@ -90,8 +90,10 @@ pub fn deflate(content: &[u8]) -> (Vec<u8>, u32) {
 
 /// Writes all particles to `path`, and checks the number of bytes that it gives.
 pub fn written(particles: &Particles, path: &Path, name: &str) -> u64 {
-    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    let bytes = Writer::for_output(path, Some(name)).unwrap().write(&kept, path, &Context::SILENT).unwrap();
+    let selected_particles =
+        SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    let bytes =
+        Writer::for_output(path, Some(name)).unwrap().write(&selected_particles, path, &Context::SILENT).unwrap();
     assert_eq!(bytes, std::fs::metadata(path).unwrap().len());
     bytes
 }
@@ -108,7 +110,7 @@ pub fn vectors(snapshot: &dyn Snapshot, species: usize, name: &str) -> Vec<[f64;
     read(snapshot, species, &choice).unwrap().positions
 }
 
-/// What opening or reading the bytes gives as an error.
+/// The error of opening or reading the bytes.
 pub fn fault(bytes: &[u8]) -> String {
     let file = scratch(bytes);
     let snapshot = match Choice::default().open(&[file.path().to_path_buf()]) {

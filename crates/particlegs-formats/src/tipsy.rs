@@ -98,9 +98,9 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
 fn fields(names: &[(&str, u32)], start: u64, stride: u64, big_endian: bool) -> Vec<crate::atoms::AtomField> {
     let mut offset = 0;
     let field = |&(name, components): &(&str, u32)| {
-        let own = ColumnarField::in_records(name, NumberType::F32, components, [start, stride, offset]);
+        let record_field = ColumnarField::in_records(name, NumberType::F32, components, [start, stride, offset]);
         offset += 4 * u64::from(components);
-        (ColumnarField { big_endian, ..own }, None)
+        (ColumnarField { big_endian, ..record_field }, None)
     };
     let mut fields: Vec<_> = names.iter().map(field).collect();
     fields.swap(0, 1);

@@ -31,7 +31,8 @@ pub fn settle(
     Ok(wraps)
 }
 
-/// Do a tenth of the first positions lie outside a periodic cell, and any more than its length? A few that do are damage.
+/// Whether a tenth of the first positions lie outside a periodic cell, and any by more than its length. A few that do
+/// are damage.
 pub fn leave(periods: &PeriodicCell, positions: impl Iterator<Item = [f64; 3]>) -> bool {
     let (mut all, mut outside, mut far) = (0, 0, 0);
     for position in positions.take(LOOKED_AT) {

@@ -16,7 +16,7 @@ pub struct Writer {
     pub title: &'static str,
     /// File endings that choose it, without the dot.
     pub endings: &'static [&'static str],
-    /// What it holds beside positions and masses.
+    /// Its capabilities beside positions and masses.
     holds: WriterCapabilities,
     /// The fields that it holds of what is kept, of each layer or of all.
     fields: fn(&SelectedParticles<'_>) -> Vec<Vec<OutField>>,
@@ -25,7 +25,7 @@ pub struct Writer {
     pub(crate) write: fn(&SelectedParticles<'_>, &Path, &Context<'_>) -> Result<u64>,
 }
 
-/// What a format holds beside positions and masses.
+/// The metadata that a format holds beside positions and masses.
 struct WriterCapabilities {
     cell: bool,
     units: bool,
@@ -43,7 +43,7 @@ static WRITERS: &[Writer] = &[
         holds: WriterCapabilities { cell: true, units: true, cosmology: true, time: true, step: true },
         fields: |_| Vec::new(),
         folder: true,
-        write: |kept, out, context| kept.write_raw(out, RawForm::Columns, context),
+        write: |particles, out, context| particles.write_raw(out, RawForm::Columns, context),
     },
     Writer {
         name: "npy",
@@ -52,7 +52,7 @@ static WRITERS: &[Writer] = &[
         holds: WriterCapabilities { cell: false, units: false, cosmology: false, time: false, step: false },
         fields: |_| Vec::new(),
         folder: false,
-        write: |kept, out, context| kept.write_raw(out, RawForm::Npy, context),
+        write: |particles, out, context| particles.write_raw(out, RawForm::Npy, context),
     },
     Writer {
         name: "hdf5",
@@ -92,14 +92,14 @@ impl Writer {
     /// The writer of that name, or else the one that the output's ending means: a name without a known
     /// ending means raw columns.
     pub fn for_output(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
-        let refused = |what: String| {
+        let refused = |message: String| {
             let writers: Vec<String> = WRITERS.iter().map(Writer::describe).collect();
-            Err(Error::argument_with(what, format!("possible formats: {}", writers.join("; "))))
+            Err(Error::argument_with(message, format!("possible formats: {}", writers.join("; "))))
         };
         let endings: Vec<&str> = WRITERS.iter().flat_map(|w| w.endings).copied().collect();
         let meant = match output::ending(out, &endings) {
             Ok(ending) => ending.and_then(|e| WRITERS.iter().find(|w| w.endings.contains(&e))),
-            Err(Error::Argument { what, .. }) => return refused(what),
+            Err(Error::Argument { what: message, .. }) => return refused(message),
             Err(other) => return Err(other),
         };
         let Some(name) = name else { return Ok(meant.unwrap_or(&WRITERS[0])) };
@@ -115,19 +115,19 @@ impl Writer {
         }
     }
 
-    /// Writes what is kept to `out`, whole or not at all; the bytes written.
-    pub fn write(&self, kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
-        (self.write)(kept, out, context)
+    /// Writes the particles to `out`, whole or not at all; gives the bytes written.
+    pub fn write(&self, particles: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
+        (self.write)(particles, out, context)
     }
 
-    /// What a file of what is kept leaves out, in words; none where it holds all.
-    pub fn left_out(&self, kept: &SelectedParticles<'_>) -> Option<String> {
-        let (meta, holds) = (kept.meta(), &self.holds);
-        let written = (self.fields)(kept);
+    /// The metadata and fields that a file of the particles leaves out, in words; none where it holds all.
+    pub fn left_out(&self, particles: &SelectedParticles<'_>) -> Option<String> {
+        let (meta, holds) = (particles.meta(), &self.holds);
+        let written = (self.fields)(particles);
         let is_written = |name: &String| written.iter().flatten().any(|f| f.sources.contains(name));
         let mut all: Vec<String> = meta.fields.iter().filter(|name| !is_written(name)).cloned().collect();
         let (units, cosmology) = (&meta.units, meta.cosmology != Cosmology::default());
-        for (is_there, what) in [
+        for (is_lost, content) in [
             (meta.cell.is_some() && !holds.cell, "the periodic box"),
             ((units.length.is_some() || units.mass.is_some()) && !holds.units, "units"),
             (cosmology && !holds.cosmology, "the cosmology"),
@@ -135,7 +135,7 @@ impl Writer {
             (meta.epoch.time.is_some() && !holds.time, "the time"),
             (meta.epoch.step.is_some() && !holds.step, "the time step"),
         ] {
-            all.extend(is_there.then(|| what.to_string()));
+            all.extend(is_lost.then(|| content.to_string()));
         }
         (!all.is_empty()).then(|| format!("{} cannot store: {}", self.title, all.join(", ")))
     }

@@ -114,7 +114,7 @@ fn either_part_gives_the_whole() {
     }
 }
 
-/// What HACC's own library compressed, bit for bit, and what the reference packer of SPZ packed.
+/// Files that HACC's own library compressed, bit for bit, and one that the reference packer of SPZ packed.
 #[test]
 fn files_by_the_formats_own_programs() {
     let folder = support::data("others");

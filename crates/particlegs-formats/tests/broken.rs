@@ -40,7 +40,7 @@ fn check(path: &Path, refused: bool) -> Vec<String> {
     if peak > MOST_BYTES {
         wrong.push(format!("it takes {} MiB, {} MiB at once", peak >> 20, largest >> 20));
     }
-    wrong.into_iter().map(|what| format!("{name}: {what}")).collect()
+    wrong.into_iter().map(|message| format!("{name}: {message}")).collect()
 }
 
 #[test]

@@ -31,8 +31,9 @@ fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
 }
 
 fn write(particles: &Particles, path: &Path) -> Result<u64> {
-    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    Writer::for_output(path, Some("hdf5"))?.write(&kept, path, &Context::SILENT)
+    let selected_particles =
+        SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    Writer::for_output(path, Some("hdf5"))?.write(&selected_particles, path, &Context::SILENT)
 }
 
 #[test]
@@ -108,15 +109,15 @@ fn all_files_of_a_snapshot_may_be_named() {
 }
 
 /// Reads broken bytes: an error or not, but soon, in little memory and without a panic.
-fn survives(bytes: &[u8], path: &Path, what: &dyn Fn() -> String) {
+fn survives(bytes: &[u8], path: &Path, label: &dyn Fn() -> String) {
     std::fs::write(path, bytes).unwrap();
     let read = || support::read_everything(path, Some("hdf5")).map_err(|e| e.to_string());
     let ResourceUse { result, time, peak, largest } = measured(read);
-    assert!(result.is_ok(), "panic: {}", what());
-    assert!(time < Duration::from_secs(1), "slow: {}", what());
-    assert!(largest < 64 << 20 && peak < 100 << 20, "{largest} bytes at once, {peak} in all: {}", what());
+    assert!(result.is_ok(), "panic: {}", label());
+    assert!(time < Duration::from_secs(1), "slow: {}", label());
+    assert!(largest < 64 << 20 && peak < 100 << 20, "{largest} bytes at once, {peak} in all: {}", label());
     if let Ok(Err(text)) = result {
-        assert!(!text.contains('\n'), "{text}: {}", what());
+        assert!(!text.contains('\n'), "{text}: {}", label());
     }
 }
 
@@ -264,7 +265,7 @@ fn broken_snapshots_do_no_harm() {
 }
 
 /// Particles in layers, in memory: `counts` of each, the last one with weights.
-fn made(counts: &[(&str, usize)]) -> Particles {
+fn particles_of(counts: &[(&str, usize)]) -> Particles {
     let n: usize = counts.iter().map(|c| c.1).sum();
     let column = |a: f32| (0..n).map(|i| a * (i as f32).sqrt()).collect::<Vec<f32>>();
     let (mut start, mut layers) = (0, Vec::new());
@@ -289,7 +290,7 @@ fn made(counts: &[(&str, usize)]) -> Particles {
 fn what_is_written_is_read_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
-    let particles = made(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
+    let particles = particles_of(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
     let bytes = write(&particles, &path).unwrap();
     assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
     let snapshot = opened(&[path]).unwrap();
@@ -340,22 +341,22 @@ fn velocities_go_out_over_the_root_of_a_whatever_their_source_has() {
             if scale_factor.is_none() && fields.len() == 3 && factor == 0.25 {
                 continue;
             }
-            let mut particles = made(&[("dm", 2)]);
+            let mut particles = particles_of(&[("dm", 2)]);
             particles.meta.epoch =
                 Epoch { scale_factor, time: scale_factor.is_none().then_some(2.3), ..Epoch::default() };
             particles.meta.units.comoving = scale_factor.map(|_| true);
             let columns = [100.0, 20.0, -30.0].map(|v: f64| vec![v / factor, 2.0 * v / factor]).to_vec();
-            let own = LayerFields::from_columns(fields.clone(), columns);
-            let kept =
+            let layer_fields = LayerFields::from_columns(fields.clone(), columns);
+            let selected_particles =
                 SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
             Writer::for_output(&path, None)
                 .unwrap()
-                .write(&kept.with_fields(vec![own]), &path, &Context::SILENT)
+                .write(&selected_particles.with_fields(vec![layer_fields]), &path, &Context::SILENT)
                 .unwrap();
             let snapshot = opened(std::slice::from_ref(&path)).unwrap();
-            let found = vectors(&*snapshot, "Velocities")[1].map(|v| v * root);
-            let near = found.iter().zip([200.0, 40.0, -60.0]).all(|(v, w)| (v - w).abs() < 1e-4);
-            assert!(near, "{fields:?} {scale_factor:?} {found:?}");
+            let velocity = vectors(&*snapshot, "Velocities")[1].map(|v| v * root);
+            let near = velocity.iter().zip([200.0, 40.0, -60.0]).all(|(v, w)| (v - w).abs() < 1e-4);
+            assert!(near, "{fields:?} {scale_factor:?} {velocity:?}");
             let stated = snapshot.attributes(0, "Velocities");
             let power = if scale_factor.is_some() { 0.5 } else { 0.0 };
             assert_eq!(stated.iter().find(|a| a.0 == "a_scaling").unwrap().1, power);
@@ -363,10 +364,14 @@ fn velocities_go_out_over_the_root_of_a_whatever_their_source_has() {
         }
     }
     // Of a unit that is not known, they would be read as Gadget's.
-    let particles = made(&[("dm", 2)]);
-    let own = LayerFields::from_columns(vec![field(3, "vel", None, None)], vec![vec![1.0; 2]; 3]);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    Writer::for_output(&path, None).unwrap().write(&kept.with_fields(vec![own]), &path, &Context::SILENT).unwrap();
+    let particles = particles_of(&[("dm", 2)]);
+    let layer_fields = LayerFields::from_columns(vec![field(3, "vel", None, None)], vec![vec![1.0; 2]; 3]);
+    let selected_particles =
+        SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    Writer::for_output(&path, None)
+        .unwrap()
+        .write(&selected_particles.with_fields(vec![layer_fields]), &path, &Context::SILENT)
+        .unwrap();
     let snapshot = opened(std::slice::from_ref(&path)).unwrap();
     assert!(snapshot.description().species[0].fields.iter().all(|f| !f.name.to_lowercase().starts_with("vel")));
 }
@@ -376,7 +381,7 @@ fn velocities_go_out_over_the_root_of_a_whatever_their_source_has() {
 fn the_bytes_written_are_those_that_others_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
-    let particles = made(&[("PartType4", 50), ("dm", 10), ("PartType0", 100)]);
+    let particles = particles_of(&[("PartType4", 50), ("dm", 10), ("PartType0", 100)]);
     write(&particles, &path).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let fixture = support::data("hdf5/large/written.hdf5");
@@ -391,7 +396,7 @@ fn the_bytes_written_are_those_that_others_read() {
 fn slabs_go_out_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
-    let mut particles = made(&[("dm", 10)]);
+    let mut particles = particles_of(&[("dm", 10)]);
     particles.meta.cell = Cell::stated([0.0; 3], [[0.0, 32.0, 0.0], [-64.0, 0.0, 0.0], [0.0; 3]], [true; 3]);
     write(&particles, &path).unwrap();
     let snapshot = opened(&[path]).unwrap();
@@ -406,7 +411,7 @@ fn slabs_go_out_and_come_back() {
 fn what_the_layout_does_not_hold_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
-    let mut particles = made(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
+    let mut particles = particles_of(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
     let refused = |particles: &Particles| write(particles, &path).unwrap_err().to_string();
     assert!(refused(&particles).contains("7 layers"));
     particles = particles.with_layers(Vec::new());
@@ -443,25 +448,25 @@ fn tables_at_the_top_or_in_groups_are_read() {
 #[test]
 fn tables_are_found_where_users_put_them() {
     let open = |name: &str, choice: &Choice| choice.open(&[support::data("tables").join(name)]);
-    let own = |choice: &Choice, name: &str| {
+    let read_table = |choice: &Choice, name: &str| {
         let snapshot = open(name, choice).unwrap();
         let rows = support::particles(&*snapshot, 0, choice).unwrap();
         (snapshot.description().clone(), rows[4][..3].to_vec())
     };
     let any = Choice::default();
-    let (d, last) = own(&any, "nested.hdf5");
+    let (d, last) = read_table(&any, "nested.hdf5");
     assert_eq!((&d.species[0].name[..], last), ("run/dm", vec![3.0, 3.25, 3.5]));
     for (frame, number) in [(None, 11), (Some(3), 3)] {
-        let (d, last) = own(&Choice { frame, ..Choice::default() }, "steps.hdf5");
+        let (d, last) = read_table(&Choice { frame, ..Choice::default() }, "steps.hdf5");
         let frames = d.frames.unwrap();
         assert_eq!((frames.count, frames.chosen, d.species.len()), (12, number, 1));
         assert_eq!((&d.species[0].name[..], last[0]), ("particles", 3.0 + number as f64));
     }
-    assert!(own(&any, "only.hdf5").0.notes[0].contains("`a`, the only array of three columns"));
+    assert!(read_table(&any, "only.hdf5").0.notes[0].contains("`a`, the only array of three columns"));
     let error = open("several.hdf5", &any).err().unwrap();
     assert!(error.to_string().contains("not clear") && error.hint().to_string().contains("a, b"), "{error}");
     let b = Choice { positions: Some("b".into()), ..Choice::default() };
-    assert_eq!(own(&b, "several.hdf5").0.species[0].positions, "b");
+    assert_eq!(read_table(&b, "several.hdf5").0.species[0].positions, "b");
     assert!(open("steps.hdf5", &Choice { frame: Some(12), ..Choice::default() }).is_err());
 }
 
@@ -473,7 +478,7 @@ fn vectors(snapshot: &dyn Snapshot, name: &str) -> Vec<[f64; 3]> {
     rows.map(|[x, y, z, _]| [x, y, z]).collect()
 }
 
-/// What MDAnalysis wrote, and what h5py wrote in chunks of several frames and parts of rows.
+/// Files of MDAnalysis, and of h5py in chunks of several frames and parts of rows.
 #[test]
 fn h5md_frames_are_read_from_any_chunks() {
     let at = |name: &str, frame| support::open(&support::fixtures().join(name), None, frame).unwrap();
@@ -499,12 +504,12 @@ fn h5md_frames_are_read_from_any_chunks() {
             [("species 1", 25), ("species 2", 25)]
         );
         let keep = Choice { keep_unwrapped: true, frame: chosen, ..Choice::default() };
-        let kept = keep.open(&[support::fixtures().join("byhand.h5md")]).unwrap();
+        let unwrapped_snapshot = keep.open(&[support::fixtures().join("byhand.h5md")]).unwrap();
         let sample = support::sample(50);
-        for (n, seen) in vectors(&*kept, "position").into_iter().enumerate() {
+        for (n, seen) in vectors(&*unwrapped_snapshot, "position").into_iter().enumerate() {
             let row = n % 25 * 2 + n / 25;
             assert!((0..3).all(|k| (seen[k] - sample[row][k] - 100.0 * frame as f64).abs() < 1e-4), "{n}: {seen:?}");
-            let v = vectors(&*kept, "velocity")[n];
+            let v = vectors(&*unwrapped_snapshot, "velocity")[n];
             assert!((0..3).all(|k| (v[k] - velocity(row)[k] - frame as f64).abs() < 1e-9), "{n}: {v:?}");
         }
         // They lie far outside the box, where they are not wrapped.
@@ -591,12 +596,12 @@ fn frames_of_h5md_have_no_values_of_other_steps() {
         let names: Vec<&str> = d.species[0].fields.iter().map(|f| &f.name[..]).collect();
         let (_, fields) =
             choice.clone().read_fields(std::slice::from_ref(&path), &Storage::Memory, &Context::SILENT).unwrap();
-        let own = 100.0 + 10.0 * frame as f64;
+        let expected_velocity = 100.0 + 10.0 * frame as f64;
         match frame % 2 {
             0 => {
                 assert_eq!(names, ["position", "velocity"], "{frame}");
                 let number = fields[0].fields.iter().position(|f| f.name == "velocity").unwrap();
-                assert_eq!(fields[0].values(number, 2).unwrap(), vec![vec![own; 2]; 3], "{frame}");
+                assert_eq!(fields[0].values(number, 2).unwrap(), vec![vec![expected_velocity; 2]; 3], "{frame}");
             }
             _ => {
                 assert_eq!(names, ["position"], "{frame}");
@@ -608,6 +613,6 @@ fn frames_of_h5md_have_no_values_of_other_steps() {
         let force = format!("frame {frame} has no force: the file stores it at other steps than positions");
         assert!(d.notes.contains(&force), "{:?}", d.notes);
         let cell = d.meta.cell.and_then(|c| c.lengths());
-        assert_eq!(cell, (frame % 3 == 0).then_some([own; 3]), "{frame}");
+        assert_eq!(cell, (frame % 3 == 0).then_some([expected_velocity; 3]), "{frame}");
     }
 }

@@ -56,7 +56,7 @@ fn read(path: &Path, format: &str) -> usize {
     refused
 }
 
-/// What is run through: which file, and how many cases are done and refused.
+/// A run over mutations: the file, and the numbers of cases done and refused.
 struct MutationRun {
     name: String,
     format: &'static str,
@@ -75,8 +75,8 @@ impl MutationRun {
         Ok(MutationRun { name, format, bytes, done: 0.into(), refused: 0.into(), faults: Mutex::default() })
     }
 
-    fn fault(&self, what: String) {
-        self.faults.lock().expect("no thread dies").insert(format!("{}: {what}", self.name));
+    fn fault(&self, message: String) {
+        self.faults.lock().expect("no thread dies").insert(format!("{}: {message}", self.name));
     }
 
     fn case(&self, damage: Damage, path: &Path, file: &File) {
@@ -182,7 +182,7 @@ fn damage_all(files: &[PathBuf]) {
                 run.all(if before < CLOSELY { 1 } else { SPARSELY });
                 faults.extend(run.faults.into_inner().expect("no thread dies").into_iter().take(8));
             }
-            Err(what) => faults.push(format!("{}: {what}", path.display())),
+            Err(message) => faults.push(format!("{}: {message}", path.display())),
         }
     }
     drop(std::panic::take_hook());

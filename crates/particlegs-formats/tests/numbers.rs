@@ -218,9 +218,10 @@ fn check(path: &Path, column: &NumberColumn, scalar: &str, copies: bool) {
     }
     for ending in ["hdf5", "vtp", "dump"] {
         let out = path.with_extension(format!("copy.{ending}"));
-        let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+        let selected_particles =
+            SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
         let writer = Writer::for_output(&out, None).unwrap();
-        writer.write(&kept.with_fields(layers.clone()), &out, &Context::SILENT).unwrap();
+        writer.write(&selected_particles.with_fields(layers.clone()), &out, &Context::SILENT).unwrap();
         check(&out, column, scalar, false);
     }
 }

@@ -46,13 +46,13 @@ impl Accelerator for GpuAccelerator {
         self.device.name()
     }
 
-    fn scene(&self, of: &Scene<'_>) -> Result<Box<dyn Renderer>> {
-        Ok(Box::new(ScenePictures::new(&self.device, of)?))
+    fn scene(&self, scene: &Scene<'_>) -> Result<Box<dyn Renderer>> {
+        Ok(Box::new(ScenePictures::new(&self.device, scene)?))
     }
 
-    fn particles<'a>(&self, of: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>> {
-        let count = of.count as u64;
-        let mut pictures = ParticlePictures::new(&self.device, of)?;
+    fn particles<'a>(&self, input: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>> {
+        let count = input.count as u64;
+        let mut pictures = ParticlePictures::new(&self.device, input)?;
         context.begin("copying particles to the GPU", count);
         pictures.keep(&self.device, &mut |sent| {
             context.advance(sent);
@@ -62,15 +62,19 @@ impl Accelerator for GpuAccelerator {
         Ok(Box::new(pictures))
     }
 
-    fn subject<'a>(&self, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Box<dyn TrainingSubject + 'a>> {
-        Ok(Box::new(DeviceSubject::new(&self.device, of, context)?))
+    fn subject<'a>(
+        &self,
+        subject: &'a dyn TrainingSubject,
+        context: &Context<'_>,
+    ) -> Result<Box<dyn TrainingSubject + 'a>> {
+        Ok(Box::new(DeviceSubject::new(&self.device, subject, context)?))
     }
 
-    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn DepthStepper>> {
-        Ok(self.trainer()?.depth_steps(of)?)
+    fn depth_steps(&self, parameters: &Parameters) -> Result<Box<dyn DepthStepper>> {
+        Ok(self.trainer()?.depth_steps(parameters)?)
     }
 
-    fn alpha_steps(&self, of: &alpha::Gaussians) -> Result<Box<dyn alpha::AlphaStepper>> {
-        Ok(self.trainer()?.alpha_steps(of)?)
+    fn alpha_steps(&self, gaussians: &alpha::Gaussians) -> Result<Box<dyn alpha::AlphaStepper>> {
+        Ok(self.trainer()?.alpha_steps(gaussians)?)
     }
 }

@@ -1,4 +1,4 @@
-//! What there is to draw on.
+//! Adapters to draw on.
 
 use particlegs_core::{Error, Hint, Result};
 
@@ -10,9 +10,9 @@ pub struct Adapter {
     pub interface: String,
     /// The driver and its version.
     pub driver: String,
-    /// What it is, in words.
+    /// Its kind, in words.
     pub kind: &'static str,
-    /// Is it a software adapter that runs on the CPU?
+    /// Whether it is a software adapter that runs on the CPU.
     pub software: bool,
     /// Bytes of its own memory, where that is known.
     pub memory: Option<u64>,
@@ -22,7 +22,7 @@ pub struct Adapter {
     pub features: Vec<&'static str>,
 }
 
-/// Which adapter to open.
+/// The adapter to open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AdapterChoice {
     /// The first real GPU.
@@ -81,9 +81,9 @@ fn described(adapter: &wgpu::Adapter) -> Adapter {
 pub(crate) fn memory_of(adapter: &wgpu::Adapter) -> Option<u64> {
     // SAFETY: the handles are used while the adapter lives, for a question that changes nothing.
     let bytes = unsafe {
-        let own = adapter.as_hal::<wgpu::hal::api::Vulkan>()?;
-        let instance = own.shared_instance().raw_instance();
-        let memory = instance.get_physical_device_memory_properties(own.raw_physical_device());
+        let vulkan = adapter.as_hal::<wgpu::hal::api::Vulkan>()?;
+        let instance = vulkan.shared_instance().raw_instance();
+        let memory = instance.get_physical_device_memory_properties(vulkan.raw_physical_device());
         let heaps = &memory.memory_heaps[..memory.memory_heap_count as usize];
         // The bit of heaps that are the device's own is the first (VK_MEMORY_HEAP_DEVICE_LOCAL_BIT).
         heaps.iter().filter(|h| h.flags.as_raw() & 1 != 0).map(|h| h.size).sum()
@@ -113,14 +113,14 @@ pub(crate) fn chosen(choice: AdapterChoice) -> Result<wgpu::Adapter> {
     Ok(all.swap_remove(place))
 }
 
-/// What would help where a GPU is there and is not found, by what this machine looks like.
+/// Advice for a machine whose GPU is there and is not found, by what the machine looks like.
 pub fn advice() -> String {
-    let there = |path: &str| std::path::Path::new(path).exists();
-    let nvidia = there("/proc/driver/nvidia/version") || there("/dev/nvidiactl");
+    let exists = |path: &str| std::path::Path::new(path).exists();
+    let nvidia = exists("/proc/driver/nvidia/version") || exists("/dev/nvidiactl");
     let drm = std::fs::read_dir("/dev/dri").is_ok_and(|mut d| d.next().is_some());
     let loader = ["/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib"]
         .iter()
-        .any(|folder| there(&format!("{folder}/libvulkan.so.1")));
+        .any(|folder| exists(&format!("{folder}/libvulkan.so.1")));
     let manifests = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
     let icd = |word: &str| {
         let named = |folder: &&str| {

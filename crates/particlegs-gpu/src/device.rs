@@ -5,7 +5,7 @@ use particlegs_core::picture::Size;
 use particlegs_core::{Error, Hint, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Does the program check every index and every loop of its kernels while they run?
+/// Whether the program checks every index and every loop of its kernels while they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Checks {
     /// No: kernels are this crate's own, and their loops end. Bounds on loops cost up to a hundredfold on some drivers
@@ -28,7 +28,7 @@ pub struct Device {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub(crate) checks: Checks,
-    /// Who runs its kernels, where it was opened with somebody.
+    /// The watch that runs its kernels, where it was opened with one.
     pub(crate) watch: Option<Arc<dyn KernelWatch>>,
     name: String,
     /// Bytes of its own memory, where that is known.
@@ -109,7 +109,7 @@ impl Device {
     pub fn check(&self) -> Result<()> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner).take();
         let line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-        let (what, hint) = match fault {
+        let (message, hint) = match fault {
             None => return Ok(()),
             Some(DeviceFault::Memory) => (
                 "its memory is too small for this".into(),
@@ -121,7 +121,7 @@ impl Device {
             ),
             Some(DeviceFault::Other(text)) => (line(&text), Hint::default()),
         };
-        Err(Error::input_with(format!("device {}", self.name), what, hint))
+        Err(Error::input_with(format!("device {}", self.name), message, hint))
     }
 
     /// Waits until all that was given to it is done.
@@ -131,17 +131,17 @@ impl Device {
         waited.map(drop).map_err(|e| Error::input(format!("device {}", self.name), e.to_string()))
     }
 
-    /// May `what`, which takes so many bytes in a buffer, be on the device?
-    pub(crate) fn holds(&self, what: &str, bytes: u64) -> Result<()> {
+    /// Refuses a `subject` that takes more bytes in a buffer than the device can bind.
+    pub(crate) fn holds(&self, subject: &str, bytes: u64) -> Result<()> {
         let most = self.largest_binding();
         if bytes <= most {
             return Ok(());
         }
-        let message = format!("{what}: device {} can bind only {most} bytes", self.name);
+        let message = format!("{subject}: device {} can bind only {most} bytes", self.name);
         Err(Error::argument_with(format!("{message}, but {bytes} are needed"), Hint::use_cpu()))
     }
 
-    /// May a picture that takes so many bytes in a buffer be drawn?
+    /// Refuses a picture that takes more bytes in a buffer than the device can bind, or has no pixels.
     pub(crate) fn fits(&self, size: Size, bytes: u64) -> Result<()> {
         let most = self.largest_binding();
         if bytes <= most && size.pixels() > 0 {
@@ -167,10 +167,10 @@ impl Device {
     pub(crate) fn filled<T: bytemuck::NoUninit>(
         &self,
         label: &str,
-        of: &[T],
+        data: &[T],
         usage: wgpu::BufferUsages,
     ) -> wgpu::Buffer {
-        let bytes: &[u8] = bytemuck::cast_slice(of);
+        let bytes: &[u8] = bytemuck::cast_slice(data);
         let buffer = self.buffer(label, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST);
         self.queue.write_buffer(&buffer, 0, bytes);
         buffer

@@ -7,7 +7,7 @@ use std::sync::Arc;
 /// The end of kernels that write grey levels.
 pub(crate) const FOUR_LEVELS: &str = include_str!("four_levels_main.wgsl");
 
-/// What a kernel does with a buffer.
+/// A kernel's use of a buffer.
 #[derive(Clone, Copy, Debug)]
 pub enum BufferUse {
     /// Records that all threads read.
@@ -38,8 +38,8 @@ impl Kernel {
                 device.device.create_shader_module_trusted(module, checks)
             },
         };
-        let entry = |(binding, own): (usize, &BufferUse)| {
-            let ty = match own {
+        let entry = |(binding, usage): (usize, &BufferUse)| {
+            let ty = match usage {
                 BufferUse::Uniform => wgpu::BufferBindingType::Uniform,
                 BufferUse::Read => wgpu::BufferBindingType::Storage { read_only: true },
                 BufferUse::Write => wgpu::BufferBindingType::Storage { read_only: false },

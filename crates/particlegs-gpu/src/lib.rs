@@ -3,8 +3,8 @@
 //! A [`Device`] is an adapter that was opened; [`adapters`] lists what there is. A [`GpuAccelerator`] draws and trains on one:
 //! scenes by [`render::DepthRenderer`] or [`alpha::AlphaRenderer`], all particles by [`reference::ReferenceRenderer`] without
 //! noise and by [`reference::paraview::Paraview`] as ParaView does. Files in WGSL are called as the stages that they are twins
-//! of, and say where they differ: GPUs compute in f32. What several threads add to are whole numbers, and what is sorted stays
-//! in its order among equals, so that a picture has the same bits whatever the order of threads.
+//! of, and say where they differ: GPUs compute in f32. Sums of several threads are of whole numbers, and equals that
+//! are sorted stay in their order, so that a picture has the same bits whatever the order of threads.
 //!
 //! A kernel is added in the folder of its work: `NAME.wgsl` is the stage, `NAME_main.wgsl` its entry point, and
 //! `kernels.rs` (or `mod.rs`) there makes it. It has the name of its twin on the CPU, and its test says by how much it may
@@ -45,9 +45,9 @@ const CUT_GROUPS: u32 = 1024;
 /// Gaussians in dispatches of so many at most, and how many each has: a kernel reads the first, and the one after the last.
 fn dispatches(device: &Device, count: u32, at_once: u32) -> Vec<(wgpu::Buffer, u32)> {
     let one = |first: u32| {
-        let own = at_once.min(count - first);
-        let buffer = device.filled("some", &[first, first + own, 0, 0], wgpu::BufferUsages::UNIFORM);
-        (buffer, own)
+        let batch_size = at_once.min(count - first);
+        let buffer = device.filled("some", &[first, first + batch_size, 0, 0], wgpu::BufferUsages::UNIFORM);
+        (buffer, batch_size)
     };
     (0..count).step_by(at_once as usize).map(one).collect()
 }

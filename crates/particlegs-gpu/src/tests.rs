@@ -1,4 +1,4 @@
-//! What tests of kernels share.
+//! Helpers that tests of kernels share.
 
 use crate::{AdapterChoice, Checks, Device};
 use particlegs_core::camera::{Camera, View};
@@ -44,8 +44,8 @@ pub fn target(size: Size) -> Plane {
 pub fn clumps() -> Particles {
     let column = |k: u32| -> Vec<f32> {
         let at = |i: u64| {
-            let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
-            (of_clump.uniform() + 0.03 * own.normal()).clamp(0.0, 1.0) as f32
+            let (mut particle_random, mut clump_random) = (Random::new(5, k, i), Random::new(6, k, i % 40));
+            (clump_random.uniform() + 0.03 * particle_random.normal()).clamp(0.0, 1.0) as f32
         };
         (0..20_000).map(at).collect()
     };

@@ -96,20 +96,20 @@ impl ParticleBins {
         if n == 0 || u32::try_from(n).is_err() || !fine {
             return None;
         }
-        let mut of = vec![[0u32; 3]; n];
+        let mut bins = vec![[0u32; 3]; n];
         let mut exceptions = [Vec::new(), Vec::new(), Vec::new()];
         for k in 0..3 {
             let low = f64::from(grid.low[k]);
             for (i, v) in particles[k].iter().enumerate() {
                 let v = f64::from(*v);
-                of[i][k] = bin((v - low) / bound);
-                let centre = f64::from(grid.centre(k, of[i][k]) as f32);
+                bins[i][k] = bin((v - low) / bound);
+                let centre = f64::from(grid.centre(k, bins[i][k]) as f32);
                 if (centre - v).abs() > bound {
                     exceptions[k].push((i as u32, v > centre));
                 }
             }
         }
-        Some(ParticleBins { grid, of, exceptions })
+        Some(ParticleBins { grid, of: bins, exceptions })
     }
 
     /// The particles that rounding puts beyond the bound along an axis: twice their position in `order` (`None` = the

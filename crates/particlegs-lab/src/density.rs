@@ -1,4 +1,4 @@
-//! How well a method keeps the density, which pictures alone do not show.
+//! Measures of the density that a method keeps, which pictures alone do not show.
 
 use crate::lab::Lab;
 use crate::method::{CompressionMethod, FileContent};
@@ -49,8 +49,8 @@ impl DensityMeasures {
 
 fn measured(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
     let seed = lab.settings.seed;
-    let kept = method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed)?;
-    let statistics = match kept.content {
+    let output = method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed)?;
+    let statistics = match output.content {
         FileContent::Particles(particles, _) => statistics(lab, &snapshot.particles, &particles)?,
         FileContent::Model(model) => {
             statistics(lab, &snapshot.particles, &lab.drawn(*model, recover::Method::Count, seed)?)?

@@ -1,11 +1,11 @@
-//! Where the time of a picture or a step goes: the device's clock before and after each kernel, where it has one.
+//! The time of each kernel of a picture or a step, by the device's clock before and after it, where it has one.
 
 use particlegs_core::Result;
 use particlegs_gpu::{AdapterChoice, Checks, Device, KernelWatch};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wgpu::BufferUsages as Use;
 
-/// What a device must offer for that.
+/// Features that a device must offer for that.
 const WANTED: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
 /// Kernels that are timed together, at most: a set of queries has 4096 at most.
 const MOST: usize = 2048;
@@ -21,7 +21,7 @@ struct Timer {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelTime {
     pub kernel: &'static str,
-    /// How often it ran.
+    /// Number of its runs.
     pub runs: usize,
     /// Seconds of all its runs.
     pub seconds: f64,

@@ -1,4 +1,4 @@
-//! What experiments share: cached results, other compressors, and models by their recipe.
+//! Shared parts of experiments: cached results, other compressors, and models by their recipe.
 
 use crate::Baseline;
 use crate::external::External;
@@ -26,7 +26,7 @@ use std::path::Path;
 /// Draws pictures of one object as ParaView would, antialiased, by view and size.
 pub type Draw<'a> = Box<dyn Fn(&View, Size) -> Result<Gray8> + 'a>;
 
-/// How all particles are drawn.
+/// The picture that is drawn of all particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// ParaView's own picture, with shot noise.
@@ -49,7 +49,7 @@ pub struct Lab<'a> {
     pub context: &'a Context<'a>,
 }
 
-/// How a model is made.
+/// Settings that a model is made by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelSettings {
     pub target: Target,
@@ -131,8 +131,8 @@ impl<'a> Lab<'a> {
     }
 
     /// Draws particles with these bounds (world units) on the chosen device.
-    pub fn draws_particles<'b>(&'b self, of: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
-        let reference = Reference::with_bounds(of, bounds);
+    pub fn draws_particles<'b>(&'b self, particles: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
+        let reference = Reference::with_bounds(particles, bounds);
         let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
             Some(device) => device.particles(reference.input(), self.context)?,
             None => Box::new(reference),
@@ -144,8 +144,8 @@ impl<'a> Lab<'a> {
     }
 
     /// Draws a model on the chosen device.
-    pub fn draws_model<'b>(&'b self, of: &'b Model) -> Result<Draw<'b>> {
-        let scene = Scene::new(of);
+    pub fn draws_model<'b>(&'b self, model: &'b Model) -> Result<Draw<'b>> {
+        let scene = Scene::new(model);
         let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
             Some(device) => device.scene(&scene)?,
             None => Box::new(scene),
@@ -194,12 +194,12 @@ impl<'a> Lab<'a> {
 }
 
 /// The value, made at the first call.
-pub fn or_made<T>(there: &mut Option<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
-    let made = match there.take() {
-        Some(made) => made,
+pub fn or_made<T>(slot: &mut Option<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+    let value = match slot.take() {
+        Some(value) => value,
         None => make()?,
     };
-    Ok(there.insert(made))
+    Ok(slot.insert(value))
 }
 
 /// The result of work, and its wall-clock seconds.
@@ -213,16 +213,16 @@ pub fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
 mod tests {
     use super::*;
 
-    /// What is asked for as a ratio is there for who asks for its bytes.
+    /// A model of a ratio is the cached one for its bytes as well.
     #[test]
     fn a_ratio_and_its_size_are_one_model() {
-        let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
+        let (snapshot, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let lab = Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs_core::context::Context::SILENT)
             .unwrap();
-        let asked = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;
+        let bytes = lab.model(&snapshot, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
-        let kept = files();
+        let file_count = files();
         let size = ModelSettings { target: Target::Size(3600), ..ModelSettings::ratio(10.0, 1) };
-        assert_eq!((lab.model(&of, &size).unwrap().bytes, files()), (asked, kept));
+        assert_eq!((lab.model(&snapshot, &size).unwrap().bytes, files()), (bytes, file_count));
     }
 }

@@ -10,9 +10,9 @@
 //! their inputs. An [`Accelerator`](particlegs_train::Accelerator) draws and trains, or the CPU if the
 //! settings name none.
 //!
-//! A baseline is a file that implements [`Baseline`] (a library in Python: a class in `lab/compressors.py`, with its pin and
-//! licence beside it); an experiment is a file with `EXPERIMENT` and its entry in `experiments/mod.rs`; a data set is a
-//! generator in `lab/datasets`.
+//! A baseline is a file that implements [`Baseline`] (a library in Python: a class in `lab/compressors.py`, with its
+//! pin and licence beside it); an experiment is a file with `EXPERIMENT` and its entry in `experiments/mod.rs`; a data
+//! set is a generator in `lab/datasets`.
 
 #![allow(missing_docs)]
 
@@ -81,17 +81,17 @@ fn errors<'a>(
     decoded: &'a PositionColumns,
     order: Option<&'a [u32]>,
 ) -> impl Iterator<Item = (f32, f64)> + 'a {
-    let of = move |k: usize| {
+    let column_errors = move |k: usize| {
         decoded[k].iter().enumerate().map(move |(i, v)| {
-            let own = particles[k][order.map_or(i, |o| o[i] as usize)];
-            let error = (f64::from(*v) - f64::from(own)).abs();
+            let original = particles[k][order.map_or(i, |o| o[i] as usize)];
+            let error = (f64::from(*v) - f64::from(original)).abs();
             // Exactly kept values have no error, even if they are infinite or NaN.
-            let same = *v == own || v.is_nan() && own.is_nan();
+            let same = *v == original || v.is_nan() && original.is_nan();
             let error = if error.is_nan() { f64::INFINITY } else { error };
-            (own, if same { 0.0 } else { error })
+            (original, if same { 0.0 } else { error })
         })
     };
-    (0..3).flat_map(of)
+    (0..3).flat_map(column_errors)
 }
 
 /// The smallest and the largest finite number of a column.

@@ -40,9 +40,9 @@ pub struct MethodOutput {
 }
 
 impl MethodOutput {
-    fn new(made: ModelBuild) -> MethodOutput {
-        let bytes = made.bytes.len() as u64;
-        MethodOutput { bytes, content: FileContent::Model(Box::new(made.model)), bound: None }
+    fn new(build: ModelBuild) -> MethodOutput {
+        let bytes = build.bytes.len() as u64;
+        MethodOutput { bytes, content: FileContent::Model(Box::new(build.model)), bound: None }
     }
 }
 
@@ -79,14 +79,14 @@ impl CompressionMethod {
     /// All methods without training, ours first. Methods that decode to bin centres appear twice, also with moved
     /// particles.
     pub fn all(lab: &Lab<'_>) -> Vec<CompressionMethod> {
-        let of = |at: usize| {
+        let variants = |at: usize| {
             let moved = ["LCP", "Quantise + pco"].contains(&lab.baselines[at].name());
             [false, true]
                 .into_iter()
                 .filter(move |j| moved || !j)
                 .map(move |jitter| CompressionMethod::Baseline { at, jitter })
         };
-        let baselines = (0..lab.baselines.len()).flat_map(of);
+        let baselines = (0..lab.baselines.len()).flat_map(variants);
         [CompressionMethod::OpticalDepth, CompressionMethod::Subset].into_iter().chain(baselines).collect()
     }
 
@@ -99,7 +99,7 @@ impl CompressionMethod {
         all
     }
 
-    /// Is it a model? Models are slow and hardly depend on the seed.
+    /// Whether it is a model. Models are slow and hardly depend on the seed.
     pub fn is_model(self) -> bool {
         matches!(self, CompressionMethod::OpticalDepth | CompressionMethod::AlphaBlend)
     }
@@ -115,12 +115,12 @@ impl CompressionMethod {
         }
     }
 
-    /// Does it depend on the seed?
+    /// Whether it depends on the seed.
     pub fn is_random(self) -> bool {
         !matches!(self, CompressionMethod::Baseline { jitter: false, .. })
     }
 
-    /// What results depend on besides snapshot, size and seed.
+    /// The identity of the method that results depend on, besides snapshot, size and seed.
     pub fn source(self, lab: &Lab<'_>) -> String {
         match self {
             CompressionMethod::Baseline { at, .. } => format!("{} {}", self.name(lab), lab.baselines[at].source()),
@@ -134,10 +134,10 @@ impl CompressionMethod {
         match self {
             CompressionMethod::OpticalDepth => {
                 let recipe = ModelSettings { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
-                let made = lab.made(&(hash, &recipe), || {
+                let build = lab.made(&(hash, &recipe), || {
                     compress(particles, &recipe.options(), &mut NoCheckpoints, lab.context)
                 })?;
-                Ok(MethodOutput::new(made))
+                Ok(MethodOutput::new(build))
             }
             CompressionMethod::AlphaBlend => {
                 let task = TrainingTask::published_in(bytes, training::scale(lab), seed)?;
@@ -153,11 +153,11 @@ impl CompressionMethod {
             CompressionMethod::Baseline { at, jitter } => {
                 let (baseline, columns) = (&*lab.baselines[at], columns_of(particles));
                 let inputs = (baseline.name(), baseline.source(), hash, bytes);
-                let found: (f64, u64) = lab.store.result("bound", &inputs, || {
+                let bound_and_bytes: (f64, u64) = lab.store.result("bound", &inputs, || {
                     let SizeBound { bound, bytes, .. } = at_size(baseline, &columns, bytes, lab.context)?;
                     Ok((bound, bytes))
                 })?;
-                let checked = verified(baseline, &columns, found.0);
+                let checked = verified(baseline, &columns, bound_and_bytes.0);
                 let why = checked.failure().unwrap_or_default();
                 let run = match checked {
                     BoundCheck::Held(run) => run,
@@ -180,20 +180,20 @@ impl CompressionMethod {
     pub fn measure(
         self,
         lab: &Lab<'_>,
-        of: &Snapshot,
+        snapshot: &Snapshot,
         truth: &ReferenceViews,
         bytes: u64,
         seed: u64,
     ) -> Result<MethodMeasurement> {
         let seed = if self.is_random() { seed } else { 0 };
-        let inputs = (self.source(lab), &of.hash, truth.key(), bytes, seed);
+        let inputs = (self.source(lab), &snapshot.hash, truth.key(), bytes, seed);
         let measured = lab.on_device.result("pictures", &inputs, || {
-            let kept = self.keep(lab, &of.particles, &of.hash, bytes, seed)?;
-            let scores = match &kept.content {
+            let output = self.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed)?;
+            let scores = match &output.content {
                 FileContent::Model(model) => truth.score_model(lab, model)?,
                 FileContent::Particles(particles, factor) => truth.score_particles(lab, particles, *factor)?,
             };
-            Ok(MethodMeasurement { bytes: kept.bytes, bound: kept.bound, scores, failure: None })
+            Ok(MethodMeasurement { bytes: output.bytes, bound: output.bound, scores, failure: None })
         });
         match measured {
             Err(e @ (Error::Cancelled | Error::Io { .. } | Error::Memory { .. })) => Err(e),
@@ -241,11 +241,11 @@ mod tests {
         }
     }
 
-    /// What failed once is no failure of the next run, and what a stop ended is none at all.
+    /// A failure is tried again by the next run, and a stop is no failure at all.
     #[test]
     fn failures_are_reported_and_not_cached() {
         static FAILS: AtomicBool = AtomicBool::new(false);
-        let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
+        let (snapshot, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let stopped = AtomicBool::new(false);
         let cancel = || stopped.load(Ordering::Relaxed);
         let context = Context::SILENT.with_cancel(&cancel);
@@ -253,10 +253,10 @@ mod tests {
         let settings = Settings { size, ..Settings::new(true, "".into()) };
         let mut lab = Lab::new(settings, folder.path(), &context).unwrap();
         lab.baselines = vec![Box::new(FlakyBaseline(&FAILS))];
-        let model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
-        let truth = ReferenceViews::new(&lab, &of, &model.metadata).unwrap();
+        let model = lab.model(&snapshot, &ModelSettings::ratio(10.0, 1)).unwrap().model;
+        let truth = ReferenceViews::new(&lab, &snapshot, &model.metadata).unwrap();
         let method = CompressionMethod::Baseline { at: 0, jitter: false };
-        let measure = || method.measure(&lab, &of, &truth, 3600, 1);
+        let measure = || method.measure(&lab, &snapshot, &truth, 3600, 1);
         FAILS.store(true, Ordering::Relaxed);
         let failed = measure().unwrap();
         assert!(failed.failure.unwrap().contains("ended before") && failed.scores.is_empty());
@@ -278,10 +278,10 @@ mod tests {
             CompressionMethod::all_and_trained(&lab)[..2],
             [CompressionMethod::OpticalDepth, CompressionMethod::AlphaBlend]
         );
-        let kept = CompressionMethod::AlphaBlend.keep(&lab, &particles, "p", 6500, 1).unwrap();
-        let FileContent::Model(model) = kept.content else { panic!("a model") };
+        let output = CompressionMethod::AlphaBlend.keep(&lab, &particles, "p", 6500, 1).unwrap();
+        let FileContent::Model(model) = output.content else { panic!("a model") };
         assert_eq!(model.metadata.law, particlegs_core::model::LawKind::AlphaBlend);
-        assert!((5200..6500).contains(&kept.bytes), "{}", kept.bytes);
+        assert!((5200..6500).contains(&output.bytes), "{}", output.bytes);
         lab.settings.training = false;
         assert!(!CompressionMethod::all_and_trained(&lab).contains(&CompressionMethod::AlphaBlend));
     }

@@ -10,7 +10,7 @@ use particlegs_core::{Error, Result, parallel};
 /// The coder: it tries every layout and uses the smallest.
 pub struct QuantisedCoder;
 
-/// How particles are stored.
+/// Layouts of stored particles.
 #[derive(Clone, Copy, PartialEq)]
 enum CodingLayout {
     /// Plain coordinates, no bins.
@@ -74,10 +74,10 @@ impl SortedParticles {
         let bits = Bits::new(last);
         // If there are too many bins for a code, the order of the highest bits is nearly as good.
         let coarse = if bits.is_some() { 0 } else { 11 };
-        let of = Bits::new(last.map(|q| q >> coarse)).expect("3 x 21 bits fit");
-        let own = parallel::map_range(bins.of.len(), |i| of.code(bins.of[i].map(|q| q >> coarse)));
-        let order = morton::order_of(&own);
-        let codes = order.iter().map(|i| own[*i as usize]).collect();
+        let coarse_bits = Bits::new(last.map(|q| q >> coarse)).expect("3 x 21 bits fit");
+        let particle_codes = parallel::map_range(bins.of.len(), |i| coarse_bits.code(bins.of[i].map(|q| q >> coarse)));
+        let order = morton::order_of(&particle_codes);
+        let codes = order.iter().map(|i| particle_codes[*i as usize]).collect();
         SortedParticles { bins, bits, codes, order }
     }
 

@@ -27,8 +27,8 @@ pub struct SizeBound {
 }
 
 impl SizeBound {
-    /// Is the size within 1 % of the requested one? Otherwise the baseline cannot reach it: its steps, or its smallest
-    /// file, are too large.
+    /// Whether the size is within 1 % of the requested one. Otherwise the baseline cannot reach it: its steps, or its
+    /// smallest file, are too large.
     pub fn met(&self) -> bool {
         self.off.abs() <= CLOSE_ENOUGH
     }
@@ -80,7 +80,7 @@ struct Search {
     less: Option<(f64, f64)>,
     /// Limits of the bound.
     ends: [f64; 2],
-    /// How often the same end of the bracket moved in a row; negative for `more`.
+    /// Number of moves of the same end of the bracket in a row; negative for `more`.
     same: i32,
 }
 
@@ -101,12 +101,12 @@ impl Search {
 
     /// Records the log excess at the last bound and finds the next bound; `false` at the end.
     fn learn(&mut self, miss: f64) -> bool {
-        let here = (self.next, miss);
+        let trial = (self.next, miss);
         if miss > 0.0 {
-            self.more = Some(here);
+            self.more = Some(trial);
             self.same = self.same.min(0) - 1;
         } else {
-            self.less = Some(here);
+            self.less = Some(trial);
             self.same = self.same.max(0) + 1;
         }
         let step = LARGEST_STEP.ln();
@@ -206,9 +206,9 @@ fn run(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) -> Resu
         return Err(Error::input(baseline.name(), "its order is not a permutation of the particles"));
     }
     let (mut largest_error, mut excess) = (0f64, 0f64);
-    for (own, error) in errors(particles, &decoded, coded.order.as_deref()) {
+    for (coordinate, error) in errors(particles, &decoded, coded.order.as_deref()) {
         largest_error = largest_error.max(error);
-        excess = excess.max(error - bound - half_ulp(own));
+        excess = excess.max(error - bound - half_ulp(coordinate));
     }
     let (bytes, order) = (coded.bytes.len() as u64, coded.order);
     Ok(BaselineRun { bound, bytes, compress_seconds, decompress_seconds, largest_error, excess, decoded, order })

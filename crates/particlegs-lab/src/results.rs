@@ -4,7 +4,7 @@ use particlegs_core::picture::{Colormap, Rgb8};
 pub use particlegs_figure::{Plot, PlotAxis, PlotSeries, Point};
 use serde::{Deserialize, Serialize};
 
-/// Are these the decibels of nothing but pictures that do not differ from the truth?
+/// Whether these are the decibels of nothing but pictures that do not differ from the truth.
 pub fn is_identical(values: &[f64]) -> bool {
     !values.is_empty() && values.iter().all(|v| *v == f64::INFINITY)
 }
@@ -46,7 +46,7 @@ pub struct ExperimentResults {
     pub tables: Vec<ResultTable>,
     pub plots: Vec<Plot>,
     pub pictures: Vec<Pictures>,
-    /// How it was measured, and what was left out and why.
+    /// Notes on the measurements, and on what was left out and why.
     pub notes: Vec<String>,
 }
 

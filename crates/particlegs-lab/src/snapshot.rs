@@ -56,7 +56,7 @@ impl Snapshot {
         let Some(path) = folder.map(|f| f.join("centres.csv")).filter(|p| p.is_file()) else { return Ok(Vec::new()) };
         let meta = &self.particles.meta;
         let list = Catalogue::read(&path, context)?.convert(&meta.unit_system(), None);
-        let (centres, _) = list.map_err(|what| Error::input(path.display().to_string(), what))?;
+        let (centres, _) = list.map_err(|message| Error::input(path.display().to_string(), message))?;
         Ok(centres.into_iter().map(|(at, _)| at).collect())
     }
 
@@ -88,16 +88,20 @@ mod tests {
     /// Another box is another snapshot, though the positions are the same, whether a file or a user says so.
     #[test]
     fn the_hash_covers_box_and_options_but_not_the_name() {
-        let of = |lengths: Option<[f64; 3]>, name: &str, options| {
+        let hash_of = |lengths: Option<[f64; 3]>, name: &str, options| {
             let mut particles = Particles::from_columns(vec![1.0; 3], vec![2.0; 3], vec![3.0; 3]);
             particles.meta.name = name.into();
             particles.meta.state(lengths, [None; 2]).unwrap();
             Snapshot::new("s".into(), "s".into(), particles, options).hash
         };
-        let own = of(None, "a", None);
-        assert_eq!(own, of(None, "b", None));
-        let others = [of(Some([1.0; 3]), "a", None), of(Some([2.0; 3]), "a", None), of(None, "a", Some("--near"))];
-        assert!(others.iter().all(|h| *h != own && h[..24] == own[..24]) && others[0] != others[1], "{others:?}");
+        let hash = hash_of(None, "a", None);
+        assert_eq!(hash, hash_of(None, "b", None));
+        let others = [
+            hash_of(Some([1.0; 3]), "a", None),
+            hash_of(Some([2.0; 3]), "a", None),
+            hash_of(None, "a", Some("--near")),
+        ];
+        assert!(others.iter().all(|h| *h != hash && h[..24] == hash[..24]) && others[0] != others[1], "{others:?}");
     }
 
     /// Other compressors keep positions alone: ratios are of those, and masses that only models keep are told.

@@ -83,9 +83,9 @@ impl ResultStore {
         lasts: impl Fn(&T) -> bool,
     ) -> Result<T> {
         let path = self.path(kind, inputs, "json");
-        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| StoredRecord::from_text(&text)) {
-            self.kept_of.lock().unwrap_or_else(PoisonError::into_inner).insert(kept.commit);
-            return Ok(kept.result);
+        if let Some(record) = std::fs::read(&path).ok().and_then(|text| StoredRecord::from_text(&text)) {
+            self.kept_of.lock().unwrap_or_else(PoisonError::into_inner).insert(record.commit);
+            return Ok(record.result);
         }
         let result = make()?;
         if !lasts(&result) {
@@ -104,8 +104,8 @@ impl ResultStore {
     /// Note on cached results that other versions of this program made, if there are any.
     pub fn of_others(&self) -> Option<String> {
         let all = self.kept_of.lock().unwrap_or_else(PoisonError::into_inner);
-        let told = |c: &Option<String>| c.as_ref().map_or("an unknown commit".into(), |c| format!("commit {c}"));
-        let others: Vec<String> = all.iter().filter(|c| c.as_deref() != COMMIT).map(told).collect();
+        let commit_name = |c: &Option<String>| c.as_ref().map_or("an unknown commit".into(), |c| format!("commit {c}"));
+        let others: Vec<String> = all.iter().filter(|c| c.as_deref() != COMMIT).map(commit_name).collect();
         (!others.is_empty()).then(|| format!("Some results were reused from earlier runs, of {}", others.join(", ")))
     }
 }

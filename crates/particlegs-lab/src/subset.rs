@@ -1,4 +1,4 @@
-//! What users do to save bytes: keep a random subset of the particles and draw it larger.
+//! The simplest way to save bytes: a random subset of the particles, drawn larger.
 
 use crate::PositionColumns;
 use particlegs_core::codec::Thinning;
@@ -64,17 +64,17 @@ mod tests {
     #[test]
     fn the_subset_fills_the_bytes() {
         let particles = testing::clustered(20_000);
-        let of = |bytes, seed| subset(&particles, bytes, seed, &Context::SILENT).unwrap();
+        let subset_of = |bytes, seed| subset(&particles, bytes, seed, &Context::SILENT).unwrap();
         for bytes in [1_000, 10_000] {
-            let thin = of(bytes, 3).unwrap();
-            let kept = thin.particles[0].len();
+            let thin = subset_of(bytes, 3).unwrap();
+            let count = thin.particles[0].len();
             assert!(thin.bytes <= bytes && thin.bytes as f64 > 0.98 * bytes as f64, "{} of {bytes}", thin.bytes);
-            assert!((thin.radius_factor.powi(2) * kept as f64 / 20_000.0 - 1.0).abs() < 1e-12);
-            assert_eq!(thin.particles, of(bytes, 3).unwrap().particles);
-            assert_ne!(thin.particles[0][..10], of(bytes, 4).unwrap().particles[0][..10]);
+            assert!((thin.radius_factor.powi(2) * count as f64 / 20_000.0 - 1.0).abs() < 1e-12);
+            assert_eq!(thin.particles, subset_of(bytes, 3).unwrap().particles);
+            assert_ne!(thin.particles[0][..10], subset_of(bytes, 4).unwrap().particles[0][..10]);
         }
-        assert!(of(50, 1).is_none());
-        assert_eq!(of(1_000_000, 1).unwrap().particles[0].len(), 20_000);
+        assert!(subset_of(50, 1).is_none());
+        assert_eq!(subset_of(1_000_000, 1).unwrap().particles[0].len(), 20_000);
     }
 
     /// Every particle kept is one of the snapshot's, as close as was said.

@@ -69,11 +69,11 @@ impl ReferenceViews {
 
     /// Scores the picture that `draw` returns for each view.
     pub fn score(&self, mut draw: impl FnMut(&View) -> Result<Gray8>) -> Result<Vec<Score>> {
-        let of = |(view, truth): (&View, &Gray8)| {
+        let score_of = |(view, truth): (&View, &Gray8)| {
             let Scores { psnr, masked_psnr: masked, ssim } = Scores::new(&draw(view)?, truth);
             Ok(Score { view: view.name.clone(), psnr, masked, ssim })
         };
-        self.views.iter().zip(&self.pictures).map(of).collect()
+        self.views.iter().zip(&self.pictures).map(score_of).collect()
     }
 
     /// Scores other particles, drawn with a multiple of the radius.
@@ -129,9 +129,9 @@ pub fn mean(scores: &[Score], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
 }
 
 /// The mean over the views of one orbit.
-pub fn mean_of(scores: &[Score], of: &str, pick: fn(&Score) -> Option<f64>) -> Option<f64> {
-    let own: Vec<Score> = scores.iter().filter(|s| orbit(&s.view) == of).cloned().collect();
-    mean(&own, pick)
+pub fn mean_of(scores: &[Score], orbit_name: &str, pick: fn(&Score) -> Option<f64>) -> Option<f64> {
+    let orbit_scores: Vec<Score> = scores.iter().filter(|s| orbit(&s.view) == orbit_name).cloned().collect();
+    mean(&orbit_scores, pick)
 }
 
 /// Mean of the finite values, [`IDENTICAL`] if none is finite, `None` without values: one identical picture must not
@@ -151,12 +151,12 @@ pub fn identical_note<'a>(all: impl IntoIterator<Item = (String, &'a [Score])>) 
     for (name, scores) in all {
         let same = scores.iter().filter(|s| s.masked.is_none()).count();
         match counts.last_mut().filter(|last| last.0 == name) {
-            Some((_, sum, of)) => (*sum, *of) = (*sum + same, *of + scores.len()),
+            Some((_, sum, total)) => (*sum, *total) = (*sum + same, *total + scores.len()),
             None => counts.push((name, same, scores.len())),
         }
     }
     let some = counts.into_iter().filter(|(_, same, _)| *same > 0);
-    let said: Vec<String> = some.map(|(name, same, of)| format!("{name} ({same} of {of})")).collect();
+    let said: Vec<String> = some.map(|(name, same, total)| format!("{name} ({same} of {total})")).collect();
     (!said.is_empty()).then(|| {
         format!(
             "In pictures of {}, no lit pixel differs from the truth, so they have no decibels. Means are over the \

@@ -62,7 +62,7 @@ fn number(text: &str) -> f64 {
     text.trim_end_matches('…').parse().unwrap_or_else(|_| panic!("`{text}` is no number"))
 }
 
-/// Does a page's number say `value`, to `slack`? One that goes on may differ in its last digit.
+/// Whether a page's number is `value`, to `slack`; one that goes on may differ in its last digit.
 fn agrees(text: &str, value: f64, slack: f64) -> bool {
     let decimals = text.trim_end_matches('…').split_once('.').map_or(0, |(_, d)| d.len());
     let last = if text.ends_with('…') { 0.1f64.powi(decimals as i32) } else { 0.0 };
@@ -145,7 +145,7 @@ fn drawn(fov_deg: f64, x: f64, depths: &[f64], radius: f64, opacity: f64) -> Gra
     Reference::new(&particles).draw(&view, SMALL, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap()
 }
 
-/// Where between `low` and `high` something ceases to be.
+/// The place between `low` and `high` where something ceases to be.
 fn end_of(is: impl Fn(f64) -> bool, low: f64, high: f64) -> f64 {
     assert!(is(low) && !is(high));
     let halve = |(a, b): (f64, f64)| if is(0.5 * (a + b)) { (0.5 * (a + b), b) } else { (a, 0.5 * (a + b)) };
@@ -219,8 +219,8 @@ fn one_splat_has_the_depth_of_the_page() {
     for row in table(DEPTH, "Sum over all pixels of `tau*`") {
         let (sigma, opacity) = row[0].split_once(" pixel").unwrap();
         let opacity = opacity.split(' ').next_back().unwrap();
-        let found = one_splat(Size { width: 161, height: 161 }, number(sigma), number(opacity), 0.0);
-        assert!(agrees(&row[1], found, 1e-3), "{}: {found}", row[0]);
+        let depth_sum = one_splat(Size { width: 161, height: 161 }, number(sigma), number(opacity), 0.0);
+        assert!(agrees(&row[1], depth_sum, 1e-3), "{}: {depth_sum}", row[0]);
     }
 }
 
@@ -413,15 +413,15 @@ fn random_splats_lose_what_is_told() {
         let [a, radius, tau] = [0, 1, 2].map(|k| number(&row[k]));
         let noisy = sheet(a, radius, tau);
         let ([mean, deviation], [smooth, less]) = (moments(&noisy), moments(&fxaa(&noisy)));
-        let told = f64::from(FxaaMean::new(a, radius).ratio(tau as f32));
-        println!("| {a} | {radius} | {tau} | {:.3} | {told:.3} | {:.2} |", smooth / mean, less / deviation);
+        let estimate = f64::from(FxaaMean::new(a, radius).ratio(tau as f32));
+        println!("| {a} | {radius} | {tau} | {:.3} | {estimate:.3} | {:.2} |", smooth / mean, less / deviation);
         for ((text, value), slack) in
-            row[3..].iter().zip([smooth / mean, told, less / deviation]).zip([0.0021, 0.0006, 0.0101])
+            row[3..].iter().zip([smooth / mean, estimate, less / deviation]).zip([0.0021, 0.0006, 0.0101])
         {
             assert!(agrees(text, value, slack), "{row:?}: {value}");
         }
         // What the page says of the table's estimates.
-        let off = (smooth / mean - told).abs();
+        let off = (smooth / mean - estimate).abs();
         assert!(off < if a == 0.05 { 0.0061 } else { 0.0451 }, "{row:?}: off by {off}");
     }
 }
@@ -492,14 +492,14 @@ fn constants_of_cameras_are_those_of_the_page() {
     let views = evaluation_views(&model, HD, 1, 1000);
     let radii: Vec<f64> = views.iter().map(|v| v.radius).collect();
     let opacities: Vec<f64> = views.iter().map(|v| v.opacity).collect();
-    let told = table(CAMERAS, "## Constants");
-    let value = |name: &str| number(&told.iter().find(|r| r[0] == name).unwrap()[1]);
-    for (draws, what) in [(&radii, "radius"), (&opacities, "opacity")] {
-        let range = [value(&format!("least {what} drawn")), value(&format!("greatest {what} drawn"))];
-        assert!(draws.iter().all(|d| (range[0]..=range[1]).contains(d)), "{what}");
-        let found = ends(draws);
-        let off = (0..2).map(|k| (found[k] - range[k]).abs()).fold(0.0, f64::max);
-        assert!(off < 0.02 * (range[1] - range[0]), "{what}: {found:?}");
+    let rows = table(CAMERAS, "## Constants");
+    let value = |name: &str| number(&rows.iter().find(|r| r[0] == name).unwrap()[1]);
+    for (draws, quantity) in [(&radii, "radius"), (&opacities, "opacity")] {
+        let range = [value(&format!("least {quantity} drawn")), value(&format!("greatest {quantity} drawn"))];
+        assert!(draws.iter().all(|d| (range[0]..=range[1]).contains(d)), "{quantity}");
+        let interval = ends(draws);
+        let off = (0..2).map(|k| (interval[k] - range[k]).abs()).fold(0.0, f64::max);
+        assert!(off < 0.02 * (range[1] - range[0]), "{quantity}: {interval:?}");
     }
     let orbit = |name: &str| ORBITS.iter().find(|o| o.name == name).unwrap().factor;
     let values = [
@@ -603,14 +603,15 @@ fn said(value: &Value) -> String {
 
 #[test]
 fn the_published_recipe_is_that_of_the_page() {
-    let own = ["optical_depth.", "evaluate_", "checkpoint_", "cache_"];
-    let of = |config: Config| {
+    let own_prefixes = ["optical_depth.", "evaluate_", "checkpoint_", "cache_"];
+    let settings_of = |config: Config| {
         let mut all = Vec::new();
         leaves(&serde_json::to_value(config).unwrap(), "", &mut all);
-        all.retain(|(name, _)| !own.iter().any(|o| name.starts_with(o)) && !name.ends_with(".crop"));
+        all.retain(|(name, _)| !own_prefixes.iter().any(|o| name.starts_with(o)) && !name.ends_with(".crop"));
         all
     };
-    let (single, tuning) = (of(Config::preset(Preset::Paper, LawKind::AlphaBlend)), of(Config::fine_tuning()));
+    let (single, tuning) =
+        (settings_of(Config::preset(Preset::Paper, LawKind::AlphaBlend)), settings_of(Config::fine_tuning()));
     let rows = table(PUBLISHED, "## Training");
     let find = |all: &[(String, String)], name: &str| {
         all.iter().find(|(n, _)| n == name).map_or("-".to_string(), |(_, value)| value.clone())

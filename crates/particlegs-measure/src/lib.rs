@@ -1,5 +1,5 @@
-//! What particles and mixtures of Gaussians measure: statistics ([`stats`]), catalogues of haloes ([`haloes`]), and how
-//! well a model stands for its particles ([`score`]).
+//! Measurements of particles and of mixtures of Gaussians: statistics ([`stats`]), catalogues of haloes ([`haloes`]),
+//! and scores of a model against its particles ([`score`]).
 
 pub mod haloes;
 pub mod score;

@@ -37,9 +37,9 @@ impl SnapshotReader for Spiral {
     ) -> particlegs_core::Result<()> {
         for run in runs {
             context.check()?;
-            let own = run * RUN as u64..self.count.min((run + 1) * RUN as u64);
+            let rows = run * RUN as u64..self.count.min((run + 1) * RUN as u64);
             let turn = |i: u64| i as f32 / self.count as f32 * 40.0;
-            let column = |f: &dyn Fn(f32) -> f32| own.clone().map(|i| f(turn(i))).collect::<Vec<f32>>();
+            let column = |f: &dyn Fn(f32) -> f32| rows.clone().map(|i| f(turn(i))).collect::<Vec<f32>>();
             let [x, y, z] = [column(&|t| t * t.cos()), column(&|t| t * t.sin()), column(&|t| t)];
             sink(run, Chunk { position: [&x, &y, &z], weight: None })?;
         }

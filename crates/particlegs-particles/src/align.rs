@@ -55,8 +55,8 @@ impl Alignment {
     pub fn apply(&self, chosen: &Particles, all: &Particles) -> Result<AlignedFrame> {
         if layers(chosen) != self.layers {
             let text = |l: &[(String, usize)]| l.iter().map(|(n, c)| format!("{c} {n}")).collect::<Vec<_>>().join(", ");
-            let (own, first) = (text(&layers(chosen)), text(&self.layers));
-            let message = format!("the atoms to align by are {own}, but {first} in the first frame");
+            let (frame_atoms, first) = (text(&layers(chosen)), text(&self.layers));
+            let message = format!("the atoms to align by are {frame_atoms}, but {first} in the first frame");
             return Err(Error::input(&chosen.meta.name, message));
         }
         let places = whole(chosen);
@@ -197,19 +197,19 @@ mod tests {
     fn a_turned_molecule_across_faces_lies_on_the_first() {
         let first = chain(0.0, [5.0; 3], 0);
         let alignment = Alignment::new(&first).unwrap();
-        let own = alignment.apply(&first, &first).unwrap();
-        assert!(own.rms_distance < 1e-6);
+        let first_frame = alignment.apply(&first, &first).unwrap();
+        assert!(first_frame.rms_distance < 1e-6);
         for (angle, moved) in [(1.0, [5.0; 3]), (-2.5, [0.3, 9.9, 0.0]), (std::f64::consts::PI, [9.0, 1.0, 2.0])] {
             let other = chain(angle, moved, 0);
-            let found = alignment.apply(&other, &other).unwrap();
-            assert!(found.rms_distance < 1e-5, "{angle}: {}", found.rms_distance);
-            assert_eq!(found.particles.meta.cell, None);
-            let off = |i: usize| norm(each_axis(|k| found.particles.position(i)[k] - first.position(i)[k]));
+            let aligned_frame = alignment.apply(&other, &other).unwrap();
+            assert!(aligned_frame.rms_distance < 1e-5, "{angle}: {}", aligned_frame.rms_distance);
+            assert_eq!(aligned_frame.particles.meta.cell, None);
+            let off = |i: usize| norm(each_axis(|k| aligned_frame.particles.position(i)[k] - first.position(i)[k]));
             assert!((0..40).all(|i| off(i) < 1e-5), "{angle}");
         }
         let shaken = chain(2.0, [8.0; 3], 3);
-        let found = alignment.apply(&shaken, &shaken).unwrap();
-        assert!((0.012..0.022).contains(&found.rms_distance), "{}", found.rms_distance);
+        let aligned_frame = alignment.apply(&shaken, &shaken).unwrap();
+        assert!((0.012..0.022).contains(&aligned_frame.rms_distance), "{}", aligned_frame.rms_distance);
     }
 
     /// A chain longer than half the box: what hangs on its ends stays there.
@@ -229,9 +229,9 @@ mod tests {
             p
         };
         let (first, other) = (long(0.0), long(0.6));
-        let found = Alignment::new(&first).unwrap().apply(&other, &other).unwrap();
-        assert!(found.rms_distance < 1e-5);
-        let extent = found.particles.bounds().extent();
+        let aligned_frame = Alignment::new(&first).unwrap().apply(&other, &other).unwrap();
+        assert!(aligned_frame.rms_distance < 1e-5);
+        let extent = aligned_frame.particles.bounds().extent();
         assert!((extent[0] - 8.85).abs() < 1e-3 && extent[1] < 1e-3, "{extent:?}");
     }
 

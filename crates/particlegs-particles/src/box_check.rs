@@ -1,4 +1,4 @@
-//! Does the box that a snapshot states hold its particles?
+//! Checks that the box that a snapshot states holds its particles.
 
 use super::{Chunk, Particles};
 use particlegs_core::math::each_axis;
@@ -14,7 +14,7 @@ const SLACK: f64 = 1e-5;
 /// Refuses coordinates and boxes that no arithmetic stands, and an axis-aligned box that lies more
 /// than its own length away from some particles: a box of another unit, most likely.
 pub fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Result<()> {
-    let refused = |what: String| Err(Error::input_with(name, what, "check the unit of length and the box"));
+    let refused = |message: String| Err(Error::input_with(name, message, "check the unit of length and the box"));
     let [least, most] = LENGTHS;
     if !bounds.min.iter().chain(&bounds.max).all(|x| x.abs() <= most) {
         return refused(format!("coordinates exceed {most:e}"));
@@ -49,7 +49,7 @@ pub fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Result<()>
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Does the box hold the bounds, for sure?
+/// Whether the box holds the bounds, for sure.
 fn holds(cell: &Cell, bounds: &Bounds) -> bool {
     cell.lengths().is_some_and(|lengths| {
         (0..3).filter(|&k| cell.periodic[k]).all(|k| {
@@ -166,10 +166,10 @@ mod tests {
     /// Vectors many cells long, and particles in the shortest ones' cell; an upright box by negative vectors; a slab.
     #[test]
     fn particles_lie_in_a_cell_by_any_of_its_vectors() {
-        let of = |vectors| Cell { vectors, ..Cell::orthogonal([0.0; 3]) };
-        let long = of([[10.0, 0.0, 0.0], [95.0, 10.0, 0.0], [0.0, -90.0, 10.0]]);
+        let cell_of = |vectors| Cell { vectors, ..Cell::orthogonal([0.0; 3]) };
+        let long = cell_of([[10.0, 0.0, 0.0], [95.0, 10.0, 0.0], [0.0, -90.0, 10.0]]);
         assert!(said(&points(&[0.1, 5.0, 9.9], Some(long))).is_ok());
-        let negative = of([[-10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]]);
+        let negative = cell_of([[-10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]]);
         assert!(said(&points(&[-9.0, -1.0], Some(negative))).unwrap().is_none());
         assert!(said(&points(&[-31.0, -1.0], Some(negative))).is_err());
         let slab = Cell { periodic: [true, true, false], ..Cell::orthogonal([10.0, 10.0, 0.0]) };

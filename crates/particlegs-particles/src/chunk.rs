@@ -22,7 +22,7 @@ impl Chunk<'_> {
         self.position[0].len()
     }
 
-    /// No particles?
+    /// Whether there are no particles.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -48,9 +48,9 @@ mod tests {
     /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.
     /// Writes what a selection keeps; says how many particles that are.
     fn convert(p: &Particles, tiling: Tiling, selection: Selection, out: &Path, context: &Context<'_>) -> Result<u64> {
-        let kept = SelectedParticles::new(p, tiling, selection, context)?;
+        let selected_particles = SelectedParticles::new(p, tiling, selection, context)?;
         let form = if out.extension().is_some_and(|e| e == "npy") { RawForm::Npy } else { RawForm::Columns };
-        kept.write_raw(out, form, context).map(|_| kept.total())
+        selected_particles.write_raw(out, form, context).map(|_| selected_particles.total())
     }
 
     fn ramp() -> Particles {
@@ -65,11 +65,11 @@ mod tests {
     fn run(p: &Particles, tiling: Tiling, selection: Selection, name: &str) -> Result<Particles> {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join(name);
-        let made = convert(p, tiling, selection, &out, &Context::SILENT);
+        let count = convert(p, tiling, selection, &out, &Context::SILENT);
         let left = std::fs::read_dir(dir.path()).unwrap().count();
-        assert_eq!(left, usize::from(made.is_ok()), "temporary files are left");
+        assert_eq!(left, usize::from(count.is_ok()), "temporary files are left");
         let back = Particles::open_raw(&[out])?;
-        assert_eq!(made?, back.len() as u64);
+        assert_eq!(count?, back.len() as u64);
         Ok(back)
     }
 

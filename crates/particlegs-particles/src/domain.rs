@@ -15,9 +15,9 @@ pub struct Domain {
     pub min: [f64; 3],
     /// Edge lengths, above zero.
     pub length: [f64; 3],
-    /// Does the edge repeat?
+    /// Whether each edge repeats.
     pub periodic: [bool; 3],
-    /// Where the edges point, if not along x, y and z.
+    /// Directions of the edges, if not along x, y and z.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tilt: Option<Tilt>,
 }
@@ -117,8 +117,8 @@ impl Domain {
         domain
     }
 
-    /// Where even particles are drawn: as [`Domain::new`], of a tilted cell by the vectors, the file's or the shortest,
-    /// that reach as far as the bounds; else the bounds.
+    /// The domain in which even particles are drawn: as [`Domain::new`], of a tilted cell by the vectors, the file's
+    /// or the shortest, that reach as far as the bounds; else the bounds.
     pub fn drawn(bounds: &Bounds, cell: Option<&Cell>) -> Self {
         let domain = Self::new(bounds, cell);
         let Some((cell, _)) = cell.zip(domain.tilt) else { return domain };
@@ -167,7 +167,7 @@ impl Domain {
         Self::new(&model.metadata.bounds, model.metadata.cell.as_ref())
     }
 
-    /// Do its edges point elsewhere than along x, y and z?
+    /// Whether its edges point elsewhere than along x, y and z.
     pub fn is_tilted(&self) -> bool {
         self.tilt.is_some()
     }
@@ -279,7 +279,7 @@ impl Domain {
     }
 }
 
-/// Is an extent above half of what a cell's vectors that repeat reach, along every axis?
+/// Whether an extent is above half of what a cell's vectors that repeat reach, along every axis.
 fn is_filled(extent: &[f64; 3], cell: &Cell) -> bool {
     let reach = |k: usize| (0..3).filter(|a| cell.periodic[*a]).map(|a| cell.vectors[a][k].abs()).sum::<f64>();
     (0..3).all(|k| extent[k] > 0.5 * reach(k))

@@ -42,12 +42,12 @@ impl Number {
         }
     }
 
-    /// Whole numbers?
+    /// Whether it is a type of whole numbers.
     pub fn is_whole(self) -> bool {
         !matches!(self, Number::F32 | Number::F64)
     }
 
-    /// What a stored number is; one beyond 2^53 is rounded.
+    /// The value of a stored number; one beyond 2^53 is rounded.
     pub fn value(self, stored: StoredNumber) -> f64 {
         match self {
             Number::I64 => stored.bits() as i64 as f64,
@@ -106,24 +106,24 @@ pub struct SourceField {
     pub unit: Option<String>,
     /// Numbers that the source says about it, by name: powers of a and h, a factor.
     pub attributes: Vec<(String, f64)>,
-    /// What makes velocities peculiar, in km/s, and specific energies physical, in (km/s)^2, where the source tells.
+    /// Factor to peculiar velocities in km/s or physical specific energies in (km/s)^2, where the source tells.
     pub physical: Option<PhysicalUnit>,
 }
 
 impl SourceField {
-    /// Does a field of this name, with so many numbers a particle, hold velocities, or one component of them?
+    /// Whether a field of this name, with so many numbers a particle, holds velocities, or one component of them.
     pub fn is_velocity(name: &str, components: u32) -> bool {
         let mut all = VELOCITIES.iter().filter(|names| names.len() * components as usize == 3);
         all.any(|names| names.iter().any(|n| n.eq_ignore_ascii_case(name)))
     }
 }
 
-/// How a field's values become physical.
+/// The conversion of a field's values to physical ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicalUnit {
-    /// What values are multiplied by.
+    /// Factor of the values.
     pub factor: f64,
-    /// Why it is that, for people.
+    /// The reason for it, for people.
     pub note: String,
 }
 
@@ -144,23 +144,23 @@ pub struct LayerFields {
 pub struct FieldColumns {
     /// Unit as text, where the source says.
     pub unit: Option<String>,
-    /// Which columns of a run are its components.
+    /// The columns of a run that are its components.
     pub columns: Vec<usize>,
     /// The names that the source has for it.
     pub sources: Vec<String>,
-    /// Do values need more digits than a float32 has?
+    /// Whether values need more digits than a float32 has.
     pub wide: bool,
-    /// What the values of each component are multiplied by to be in `unit`.
+    /// Factors of the values of each component to be in `unit`.
     pub factors: Vec<f64>,
     /// Whether all components have that unit.
     pub has_one_unit: bool,
-    /// Where that comes from, for people.
+    /// The source of the factors, for people.
     pub note: Option<String>,
     /// Of temperatures that are computed from the one column.
     pub temperature: Option<GasTemperature>,
-    /// May particles lack a value (NaN)?
+    /// Whether particles may lack a value (NaN).
     pub may_lack: bool,
-    /// Are values whole numbers of few bits?
+    /// Whether values are whole numbers of few bits.
     #[serde(default)]
     pub whole: bool,
     /// Of a class of a category: the value of its particles. Values are then 1 for these, else 0.
@@ -179,12 +179,12 @@ impl FieldColumns {
         })
     }
 
-    /// What temperature star-forming gas has.
+    /// The temperature of star-forming gas.
     pub fn star_forming(&self) -> StarFormingGas {
         self.temperature.as_ref().map_or(StarFormingGas::Keep, |t| t.star_forming)
     }
 
-    /// Is this column of a run needed?
+    /// Whether this column of a run is needed.
     pub fn needs(&self, column: usize) -> bool {
         let of_gas = self.temperature.as_ref().is_some_and(|t| [t.electrons, t.star_formation].contains(&Some(column)));
         of_gas || self.columns.contains(&column)
@@ -201,7 +201,7 @@ pub struct GasTemperature {
     star_forming: StarFormingGas,
 }
 
-/// What temperature star-forming gas has, whose energy stands for an effective equation of state.
+/// The temperature of star-forming gas, whose energy stands for an effective equation of state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum StarFormingGas {
     /// That of its energy.
@@ -260,7 +260,7 @@ const TEMPERATURE: &str = "temperature";
 const VELOCITY: &str = "velocity";
 /// The unit of peculiar velocities.
 pub const KM_S: &str = "km/s";
-/// What formats call velocities, as one field or three.
+/// Names of velocities in formats, as one field or three.
 const VELOCITIES: &[&[&str]] = &[
     &[VELOCITY],
     &["velocities"],
@@ -365,12 +365,13 @@ impl LayerFields {
     /// The field that a user names: a scalar, a vector, `velocity` for what formats call it, which may be three columns, or
     /// `temperature`, which is computed where there are specific energies alone.
     pub fn find(&self, name: &str, star_forming: StarFormingGas) -> Result<FieldColumns> {
-        if let Some(found) = self.temperature(name, star_forming) {
-            return Ok(found);
+        if let Some(temperature) = self.temperature(name, star_forming) {
+            return Ok(temperature);
         }
         let names: &[&[&str]] = if name.eq_ignore_ascii_case(VELOCITY) { VELOCITIES } else { &[] };
-        let own = [name];
-        let Some(found) = std::iter::once(&own[..]).chain(names.iter().copied()).find_map(|n| self.columns_of(n))
+        let single_name = [name];
+        let Some(field_columns) =
+            std::iter::once(&single_name[..]).chain(names.iter().copied()).find_map(|n| self.columns_of(n))
         else {
             let is_it = |absent: &str| {
                 let called = |names: &[&str]| matches!(names, [one] if one.eq_ignore_ascii_case(absent));
@@ -379,19 +380,19 @@ impl LayerFields {
             if let Some((_, why)) = self.absent.iter().find(|(absent, _)| is_it(absent)) {
                 return Err(Error::argument_with(why, Hint::from("choose other frames, or omit the field")));
             }
-            let there = self.real_fields();
-            let hint = match there.is_empty() {
+            let field_names = self.real_fields();
+            let hint = match field_names.is_empty() {
                 true => "it has only positions and masses".to_string(),
-                false => format!("its fields: {}", there.join(", ")),
+                false => format!("its fields: {}", field_names.join(", ")),
             };
             return Err(Error::argument_with(format!("the snapshot has no field `{name}`"), hint));
         };
-        match found.columns.len() {
-            _ if !found.has_one_unit => Err(Error::argument_with(
-                format!("the columns {} of field `{name}` are in different units", found.sources.join(", ")),
+        match field_columns.columns.len() {
+            _ if !field_columns.has_one_unit => Err(Error::argument_with(
+                format!("the columns {} of field `{name}` are in different units", field_columns.sources.join(", ")),
                 "write them in one unit",
             )),
-            1 | 3 => Ok(found),
+            1 | 3 => Ok(field_columns),
             n => Err(Error::argument_with(
                 format!("field `{name}` has {n} numbers per particle, but a model stores 1 or 3"),
                 "choose another field",
@@ -401,32 +402,32 @@ impl LayerFields {
 
     /// The fields of these names, one after the other.
     fn columns_of(&self, names: &[&str]) -> Option<FieldColumns> {
-        let mut found = FieldColumns { has_one_unit: true, ..FieldColumns::default() };
+        let mut field_columns = FieldColumns { has_one_unit: true, ..FieldColumns::default() };
         for name in names {
             let mut first = 0;
             let (field, columns) = self.fields.iter().find_map(|f| {
-                let own = first..first + f.components as usize;
-                first = own.end;
-                f.name.eq_ignore_ascii_case(name).then_some((f, own))
+                let column_range = first..first + f.components as usize;
+                first = column_range.end;
+                f.name.eq_ignore_ascii_case(name).then_some((f, column_range))
             })?;
-            found.sources.push(field.name.clone());
-            found.wide |= field.number != Number::F32;
-            found.whole = field.number.is_whole();
+            field_columns.sources.push(field.name.clone());
+            field_columns.wide |= field.number != Number::F32;
+            field_columns.whole = field.number.is_whole();
             let is_velocity = names.len() * field.components as usize == 3;
             let is_energy = field.components == 1 && !SourceField::is_velocity(&field.name, 1);
             let (unit, factor) = match field.physical.clone().filter(|_| is_velocity || is_energy) {
                 Some(PhysicalUnit { factor, note }) => {
-                    found.note = Some(note);
+                    field_columns.note = Some(note);
                     (Some(if is_velocity { KM_S } else { "(km/s)^2" }.into()), factor)
                 }
                 None => (field.unit.clone(), 1.0),
             };
-            found.has_one_unit &= found.columns.is_empty() || found.unit == unit;
-            found.unit = unit;
-            found.factors.extend(columns.clone().map(|_| factor));
-            found.columns.extend(columns);
+            field_columns.has_one_unit &= field_columns.columns.is_empty() || field_columns.unit == unit;
+            field_columns.unit = unit;
+            field_columns.factors.extend(columns.clone().map(|_| factor));
+            field_columns.columns.extend(columns);
         }
-        Some(found)
+        Some(field_columns)
     }
 
     /// Temperatures in K from specific energies, where there is no field of that name.

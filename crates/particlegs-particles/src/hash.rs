@@ -1,4 +1,4 @@
-//! What binds a model to its snapshot.
+//! The hash that binds a model to its snapshot.
 
 use super::{Chunk, Particles};
 
@@ -46,8 +46,8 @@ impl Particles {
     pub fn source_hash(&self) -> [u8; 32] {
         let mut hashes = Vec::new();
         for layer in self.layers() {
-            let own = self.of_layer(layer);
-            hashes.extend(own.par_chunks(|_, chunk| hash_run(&chunk)));
+            let layer_particles = self.of_layer(layer);
+            hashes.extend(layer_particles.par_chunks(|_, chunk| hash_run(&chunk)));
         }
         hash_of_runs(self.origin, hashes.iter())
     }

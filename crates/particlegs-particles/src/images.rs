@@ -23,9 +23,11 @@ impl NearestImages {
             let hint = Hint::state_box().words(", or use ").option("region", "").words(", which stays inside the box");
             return Err(Error::input_with(name, "a region across the boundary needs a periodic box", hint));
         };
+        // Rounded fractions find the near images only where the vectors are short.
         let cell = cell.reduced();
         let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the periodic cell has no volume"))?;
         let extent = crop.extent();
+        // The span of the crop along vector a, in lengths of that vector.
         let wide = |a: usize| (0..3).map(|k| extent[k] * fractions[k][a].abs()).sum::<f64>();
         if let Some(a) = (0..3).find(|&a| cell.periodic[a] && wide(a) > 1.0 + WIDER) {
             return Err(Error::argument(match cell.lengths() {

@@ -13,7 +13,7 @@ impl Particles {
         &self.layers
     }
 
-    /// Does the snapshot tell no kinds apart?
+    /// Whether the snapshot tells no kinds apart.
     pub(super) fn is_one_kind(&self) -> bool {
         matches!(&self.layers[..], [one] if one.name == Particles::ONE_LAYER)
     }
@@ -41,7 +41,7 @@ impl Particles {
         alone.with_layers(vec![layer.with(0..range.len())])
     }
 
-    /// What their density sums ([`density_of`]).
+    /// The quantity that their density sums ([`density_of`]).
     pub fn density_of(&self) -> &str {
         let has_masses = self.weights().is_some() || self.meta.particle_mass.is_some();
         density_of(has_masses, self.meta.weight_name.as_deref())

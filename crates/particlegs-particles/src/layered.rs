@@ -11,9 +11,9 @@ use std::sync::Arc;
 /// Layers of one snapshot, about one origin. Where one layer has weights, or the masses of their
 /// particles differ, particles have masses, if all are known; else none is used.
 pub struct LayeredParticles {
-    /// What the snapshot says.
+    /// Metadata of the snapshot.
     pub meta: SnapshotMeta,
-    /// What positions are relative to.
+    /// The f64 point that positions are relative to.
     pub origin: [f64; 3],
     /// The layers, none of them empty.
     pub layers: Vec<ReadLayer>,
@@ -75,13 +75,13 @@ impl LayeredParticles {
         self.layers.iter().map(|l| l.layer.content * l.layer.mass.particle_bytes()).sum()
     }
 
-    /// Are there weights in the columns of all?
+    /// Whether there are weights in the columns of all.
     pub fn has_weights(&self) -> bool {
         let mass = |l: &ReadLayer| l.layer.mass;
         self.layers.iter().any(|l| mass(l).is_weighted() || mass(l).unit() != mass(&self.layers[0]).unit())
     }
 
-    /// Can runs be read in any order at no more than their own cost?
+    /// Whether runs can be read in any order at no more than their own cost.
     pub fn random_access(&self) -> bool {
         self.layers.iter().all(|l| l.reader.random_access())
     }
@@ -112,14 +112,14 @@ impl ReadLayer {
     pub fn read(&self, origin: [f64; 3], runs: Range<u64>, context: &Context<'_>, sink: &RunSink<'_>) -> Result<()> {
         let reader = &*self.reader;
         let shift: [f64; 3] = each_axis(|k| reader.origin()[k] - origin[k]);
-        let wrong = |what: String| Error::input(&self.layer.name, what);
+        let wrong = |message: String| Error::input(&self.layer.name, message);
         reader.read(runs.clone(), context, &|run, chunk| {
             if !runs.contains(&run) {
                 return Err(wrong(format!("the reader returned data chunk {run}, which was not requested")));
             }
-            let told = (self.layer.content - run * RUN as u64).min(RUN as u64);
-            if chunk.len() as u64 != told || self.layer.mass.is_weighted() && chunk.weight.is_none() {
-                return Err(wrong(format!("data chunk {run} has {} particles instead of {told}", chunk.len())));
+            let count = (self.layer.content - run * RUN as u64).min(RUN as u64);
+            if chunk.len() as u64 != count || self.layer.mass.is_weighted() && chunk.weight.is_none() {
+                return Err(wrong(format!("data chunk {run} has {} particles instead of {count}", chunk.len())));
             }
             let weight = chunk.weight.filter(|_| self.layer.mass.is_weighted());
             if shift == [0.0; 3] {

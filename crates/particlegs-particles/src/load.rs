@@ -61,14 +61,14 @@ fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], context: &C
             place.get_mut().unwrap_or_else(|e| e.into_inner()).get_or_insert_default().push(run);
         }
     }
-    let wrong = |what: String| Error::input(&layer.layer.name, what);
+    let wrong = |message: String| Error::input(&layer.layer.name, message);
     layer.read(origin, 0..runs, context, &|run, chunk| {
         let Some(mut columns) = places[run as usize].lock().unwrap_or_else(|e| e.into_inner()).take() else {
             return Err(wrong(format!("the reader returned data chunk {run} twice")));
         };
         (0..3).for_each(|k| columns[k].copy_from_slice(chunk.position[k]));
         match (columns.get_mut(3), chunk.weight) {
-            (Some(weights), Some(own)) => weights.copy_from_slice(own),
+            (Some(weights), Some(chunk_weights)) => weights.copy_from_slice(chunk_weights),
             (Some(weights), None) => weights.fill(mass),
             (None, _) => {}
         }

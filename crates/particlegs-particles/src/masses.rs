@@ -10,13 +10,13 @@ const MOST_CLASSES: usize = 64;
 
 impl Particles {
     /// A layer whose particles all have the same weight needs none: the weight becomes its particle mass.
-    /// Where all layers then have one and the same, no weights are left.
+    /// If all layers then have one and the same, no weights are left.
     pub fn settle_masses(mut self) -> Particles {
         let Some(weights) = self.weights().cloned() else { return self };
         for layer in self.layers.iter_mut().filter(|l| l.mass.is_weighted()) {
-            let own = &weights[layer.content.clone()];
-            if own.iter().all(|w| *w == own[0]) {
-                layer.mass = layer.mass.all_of_weight(own[0]);
+            let layer_weights = &weights[layer.content.clone()];
+            if layer_weights.iter().all(|w| *w == layer_weights[0]) {
+                layer.mass = layer.mass.all_of_weight(layer_weights[0]);
             }
         }
         let one = self.layers[0].mass;
@@ -48,11 +48,13 @@ impl Particles {
             masses.copy_from_slice(weights);
         }
         for layer in &mut self.layers {
-            let own = &mut masses[layer.content.clone()];
+            let layer_masses = &mut masses[layer.content.clone()];
             match layer.mass {
-                Mass::Weights(Some(unit)) => own.iter_mut().for_each(|w| *w = (f64::from(*w) * (unit / scale)) as f32),
-                Mass::Each(mass) => own.fill((mass / scale) as f32),
-                _ => own.iter_mut().for_each(|w| *w = (f64::from(*w) / scale) as f32),
+                Mass::Weights(Some(unit)) => {
+                    layer_masses.iter_mut().for_each(|w| *w = (f64::from(*w) * (unit / scale)) as f32)
+                }
+                Mass::Each(mass) => layer_masses.fill((mass / scale) as f32),
+                _ => layer_masses.iter_mut().for_each(|w| *w = (f64::from(*w) / scale) as f32),
             }
             if layer.mass.is_weighted() {
                 layer.mass = Mass::Weights(Some(scale).filter(|_| is_far));
@@ -148,10 +150,10 @@ mod tests {
         let (ten, two) = (Mass::Each(10.0), Mass::Each(2.0));
         assert_eq!(layered([ten, ten], None), [10.0; 4]);
         assert_eq!(layered([ten, two], None), [10.0, 10.0, 2.0, 2.0]);
-        let own = Some([1.0, 1.0, 3.0, 4.0]);
-        assert_eq!(layered([ten, Mass::Weights(None)], own), [10.0, 10.0, 3.0, 4.0]);
-        assert_eq!(layered([ten, Mass::Weights(Some(2.0))], own), [10.0, 10.0, 6.0, 8.0]);
-        assert_eq!(layered([Mass::Weights(Some(2.0)); 2], own), [2.0, 2.0, 6.0, 8.0]);
+        let weights = Some([1.0, 1.0, 3.0, 4.0]);
+        assert_eq!(layered([ten, Mass::Weights(None)], weights), [10.0, 10.0, 3.0, 4.0]);
+        assert_eq!(layered([ten, Mass::Weights(Some(2.0))], weights), [10.0, 10.0, 6.0, 8.0]);
+        assert_eq!(layered([Mass::Weights(Some(2.0)); 2], weights), [2.0, 2.0, 6.0, 8.0]);
         assert_eq!(layered([ten, Mass::Unknown], None), [1.0; 4]);
     }
 

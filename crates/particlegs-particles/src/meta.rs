@@ -1,4 +1,4 @@
-//! What a snapshot says about itself.
+//! Metadata of a snapshot.
 
 use particlegs_core::model::{Cosmology, Dimension, Epoch, Unit, UnitSystem, Units};
 use particlegs_core::space::Cell;
@@ -14,12 +14,12 @@ pub struct SnapshotMeta {
     pub name: String,
     /// Simulation cell, in the unit of length.
     pub cell: Option<Cell>,
-    /// What numbers are in.
+    /// Units of lengths, masses and times.
     #[serde(flatten)]
     pub units: Units,
     /// Mass of one particle where all are equal, in the unit of mass.
     pub particle_mass: Option<f64>,
-    /// What weights are where they are not masses, such as `Charge`: the unit of mass is that of them then.
+    /// Name of weights that are not masses, such as `Charge`: the unit of mass is theirs then.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weight_name: Option<String>,
     /// Hubble and density parameters.
@@ -37,14 +37,14 @@ pub struct SnapshotMeta {
 }
 
 impl SnapshotMeta {
-    /// What numbers are in.
+    /// Units with the scale factor and h that convert them.
     pub fn unit_system(&self) -> UnitSystem<'_> {
         UnitSystem::new(&self.units, &self.epoch, &self.cosmology)
     }
 
-    /// Takes what a user states, box lengths, a unit of length and one of mass, over what the files say; numbers are not converted. The corner of a stated box is the
-    /// file's, else 0. Gives what a user should know: a unit that is not known by name, and where the
-    /// files say something else.
+    /// Takes what a user states, box lengths, a unit of length and one of mass, over what the files say; numbers are
+    /// not converted. The corner of a stated box is the file's, else 0. Gives notes for the user: a unit that is not
+    /// known by name, and values of the files that differ.
     pub fn state(&mut self, box_lengths: Option<[f64; 3]>, units: [Option<&str>; 2]) -> Result<Vec<String>> {
         let mut notes = Vec::new();
         if let Some(lengths) = box_lengths {
@@ -58,15 +58,15 @@ impl SnapshotMeta {
                 notes.push(format!("the box is {cell} as stated, not {said} as in the file"));
             }
         }
-        let mut state = |of: &str, stated: Option<&str>, said: &mut Option<Unit>, dimension| {
+        let mut state = |quantity: &str, stated: Option<&str>, said: &mut Option<Unit>, dimension| {
             let Some(text) = stated else { return };
             if !Unit::is_known(text, dimension) {
-                notes.push(format!("`{text}` is not a known unit of {of}, so it is only a label"));
+                notes.push(format!("`{text}` is not a known unit of {quantity}, so it is only a label"));
             }
             let unit = Unit::parse(text, dimension);
             if let Some(other) = said.replace(unit).filter(|other| other.text != text) {
                 notes.push(format!(
-                    "the unit of {of} is {text} as stated, not {} as in the file; no number is converted",
+                    "the unit of {quantity} is {text} as stated, not {} as in the file; no number is converted",
                     other.text
                 ));
             }

@@ -63,11 +63,11 @@ impl<'a> PlaceFinder<'a> {
 
 /// Calls `visit` with runs of places, the index of the first, in parallel.
 fn visit_places(p: &Particles, domain: &Domain, visit: impl Fn(usize, &[LocalPosition]) + Sync) {
-    let placing = PlaceFinder::new(p, domain);
+    let finder = PlaceFinder::new(p, domain);
     let scratch = parallel::Scratch::<Vec<LocalPosition>>::default();
     p.par_chunks(|first, chunk| {
         scratch.with(|places| {
-            placing.places(&chunk, places);
+            finder.places(&chunk, places);
             visit(first, places);
         });
     });
@@ -125,7 +125,7 @@ struct CellGrid {
     cells: [usize; 3],
 }
 
-/// What a search has found so far.
+/// The points that a search has found so far.
 trait NeighbourCollector {
     /// Another point, by the square of its distance.
     fn take(&mut self, square: f64);
@@ -199,6 +199,7 @@ impl CellGrid {
     fn new(p: &Particles, domain: &Domain) -> Self {
         let (low, length) = Self::region(p, domain);
         let most = (p.len() / IN_CELL).max(1) as f64;
+        // Roots are taken before the product, which may leave the range of f64.
         let mut side = length.map(f64::cbrt).iter().product::<f64>() / most.cbrt();
         let count = |side: f64| length.map(|l| (l / side).floor().max(1.0));
         // Axes shorter than a cell leave more of them to the others.
@@ -261,8 +262,8 @@ impl CellGrid {
         let of_axis = |k: usize| {
             let (down, up) = self.steps(k, home[k], shell);
             let from = along[k] - home[k] as f64 * self.side[k];
-            let side = |there: bool, d: f64| {
-                if there { d.max(0.0) + (shell - 1) as f64 * self.side[k] } else { f64::INFINITY }
+            let side = |is_end: bool, d: f64| {
+                if is_end { d.max(0.0) + (shell - 1) as f64 * self.side[k] } else { f64::INFINITY }
             };
             side(down == -shell, from).min(side(up == shell, self.side[k] - from)) / self.stretch[k]
         };
@@ -311,6 +312,7 @@ impl Neighbours {
             sum += cell.swap(sum, Relaxed);
         }
         start.push(sum);
+        // From here on `next` holds the place of each cell's next point.
         let points: Vec<[AtomicU32; 3]> = (0..p.len()).map(|_| Default::default()).collect();
         visit_places(p, domain, |_, places| {
             places.iter().for_each(|x| store(&points[next[key(x)].fetch_add(1, Relaxed) as usize], *x));
@@ -324,39 +326,40 @@ impl Neighbours {
     /// Distance from the point at `x`, one of these, to its nearest other; infinite where there is
     /// none.
     pub fn nearest(&self, x: LocalPosition) -> f64 {
-        let mut found = NearestPoint { here: 0, square: f64::INFINITY };
-        self.search_all(x, &mut found);
-        if found.here > 1 { 0.0 } else { found.square.sqrt() }
+        let mut nearest_point = NearestPoint { here: 0, square: f64::INFINITY };
+        self.search_all(x, &mut nearest_point);
+        if nearest_point.here > 1 { 0.0 } else { nearest_point.square.sqrt() }
     }
 
     /// Particles in a volume at `x`, by [`cubic_spline`]s that reach to the `rank`-th point from there; infinite where
     /// so many lie at one place, 0 where there are fewer.
     pub fn density(&self, x: LocalPosition, rank: usize) -> f64 {
-        let mut found = NearestHeap { wanted: rank, ..NearestHeap::default() };
-        self.search_all(x, &mut found);
-        let reach = found.farthest().sqrt();
+        let mut nearest_heap = NearestHeap { wanted: rank, ..NearestHeap::default() };
+        self.search_all(x, &mut nearest_heap);
+        let reach = nearest_heap.farthest().sqrt();
         if reach.is_infinite() {
             return 0.0;
         }
         let at = |square: u64| cubic_spline(f64::from_bits(square).sqrt() / reach);
-        let sum: f64 = found.squares.into_sorted_vec().into_iter().map(at).sum();
+        // Sorted, so that the sum has the same bits whatever order the search found them in.
+        let sum: f64 = nearest_heap.squares.into_sorted_vec().into_iter().map(at).sum();
         if reach > 0.0 { sum / reach.powi(3) } else { f64::INFINITY }
     }
 
     /// Searches the cells about `x`, a place in the box.
-    fn search_all(&self, x: LocalPosition, found: &mut impl NeighbourCollector) {
+    fn search_all(&self, x: LocalPosition, collector: &mut impl NeighbourCollector) {
         let x = x.map(f64::from);
         let along = self.grid.along(&x);
         let home = self.grid.cell(&along);
-        self.search(self.run(home), &x, [0.0; 3], found);
+        self.search(self.run(home), &x, [0.0; 3], collector);
         // Shells of cells, until they are further away than what was found.
         let widest = *self.grid.cells.iter().max().expect("three axes");
         for shell in 1..=widest as i64 {
             let inner = self.grid.nearest_of_shell(&along, home, shell);
-            if inner * inner >= found.limit() {
+            if inner * inner >= collector.limit() {
                 break;
             }
-            self.search_shell(&x, home, shell, found);
+            self.search_shell(&x, home, shell, collector);
         }
     }
 
@@ -366,7 +369,7 @@ impl Neighbours {
     }
 
     /// The cells `shell` steps from home.
-    fn search_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64, found: &mut impl NeighbourCollector) {
+    fn search_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64, collector: &mut impl NeighbourCollector) {
         let g = &self.grid;
         let at = |k: usize, d: i64| g.image(k, home[k] as i64 + d);
         // Axes of few cells end long before the shell does.
@@ -386,11 +389,12 @@ impl Neighbours {
                     if run.is_empty() {
                         continue;
                     }
+                    // The place is moved into the image's frame instead of all its points.
                     let back = g.domain.turned(turn);
                     let moved: [f64; 3] = each_axis(|k| x[k] - back[k]);
                     let away = g.away(&moved, cell);
-                    if away < found.limit() {
-                        self.search(run, &moved, [0.0; 3], found);
+                    if away < collector.limit() {
+                        self.search(run, &moved, [0.0; 3], collector);
                     }
                 }
             }
@@ -398,30 +402,30 @@ impl Neighbours {
     }
 
     /// `off` holds the distance to the run's region along each axis.
-    fn search(&self, run: Range<usize>, x: &[f64; 3], off: [f64; 3], found: &mut impl NeighbourCollector) {
+    fn search(&self, run: Range<usize>, x: &[f64; 3], off: [f64; 3], collector: &mut impl NeighbourCollector) {
         let points = &self.points[run.clone()];
         let square = |p: &LocalPosition| {
             let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - x[k]);
             d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
         };
-        if found.limit() == 0.0 {
+        if collector.limit() == 0.0 {
             return;
         }
         if points.len() <= LEAF {
-            return points.iter().for_each(|p| found.take(square(p)));
+            return points.iter().for_each(|p| collector.take(square(p)));
         }
         let middle = run.start + points.len() / 2;
         let (axis, median) = (self.axes[middle] as usize, &self.points[middle]);
-        found.take(square(median));
+        collector.take(square(median));
         let d = x[axis] - f64::from(median[axis]);
         let (left, right) = (run.start..middle, middle + 1..run.end);
         let (near, far) = if d < 0.0 { (left, right) } else { (right, left) };
-        self.search(near, x, off, found);
+        self.search(near, x, off, collector);
         // The far half begins at the median's plane: it is as far away as that along this axis.
         let mut beyond = off;
         beyond[axis] = d;
-        if beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2] < found.limit() {
-            self.search(far, x, beyond, found);
+        if beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2] < collector.limit() {
+            self.search(far, x, beyond, collector);
         }
     }
 }
@@ -438,20 +442,21 @@ pub fn distances_to(rank: usize, p: &Particles, domain: &Domain, context: &Conte
     context.require_memory("a tree of neighbours", n as u64 * (TREE_BYTES + 4))?;
     context.begin("neighbours", n as u64);
     let tree = Neighbours::new(p, domain);
-    let (placing, mut buffer, mut places) = (PlaceFinder::new(p, domain), ChunkBuffer::default(), Vec::new());
+    let (finder, mut buffer, mut places) = (PlaceFinder::new(p, domain), ChunkBuffer::default(), Vec::new());
     let scratch = parallel::Scratch::<NearestHeap>::default();
     let mut out = filled("distances to neighbours", 0.0f32, n, context)?;
     for (k, run) in out.chunks_mut(CHUNK).enumerate() {
         let start = k * CHUNK;
-        placing.places(&p.chunk(start..start + run.len(), &mut buffer), &mut places);
+        finder.places(&p.chunk(start..start + run.len(), &mut buffer), &mut places);
         parallel::try_for_each(run.chunks_mut(TOGETHER).zip(places.chunks(TOGETHER)), |(out, places)| {
-            scratch.with(|several| {
-                several.wanted = rank + 1;
+            scratch.with(|heap| {
+                // The point itself is among those found.
+                heap.wanted = rank + 1;
                 for (out, x) in out.iter_mut().zip(places) {
                     context.check()?;
-                    several.squares.clear();
-                    tree.search_all(*x, several);
-                    *out = several.farthest().sqrt() as f32;
+                    heap.squares.clear();
+                    tree.search_all(*x, heap);
+                    *out = heap.farthest().sqrt() as f32;
                 }
                 context.advance(out.len() as u64);
                 Ok(())
@@ -544,9 +549,9 @@ mod tests {
             };
             let expected: Vec<Vec<f64>> = (0..40).map(all).collect();
             for rank in [1, 2, 16, 150] {
-                let found = distances_to(rank, &p, &domain, &Context::SILENT).unwrap();
+                let distances = distances_to(rank, &p, &domain, &Context::SILENT).unwrap();
                 for (i, squares) in expected.iter().enumerate() {
-                    assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-6, "{periodic:?} {rank} {i}");
+                    assert!((f64::from(distances[i]) - squares[rank].sqrt()).abs() < 1e-6, "{periodic:?} {rank} {i}");
                 }
             }
         }
@@ -565,11 +570,11 @@ mod tests {
             let moved = |i: usize| each_axis(|k| x[i][k] + if i.is_multiple_of(7) { cell.vectors[1][k] } else { 0.0 });
             p = from_points((0..900).map(moved));
             for rank in [1, 16] {
-                let found = distances_to(rank, &p, &domain, &Context::SILENT).unwrap();
+                let distances = distances_to(rank, &p, &domain, &Context::SILENT).unwrap();
                 for i in 0..40 {
                     let mut squares: Vec<f64> = (0..900).map(|j| square_between(&domain, x[i], x[j])).collect();
                     squares.sort_unstable_by(f64::total_cmp);
-                    assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-5, "{cell:?} {rank} {i}");
+                    assert!((f64::from(distances[i]) - squares[rank].sqrt()).abs() < 1e-5, "{cell:?} {rank} {i}");
                 }
             }
         }

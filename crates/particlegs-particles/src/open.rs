@@ -87,7 +87,7 @@ impl Particles {
     pub fn checked(self, place: &str, drop: Option<&Storage>) -> Result<Particles> {
         let invalid = self.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
         let invalid =
-            invalid.enumerate().fold(InvalidParticles::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
+            invalid.enumerate().fold(InvalidParticles::default(), |all, (i, later)| all.and((i * CHUNK) as u64, later));
         match (invalid.count(), drop) {
             (0, _) => Ok(self),
             (_, None) => Err(invalid.refusal(place)),
@@ -126,7 +126,7 @@ impl InvalidParticles {
             (self.weights, "a mass or weight that is not between 0 and 3e38"),
         ];
         let faults = faults.into_iter().filter(|(count, _)| *count > 0);
-        let said: Vec<String> = faults.map(|(count, what)| format!("{count} with {what}")).collect();
+        let said: Vec<String> = faults.map(|(count, fault)| format!("{count} with {fault}")).collect();
         let message = format!("there are invalid particles: {}; the first has index {}", said.join(", "), self.first);
         let hint = Hint::default().option("skip-invalid", "").words(" leaves them out; ");
         Error::input_with(place, message, hint.option("mass-field", "none").words(" ignores masses"))

@@ -1,4 +1,4 @@
-//! Where large columns are put: memory, or files of a scratch folder that vanish by themselves.
+//! Storage of large columns: memory, or files of a scratch folder that vanish by themselves.
 
 use super::{Column, Particles, SnapshotMeta};
 use memmap2::MmapMut;
@@ -12,7 +12,7 @@ use std::ops::{Deref, DerefMut, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Where large columns are put.
+/// The storage of large columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Storage {
     /// Memory of the process.
@@ -33,18 +33,18 @@ pub enum ColumnBuffer {
 
 impl Storage {
     /// Says what scratch space is about to be taken, if any.
-    pub fn announce(&self, what: &str, bytes: u64, context: &Context<'_>) {
+    pub fn announce(&self, content: &str, bytes: u64, context: &Context<'_>) {
         if let Storage::Disk(folder) = self {
-            context.message(&format!("the scratch file for {what} takes {bytes} bytes in {}", folder.display()));
+            context.message(&format!("the scratch file for {content} takes {bytes} bytes in {}", folder.display()));
         }
     }
 
-    /// `count` columns of `len` zeros; `what` names them where they do not fit.
-    pub fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<ColumnBuffer>> {
+    /// `count` columns of `len` zeros; `content` names them where they do not fit.
+    pub fn columns(&self, content: &str, count: usize, len: usize) -> Result<Vec<ColumnBuffer>> {
         let bytes = len as u64 * 4;
         match self {
             Storage::Memory => {
-                require(what, bytes.saturating_mul(count as u64))?;
+                require(content, bytes.saturating_mul(count as u64))?;
                 Ok((0..count).map(|_| ColumnBuffer::Memory(vec![0.0; len])).collect())
             }
             // A file of no bytes cannot be mapped.

@@ -1,4 +1,4 @@
-//! Which particles are kept: a region, every K-th, an exact random sample; in this order.
+//! Selections of particles: a region, every K-th, an exact random sample; in this order.
 //!
 //! Work goes by fixed chunks of the tiled snapshot ("runs"), layer by layer and tile by tile; what a
 //! run keeps depends on the run's number and on whole-number sums over the runs before it, never on
@@ -19,7 +19,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What to keep of a tiled snapshot.
+/// The particles to keep of a tiled snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Selection {
     /// Keep positions with min <= p < max along each axis, as written (f32).
@@ -91,7 +91,7 @@ impl Selection {
         options
     }
 
-    /// Does it keep all as they are?
+    /// Whether it keeps all as they are.
     pub fn is_all(&self) -> bool {
         *self == Selection { seed: self.seed, ..Selection::all() }
     }
@@ -136,7 +136,7 @@ impl Particles {
 /// Runs of a tiled snapshot and what each keeps: what writers are given.
 pub struct SelectedParticles<'a> {
     particles: &'a Particles,
-    /// What positions are written relative to.
+    /// The point that written positions are relative to.
     origin: [f64; 3],
     tiling: Tiling,
     selection: Selection,
@@ -167,27 +167,27 @@ impl<'a> SelectedParticles<'a> {
     /// With the fields of each layer, read where they are written.
     ///
     /// # Panics
-    /// Where they are not of as many layers.
+    /// If there are not as many of them as layers.
     pub fn with_fields(mut self, fields: Vec<LayerFields>) -> Self {
         assert!(fields.len() == self.layers.len(), "fields for every layer");
         self.fields = fields;
         self
     }
 
-    /// What the columns of runs are relative to: 0 unless float32 would not hold positions there.
+    /// The point that the columns of runs are relative to: 0 unless float32 would not hold positions there.
     pub fn origin(&self) -> [f64; 3] {
         self.origin
     }
 
-    /// Are positions known to more digits than float32 has about 0? Runs have them as float64 then, too.
+    /// Whether positions are known to more digits than float32 has about 0. Runs have them as float64 then, too.
     pub fn is_wide(&self) -> bool {
         self.origin != [0.0; 3] || self.fields.iter().any(LayerFields::has_positions)
     }
 
     /// The fields of each layer of [`SelectedParticles::layers`]; nothing where none are carried.
     pub fn fields(&self) -> Vec<&[SourceField]> {
-        let kept = |i: &usize| self.first(self.layer_runs[*i]) < self.first(self.layer_runs[*i + 1]);
-        (0..self.fields.len()).filter(kept).map(|i| &self.fields[i].fields[..]).collect()
+        let has_particles = |i: &usize| self.first(self.layer_runs[*i]) < self.first(self.layer_runs[*i + 1]);
+        (0..self.fields.len()).filter(has_particles).map(|i| &self.fields[i].fields[..]).collect()
     }
 
     /// The same, with positions about `origin`.
@@ -203,6 +203,7 @@ impl<'a> SelectedParticles<'a> {
             return Err(Error::argument("the interval between particles must be at least 1, not 0"));
         }
         let mut meta = particles.meta.clone();
+        // The box of all tiles; the output has it only where nothing is cut out.
         let cell = meta.cell.take().map(|cell| tiling.cell(&cell));
         let images = match (selection.crop, selection.wrap) {
             (Some(crop), true) => Some(NearestImages::about(&crop, cell.as_ref(), &meta.name)?),
@@ -215,7 +216,7 @@ impl<'a> SelectedParticles<'a> {
         let runs = layers.iter().map(|l| l.content.len().div_ceil(CHUNK) as u64 * tiling.tiles());
         let layer_runs = running_sums(runs.collect());
         let (cropped_before, last_key, first) = Default::default();
-        let mut kept = SelectedParticles {
+        let mut selected_particles = SelectedParticles {
             particles,
             origin,
             tiling,
@@ -229,12 +230,13 @@ impl<'a> SelectedParticles<'a> {
             last_key,
             first,
         };
-        kept.count(context)?;
-        Ok(kept)
+        selected_particles.count(context)?;
+        Ok(selected_particles)
     }
 
     fn count(&mut self, context: &Context<'_>) -> Result<()> {
         if self.selection.crop.is_some() {
+            // `every` counts particles inside the crop, through all runs.
             self.cropped_before = running_sums(self.map_runs(context, |id, run| {
                 self.fill(id, run)?;
                 Ok(self.inside(run).count() as u64)
@@ -243,6 +245,7 @@ impl<'a> SelectedParticles<'a> {
         if let Some(wanted) = self.selection.sample {
             self.last_key = self.draw(wanted, context)?;
         }
+        // Where all are kept, the sizes of runs are known without a pass.
         self.first = if self.selection.is_all() {
             running_sums((0..self.runs()).map(|id| self.range(id).len() as u64).collect())
         } else {
@@ -257,12 +260,12 @@ impl<'a> SelectedParticles<'a> {
         Ok(())
     }
 
-    /// What is known about what is kept: a crop has no cell.
+    /// Metadata of the particles kept: a crop has no cell.
     pub fn meta(&self) -> &SnapshotMeta {
         &self.meta
     }
 
-    /// How it was chosen, for people.
+    /// The snapshot and the selection, for people.
     pub fn notes(&self) -> serde_json::Value {
         let s = &self.selection;
         serde_json::json!({
@@ -278,7 +281,7 @@ impl<'a> SelectedParticles<'a> {
         })
     }
 
-    /// Are there weights?
+    /// Whether there are weights.
     pub fn weighted(&self) -> bool {
         self.particles.weights().is_some()
     }
@@ -306,12 +309,12 @@ impl<'a> SelectedParticles<'a> {
         self.first.last().copied().unwrap_or(0)
     }
 
-    /// Where in the output run `id` begins; where the output ends for the run after the last.
+    /// The first particle of run `id` in the output; the number of all for the run after the last.
     pub fn first(&self, id: u64) -> u64 {
         self.first[id as usize]
     }
 
-    /// What is kept, in columns.
+    /// The particles kept, in columns.
     fn collect(&self, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let columns = if self.weighted() { 4 } else { 3 };
         storage.announce("the particles chosen", 4 * columns as u64 * self.total(), context);
@@ -320,8 +323,8 @@ impl<'a> SelectedParticles<'a> {
         for column in &mut values {
             let mut rest = &mut column[..];
             for (id, place) in places.iter_mut().enumerate() {
-                let (own, after) = rest.split_at_mut((self.first[id + 1] - self.first[id]) as usize);
-                place.push(own);
+                let (part, after) = rest.split_at_mut((self.first[id + 1] - self.first[id]) as usize);
+                place.push(part);
                 rest = after;
             }
         }
@@ -353,9 +356,9 @@ impl<'a> SelectedParticles<'a> {
         self.keep(id, run)?;
         self.load_wide(id, run)?;
         if run.kept.len() < run.columns[0].len() {
-            let kept = &run.kept;
-            run.columns.iter_mut().for_each(|c| thin_out(c, kept));
-            run.positions.iter_mut().chain(&mut run.fields).for_each(|c| thin_out(c, kept));
+            let indices = &run.kept;
+            run.columns.iter_mut().for_each(|c| thin_out(c, indices));
+            run.positions.iter_mut().chain(&mut run.fields).for_each(|c| thin_out(c, indices));
         }
         Ok(())
     }
@@ -366,7 +369,7 @@ impl<'a> SelectedParticles<'a> {
         let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
         let fields = self.fields.get(index);
         match fields {
-            Some(own) => own.read_stored(chunk as u64, |_| true, &mut run.fields)?,
+            Some(layer_fields) => layer_fields.read_stored(chunk as u64, |_| true, &mut run.fields)?,
             None => run.fields.clear(),
         }
         let Run { positions, columns, .. } = run;
@@ -374,8 +377,9 @@ impl<'a> SelectedParticles<'a> {
         if !self.is_wide() {
             return Ok(());
         }
+        // Full positions come from the source anew: the columns are rounded already.
         if fields.is_some_and(LayerFields::has_positions) {
-            fields.map_or(Ok(()), |own| own.read_positions(chunk as u64, positions))?;
+            fields.map_or(Ok(()), |layer_fields| layer_fields.read_positions(chunk as u64, positions))?;
             let shift = self.tiling.shift(tile);
             let [x, y, z] = positions;
             for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
@@ -395,8 +399,8 @@ impl<'a> SelectedParticles<'a> {
         let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
         let layer = &self.layers[index];
         let chunks = layer.content.len().div_ceil(CHUNK) as u64;
-        let own = id - self.layer_runs[index];
-        (layer, own / chunks, (own % chunks) as usize)
+        let layer_run = id - self.layer_runs[index];
+        (layer, layer_run / chunks, (layer_run % chunks) as usize)
     }
 
     fn range(&self, id: u64) -> Range<usize> {
@@ -412,6 +416,7 @@ impl<'a> SelectedParticles<'a> {
         for k in 0..3 {
             let offset = self.particles.origin[k] - self.origin[k] + shift[k];
             run.columns[k].clear();
+            // Offsets are added in f64, and the sum is rounded once.
             run.columns[k].extend(chunk.position[k].iter().map(|&v| (f64::from(v) + offset) as f32));
         }
         if let Some(images) = &self.images {
@@ -431,6 +436,7 @@ impl<'a> SelectedParticles<'a> {
         let (crop, origin) = (self.selection.crop, self.origin);
         let [x, y, z, _] = &run.columns;
         (0..x.len() as u32).filter(move |&i| {
+            // As written: the rounded position decides, so that no output lies outside its crop.
             let local = [x, y, z].map(|c| f64::from(c[i as usize]));
             let p: [f64; 3] = each_axis(|k| local[k] + origin[k]);
             crop.is_none_or(|b| (0..3).all(|k| b.min[k] <= p[k] && p[k] < b.max[k]))
@@ -447,11 +453,11 @@ impl<'a> SelectedParticles<'a> {
             let layers_before = self.tiling.tiles() * layer.content.start as u64;
             layers_before + tile * layer.content.len() as u64 + (self.range(id).start - layer.content.start) as u64
         });
-        let mut kept = std::mem::take(&mut run.kept);
-        kept.clear();
+        let mut indices = std::mem::take(&mut run.kept);
+        indices.clear();
         let every = self.selection.every;
-        kept.extend((before..).zip(self.inside(run)).filter(|(rank, _)| rank % every == 0).map(|(_, i)| i));
-        run.kept = kept;
+        indices.extend((before..).zip(self.inside(run)).filter(|(rank, _)| rank % every == 0).map(|(_, i)| i));
+        run.kept = indices;
         Ok(())
     }
 
@@ -467,6 +473,7 @@ impl<'a> SelectedParticles<'a> {
 
     fn keys(&self, id: u64) -> Vec<u64> {
         let mut random = Random::from_purpose(Purpose::ParticleSample, self.selection.seed, id);
+        // For every particle of the run, inside the crop or not: its key depends on the seed and its place alone.
         self.range(id).map(|_| random.bits()).collect()
     }
 
@@ -474,6 +481,7 @@ impl<'a> SelectedParticles<'a> {
     /// look at the one bin in which it lies. `None` where all are wanted.
     fn draw(&self, wanted: u64, context: &Context<'_>) -> Result<Option<Key>> {
         const SHIFT: u32 = 64 - 16;
+        // Keys are drawn anew in each pass: kept, they would take eight bytes a particle.
         let bins: Vec<AtomicU64> = (0..1 << 16).map(|_| AtomicU64::new(0)).collect();
         self.map_runs(context, |id, run| {
             self.thin(id, run)?;
@@ -500,33 +508,36 @@ impl<'a> SelectedParticles<'a> {
         let parts: Vec<Vec<Key>> = self.map_runs(context, |id, run| {
             self.thin(id, run)?;
             let keys = self.keys(id);
-            let own = run.kept.iter().map(|&i| (keys[i as usize], id, i));
-            Ok(own.filter(|k| k.0 >> SHIFT == bin).collect())
+            let run_keys = run.kept.iter().map(|&i| (keys[i as usize], id, i));
+            Ok(run_keys.filter(|k| k.0 >> SHIFT == bin).collect())
         })?;
         let mut keys: Vec<Key> = parts.into_iter().flatten().collect();
+        // Run and number decide between equal keys, so that exactly as many as wanted are drawn.
         keys.sort_unstable();
         Ok(keys.get(left as usize - 1).copied())
     }
 
-    /// `of` the number of every run, in parallel, with scratch space for [`SelectedParticles::load`].
+    /// Calls `each` with the number of every run, in parallel, with scratch space for [`SelectedParticles::load`];
+    /// gives its results in the order of the runs.
     pub fn map_runs<R: Send>(
         &self,
         context: &Context<'_>,
-        of: impl Fn(u64, &mut Run) -> Result<R> + Sync,
+        each: impl Fn(u64, &mut Run) -> Result<R> + Sync,
     ) -> Result<Vec<R>> {
         let scratch = parallel::Scratch::<Run>::default();
         parallel::try_map(0..self.runs(), |id| {
             context.check()?;
-            scratch.with(|run| of(id, run))
+            scratch.with(|run| each(id, run))
         })
     }
 }
 
 /// Keeps the numbers at these places, where there are any numbers.
-fn thin_out<T: Copy>(column: &mut Vec<T>, kept: &[u32]) {
+fn thin_out<T: Copy>(column: &mut Vec<T>, indices: &[u32]) {
     if !column.is_empty() {
-        kept.iter().enumerate().for_each(|(to, &from)| column[to] = column[from as usize]);
-        column.truncate(kept.len());
+        // In place: indices ascend, so that no number is overwritten before it is moved.
+        indices.iter().enumerate().for_each(|(to, &from)| column[to] = column[from as usize]);
+        column.truncate(indices.len());
     }
 }
 

@@ -68,11 +68,11 @@ struct LayerForm {
     weighted: bool,
 }
 
-/// What stands beside raw data.
+/// Metadata beside raw data.
 pub struct Sidecar {
     /// Box, units, cosmology.
     pub meta: SnapshotMeta,
-    /// What the columns are relative to.
+    /// The f64 point that the columns are relative to.
     pub origin: [f64; 3],
     /// Layers; empty where it tells no kinds apart.
     pub layers: Vec<Layer<Range<usize>>>,

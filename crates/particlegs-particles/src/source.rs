@@ -20,11 +20,11 @@ pub type RunSink<'a> = dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync + 'a;
 
 /// A snapshot that is read run by run in bounded memory: metadata first, then particles.
 pub trait SnapshotReader: Send + Sync {
-    /// What the snapshot says about itself.
+    /// Metadata of the snapshot.
     fn meta(&self) -> &SnapshotMeta;
     /// Number of particles.
     fn count(&self) -> u64;
-    /// Are there weights?
+    /// Whether there are weights.
     fn has_weights(&self) -> bool;
     /// The f64 point to which f32 positions are relative.
     fn origin(&self) -> [f64; 3];
@@ -48,7 +48,7 @@ pub trait SnapshotReader: Send + Sync {
         }
         Ok(())
     }
-    /// Can runs be read in any order at no more than their own cost? Streams cannot.
+    /// Whether runs can be read in any order at no more than their own cost. Those of streams cannot.
     fn random_access(&self) -> bool {
         true
     }

@@ -15,11 +15,11 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Column {
     floats: FloatStore,
-    /// Which of the floats.
+    /// The floats that are the column's.
     range: Range<usize>,
 }
 
-/// Whose floats a column's are.
+/// The owner of a column's floats.
 #[derive(Clone)]
 enum FloatStore {
     Owned(Arc<Vec<f32>>),
@@ -72,7 +72,7 @@ impl Deref for Column {
     }
 }
 
-/// How positions lie in memory.
+/// The layout of positions in memory.
 #[derive(Clone)]
 pub enum Positions {
     /// x, y and z apart.
@@ -88,9 +88,9 @@ pub struct Particles {
     pub positions: Positions,
     /// Columns of one value a particle; [`MASS`] are weights, > 0.
     columns: Columns<Column>,
-    /// What f32 positions are relative to, world units.
+    /// The point that f32 positions are relative to, world units.
     pub origin: [f64; 3],
-    /// What the source says.
+    /// Metadata of the source.
     pub meta: SnapshotMeta,
     /// The layers, in order and without gaps; none of them empty where there are particles.
     pub(super) layers: Vec<Layer<Range<usize>>>,
@@ -109,7 +109,7 @@ impl Particles {
     /// Particles in memory, columns, origin 0.
     ///
     /// # Panics
-    /// Where the columns are not of one length.
+    /// If the columns are not of one length.
     pub fn from_columns(x: Vec<f32>, y: Vec<f32>, z: Vec<f32>) -> Self {
         assert!(x.len() == y.len() && y.len() == z.len(), "columns of one length");
         let positions = Positions::Columns([Column::owned(x), Column::owned(y), Column::owned(z)]);
@@ -154,7 +154,7 @@ impl Particles {
     /// With weights (> 0), one a particle: masses, relative to the mass of weight 1 where a layer knows one.
     ///
     /// # Panics
-    /// Where they are not as many as the particles.
+    /// If they are not as many as the particles.
     pub fn with_weights(mut self, weights: Column) -> Self {
         assert!(weights.len() == self.len(), "a weight for every particle");
         self.columns.set(MASS, weights);
@@ -210,7 +210,7 @@ impl Particles {
         }
     }
 
-    /// No particles?
+    /// Whether there are no particles.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -246,7 +246,7 @@ impl Particles {
     /// Positions of particles relative to the origin, as they are stored, in columns.
     ///
     /// # Panics
-    /// Where the range reaches beyond the particles.
+    /// If the range reaches beyond the particles.
     pub fn columns(&self, range: Range<usize>) -> [Vec<f32>; 3] {
         self.chunk(range, &mut ChunkBuffer::default()).position.map(<[f32]>::to_vec)
     }

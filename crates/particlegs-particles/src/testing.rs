@@ -22,17 +22,17 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
 
 /// A triclinic, a hexagonal and a truncated octahedral cell, and a hexagonal slab whose third vector leans.
 pub fn tilted_cells() -> [Cell; 4] {
-    let of = |vectors, periodic| Cell { vectors, periodic, ..Cell::orthogonal([0.0; 3]) };
+    let cell_of = |vectors, periodic| Cell { vectors, periodic, ..Cell::orthogonal([0.0; 3]) };
     let hexagonal = [[6.0, 0.0, 0.0], [3.0, 27f64.sqrt(), 0.0]];
     let third = 7.0 / 3.0;
     [
-        of([[10.0, 0.0, 0.0], [4.0, 9.0, 0.0], [2.0, 3.0, 8.0]], [true; 3]),
-        of([hexagonal[0], hexagonal[1], [0.0, 0.0, 5.0]], [true; 3]),
-        of(
+        cell_of([[10.0, 0.0, 0.0], [4.0, 9.0, 0.0], [2.0, 3.0, 8.0]], [true; 3]),
+        cell_of([hexagonal[0], hexagonal[1], [0.0, 0.0, 5.0]], [true; 3]),
+        cell_of(
             [[7.0, 0.0, 0.0], [third, third * 8f64.sqrt(), 0.0], [-third, third * 2f64.sqrt(), third * 6f64.sqrt()]],
             [true; 3],
         ),
-        of([hexagonal[0], hexagonal[1], [0.3, 0.5, 5.0]], [true, true, false]),
+        cell_of([hexagonal[0], hexagonal[1], [0.3, 0.5, 5.0]], [true, true, false]),
     ]
 }
 
@@ -85,7 +85,7 @@ pub fn sample() -> Particles {
     Particles::open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap()
 }
 
-/// What `work` gives with so many threads.
+/// The result of `work` with so many threads.
 pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }

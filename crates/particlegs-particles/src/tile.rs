@@ -5,7 +5,7 @@ use particlegs_core::math::each_axis;
 use particlegs_core::space::Cell;
 use particlegs_core::{Error, Hint, Result};
 
-/// How often the snapshot stands beside itself along each cell vector. Tiles are numbered with the
+/// The number of times that the snapshot stands beside itself along each cell vector. Tiles are numbered with the
 /// last axis fastest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tiling {
@@ -46,7 +46,7 @@ impl Tiling {
         self.repeats.iter().map(|&r| u64::from(r)).product()
     }
 
-    /// What is added to the positions in tile `tile`, world units.
+    /// The shift of the positions in tile `tile`, world units.
     pub fn shift(&self, tile: u64) -> [f64; 3] {
         let [_, ny, nz] = self.repeats.map(u64::from);
         let steps = [tile / (ny * nz), tile / nz % ny, tile % nz];

@@ -27,8 +27,8 @@ impl Particles {
         let parts = x.chunks_mut(CHUNK).zip(y.chunks_mut(CHUNK)).zip(z.chunks_mut(CHUNK)).enumerate();
         let parts: Vec<_> = parts.map(|(i, ((x, y), z))| (i * CHUNK, [x, y, z])).collect();
         parallel::try_for_each(parts, |(start, parts)| {
-            let own = self.columns(start..start + parts[0].len());
-            for (to, from) in parts.into_iter().zip(own) {
+            let positions = self.columns(start..start + parts[0].len());
+            for (to, from) in parts.into_iter().zip(positions) {
                 to.iter_mut().zip(from).for_each(|(to, v)| *to = (f64::from(v) * by.length) as f32);
             }
             Ok::<(), Error>(())

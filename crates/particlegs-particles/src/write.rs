@@ -15,7 +15,7 @@ const COLUMNS: [&str; 4] = ["xx.f32", "yy.f32", "zz.f32", "ww.f32"];
 const TRIPLES: &str = "positions.npy";
 const SIDECAR: &str = "meta.json";
 
-/// How particles lie in the output.
+/// The form of particles in the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RawForm {
     /// A folder with xx.f32, yy.f32, zz.f32, perhaps ww.f32, and meta.json.
@@ -31,11 +31,11 @@ impl RawForm {
     pub const FOLDER_FILES: [&str; 6] = [COLUMNS[0], COLUMNS[1], COLUMNS[2], COLUMNS[3], TRIPLES, SIDECAR];
 }
 
-/// What is known about a snapshot that is written: its meta.json.
+/// The description of a snapshot that is written: its meta.json.
 pub struct SnapshotDescription<'a> {
     /// Box, units, cosmology; unknown things are left out.
     pub meta: &'a SnapshotMeta,
-    /// What the columns are relative to.
+    /// The f64 point that the columns are relative to.
     pub origin: [f64; 3],
     /// Each layer's particles, by their indices in the columns.
     pub layers: Vec<Layer<Range<u64>>>,
@@ -45,18 +45,18 @@ pub struct SnapshotDescription<'a> {
     pub notes: serde_json::Map<String, serde_json::Value>,
 }
 
-/// What files of particles hold.
+/// The content of files of particles.
 #[derive(Clone, Copy, Debug)]
 pub struct SnapshotLayout<'a> {
-    /// How positions lie.
+    /// The form of positions.
     pub form: RawForm,
     /// Number of particles.
     pub count: u64,
-    /// Is there a column of weights?
+    /// Whether there is a column of weights.
     pub weighted: bool,
-    /// What runs are relative to: columns stay so, triples are about 0.
+    /// The point that runs are relative to: columns stay so, triples are about 0.
     pub origin: [f64; 3],
-    /// Are triples float64?
+    /// Whether triples are float64.
     pub wide: bool,
     /// File names for the columns of fields that runs have, and their numbers; in the form of columns alone.
     pub fields: &'a [(String, Number)],
@@ -70,9 +70,9 @@ pub struct SnapshotWriter {
     target: WriteTarget,
     /// Bytes before the triples.
     header: u64,
-    /// What runs are relative to.
+    /// The point that runs are relative to.
     origin: [f64; 3],
-    /// Are triples float64?
+    /// Whether triples are float64.
     wide: bool,
     /// Columns of fields after those of positions and weights.
     fields: Vec<Number>,
@@ -154,8 +154,8 @@ impl SnapshotWriter {
         let done = match &self.target {
             WriteTarget::File(file) => return file.write_at(triples, place),
             WriteTarget::Folder(_, files) if self.form == RawForm::Columns => {
-                let (own, fields) = files.split_at(files.len() - self.fields.len());
-                let mut columns = own.iter().zip(&run.columns);
+                let (position_files, fields) = files.split_at(files.len() - self.fields.len());
+                let mut columns = position_files.iter().zip(&run.columns);
                 columns.try_for_each(|(file, column)| write_at(file, bytemuck::cast_slice(column), 4 * first)).and_then(
                     |()| {
                         fields.iter().zip(&self.fields).zip(&run.fields).try_for_each(|((file, number), column)| {
@@ -192,8 +192,8 @@ fn particle_bytes(wide: bool, weighted: bool) -> u64 {
 
 /// A folder with files of these names, each with `header` in front.
 fn folder(out: &Path, names: &[&str], bytes: u64, header: &[u8]) -> Result<WriteTarget> {
-    let own: Vec<&str> = RawForm::FOLDER_FILES.iter().chain(names).copied().collect();
-    let folder = WholeFolder::create(out, &own)?;
+    let file_names: Vec<&str> = RawForm::FOLDER_FILES.iter().chain(names).copied().collect();
+    let folder = WholeFolder::create(out, &file_names)?;
     let create = |name: &&str| {
         let mut file = File::create(folder.path().join(name))?;
         file.write_all(header)?;

@@ -88,19 +88,19 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Conte
         opacity: m.default_opacity,
     };
     let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, ToneStyle::Paraview, context)?;
-    let drawn = render::draw(&Scene::new(model), &view, PANEL, ToneStyle::Paraview, context)?;
-    let score = masked_psnr(&truth, &drawn).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
+    let picture = render::draw(&Scene::new(model), &view, PANEL, ToneStyle::Paraview, context)?;
+    let score = masked_psnr(&truth, &picture).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
     let captions = [
         format!("{} particles, as ParaView draws them", grouped(m.count)),
         format!("{} Gaussians, {score}", grouped(model.gaussians() as u64)),
         "error: model − truth".to_string(),
     ];
-    let (error, bar) = error(&truth, &drawn);
+    let (error, bar) = error(&truth, &picture);
     let (options, quantities, subject) =
         (figure_options(), Quantities::from_model(model), ViewSubject::of_model(model, false));
     let finish = finish(model, &options, &quantities, &subject);
     let range = Plane::EMPTY_RANGE;
-    let mut panels = [truth, drawn]
+    let mut panels = [truth, picture]
         .map(|gray| finish.panel(ViewContent::Levels(gray), &view, range, FileKind::Png))
         .into_iter()
         .collect::<Result<Vec<Panel>>>()?;
@@ -157,10 +157,10 @@ fn density(path: &Path, model: &Model, context: &Context<'_>) -> Result<()> {
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
     let size = Size { width: DENSITY_WIDTH, height: height as usize };
     let scene = Scene::new(model);
-    let seen = render::whole_view("density", &scene, m.cell, size)?;
-    let plane = render::surface_density(&scene, &seen, size, context)?;
+    let window = render::whole_view("density", &scene, m.cell, size)?;
+    let plane = render::surface_density(&scene, &window, size, context)?;
     let view =
-        View { name: "density".into(), camera: seen.camera, radius: m.default_radius, opacity: m.default_opacity };
+        View { name: "density".into(), camera: window.camera, radius: m.default_radius, opacity: m.default_opacity };
     finish(model, &options, &quantities, &subject).write(path, ViewContent::Density(plane), &view, None, FileKind::Png)
 }
 

@@ -20,8 +20,8 @@ pub fn densities(map: Colormap, ground: PaperColour, range: [f64; 2]) -> Density
 }
 
 /// Turns a rendered view that is no field into a picture; of a field its shade.
-pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperColour) -> FigureImage {
-    match seen {
+pub fn image(content: ViewContent, map: Colormap, range: [f64; 2], ground: PaperColour) -> FigureImage {
+    match content {
         ViewContent::Levels(gray) => match ground {
             PaperColour::Black => FigureImage::Gray(gray),
             PaperColour::White => FigureImage::Gray(gray).inverted(),
@@ -58,15 +58,15 @@ mod tests {
     fn white_backgrounds_have_dark_ink() {
         let size = Size { width: 3, height: 1 };
         let gray = || Gray8 { size, data: vec![0, 100, 255] };
-        let of = |seen, ground| image(seen, Colormap::Grey, [1.0, 100.0], ground);
-        assert_eq!(of(ViewContent::Levels(gray()), PaperColour::White).bytes(), [255, 155, 0]);
-        assert_eq!(of(ViewContent::Levels(gray()), PaperColour::Black).bytes(), [0, 100, 255]);
+        let image_of = |content, ground| image(content, Colormap::Grey, [1.0, 100.0], ground);
+        assert_eq!(image_of(ViewContent::Levels(gray()), PaperColour::White).bytes(), [255, 155, 0]);
+        assert_eq!(image_of(ViewContent::Levels(gray()), PaperColour::Black).bytes(), [0, 100, 255]);
         let hues = || vec![[255, 0, 51]; 3];
-        let layers = of(ViewContent::Layers(gray(), hues()), PaperColour::White);
+        let layers = image_of(ViewContent::Layers(gray(), hues()), PaperColour::White);
         assert_eq!((layers.pixel(0, 0), layers.pixel(2, 0)), ([255; 3], [255, 0, 51]));
-        assert_eq!(of(ViewContent::Layers(gray(), hues()), PaperColour::Black).pixel(0, 0), [0; 3]);
+        assert_eq!(image_of(ViewContent::Layers(gray(), hues()), PaperColour::Black).pixel(0, 0), [0; 3]);
         let plane = || Plane { size, data: vec![0.0, 10.0, f32::NAN] };
-        let [a, b, c] = [0, 1, 2].map(|x| of(ViewContent::Density(plane()), PaperColour::White).pixel(x, 0)[0]);
+        let [a, b, c] = [0, 1, 2].map(|x| image_of(ViewContent::Density(plane()), PaperColour::White).pixel(x, 0)[0]);
         assert!(a == 255 && (90..115).contains(&b) && c == 255, "{a} {b} {c}");
     }
 }

@@ -110,16 +110,16 @@ fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCo
     let views = parallel::try_map(shared, |name| {
         context.check()?;
         let file = format!("{name}.png");
-        let compared = compare_pictures(name, &a.join(&file), &b.join(&file), context);
+        let comparison = compare_pictures(name, &a.join(&file), &b.join(&file), context);
         context.advance(1);
-        Ok::<_, Error>(compared)
+        Ok::<_, Error>(comparison)
     })?;
     let densities = parallel::try_map(shared_densities, |name| {
         context.check()?;
         let file = format!("{name}.f32");
-        let compared = compare_density(name, &a.join(&file), &b.join(&file), context);
+        let comparison = compare_density(name, &a.join(&file), &b.join(&file), context);
         context.advance(1);
-        Ok::<_, Error>(compared)
+        Ok::<_, Error>(comparison)
     })?;
     context.end();
     let (only_in_a, only_in_b) = (in_a.without(&in_b), in_b.without(&in_a));
@@ -154,8 +154,8 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
 fn compare_pictures(name: &str, a: &Path, b: &Path, context: &Context<'_>) -> PictureComparison {
     let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
     // Pictures of other programs do not say what they show.
-    let told = |path: &Path| PictureProvenance::read(path, context).ok().map(|told| told.0);
-    let differing = told(a).zip(told(b)).and_then(|(a, b)| a.differs(&b));
+    let provenance_of = |path: &Path| PictureProvenance::read(path, context).ok().map(|(provenance, _)| provenance);
+    let differing = provenance_of(a).zip(provenance_of(b)).and_then(|(a, b)| a.differs(&b));
     let (scores, largest_difference, error) = match (pair, differing) {
         (Err(e), _) => (None, 0, Some(e.to_string())),
         (Ok(_), Some(words)) => (None, 0, Some(format!("{name}: their colours differ: {words}"))),

@@ -69,14 +69,14 @@ pub fn declare(out: &PictureOut, views: &[View], outputs: &Outputs, context: &Co
 pub fn write_content(
     out: &PictureOut,
     view: &DensityView,
-    seen: &ViewContent,
+    content: &ViewContent,
     q: &Quantities,
     field: Option<&FieldLegend>,
 ) -> Result<PathBuf> {
-    let (plane, wide) = match seen {
+    let (plane, wide) = match content {
         ViewContent::Field(plane, _) => {
-            let there = || plane.data.iter().copied().filter(|v| v.is_finite());
-            let range = [there().fold(f64::INFINITY, f64::min), there().fold(f64::NEG_INFINITY, f64::max)];
+            let values = || plane.data.iter().copied().filter(|v| v.is_finite());
+            let range = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
             (plane.clone(), range[0] <= range[1] && !float32_holds(range))
         }
         ViewContent::Density(plane) => {
@@ -107,11 +107,11 @@ fn write(folder: &Path, view: &DensityView, (plane, wide): (&Plane<f64>, bool), 
         }
     };
     write_atomic(&set.path().join(&name), |w| plane.data.chunks(1 << 14).try_for_each(|run| w.write_all(&bytes(run))))?;
-    let mut described = described(view, plane.size, means);
+    let mut description = described(view, plane.size, means);
     if wide {
-        described.values = FLOAT64.into();
+        description.values = FLOAT64.into();
     }
-    let mut text = serde_json::to_vec_pretty(&described).expect("plain data");
+    let mut text = serde_json::to_vec_pretty(&description).expect("plain data");
     text.push(b'\n');
     write_bytes(&set.path().join(format!("{}.json", view.name)), &text)?;
     set.finish()?;
@@ -136,13 +136,13 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
 pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, Plane)> {
     let path = file.with_extension("json");
     let text = read_whole(&path, DESCRIPTION, context)?;
-    let described: DensityDescription = serde_json::from_slice(&text)
+    let description: DensityDescription = serde_json::from_slice(&text)
         .map_err(|e| Error::input(&path, format!("it does not describe raw values: {e}")))?;
-    let size = Size { width: described.width, height: described.height };
+    let size = Size { width: description.width, height: description.height };
     if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
         return Err(Error::input(&path, format!("{}x{} pixels: out of range", size.width, size.height)));
     }
-    if described.values == FLOAT64 {
+    if description.values == FLOAT64 {
         return Err(Error::input(&path, "its values are float64, which are not compared"));
     }
     let path = file.with_extension("f32");
@@ -159,14 +159,14 @@ pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, P
     if data.iter().any(|v| !v.is_finite()) {
         return Err(Error::input(&path, "it holds values that are not finite"));
     }
-    Ok((described, Plane { size, data }))
+    Ok((description, Plane { size, data }))
 }
 
 impl DensityDescription {
     /// Why these values cannot be compared with others pixel by pixel, if so.
     pub fn differs(&self, other: &DensityDescription) -> Option<String> {
         let pair =
-            |what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| Some(format!("{what}{a} and {b}"));
+            |label: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| Some(format!("{label}{a} and {b}"));
         if (self.width, self.height) != (other.width, other.height) {
             let [a, b] = [self, other].map(|d| format!("{}x{}", d.width, d.height));
             return pair("sizes differ: ", &a, &b);

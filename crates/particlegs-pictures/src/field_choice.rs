@@ -1,4 +1,4 @@
-//! Maps of a field: which one, its scale, and what is subtracted.
+//! Maps of a field: its name, its scale, and the motion that is subtracted.
 
 use crate::field_legend::FieldLegend;
 use crate::provenance::PictureProvenance;
@@ -34,7 +34,7 @@ pub struct FieldChoice {
     pub shade: bool,
 }
 
-/// What fields are chosen from: a model, or a snapshot's particles.
+/// The source of fields: a model, or a snapshot's particles.
 pub struct FieldSource<'a> {
     pub quantities: &'a [Quantity],
     /// The unit of length.
@@ -46,7 +46,7 @@ pub struct FieldSource<'a> {
 }
 
 impl FieldOptions {
-    /// What a picture that shows `choice` stores of these options.
+    /// Provenance of a picture that shows `choice`, with these options.
     pub(crate) fn stored(&self, choice: &FieldChoice, provenance: PictureProvenance) -> PictureProvenance {
         PictureProvenance {
             field: self.name.clone(),
@@ -61,13 +61,13 @@ impl FieldOptions {
     }
 
     /// Takes over what a picture of the same field stores, where no option says otherwise.
-    pub(crate) fn complete(&mut self, told: &PictureProvenance) -> std::result::Result<(), String> {
-        if let (None, Some(name)) = (self.scale, &told.scale) {
+    pub(crate) fn complete(&mut self, provenance: &PictureProvenance) -> std::result::Result<(), String> {
+        if let (None, Some(name)) = (self.scale, &provenance.scale) {
             self.scale = Some(ValueScale::from_name(name)?);
         }
-        self.weight = self.weight.take().or_else(|| told.field_weight.clone());
-        self.bulk = self.bulk.take().or_else(|| told.bulk.clone());
-        self.shade |= told.shade;
+        self.weight = self.weight.take().or_else(|| provenance.field_weight.clone());
+        self.bulk = self.bulk.take().or_else(|| provenance.bulk.clone());
+        self.shade |= provenance.shade;
         Ok(())
     }
 
@@ -113,7 +113,7 @@ impl FieldChoice {
         }
     }
 
-    /// What a map shows.
+    /// The content of a view that shows a map.
     pub fn content(&self, map: FieldMap) -> ViewContent {
         let values = map.wanted(&self.query).clone();
         ViewContent::Field(values, self.shade.then_some(map.density))

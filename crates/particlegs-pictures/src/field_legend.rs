@@ -7,10 +7,10 @@ use particlegs_figure::{ColourBar, FigureImage, PaperColour, labelled};
 /// Ticks of a linear scale at most.
 const TICKS: f64 = 6.0;
 
-/// How a field is shown.
+/// Title, unit and colours of a field.
 #[derive(Clone, Debug)]
 pub struct FieldLegend {
-    /// What it is, without its unit.
+    /// Name of the quantity, without its unit.
     pub title: String,
     pub unit: String,
     pub scale: ValueScale,

@@ -25,7 +25,7 @@ named_values! {
     }
 }
 
-/// How a figure looks: what stands about and on pictures, and their size in print.
+/// Appearance of a figure: annotations of pictures, and their size in print.
 #[derive(Clone, Debug, Default)]
 pub struct FigureOptions {
     /// Position of the colour bar and the scale bar.
@@ -57,23 +57,23 @@ impl FigureOptions {
     /// # Errors
     /// [`Error::Argument`] for one out of its range.
     pub fn check(&self) -> Result<()> {
-        let checked = |of: &str, value: Option<f64>, low: f64, high: f64, unit: &str| match value {
+        let check = |name: &str, value: Option<f64>, low: f64, high: f64, unit: &str| match value {
             Some(v) if !(low..=high).contains(&v) => {
-                Err(Error::argument(format!("the {of} must be from {low} to {high} {unit}, not {v}")))
+                Err(Error::argument(format!("the {name} must be from {low} to {high} {unit}, not {v}")))
             }
             _ => Ok(()),
         };
-        checked("width of the figure", self.width, 20.0, 14_400.0, "points (7 to 5080 mm)")?;
-        checked("font size", self.font_size, 1.0, 200.0, "points")?;
-        checked("resolution", self.dpi, 10.0, 10_000.0, "pixels per inch")
+        check("width of the figure", self.width, 20.0, 14_400.0, "points (7 to 5080 mm)")?;
+        check("font size", self.font_size, 1.0, 200.0, "points")?;
+        check("resolution", self.dpi, 10.0, 10_000.0, "pixels per inch")
     }
 
     /// Whether a picture of this style has annotations in such a file.
     pub(crate) fn is_figure(&self, bars: bool, kind: FileKind) -> bool {
-        let asked = self.axes.is_some_and(|a| a != FigureAxes::None) || self.scale_bar || self.title.is_some();
-        let asked = asked || self.overlay.is_some();
-        let sized = self.width.is_some() || self.font_size.is_some();
-        kind != FileKind::Png || !self.no_annotations && (bars || asked || sized)
+        let is_annotated = self.axes.is_some_and(|a| a != FigureAxes::None) || self.scale_bar || self.title.is_some();
+        let is_annotated = is_annotated || self.overlay.is_some();
+        let has_print_size = self.width.is_some() || self.font_size.is_some();
+        kind != FileKind::Png || !self.no_annotations && (bars || is_annotated || has_print_size)
     }
 
     /// Centres and radii of the circles, in the units of what is drawn.

@@ -83,13 +83,15 @@ impl Film {
             return gif::write(&self.path, gif);
         }
         let folder = self.frames.as_deref().unwrap_or(Path::new("."));
+        // A film appears only when it is complete: ffmpeg would leave a broken one where it fails.
         let set = FileSet::in_folder(parent(&self.path))?;
         let staged = set.path().join(self.path.file_name().unwrap_or_default());
         context.begin("joining frames with ffmpeg", 0);
-        let ran = run(&self.arguments(folder, names.len(), &staged)).and_then(|()| there(&staged));
+        let outcome = run(&self.arguments(folder, names.len(), &staged)).and_then(|()| there(&staged));
         context.end();
+        // Ctrl-C ends ffmpeg as well, and its failure is then no error of its own.
         context.check()?;
-        if let Err(why) = ran {
+        if let Err(why) = outcome {
             let arguments = self.arguments(folder, names.len(), &self.path);
             let message = format!("{why}; the frames are kept, and this command joins them: {}", line(&arguments));
             return Err(Error::io(&self.path, std::io::Error::other(message)));
@@ -105,12 +107,14 @@ impl Film {
 
     /// Arguments for ffmpeg.
     fn arguments(&self, folder: &Path, frames: usize, to: &Path) -> Vec<String> {
+        // A percent sign begins the number of a frame in ffmpeg's pattern.
         let folder = folder.to_string_lossy().replace('%', "%%");
         // With `file:`, since ffmpeg would take a colon for a protocol and a dash for an option.
         let pattern = format!("file:{folder}/frame_%0{}d.png", frame_digits(frames));
         let fps = self.fps.to_string();
         // The encoders need even widths and heights.
         let even = "crop=trunc(iw/2)*2:trunc(ih/2)*2";
+        // VP9 keeps the quality of `-crf` only if `-b:v 0` takes away its bound on the bit rate.
         let coder: &[&str] = match self.form {
             FilmFormat::Mp4 => &["-c:v", "libx264", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"],
             _ => &[
@@ -129,6 +133,7 @@ impl Film {
             ],
         };
         let lead = ["-v", "error", "-nostdin", "-y", "-framerate", &fps, "-i", &pattern, "-vf", even];
+        // Many players decode no other sampling of colours than this.
         let end = ["-pix_fmt", "yuv420p"];
         let path = format!("file:{}", to.to_string_lossy());
         lead.iter().chain(coder).chain(&end).map(|a| a.to_string()).chain([path]).collect()
@@ -141,14 +146,14 @@ fn parent(path: &Path) -> &Path {
 
 /// Runs ffmpeg; returns why it failed, if so.
 fn run(arguments: &[String]) -> std::result::Result<(), String> {
-    let ran = Command::new("ffmpeg").args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).output();
-    match ran {
+    let output = Command::new("ffmpeg").args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).output();
+    match output {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err("ffmpeg is not installed".into()),
         Err(e) => Err(format!("ffmpeg cannot be run: {e}")),
         Ok(out) if out.status.success() => Ok(()),
         Ok(out) => {
-            let said = String::from_utf8_lossy(&out.stderr);
-            let last = said.lines().rfind(|l| !l.trim().is_empty()).unwrap_or("no message");
+            let stderr = String::from_utf8_lossy(&out.stderr);
+            let last = stderr.lines().rfind(|l| !l.trim().is_empty()).unwrap_or("no message");
             Err(format!("ffmpeg failed: {last}"))
         }
     }

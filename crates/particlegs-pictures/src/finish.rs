@@ -21,7 +21,7 @@ use std::path::Path;
 /// Longest scale bar, as a share of the picture's width.
 const LONGEST_BAR: f64 = 0.22;
 
-/// How pictures are finished; the same for all pictures of some work.
+/// Settings that finish pictures; the same for all pictures of some work.
 pub struct Finisher<'a> {
     /// Annotations.
     pub options: &'a FigureOptions,
@@ -37,7 +37,7 @@ pub struct Finisher<'a> {
     pub legend: Vec<(String, [u8; 3])>,
     /// Centres and radii of circles on the picture, world units.
     pub circles: Vec<([f64; 3], f64)>,
-    /// What is written into each picture of a film, or one text for all pictures.
+    /// The text that is written into each picture of a film, or one text for all pictures.
     pub stamps: &'a [String],
     /// Provenance stored in files, without each picture's view and range.
     pub about: PictureProvenance,
@@ -48,8 +48,8 @@ type MissingScaleReason = &'static str;
 
 impl Finisher<'_> {
     /// Default range of a density's colours.
-    pub fn range_of(&self, seen: &ViewContent) -> Option<[f64; 2]> {
-        match (seen, &self.field) {
+    pub fn range_of(&self, content: &ViewContent) -> Option<[f64; 2]> {
+        match (content, &self.field) {
             (ViewContent::Field(plane, _), Some(field)) => field.scale.range(plane),
             (ViewContent::Density(plane), _) => plane.log_range(),
             _ => None,
@@ -64,12 +64,12 @@ impl Finisher<'_> {
         }
     }
 
-    fn image(&self, seen: ViewContent, range: [f64; 2]) -> FigureImage {
-        match (&seen, &self.field) {
+    fn image(&self, content: ViewContent, range: [f64; 2]) -> FigureImage {
+        match (&content, &self.field) {
             (ViewContent::Field(plane, shade), Some(field)) => {
                 field.image(plane, shade.as_ref(), range, self.options.ground())
             }
-            _ => colours::image(seen, self.colormap, range, self.options.ground()),
+            _ => colours::image(content, self.colormap, range, self.options.ground()),
         }
     }
 
@@ -113,8 +113,8 @@ impl Finisher<'_> {
 
     /// Note on a requested scale bar that a view cannot have.
     pub fn note(&self, view: &View, size: Size, kind: FileKind) -> Option<String> {
-        let wanted = self.options.has_scale(self.has_bars(), kind);
-        let why = self.scale(view, size).err().filter(|_| wanted)?;
+        let is_requested = self.options.has_scale(self.has_bars(), kind);
+        let why = self.scale(view, size).err().filter(|_| is_requested)?;
         Some(format!("view `{}` has no scale bar: {why}", view.name))
     }
 
@@ -132,7 +132,7 @@ impl Finisher<'_> {
         self.options.is_figure(self.has_bars() || !self.stamps.is_empty(), kind)
     }
 
-    /// What is written into a picture.
+    /// The text that is written into a picture.
     fn stamp(&self, view: &View) -> Option<&String> {
         match self.stamps {
             [one] => Some(one),
@@ -141,8 +141,8 @@ impl Finisher<'_> {
     }
 
     /// A picture with its annotations.
-    pub fn panel(&self, seen: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
-        let mut panel = Panel::plain(self.image(seen, range));
+    pub fn panel(&self, content: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
+        let mut panel = Panel::plain(self.image(content, range));
         let size = panel.image.size();
         if self.options.has_scale(self.has_bars(), kind) {
             panel.scale = self.scale(view, size).ok();
@@ -163,22 +163,22 @@ impl Finisher<'_> {
         // Circles go where the content goes.
         let about = self.subject.cell.filter(|_| self.subject.center.is_some());
         let about = about.and_then(|cell| CenteredCell::new(view.camera.focal_point, cell.reduced()));
-        let moved = |(place, radius): &([f64; 3], f64)| {
+        let nearest_circle = |(place, radius): &([f64; 3], f64)| {
             let shift = about.map_or([0.0; 3], |about| about.shift(*place));
             (each_axis(|k| place[k] + shift[k]), *radius)
         };
-        let circles: Vec<_> = self.circles.iter().map(moved).collect();
+        let circles: Vec<_> = self.circles.iter().map(nearest_circle).collect();
         panel.lines.extend(cube::circles(&view.camera, size, &circles)?);
         Ok(panel)
     }
 
     /// Panels as a figure with one colour bar.
     pub fn figure(&self, panels: Vec<Panel>, columns: usize, range: [f64; 2]) -> Figure {
-        let shown = self.shows_values() && self.options.has_bar();
+        let shows_bar = self.shows_values() && self.options.has_bar();
         let ground = self.options.ground();
         let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal_unit(&self.quantities.unit()));
         let colors = colours::densities(self.colormap, ground, range);
-        let bar = shown.then(|| match &self.field {
+        let bar = shows_bar.then(|| match &self.field {
             Some(field) => field.bar(range),
             None => ColourBar::logarithmic(title(), range, |share| colors.at(share)),
         });
@@ -191,15 +191,15 @@ impl Finisher<'_> {
     pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<PngMetadata> {
         let range = self.shows_values().then_some(range);
         let views: Vec<View> = views.iter().map(|v| self.spelled_out(v)).collect();
-        let mut of = PictureProvenance { range, ..self.about.clone() };
+        let mut provenance = PictureProvenance { range, ..self.about.clone() };
         // Each picture of a film has its own moment.
-        if let ([source], [view]) = (&mut of.of[..], &views[..]) {
+        if let ([source], [view]) = (&mut provenance.of[..], &views[..]) {
             source.moment = self.stamp(view).cloned().or_else(|| source.moment.take());
         }
         Ok(PngMetadata {
             title: self.options.title.clone(),
-            software: format!("particlegs {}", of.particlegs),
-            provenance: of.text(&views, size)?,
+            software: format!("particlegs {}", provenance.particlegs),
+            provenance: provenance.text(&views, size)?,
             dpi: self.options.dpi,
         })
     }
@@ -215,12 +215,12 @@ impl Finisher<'_> {
     }
 
     /// A frame of a film: the pixels of the figure.
-    pub fn pixels(&self, seen: ViewContent, view: &View, range: [f64; 2]) -> Result<(FigureImage, Option<f64>)> {
+    pub fn pixels(&self, content: ViewContent, view: &View, range: [f64; 2]) -> Result<(FigureImage, Option<f64>)> {
         if !self.is_figure(FileKind::Png) {
-            let image = self.image(seen, range);
+            let image = self.image(content, range);
             return Ok((image, self.options.dpi));
         }
-        let panel = self.panel(seen, view, range, FileKind::Png)?;
+        let panel = self.panel(content, view, range, FileKind::Png)?;
         figure_file::pixels(&self.figure(vec![panel], 1, range), self.options)
     }
 
@@ -228,13 +228,13 @@ impl Finisher<'_> {
     pub fn write(
         &self,
         path: &Path,
-        seen: ViewContent,
+        content: ViewContent,
         view: &View,
         range: Option<[f64; 2]>,
         kind: FileKind,
     ) -> Result<()> {
-        let range = range.unwrap_or_else(|| self.common_range([self.range_of(&seen)]));
-        let size = match &seen {
+        let range = range.unwrap_or_else(|| self.common_range([self.range_of(&content)]));
+        let size = match &content {
             ViewContent::Levels(g) | ViewContent::Layers(g, _) => g.size,
             ViewContent::Density(p) => p.size,
             ViewContent::Field(p, _) => p.size,
@@ -242,11 +242,11 @@ impl Finisher<'_> {
         let about = self.about(std::slice::from_ref(view), size, range)?;
         let bytes = match kind {
             FileKind::Png => {
-                let (image, dpi) = self.pixels(seen, view, range)?;
+                let (image, dpi) = self.pixels(content, view, range)?;
                 png_file::coded(&image, &PngMetadata { dpi, ..about }, PngEffort::Small)?
             }
             _ => {
-                let panel = self.panel(seen, view, range, kind)?;
+                let panel = self.panel(content, view, range, kind)?;
                 figure_file::bytes(&self.figure(vec![panel], 1, range), self.options, kind, &about)?
             }
         };

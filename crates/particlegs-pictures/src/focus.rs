@@ -1,4 +1,4 @@
-//! What pictures are about: the middle of some mass, or a halo, through the frames of a series.
+//! The centre of pictures, the middle of some mass or of a halo, through the frames of a series.
 
 use crate::view_options::PictureCenter;
 use particlegs_core::camera::CenteredCell;
@@ -34,7 +34,7 @@ impl FromStr for HaloNumber {
     }
 }
 
-/// Where the middle of the picture is in each frame of a series.
+/// The middle of the picture in each frame of a series: time of the clock, place (world units) and domain.
 pub struct FocusPath {
     frames: Vec<(f64, [f64; 3], Domain)>,
 }
@@ -101,19 +101,19 @@ impl FocusPath {
         let at_start = (series.frames[numbers[start]].time, first, domain);
         context.begin("following the halo", numbers.len() as u64 - 1);
         let mut walk = |to: &mut dyn Iterator<Item = usize>| -> Result<Vec<(f64, [f64; 3], Domain)>> {
-            let mut found = vec![at_start];
+            let mut track = vec![at_start];
             for frame in to {
                 let model = decoder.frame(frame, context)?.clone().into_model();
                 let (time, domain) = (series.frames[frame].time, Domain::from_model(&model));
-                let Some(center) = mass_center_near(&domain, &model, expected(&found, time), radius) else {
+                let Some(center) = mass_center_near(&domain, &model, expected(&track, time), radius) else {
                     // A halo has not always been there.
                     context.warn(&format!("{}: from there on the camera stays", lost(frame)));
                     break;
                 };
-                found.push((time, center, domain));
+                track.push((time, center, domain));
                 context.advance(1);
             }
-            Ok(found)
+            Ok(track)
         };
         let after = walk(&mut numbers[start + 1..].iter().copied())?;
         let mut frames = walk(&mut numbers[..start].iter().rev().copied())?;
@@ -165,9 +165,9 @@ fn start(
     Ok(nearest)
 }
 
-/// Where a centre is expected that moves on evenly.
-fn expected(found: &[(f64, [f64; 3], Domain)], time: f64) -> [f64; 3] {
-    match found {
+/// The expected place of a centre that moves on evenly.
+fn expected(track: &[(f64, [f64; 3], Domain)], time: f64) -> [f64; 3] {
+    match track {
         [.., (t0, a, domain), (t1, b, _)] => {
             let (way, share) = (domain.shortest_way(each_axis(|k| b[k] - a[k])), (time - t1) / (t1 - t0));
             each_axis(|k| b[k] + share * way[k])
@@ -193,7 +193,7 @@ pub fn centred(mut model: Model, center: [f64; 3]) -> Model {
 }
 
 /// Bounds of what lies in a cell about a place, as wide as before along axes that do not repeat.
-fn bounds_about(own: &Bounds, cell: &Cell, center: [f64; 3]) -> Bounds {
+fn bounds_about(bounds: &Bounds, cell: &Cell, center: [f64; 3]) -> Bounds {
     let mut around = Bounds::empty();
     let half = each_axis(|k| 0.5 * (0..3).map(|a| cell.vectors[a][k]).sum::<f64>());
     for corner in cell.corners() {
@@ -201,10 +201,10 @@ fn bounds_about(own: &Bounds, cell: &Cell, center: [f64; 3]) -> Bounds {
     }
     match cell.periodic {
         [true, true, true] => around,
-        _ if cell.lengths().is_none() => around.union(own),
+        _ if cell.lengths().is_none() => around.union(bounds),
         repeats => Bounds {
-            min: each_axis(|k| if repeats[k] { around.min[k] } else { own.min[k] }),
-            max: each_axis(|k| if repeats[k] { around.max[k] } else { own.max[k] }),
+            min: each_axis(|k| if repeats[k] { around.min[k] } else { bounds.min[k] }),
+            max: each_axis(|k| if repeats[k] { around.max[k] } else { bounds.max[k] }),
         },
     }
 }

@@ -26,7 +26,7 @@ pub struct FrameSeries {
     pub range: Option<[f64; 2]>,
 }
 
-/// Where frames go.
+/// Destinations of frames.
 pub struct FrameOutputs<'a> {
     /// A folder of PNGs.
     pub files: Option<&'a PictureOut>,
@@ -36,27 +36,31 @@ pub struct FrameOutputs<'a> {
 
 /// Common range of these views; draws each of them once.
 fn one_range(
-    painter: &ViewRenderer<'_>,
+    renderer: &ViewRenderer<'_>,
     finish: &Finisher<'_>,
     set: &ViewSet,
     context: &Context<'_>,
 ) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
-    let of = |view: &View| {
-        let range = finish.range_of(&(painter.draw)(view, set.size)?);
+    let view_range = |view: &View| {
+        let range = finish.range_of(&(renderer.draw)(view, set.size)?);
         context.advance(1);
         Ok(range)
     };
-    let ranges = each(painter, &set.views, of);
+    let ranges = each(renderer, &set.views, view_range);
     context.end();
     Ok(finish.common_range(ranges?))
 }
 
-/// Works on every view, in parallel if the painter allows it.
-fn each<T: Send>(painter: &ViewRenderer<'_>, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
-    match painter.side_by_side {
-        true => parallel::try_map_range(views.len(), |i| of(&views[i])),
-        false => views.iter().map(of).collect(),
+/// Works on every view, in parallel if the renderer allows it.
+fn each<T: Send>(
+    renderer: &ViewRenderer<'_>,
+    views: &[View],
+    task: impl Fn(&View) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
+    match renderer.side_by_side {
+        true => parallel::try_map_range(views.len(), |i| task(&views[i])),
+        false => views.iter().map(task).collect(),
     }
 }
 
@@ -68,18 +72,18 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
         (None, true) => Some(one_range(painter, finish, set, context)?),
         (range, _) => range,
     };
-    let shown = range.unwrap_or(Plane::EMPTY_RANGE);
+    let shown_range = range.unwrap_or(Plane::EMPTY_RANGE);
     let written = AtomicUsize::new(0);
     let size = Mutex::new(None);
     context.begin("drawing frames", count as u64);
     let frame = |view: &View| {
         context.check()?;
         let started = Instant::now();
-        let seen: ViewContent = (painter.draw)(view, set.size)?;
-        let (image, dpi) = finish.pixels(seen, view, shown)?;
+        let content: ViewContent = (painter.draw)(view, set.size)?;
+        let (image, dpi) = finish.pixels(content, view, shown_range)?;
         of_one_size(&size, &image)?;
         if let Some(out) = into.files {
-            let about = PngMetadata { dpi, ..finish.about(std::slice::from_ref(view), set.size, shown)? };
+            let about = PngMetadata { dpi, ..finish.about(std::slice::from_ref(view), set.size, shown_range)? };
             write_bytes(&out.picture(&view.name), &coded(&image, &about, PngEffort::Quick)?)?;
             written.fetch_add(1, Ordering::Relaxed);
         }

@@ -53,17 +53,18 @@ struct PixelColour {
 struct ColourBox {
     range: Range<usize>,
     mean: [f64; 3],
-    /// Where they vary most: red, green or blue, and how much.
+    /// The channel in which they vary most: 0 is red, 1 green, 2 blue.
     axis: usize,
+    /// Weighted sum of the squared deviations from the mean in it.
     error: f64,
 }
 
 impl ColourBox {
     fn new(colours: &[PixelColour], range: Range<usize>) -> ColourBox {
-        let own = &colours[range.clone()];
-        let total: f64 = own.iter().map(|c| c.weight).sum();
-        let mean = [0, 1, 2].map(|k| own.iter().map(|c| c.weight * c.value[k]).sum::<f64>() / total);
-        let errors = [0, 1, 2].map(|k| own.iter().map(|c| c.weight * (c.value[k] - mean[k]).powi(2)).sum::<f64>());
+        let members = &colours[range.clone()];
+        let total: f64 = members.iter().map(|c| c.weight).sum();
+        let mean = [0, 1, 2].map(|k| members.iter().map(|c| c.weight * c.value[k]).sum::<f64>() / total);
+        let errors = [0, 1, 2].map(|k| members.iter().map(|c| c.weight * (c.value[k] - mean[k]).powi(2)).sum::<f64>());
         let axis = (0..3).fold(0, |a, k| if errors[k] > errors[a] { k } else { a });
         ColourBox { range, mean, axis, error: errors[axis] }
     }
@@ -86,9 +87,9 @@ fn indexed(pixels: &[[u8; 3]]) -> (Vec<u8>, Vec<u8>) {
             break;
         }
         let (range, mean, axis) = (range.clone(), mean[*axis], *axis);
-        let own = &mut colours[range.clone()];
-        own.sort_by(|a, b| a.value[axis].total_cmp(&b.value[axis]));
-        let cut = range.start + own.partition_point(|c| c.value[axis] <= mean);
+        let members = &mut colours[range.clone()];
+        members.sort_by(|a, b| a.value[axis].total_cmp(&b.value[axis]));
+        let cut = range.start + members.partition_point(|c| c.value[axis] <= mean);
         boxes[widest] = ColourBox::new(&colours, range.start..cut);
         boxes.push(ColourBox::new(&colours, cut..range.end));
     }
@@ -97,8 +98,8 @@ fn indexed(pixels: &[[u8; 3]]) -> (Vec<u8>, Vec<u8>) {
     let number: HashMap<[u8; 3], u8> = number.collect();
     // A page stays white although the edges of letters are nearly so.
     let entry = |b: &ColourBox| {
-        let own = &colours[b.range.clone()];
-        let most = own.iter().find(|c| c.weight > 0.5 * own.iter().map(|c| c.weight).sum::<f64>());
+        let members = &colours[b.range.clone()];
+        let most = members.iter().find(|c| c.weight > 0.5 * members.iter().map(|c| c.weight).sum::<f64>());
         most.map_or(b.mean, |c| c.value).map(|v| v.round() as u8)
     };
     let palette = boxes.iter().flat_map(entry).collect();

@@ -18,13 +18,13 @@ pub fn apart(model: &Model) -> Result<Vec<Model>> {
     model.layers.iter().map(|l| model.clone().only(std::slice::from_ref(&l.name))).collect()
 }
 
-pub fn draw(layers: &[Model], view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<ViewContent> {
+pub fn draw(layers: &[Model], view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<ViewContent> {
     context.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
     let planes =
         layers.iter().map(|l| optical_depth(&Scene::new(l), view, size, context)).collect::<Result<Vec<Plane>>>()?;
     let sums = parallel::map_range(size.pixels(), |i| planes.iter().map(|p| p.data[i]).sum::<f32>());
     let all = Plane { size, data: sums };
-    let levels = Tones::new(view.opacity, view.radius_pixels(size)).of(&all, look);
+    let levels = Tones::new(view.opacity, view.radius_pixels(size)).of(&all, style);
     let hues = Rgb8::layer_hues(&planes.iter().zip(0..).collect::<Vec<_>>());
     Ok(ViewContent::Layers(levels, hues))
 }

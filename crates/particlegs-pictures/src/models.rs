@@ -28,7 +28,7 @@ use particlegs_files::output::Outputs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// A model to be drawn, and what it was read from.
+/// A model to be drawn, and its file.
 #[derive(Clone)]
 pub struct PictureSource {
     /// The file; pictures store its name without its folder.
@@ -63,6 +63,7 @@ pub fn render_models(
     context: &Context<'_>,
 ) -> Result<PictureReport> {
     let paths = sources.iter().map(|source| &source.path);
+    // Inputs are declared before anything is written, since no output may replace one.
     options.pictures.declare(paths.chain(options.files()), outputs);
     if options.follow.is_some() {
         return Err(Error::argument("a halo is followed through a film of a series, but this is a model"));
@@ -94,6 +95,7 @@ pub fn render_series(
         (None, Some(center)) if center.is_of_mass() => Some(FocusPath::of_mass(&series, center, &place, context)?),
         _ => None,
     };
+    // The film's views move with the path; the model that stands for it is centred where the first picture is.
     let followed = focus.and_then(|path| film.follow(&path));
     // The last frame gives a film its bounds and units.
     let time = series.there().last().map_or(0.0, |last| series.frames[last].time);
@@ -132,7 +134,7 @@ impl SourceModel {
         Ok(SourceModel { model, ..self })
     }
 
-    /// What is written into its pictures: the moment, where it lies between two frames.
+    /// The text that is written into its pictures: the moment, where it lies between two frames.
     fn stamp(&self) -> &[String] {
         if self.interpolated { self.source.moment.as_slice() } else { &[] }
     }
@@ -169,38 +171,41 @@ impl RenderSettings {
         let hints = given.style.is_none() && options.like.is_none();
         let mut settings = RenderSettings { options: options.clone(), style, own_range, hints, like: None };
         let Some(path) = &options.like else { return Ok(settings) };
-        let (told, set) = PictureProvenance::read(path, context)?;
-        let unknown = |what: &str, name: &str| Error::input(path, format!("its {what} `{name}` is unknown"));
+        let (provenance, set) = PictureProvenance::read(path, context)?;
+        let unknown = |setting: &str, name: &str| Error::input(path, format!("its {setting} `{name}` is unknown"));
         let completed = &mut settings.options;
         let pictures = &mut completed.pictures;
         if given.style.is_none() && given.field.name.is_none() {
-            pictures.field.name.clone_from(&told.field);
+            pictures.field.name.clone_from(&provenance.field);
             let no_style = || {
-                let message = format!("its style `{}` is not one for models", told.style);
+                let message = format!("its style `{}` is not one for models", provenance.style);
                 Error::input_with(path, message, Hint::from("choose one with ").option("style", ""))
             };
-            let style = PictureStyle::from_name(&told.style).ok().filter(|style| !style.is_mean());
+            let style = PictureStyle::from_name(&provenance.style).ok().filter(|style| !style.is_mean());
             settings.style = style.ok_or_else(no_style)?.tone();
         }
         if options.layers.is_empty() {
-            completed.layers.clone_from(&told.layers);
+            completed.layers.clone_from(&provenance.layers);
         }
-        completed.color_by_layer |= told.color_by_layer && settings.style.is_some();
-        if let (None, Some(name)) = (given.colormap, &told.colormap) {
+        // A density has the colours of its map, so those of layers would have no effect on it.
+        completed.color_by_layer |= provenance.color_by_layer && settings.style.is_some();
+        if let (None, Some(name)) = (given.colormap, &provenance.colormap) {
             pictures.colormap = Some(name.parse().map_err(|_| unknown("colour map", name))?);
         }
-        let same = pictures.field.name == told.field;
+        // A range, a scale and a bulk motion mean something only for the quantity that they were chosen for.
+        let same = pictures.field.name == provenance.field;
         if settings.style.is_none() {
-            let shows = |r: &[f64; 2]| r[1] > r[0] && (told.field.is_some() || r[0] > 0.0);
-            pictures.range = pictures.range.or(told.range.filter(|r| same && shows(r)));
+            // Densities are drawn by their logarithms, so only ranges of fields may reach zero or below.
+            let shows = |r: &[f64; 2]| r[1] > r[0] && (provenance.field.is_some() || r[0] > 0.0);
+            pictures.range = pictures.range.or(provenance.range.filter(|r| same && shows(r)));
         }
-        if same && told.field.is_some() {
-            pictures.field.complete(&told).map_err(|what| Error::input(path, what))?;
+        if same && provenance.field.is_some() {
+            pictures.field.complete(&provenance).map_err(|message| Error::input(path, message))?;
         }
-        if let (None, Some(name)) = (given.figure.background, &told.background) {
+        if let (None, Some(name)) = (given.figure.background, &provenance.background) {
             pictures.figure.background = Some(NamedValue::from_name(name).map_err(|_| unknown("background", name))?);
         }
-        settings.like = Some((set, told.units.unwrap_or_default()));
+        settings.like = Some((set, provenance.units.unwrap_or_default()));
         Ok(settings)
     }
 
@@ -219,13 +224,15 @@ impl RenderSettings {
         let to = model.metadata.unit_system();
         let name = path.display().to_string();
         let pictures = &mut self.options.pictures;
-        if let Some(of) = units.density_of.as_ref().filter(|_| pictures.range.is_some() && !self.own_range) {
-            check_densities((&name, of), ("the model", model.density_of()))?;
+        if let Some(quantity) = units.density_of.as_ref().filter(|_| pictures.range.is_some() && !self.own_range) {
+            check_densities((&name, quantity), ("the model", model.density_of()))?;
         }
         let (by, words) = units.system().conversion_of(&name, &to)?;
         words.iter().for_each(|word| context.note(word));
+        // Cameras, radii and slabs are lengths; angles and opacities have no unit.
         set.views.iter_mut().for_each(|v| *v = v.scaled(by.length));
         if !self.own_range && pictures.field.name.is_none() {
+            // A surface density is mass per area; fields keep their values when a model is converted.
             pictures.range = pictures.range.map(|r| r.map(|v| v * by.mass / (by.length * by.length)));
         }
         Ok(())
@@ -244,17 +251,19 @@ impl RenderSettings {
             let hint = Hint::from("draw them in one figure with ").option("panels", "");
             return Err(Error::argument_with(message, hint));
         }
+        // A film has found the centre of each frame already, and a stated place needs no model.
         let center = self.options.pictures.view.center.as_ref().filter(|c| c.is_of_mass() && !is_film);
-        let opened = sources.into_iter().map(|source| SourceModel::new(source, (self, center), context));
-        let mut opened = opened.collect::<Result<Vec<_>>>()?.into_iter();
-        let Some(first) = opened.next() else { return Err(Error::argument("no model is given")) };
-        let others = opened.map(|other| other.convert(&first.model, context)).collect::<Result<Vec<_>>>()?;
+        let source_models = sources.into_iter().map(|source| SourceModel::new(source, (self, center), context));
+        let mut source_models = source_models.collect::<Result<Vec<_>>>()?.into_iter();
+        let Some(first) = source_models.next() else { return Err(Error::argument("no model is given")) };
+        let others = source_models.map(|other| other.convert(&first.model, context)).collect::<Result<Vec<_>>>()?;
+        // One centre serves all models, so that their panels show the same part of the world.
         let center = followed.or(first.center);
-        let moved = |source: SourceModel| match center {
+        let centred_source = |source: SourceModel| match center {
             Some(center) => SourceModel { model: centred(source.model, center), ..source },
             None => source,
         };
-        Ok((std::iter::once(first).chain(others).map(moved).collect(), center))
+        Ok((std::iter::once(first).chain(others).map(centred_source).collect(), center))
     }
 
     /// The field of each model; they must be of one kind, as must be densities.
@@ -291,21 +300,23 @@ impl RenderSettings {
         let subject = ViewSubject { center, ..ViewSubject::of_model(model, self.style.is_none()) };
         let quantities = Quantities::from_model(model);
         let fields = self.fields(&models)?;
-        let painter = |(r, field)| {
+        let renderer_of = |(r, field)| {
             let scratch = parallel::Scratch::default();
             ScenePainter { settings: &self, subject: &subject, field, scratch, context }.renderer(r, film)
         };
-        let painters = models.iter().map(|r| &r.model).zip(&fields).map(painter).collect::<Result<Vec<_>>>()?;
+        let renderers = models.iter().map(|r| &r.model).zip(&fields).map(renderer_of).collect::<Result<Vec<_>>>()?;
         let like = self.like.as_ref().map(|(set, _)| set.clone());
         let set = pictures.views(like, film, &subject, outputs, context)?;
         let panels = options.panels.then(|| Panels {
-            painters: models.iter().zip(&painters).map(|(r, p)| (r.caption(), p)).collect(),
+            painters: models.iter().zip(&renderers).map(|(r, p)| (r.caption(), p)).collect(),
             captions: options.captions.clone(),
             columns: options.columns,
         });
+        // The panels of a row share the printed width, so their pixels follow from the number of columns.
         let columns = panels.as_ref().map_or(1, |p| p.columns(set.views.len()));
         let set = pictures.resolved(set, columns);
         let unit = m.units.length_text().unwrap_or_default();
+        // The window of `like` was chosen for another picture, and is no default to note.
         if let Some(note) = pictures.view.note(&subject, &set, unit).filter(|_| self.like.is_none()) {
             context.note(&note);
         }
@@ -334,13 +345,14 @@ impl RenderSettings {
                 out.pictures(["panels"].into_iter(), outputs, context)?;
                 let (path, range) = panels.draw(&finish, &set, pictures.range, &out, context)?;
                 let seconds = started.elapsed().as_secs_f64() / set.views.len() as f64;
-                let of = |v: &View| RenderedView::new(v, &subject, seconds, Some(path.clone()));
+                let rendered_view = |v: &View| RenderedView::new(v, &subject, seconds, Some(path.clone()));
                 let line = format!("{}: {} panels", path.display(), panels.painters.len() * set.views.len());
-                let views = set.views.iter().map(of).collect();
+                let views = set.views.iter().map(rendered_view).collect();
                 PictureReport { views, range, lines: vec![line], ..PictureReport::default() }
             }
             _ => {
-                let Some(painter) = painters.first() else { return Err(Error::argument("no model is given")) };
+                let Some(painter) = renderers.first() else { return Err(Error::argument("no model is given")) };
+                // The hint names the style density, which splats of the alpha-blend law do not have.
                 let hints = self.hints && m.law == LawKind::OpticalDepth;
                 DrawingJob { painter, finish: &finish, set: &set, hints, options: pictures, outputs, context }.draw()?
             }
@@ -378,11 +390,13 @@ impl RenderSettings {
 
 /// Refuses panels of one field in several units.
 fn alike(fields: &[Option<FieldChoice>], models: &[SourceModel]) -> Result<()> {
-    let of = |f: &Option<FieldChoice>| f.as_ref().map(|f| (f.legend.title.clone(), f.legend.unit.clone()));
-    match fields.iter().position(|f| of(f) != of(&fields[0])) {
+    let title_and_unit = |f: &Option<FieldChoice>| f.as_ref().map(|f| (f.legend.title.clone(), f.legend.unit.clone()));
+    match fields.iter().position(|f| title_and_unit(f) != title_and_unit(&fields[0])) {
         None => Ok(()),
         Some(i) => {
-            let unit = |i: usize| of(&fields[i]).map_or(String::new(), |(title, unit)| format!("{title} in `{unit}`"));
+            let unit = |i: usize| {
+                title_and_unit(&fields[i]).map_or(String::new(), |(title, unit)| format!("{title} in `{unit}`"))
+            };
             let (a, b) = (&models[0].source.name, &models[i].source.name);
             Err(Error::argument(format!("{b} has {}, but {a} has {}: they cannot share colours", unit(i), unit(0))))
         }
@@ -410,17 +424,20 @@ impl<'a> ScenePainter<'a> {
     /// Draws the model in every picture, or in each of a film that of its moment.
     fn renderer<'f: 'a>(self, model: &'a Model, film: Option<&'a SeriesFilm<'f>>) -> Result<ViewRenderer<'a>> {
         let parts = self.parts(model)?;
+        // The decoder of a series goes on from the last frame, so the frames of a film are drawn in order.
         let side_by_side = film.is_none() && parts.on_device.is_none();
         let draw = move |view: &View, size: Size| {
             let Some(film) = film else { return self.picture(&parts, self.subject, view, size) };
             let last = model.density_of();
             let model = self.settings.chosen(film.model(view, self.context)?)?;
             if self.settings.style.is_none() && self.field.is_none() {
+                // Colour bar and range are labelled for the last frame, so every other one must sum the same quantity.
                 check_densities(("the last frame", last), (&view.name, model.density_of()))?;
             }
             if self.subject.center.is_none() {
                 return self.picture(&self.parts(&model)?, self.subject, view, size);
             }
+            // In a box that repeats, mass beside the followed centre may lie at the opposite face.
             let model = centred(model, view.camera.focal_point);
             let subject = ViewSubject { bounds: model.metadata.bounds, ..*self.subject };
             self.picture(&self.parts(&model)?, &subject, view, size)
@@ -429,39 +446,39 @@ impl<'a> ScenePainter<'a> {
     }
 
     fn parts<'m>(&self, model: &'m Model) -> Result<SceneParts<'m>> {
-        let look = self.settings.style;
-        if look.is_none() && self.field.is_none() {
+        let style = self.settings.style;
+        if style.is_none() && self.field.is_none() {
             model.check_density(|_| true)?;
         }
         let layers = if self.settings.options.color_by_layer { layers::apart(model)? } else { Vec::new() };
         let scene = Scene::new(model);
         let pictures = &self.settings.options.pictures;
-        if look.is_none() || !layers.is_empty() {
+        if style.is_none() || !layers.is_empty() {
             pictures.refuse_device("surface densities, fields and coloured layers are rendered on the CPU only")?;
         }
         let on_device = pictures.device.as_ref().map(|d| d.scene(&scene)).transpose()?;
         Ok(SceneParts { scene, layers, on_device })
     }
 
-    fn picture(&self, of: &SceneParts<'_>, subject: &ViewSubject, view: &View, size: Size) -> Result<ViewContent> {
-        let (scene, context) = (&of.scene, self.context);
-        let Some(look) = self.settings.style else {
+    fn picture(&self, parts: &SceneParts<'_>, subject: &ViewSubject, view: &View, size: Size) -> Result<ViewContent> {
+        let (scene, context) = (&parts.scene, self.context);
+        let Some(style) = self.settings.style else {
             let view = subject.density_view(view, size);
             if let Some(field) = self.field {
                 return Ok(field.content(field_map(scene, &field.query, &view, size, context)?));
             }
             return Ok(ViewContent::Density(surface_density(scene, &view, size, context)?));
         };
-        if !of.layers.is_empty() {
-            return layers::draw(&of.layers, view, size, look, context);
+        if !parts.layers.is_empty() {
+            return layers::draw(&parts.layers, view, size, style, context);
         }
         context.require_memory("a picture", size.pixels() as u64)?;
-        if let Some(renderer) = &of.on_device {
-            return Ok(ViewContent::Levels(renderer.draw(view, size, look, context)?));
+        if let Some(renderer) = &parts.on_device {
+            return Ok(ViewContent::Levels(renderer.draw(view, size, style, context)?));
         }
         let mut picture = Gray8::black(size);
         let pixels = Pixels::new(size, &mut picture.data)?;
-        self.scratch.with(|scratch| draw_into(scene, view, look, pixels, scratch, context))?;
+        self.scratch.with(|scratch| draw_into(scene, view, style, pixels, scratch, context))?;
         Ok(ViewContent::Levels(picture))
     }
 }

@@ -1,4 +1,4 @@
-//! What is drawn, and where it goes.
+//! Options of pictures: their content, and where they are written.
 
 use crate::field_choice::FieldOptions;
 use crate::figure_options::FigureOptions;
@@ -14,8 +14,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 named_values! {
-    /// How particles, or a model's Gaussians, become a picture. The noise-free means are of particles alone: a model's
-    /// pictures are without noise.
+    /// Styles of pictures of particles, or of a model's Gaussians. The noise-free means are of particles alone: a
+    /// model's pictures are without noise.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum PictureStyle {
         #[default]
@@ -51,13 +51,13 @@ pub struct PictureOptions {
     /// A folder, which gets `NAME.png` of each view, or, for one view, a picture `NAME.png`, `.pdf` or `.svg`; none where
     /// a film alone is written.
     pub output: Option<PathBuf>,
-    /// What is drawn; ParaView's picture by default, or what `field` names.
+    /// Style of the pictures; ParaView's by default, or that of a density where `field` names a field.
     pub style: Option<PictureStyle>,
     /// Cameras.
     pub view: ViewOptions,
     /// Frames and films.
     pub film: FilmOptions,
-    /// What stands about and on the pictures.
+    /// Annotations of the pictures.
     pub figure: FigureOptions,
     /// The field that is drawn instead of the density.
     pub field: FieldOptions,
@@ -105,9 +105,9 @@ impl PictureOptions {
         if self.field.name.is_some() { PictureStyle::Density } else { self.style.unwrap_or_default() }
     }
 
-    pub(crate) fn refuse_device(&self, what: &str) -> Result<()> {
+    pub(crate) fn refuse_device(&self, message: &str) -> Result<()> {
         let hint = || Hint::from("omit ").option("device", "");
-        self.device.as_ref().map_or(Ok(()), |_| Err(Error::argument_with(what, hint())))
+        self.device.as_ref().map_or(Ok(()), |_| Err(Error::argument_with(message, hint())))
     }
 
     pub(crate) fn declare<'a>(&self, files: impl Iterator<Item = &'a PathBuf>, outputs: &Outputs) {
@@ -166,13 +166,13 @@ mod tests {
 
     #[test]
     fn options_check_themselves() {
-        let said = |options: PictureOptions| {
+        let outcome = |options: PictureOptions| {
             let options = RenderOptions { pictures: options, ..RenderOptions::default() };
             options.check().map_err(|e| e.to_string())
         };
-        assert_eq!(said(PictureOptions::default()), Ok(()));
+        assert_eq!(outcome(PictureOptions::default()), Ok(()));
         let refused = |options: PictureOptions, words: &str| {
-            let error = said(options).unwrap_err();
+            let error = outcome(options).unwrap_err();
             assert!(error.contains(words), "{error}");
         };
         let plain = PictureOptions::default;
@@ -189,7 +189,7 @@ mod tests {
         refused(PictureOptions { figure, ..plain() }, "from 10 to 10000 pixels per inch, not NaN");
         refused(PictureOptions { range: Some([-1.0, 1.0]), ..plain() }, "0 < LO < HI");
         let field = FieldOptions { name: Some("velocity.los".into()), ..FieldOptions::default() };
-        assert_eq!(said(PictureOptions { range: Some([-1.0, 1.0]), field, ..plain() }), Ok(()));
+        assert_eq!(outcome(PictureOptions { range: Some([-1.0, 1.0]), field, ..plain() }), Ok(()));
         refused(PictureOptions { smooth: Some(8), ..plain() }, "for particles");
     }
 }

@@ -27,8 +27,8 @@ pub struct Panels<'a> {
 impl Panels<'_> {
     /// Panels per row: one per model, or up to three for a single model.
     pub fn columns(&self, views: usize) -> usize {
-        let own = if self.painters.len() > 1 { self.painters.len() } else { views.min(3) };
-        self.columns.unwrap_or(own).clamp(1, self.painters.len() * views)
+        let default_columns = if self.painters.len() > 1 { self.painters.len() } else { views.min(3) };
+        self.columns.unwrap_or(default_columns).clamp(1, self.painters.len() * views)
     }
 
     /// Draws every view of every model into one figure; returns the common range.
@@ -49,31 +49,34 @@ impl Panels<'_> {
             return Err(Error::argument(message));
         }
         let bytes = count as u64 * set.size.pixels() as u64 * 4;
+        // All contents are held until their common range is known, and then the panels' colours beside them.
         context.require_memory("panels", 2 * bytes)?;
         let density = finish.shows_values();
-        let mut seen = Vec::with_capacity(count);
+        let mut contents = Vec::with_capacity(count);
         for view in &set.views {
+            // All models of one view come before the next view: captions and panels rely on this order.
             for (_, painter) in &self.painters {
-                let drawn = (painter.draw)(view, set.size)?;
-                drawn.say_if_empty(view, context);
-                seen.push(drawn);
+                let content = (painter.draw)(view, set.size)?;
+                content.say_if_empty(view, context);
+                contents.push(content);
             }
         }
         let range = match (range, density) {
-            (None, true) => Some(finish.common_range(seen.iter().map(|s| finish.range_of(s)))),
+            (None, true) => Some(finish.common_range(contents.iter().map(|s| finish.range_of(s)))),
             (range, _) => range,
         };
-        let shown = range.unwrap_or(Plane::EMPTY_RANGE);
+        // Grey levels have no range, but a figure takes one.
+        let shown_range = range.unwrap_or(Plane::EMPTY_RANGE);
         let mut panels = Vec::with_capacity(count);
-        for (i, seen) in seen.into_iter().enumerate() {
+        for (i, content) in contents.into_iter().enumerate() {
             let view = &set.views[i / self.painters.len()];
-            let mut panel = finish.panel(seen, view, shown, out.kind())?;
+            let mut panel = finish.panel(content, view, shown_range, out.kind())?;
             panel.caption = (!finish.options.no_annotations).then(|| self.caption(i, set)).filter(|c| !c.is_empty());
             panels.push(panel);
         }
         let path = out.picture("panels");
-        let about = finish.about(&set.views, set.size, shown)?;
-        let figure = finish.figure(panels, self.columns(set.views.len()), shown);
+        let about = finish.about(&set.views, set.size, shown_range)?;
+        let figure = finish.figure(panels, self.columns(set.views.len()), shown_range);
         write_bytes(&path, &figure_file::bytes(&figure, finish.options, out.kind(), &about)?)?;
         Ok((path, range))
     }

@@ -49,6 +49,7 @@ pub fn render_particles(
     if density {
         options.refuse_device("surface densities are rendered on the CPU only")?;
     }
+    // Views depend on bounds, cell and number alone, so their errors come before the long work of smoothing.
     let subject = ViewSubject::of_particles(bounds, cell, count, density);
     let quantities = Quantities::from_particles(particles, options.smooth);
     let set = options.resolved(options.views(None, None, &subject, outputs, context)?, 1);
@@ -81,11 +82,12 @@ pub fn render_particles(
         about: field.iter().fold(about, |about, (f, _)| options.field.stored(f, about)),
     };
     let on_device = options.device.as_ref().map(|d| d.particles(reference.input(), context)).transpose()?;
-    let painter = renderer(&reference, on_device, (style, field.as_ref()), &subject, context);
-    let job = DrawingJob { painter: &painter, finish: &finish, set: &set, hints: false, options, outputs, context };
+    let renderer = renderer(&reference, on_device, (style, field.as_ref()), &subject, context);
+    let job = DrawingJob { painter: &renderer, finish: &finish, set: &set, hints: false, options, outputs, context };
     let mut report = job.draw()?.of(&set);
     for (drawn, view) in report.views.iter_mut().zip(&set.views) {
         drawn.radius_px = (!density).then(|| view.radius_pixels(set.size));
+        // A clock may not advance while a few particles are drawn.
         drawn.particles_per_second = Some(count as f64 / drawn.seconds.max(1e-9));
     }
     let (style, smooth) = (style.name().into(), options.smooth);
@@ -101,25 +103,28 @@ impl PictureOptions {
         sources: &[LayerFields],
         context: &Context<'_>,
     ) -> Result<(FieldChoice, FieldValues)> {
+        // Mass and number weigh without a field of the snapshot.
         let weight = self.field.weight.as_ref().filter(|w| FieldWeight::from_name(w).is_err());
         let select = |name: &String| {
             let names: Vec<String> = [Some(name), weight].into_iter().flatten().cloned().collect();
             FieldSelection::new(&names, StarFormingGas::Keep, particles, sources, LawKind::OpticalDepth)
         };
         let candidates = FieldQuery::candidates(name);
-        let mut found = candidates.iter().map(select).collect::<Vec<_>>();
-        let at = found.iter().position(Result::is_ok).unwrap_or(0);
-        let selection = found.swap_remove(at)?;
+        let mut selections = candidates.iter().map(select).collect::<Vec<_>>();
+        // Of an unknown name the error of its likeliest meaning is reported.
+        let at = selections.iter().position(Result::is_ok).unwrap_or(0);
+        let selection = selections.swap_remove(at)?;
         selection.notes().iter().for_each(|note| context.note(note));
         // A class of a category is one of several.
         let number = selection.quantities().iter().position(|q| q.name.eq_ignore_ascii_case(&candidates[at]));
         let values = selection.values(number.unwrap_or(0))?;
         let mean = |_: &str| {
-            let of = |column: &Vec<f64>| {
-                let there: Vec<f64> = column.iter().copied().filter(|v| v.is_finite()).collect();
-                there.iter().sum::<f64>() / there.len().max(1) as f64
+            let column_mean = |column: &Vec<f64>| {
+                // Particles of layers without the field have NaN.
+                let finite_values: Vec<f64> = column.iter().copied().filter(|v| v.is_finite()).collect();
+                finite_values.iter().sum::<f64>() / finite_values.len().max(1) as f64
             };
-            [0, 1, 2].map(|k| values.columns.get(k).map_or(0.0, of))
+            [0, 1, 2].map(|k| values.columns.get(k).map_or(0.0, column_mean))
         };
         let samples = |_: &str| values.columns[0].clone();
         let source = FieldSource {
@@ -151,8 +156,8 @@ fn renderer<'a>(
     let draw = move |view: &View, size| {
         let renderer = on_device.as_deref().unwrap_or(reference);
         let levels = match style.tone() {
-            Some(look) if style.is_mean() => renderer.response(view, size, look, context),
-            Some(look) => renderer.draw(view, size, look, context),
+            Some(tone) if style.is_mean() => renderer.response(view, size, tone, context),
+            Some(tone) => renderer.draw(view, size, tone, context),
             None => {
                 let view = subject.density_view(view, size);
                 if let Some((field, values)) = field {

@@ -1,4 +1,4 @@
-//! Where pictures go: a folder with one file per view, or one named file.
+//! Destinations of pictures: a folder with one file per view, or one named file.
 
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
@@ -6,7 +6,7 @@ use particlegs_figure::FileKind;
 use particlegs_files::output::{self, Outputs, kinds};
 use std::path::{Path, PathBuf};
 
-/// Of one picture's name.
+/// Endings of one picture's name.
 const ENDINGS: [&str; 3] = ["png", "pdf", "svg"];
 
 #[derive(Clone, Debug)]

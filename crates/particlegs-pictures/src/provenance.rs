@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// What a picture stores of itself.
+/// The record that a picture stores of itself.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct PictureProvenance {
     /// The program's version.
@@ -67,7 +67,7 @@ pub struct PictureUnits {
     units: Units,
     scale_factor: Option<f64>,
     hubble: Option<f64>,
-    /// What its density sums, if it is one.
+    /// The quantity that its density sums, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density_of: Option<String>,
 }
@@ -90,7 +90,7 @@ pub struct SourceFile {
     pub name: String,
     /// BLAKE3 of a model or series file, or the hash of a snapshot's particles that models name.
     pub blake3: String,
-    /// What the clock of a series shows.
+    /// The moment that the clock of a series shows, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment: Option<String>,
 }
@@ -99,14 +99,14 @@ impl PictureProvenance {
     /// Why its colours cannot be compared with another's, pixel by pixel, if so: in words, what each shows.
     pub(crate) fn differs(&self, other: &PictureProvenance) -> Option<String> {
         let density_of = |p: &PictureProvenance| p.units.as_ref().and_then(|u| u.density_of.clone());
-        let shown = |p: &PictureProvenance| -> String {
+        let content_text = |p: &PictureProvenance| -> String {
             let Some(unit) = p.unit.as_ref() else { return "grey levels".into() };
-            let message = p.field.clone().or_else(|| density_of(p).map(|of| format!("density of {of}")));
+            let quantity = p.field.clone().or_else(|| density_of(p).map(|sum| format!("density of {sum}")));
             let range = p.range.map_or(String::new(), |[low, high]| format!(", {low} to {high}"));
             let colours = p.colormap.as_ref().map_or(String::new(), |name| format!(", {name}"));
-            format!("{} in {unit}{range}{colours}", message.unwrap_or_else(|| "density".into()))
+            format!("{} in {unit}{range}{colours}", quantity.unwrap_or_else(|| "density".into()))
         };
-        let [a, b] = [self, other].map(shown);
+        let [a, b] = [self, other].map(content_text);
         (a != b).then(|| format!("{a} and {b}"))
     }
 
@@ -123,12 +123,12 @@ impl PictureProvenance {
     /// [`Error::Input`] for a picture without it, or of several views.
     pub fn read(path: &Path, context: &Context<'_>) -> Result<(PictureProvenance, ViewSet)> {
         let text = png_file::provenance(path, context)?;
-        let told: PictureProvenance = serde_json::from_str(&text)
+        let provenance: PictureProvenance = serde_json::from_str(&text)
             .map_err(|e| Error::input(path, format!("its embedded view settings cannot be read: {e}")))?;
-        let ViewsFile(set) = ViewsFile::of_bytes(told.views.to_string().as_bytes(), path)?;
+        let ViewsFile(set) = ViewsFile::of_bytes(provenance.views.to_string().as_bytes(), path)?;
         if set.views.len() != 1 {
             return Err(Error::input(path, format!("it is a figure of {} views, not of one", set.views.len())));
         }
-        Ok((told, set))
+        Ok((provenance, set))
     }
 }

@@ -1,4 +1,4 @@
-//! What was drawn. Pictures have the keys of a views file, which can be read as one.
+//! Reports of drawn pictures. A report has the keys of a views file, and can be read as one.
 
 use crate::subject::ViewSubject;
 use particlegs_core::camera::{DensityView, View};

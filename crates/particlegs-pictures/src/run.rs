@@ -44,20 +44,20 @@ impl PictureOptions {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ViewSet> {
-        let (view, of) = (&self.view, &self.film);
-        let mut set = match (given, view.views.as_ref().or(of.path.as_ref())) {
+        let (view, film_options) = (&self.view, &self.film);
+        let mut set = match (given, view.views.as_ref().or(film_options.path.as_ref())) {
             (Some(set), _) => set,
             (None, Some(path)) => ViewsFile::read(path, context)?.0,
-            (None, None) => view.one_view(subject, &of.turns())?,
+            (None, None) => view.one_view(subject, &film_options.turns())?,
         };
         view.apply(&mut set)?;
-        let mut set = of.frames(set, film.map(|film| film.stamps.len()))?;
+        let mut set = film_options.frames(set, film.map(|film| film.stamps.len()))?;
         film.iter().for_each(|film| film.move_views(&mut set));
         view.save(&set, outputs, context)?;
         Ok(set)
     }
 
-    /// What files store of these options, without each picture's view and range.
+    /// The record of these options in files, without each picture's view and range.
     pub(crate) fn provenance(&self, style: &str, quantities: &Quantities) -> PictureProvenance {
         let density = style == PictureStyle::Density.name();
         PictureProvenance {
@@ -123,24 +123,24 @@ impl DrawingJob<'_> {
         for view in &set.views {
             let started = Instant::now();
             let mut seconds = 0.0;
-            let drawn = (painter.draw)(view, set.size).and_then(|seen| {
+            let outcome = (painter.draw)(view, set.size).and_then(|content| {
                 seconds = started.elapsed().as_secs_f64();
-                seen.say_if_empty(view, context);
-                if let Some(grey) = seen.dark().filter(|_| self.hints && views.is_empty()) {
+                content.say_if_empty(view, context);
+                if let Some(grey) = content.dark().filter(|_| self.hints && views.is_empty()) {
                     context.note(&format!("the picture is dark, as ParaView's would be (mean grey {grey:.1} of 255): the style density shows more"));
                 }
-                match seen {
+                match content {
                     ViewContent::Density(_) | ViewContent::Field(..) if options.raw => {
                         let view = finish.subject.density_view(view, set.size);
-                        density_file::write_content(out, &view, &seen, finish.quantities, finish.field.as_ref())
+                        density_file::write_content(out, &view, &content, finish.quantities, finish.field.as_ref())
                     }
-                    seen => {
+                    content => {
                         let path = out.picture(&view.name);
-                        finish.write(&path, seen, view, range, out.kind()).map(|()| path)
+                        finish.write(&path, content, view, range, out.kind()).map(|()| path)
                     }
                 }
             });
-            let path = out.count(views.len(), set.views.len(), drawn, context)?;
+            let path = out.count(views.len(), set.views.len(), outcome, context)?;
             views.push(RenderedView::new(view, finish.subject, seconds, Some(path)));
         }
         Ok(PictureReport { views, range, ..PictureReport::default() })
@@ -150,20 +150,20 @@ impl DrawingJob<'_> {
         let DrawingJob { finish, set, context, .. } = *self;
         let started = Instant::now();
         let gif = film.filter(|f| f.form == FilmFormat::Gif).map(|f| f.fps);
-        let drawn = frames::draw(self, &FrameOutputs { files: out, gif })?;
+        let frame_series = frames::draw(self, &FrameOutputs { files: out, gif })?;
         let mut lines = vec![format!("{} frames in {:.2} s", set.views.len(), started.elapsed().as_secs_f64())];
         let mut passing = false;
         if let Some(film) = film {
             let started = Instant::now();
             let names: Vec<String> = set.views.iter().map(|v| v.name.clone()).collect();
-            film.join(&drawn.gif, out, &names, context)?;
+            film.join(&frame_series.gif, out, &names, context)?;
             passing = film.is_passing();
             let seconds = started.elapsed().as_secs_f64();
             lines.push(format!("{} written in {seconds:.2} s", film.path().display()));
         }
         let path = |name: &str| out.filter(|_| !passing).map(|o| o.picture(name));
-        let with_seconds = set.views.iter().zip(&drawn.seconds);
+        let with_seconds = set.views.iter().zip(&frame_series.seconds);
         let views = with_seconds.map(|(v, s)| RenderedView::new(v, finish.subject, *s, path(&v.name))).collect();
-        Ok(PictureReport { views, range: drawn.range, lines, ..PictureReport::default() })
+        Ok(PictureReport { views, range: frame_series.range, lines, ..PictureReport::default() })
     }
 }

@@ -1,4 +1,4 @@
-//! A film of a series: which moment each picture shows.
+//! A film of a series, and the moment of each picture.
 
 use crate::film_options::FilmLength;
 use crate::focus::FocusPath;
@@ -12,11 +12,11 @@ use std::sync::Mutex;
 
 pub struct SeriesFilm<'a> {
     decoder: Mutex<SeriesDecoder<'a>>,
-    /// What the clock shows in each picture.
+    /// Time of the clock in each picture.
     times: Vec<f64>,
-    /// What is written into each picture.
+    /// Text that is written into each picture.
     pub stamps: Vec<String>,
-    /// What each picture is about, if that moves.
+    /// Centre of each picture (world units), if it moves.
     centers: Option<Vec<[f64; 3]>>,
 }
 

@@ -1,4 +1,4 @@
-//! What views depend on of a snapshot or model.
+//! Properties of a snapshot or model that views depend on.
 
 use particlegs_core::camera::{DensityView, Extent, View, ViewSet};
 use particlegs_core::math::each_axis;
@@ -15,7 +15,7 @@ pub struct ViewSubject {
     pub bounds: Bounds,
     /// Its cell, if it has one.
     pub cell: Option<Cell>,
-    /// What an orthographic picture shows completely.
+    /// The extent that an orthographic picture shows completely.
     pub extent: Extent,
     /// Default particle radius, world units.
     pub radius: f64,
@@ -56,12 +56,12 @@ impl ViewSubject {
     /// The subject of all pictures of a film, whose bounds move with what they are about.
     pub(crate) fn through(&self, set: &ViewSet) -> ViewSubject {
         let Some(center) = self.center else { return *self };
-        let moved = |view: &View| {
+        let moved_bounds = |view: &View| {
             let shift: [f64; 3] = each_axis(|k| view.camera.focal_point[k] - center[k]);
             let [min, max] = [self.bounds.min, self.bounds.max].map(|p| each_axis(|k| p[k] + shift[k]));
             Bounds { min, max }
         };
-        let bounds = set.views.iter().map(moved).fold(self.bounds, |all, own| all.union(&own));
+        let bounds = set.views.iter().map(moved_bounds).fold(self.bounds, |all, bounds| all.union(&bounds));
         ViewSubject { bounds, ..*self }
     }
 

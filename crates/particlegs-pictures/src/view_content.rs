@@ -5,7 +5,7 @@ use particlegs_core::camera::View;
 use particlegs_core::context::Context;
 use particlegs_core::picture::{Gray8, Plane, Size};
 
-/// What a view shows.
+/// The content of a view.
 pub enum ViewContent {
     /// Grey levels.
     Levels(Gray8),

@@ -1,4 +1,4 @@
-//! Which views are drawn: those of a file, or one camera.
+//! Options of the drawn views: those of a file, or one camera.
 
 use crate::subject::ViewSubject;
 use particlegs_core::camera::{
@@ -46,7 +46,7 @@ pub struct ViewOptions {
     pub width: Option<f64>,
     /// Depth of the slab around the centre; only particles with their centres in it count.
     pub depth: Option<f64>,
-    /// What is framed as tightly as possible.
+    /// The box or the particles, framed as tightly as possible.
     pub fit: Option<ViewFit>,
 }
 
@@ -70,7 +70,7 @@ impl Default for ViewOptions {
     }
 }
 
-/// What is in the middle of a picture.
+/// The middle of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PictureCenter {
     /// A place, world units.
@@ -106,22 +106,23 @@ impl PictureCenter {
         !matches!(self, PictureCenter::Place(_))
     }
 
-    /// The place in a model, which `of` names in errors.
-    pub(crate) fn of_model(&self, model: &Model, of: &str, context: &Context<'_>) -> Result<[f64; 3]> {
+    /// The place in a model, which `name` names in errors.
+    pub(crate) fn of_model(&self, model: &Model, name: &str, context: &Context<'_>) -> Result<[f64; 3]> {
         let (layers, region) = match self {
             PictureCenter::Place(place) => return Ok(*place),
             PictureCenter::Region(bounds) => (&[][..], Some(bounds)),
             PictureCenter::Layers(names) => (&names[..], None),
         };
         if model.metadata.law == LawKind::AlphaBlend {
-            return Err(Error::input(of, "an alpha-blend model has no centre of mass: its splats hold opacities"));
+            return Err(Error::input(name, "an alpha-blend model has no centre of mass: its splats hold opacities"));
         }
-        let found = mass_center(&Domain::from_model(model), model, layers, region)?;
-        let found = found.ok_or_else(|| Error::input(of, "there is no mass where its centre is asked for"))?;
-        let axes: Vec<&str> = ["x", "y", "z"].into_iter().zip(found.filled).filter(|a| a.1).map(|a| a.0).collect();
+        let center = mass_center(&Domain::from_model(model), model, layers, region)?;
+        let center = center.ok_or_else(|| Error::input(name, "there is no mass where its centre is asked for"))?;
+        // Mass that fills a periodic edge evenly has its centre everywhere along it.
+        let axes: Vec<&str> = ["x", "y", "z"].into_iter().zip(center.filled).filter(|a| a.1).map(|a| a.0).collect();
         if axes.len() == 3 {
             let message = "this mass fills the periodic box, and has no centre";
-            return Err(Error::input_with(of, message, "name a region or a place"));
+            return Err(Error::input_with(name, message, "name a region or a place"));
         }
         if !axes.is_empty() {
             let axes = axes.join(" and ");
@@ -129,12 +130,12 @@ impl PictureCenter {
                 "the mass fills the box along {axes}, and has no centre there: the middle of the box is taken"
             ));
         }
-        Ok(found.place)
+        Ok(center.place)
     }
 }
 
 named_values! {
-    /// What must fit into a picture.
+    /// The content that must fit into a picture.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum ViewFit {
         Box = "box": "The simulation box",
@@ -243,12 +244,14 @@ impl ViewOptions {
     fn default_center(&self, subject: &ViewSubject) -> Result<[f64; 3]> {
         Ok(match self.fit {
             Some(ViewFit::Box) => center(&ViewFit::Box.corners(subject)?),
+            // A map shows the whole periodic box by default, a perspective view what particles occupy.
             _ if self.orthographic => subject.extent.center,
             _ => subject.bounds.center(),
         })
     }
 
     fn perspective(&self, subject: &ViewSubject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
+        // The field of view is vertical: half of the height at distance 1, times the aspect half of the width.
         let slope = (0.5 * FOV_DEG.to_radians()).tan();
         let aspect = size.width as f64 / size.height as f64;
         let distance = match (self.width, self.fit) {
@@ -261,6 +264,7 @@ impl ViewOptions {
         };
         let mut camera = spherical_camera(center, self.azimuth, self.elevation, distance);
         if let Some(depth) = self.depth {
+            // A slab may reach behind the camera, but the near plane must lie before it.
             let near = (distance - 0.5 * depth).max(1e-3 * distance);
             camera.clipping_range = Some([near, distance + 0.5 * depth]);
         }
@@ -272,6 +276,7 @@ impl ViewOptions {
         let width = match (self.width, self.fit) {
             (Some(width), _) => width,
             (None, Some(fit)) => fitted(WindowContent { points: &fit.corners(subject)?, center, frames }.width(size))?,
+            // The window keeps one width through a turn, the widest that any direction needs.
             (None, None) => frames.iter().map(|frame| subject.extent.width(frame, size)).fold(0.0, f64::max),
         };
         let window = Window { center, angles_deg: [self.azimuth, self.elevation], width, depth: self.depth };
@@ -280,14 +285,15 @@ impl ViewOptions {
 
     /// Camera axes for every direction.
     fn frames(&self, turned: &[f64]) -> Result<Vec<Frame>> {
+        // A single view is a turn by nothing.
         let more = if turned.is_empty() { &[0.0][..] } else { turned };
         more.iter().map(|by| spherical_camera([0.0; 3], self.azimuth + by, self.elevation, 1.0).frame()).collect()
     }
 
-    /// What should be known of the default width of a window.
+    /// A note on the default width of a window, where a user should know it.
     pub(crate) fn note(&self, subject: &ViewSubject, set: &ViewSet, unit: &str) -> Option<String> {
-        let chosen = self.views.is_some() || self.width.is_some() || self.fit.is_some();
-        if chosen || !self.orthographic || subject.repeats() {
+        let is_stated = self.views.is_some() || self.width.is_some() || self.fit.is_some();
+        if is_stated || !self.orthographic || subject.repeats() {
             return None;
         }
         let Projection::Orthographic { height_world } = set.views.first()?.camera.projection else { return None };

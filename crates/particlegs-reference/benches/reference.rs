@@ -20,10 +20,10 @@ fn tiled() -> Particles {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
     let sample = Particles::open_raw(&[folder]).expect("the bundled sample");
     let side = 25.0f32;
-    let own = sample.columns(0..sample.len());
+    let positions = sample.columns(0..sample.len());
     let [x, y, z] = [0, 1, 2].map(|k| {
         let shifts = (0..32).map(|tile| [tile / 16, tile / 4 % 4, tile % 4][k] as f32 * side);
-        shifts.flat_map(|shift| own[k].iter().map(move |v| v + shift)).collect()
+        shifts.flat_map(|shift| positions[k].iter().map(move |v| v + shift)).collect()
     });
     Particles::from_columns(x, y, z)
 }
@@ -34,13 +34,13 @@ fn far(reference: &Reference<'_>, count: usize, times: f64) -> View {
     View { name: "far".into(), camera, radius: times * b.default_radius(count as u64), opacity: 0.05 }
 }
 
-fn draw(bencher: Bencher, look: ToneStyle, times: f64) {
+fn draw(bencher: Bencher, style: ToneStyle, times: f64) {
     let particles = tiled();
     let reference = Reference::new(&particles);
     let view = far(&reference, particles.len(), times);
     bencher
         .counter(ItemsCount::new(particles.len()))
-        .bench(|| reference.draw(&view, SIZE, look, &Context::SILENT).expect("a picture"));
+        .bench(|| reference.draw(&view, SIZE, style, &Context::SILENT).expect("a picture"));
 }
 
 #[divan::bench(sample_count = 3, args = [0.25, 1.0, 4.0])]

@@ -3,7 +3,7 @@
 
 use particlegs_core::splat::{DEPTH_TOLERANCE, PEELS, mul8};
 
-/// What a pixel's fragments made of it.
+/// The outcome of a pixel's fragments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BlendedPixel {
     /// Grey level before FXAA.

@@ -16,10 +16,10 @@ const ROUND: usize = 64;
 /// Rows that one task adds up.
 const BAND: usize = 32;
 
-/// What one chunk adds: (pixel of the band, mass) by band.
+/// Deposits of one chunk: (pixel of the band, mass) by band.
 type Deposits = Vec<Vec<(u32, f32)>>;
 
-/// Where particles are seen.
+/// The projection of particles to pixels.
 pub(super) struct PointProjector {
     /// Right, down, forward.
     axes: [[f64; 3]; 3],

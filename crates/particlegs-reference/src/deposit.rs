@@ -1,4 +1,4 @@
-//! What one splat adds to the optical depth of a plane: `-ln(1 - m)` with m its opacity averaged
+//! The optical depth that one splat adds to a plane: `-ln(1 - m)` with m its opacity averaged
 //! over each pixel, cut at three standard deviations (docs/law/depth.md).
 
 use fearless_simd::{Level, Simd, dispatch};
@@ -21,7 +21,7 @@ impl PixelSplat {
         if b == 0.0 && c == 0.0 { [a, d] } else { [a.hypot(b), c.hypot(d)] }
     }
 
-    /// How far the square of three deviations reaches along x and y.
+    /// The reach of the square of three deviations along x and y.
     #[inline]
     pub fn reach(&self) -> [f32; 2] {
         let [a, b, c, d] = self.axes;

@@ -27,7 +27,7 @@ const LARGE_SIGMA: f32 = 16.0;
 const DIRECT_DEPOSITS: f64 = 1e9;
 const DIRECT_COVER: f64 = 256.0;
 
-/// How many deposits an octave may make at full resolution.
+/// The most deposits that an octave may make at full resolution.
 pub(super) fn direct_deposits(size: Size, opacity: f64) -> f64 {
     // The steps weigh with the opacity.
     DIRECT_DEPOSITS.max(DIRECT_COVER * size.pixels() as f64) * (opacity / 0.05).clamp(1.0, 4.0)

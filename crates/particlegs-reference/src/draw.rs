@@ -82,19 +82,19 @@ impl<'a> Reference<'a> {
 
     /// A picture of all particles: for ParaView's looks its own, exactly, shot noise and all
     /// (docs/law/splat.md); for [`ToneStyle::Expected`] `round(255 (1 - exp(-tau*)))`.
-    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        match look {
-            ToneStyle::Expected => self.response(view, size, look, context),
+    pub fn draw(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        match style {
+            ToneStyle::Expected => self.response(view, size, style, context),
             ToneStyle::ParaviewNoFxaa => self.exact(view, size, context),
             ToneStyle::Paraview => Ok(fxaa(&self.exact(view, size, context)?)),
         }
     }
 
     /// The noise-free picture of all particles in a look: tau* through the look's tone curve
-    /// (docs/law/response.md). What a model that knows every particle but not the shot noise would draw.
-    pub fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+    /// (docs/law/response.md). A model that knew every particle but not the shot noise would draw it.
+    pub fn response(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         let tau = self.optical_depth(view, size, context)?;
-        Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)))
+        Ok(tone(&tau, style, view.opacity, view.radius_pixels(size)))
     }
 
     /// The noise-free optical depth tau*: every splat's opacity averaged over each pixel, then
@@ -103,7 +103,7 @@ impl<'a> Reference<'a> {
         self.optical_depth_within(view, size, depth::direct_deposits(size, view.opacity), context)
     }
 
-    /// What an [`Accelerator`](particlegs_train::Accelerator) draws the same pictures of.
+    /// The input of which an [`Accelerator`](particlegs_train::Accelerator) draws the same pictures.
     pub fn input(&self) -> ParticleInput<'a> {
         let (particles, bounds) = (self.particles, self.bounds);
         let columns = Box::new(move |range| particles.columns(range));
@@ -138,12 +138,12 @@ impl<'a> Reference<'a> {
 }
 
 impl Renderer for Reference<'_> {
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        Reference::draw(self, view, size, look, context)
+    fn draw(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        Reference::draw(self, view, size, style, context)
     }
 
-    fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        Reference::response(self, view, size, look, context)
+    fn response(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        Reference::response(self, view, size, style, context)
     }
 
     fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {

@@ -14,9 +14,9 @@ use particlegs_particles::{Column, Particles};
 pub struct FieldValues {
     /// One column of a scalar, three of a vector.
     pub columns: Vec<Vec<f64>>,
-    /// Are dispersions those of decimal logarithms (dex)? For scalars.
+    /// Whether dispersions are those of decimal logarithms (dex), for scalars.
     pub logarithmic: bool,
-    /// What particles weigh beside their masses, if another field weighs; NaN where there is none.
+    /// The weight of particles beside their masses, if another field weighs; NaN where there is none.
     pub by: Option<Vec<f64>>,
 }
 
@@ -43,27 +43,31 @@ impl Reference<'_> {
         if values.logarithmic && query.dispersion {
             numbers.iter_mut().for_each(|v| *v = v.log10());
         }
-        let there = |v: &&f64| v.is_finite();
-        let count = numbers.iter().filter(there).count().max(1);
-        let mean = numbers.iter().filter(there).sum::<f64>() / count as f64;
-        let scale = float32_scale(numbers.iter().filter(there).map(|v| (v - mean).abs()).fold(0.0, f64::max));
-        let heaviest = |by: &Vec<f64>| by.iter().filter(there).copied().fold(0.0, f64::max);
+        // Planes are float32: values about their mean, and scaled, keep the digits of small differences in any unit.
+        let is_number = |v: &&f64| v.is_finite();
+        let count = numbers.iter().filter(is_number).count().max(1);
+        let mean = numbers.iter().filter(is_number).sum::<f64>() / count as f64;
+        let scale = float32_scale(numbers.iter().filter(is_number).map(|v| (v - mean).abs()).fold(0.0, f64::max));
+        let heaviest = |by: &Vec<f64>| by.iter().filter(is_number).copied().fold(0.0, f64::max);
         let by_scale = values.by.as_ref().map_or(1.0, |by| float32_scale(heaviest(by)));
         // A sum counts each particle's value, whatever its mass.
         let alike = query.per_area || query.weight == FieldWeight::Count;
-        let own = particles.weights().filter(|_| !alike);
+        let masses = particles.weights().filter(|_| !alike);
         let by = |i: usize| values.by.as_ref().map_or(1.0, |by| by[i] * by_scale);
         if values.by.as_ref().is_some_and(|by| by.len() != n || by.iter().any(|v| *v < 0.0)) {
             let message = "the field that weighs has negative values, or another number of values";
             return Err(Error::argument(message));
         }
-        let weigh = |of: &(dyn Fn(f64) -> f64 + Sync), by: &(dyn Fn(usize) -> f64 + Sync)| {
-            let weight = |i: usize| own.as_ref().map_or(1.0, |w| f64::from(w[i])) * by(i);
+        // The map is a quotient of densities, each drawn of particles that weigh as much as one of its sums wants.
+        let weigh = |value_of: &(dyn Fn(f64) -> f64 + Sync), by: &(dyn Fn(usize) -> f64 + Sync)| {
+            let weight = |i: usize| masses.as_ref().map_or(1.0, |w| f64::from(w[i])) * by(i);
             let weights = parallel::map_range(n, |i| {
-                let there = numbers[i].is_finite() && by(i).is_finite();
-                if there { (weight(i) * of(scale * (numbers[i] - mean))) as f32 } else { 0.0 }
+                // Particles without a value add to no sum: quotients are of the others.
+                let is_known = numbers[i].is_finite() && by(i).is_finite();
+                if is_known { (weight(i) * value_of(scale * (numbers[i] - mean))) as f32 } else { 0.0 }
             });
             let mut weighted = particles.clone().with_weights(Column::owned(weights));
+            // A mass that all particles have would multiply the counts.
             if alike {
                 weighted.meta.particle_mass = None;
             }
@@ -75,10 +79,12 @@ impl Reference<'_> {
         let (mut means, mut dispersions) = (empty(), empty());
         for (i, w) in density.data.iter().map(|w| f64::from(*w)).enumerate().filter(|(_, w)| *w > 0.0) {
             let off = f64::from(first.data[i]) / w;
+            // Rounding of the planes may leave a difference below zero.
             dispersions.data[i] = (f64::from(second.data[i]) / w - off * off).max(0.0).sqrt() / scale;
             let value = mean + off / scale;
             means.data[i] = if query.per_area { w * value } else { value };
         }
+        // Beside the map stands the mass alone, without the field that weighs.
         let density = if values.by.is_some() { weigh(&|_| 1.0, &|_| 1.0)? } else { density };
         Ok(FieldMap { mean: means, dispersion: dispersions, density })
     }
@@ -86,18 +92,18 @@ impl Reference<'_> {
 
 /// The number of each particle that a query asks for.
 fn numbers(particles: &Particles, values: &FieldValues, query: &FieldQuery, view: &DensityView) -> Result<Vec<f64>> {
-    let of = |i: usize| -> [f64; 3] { each_axis(|k| values.columns[k][i] - query.bulk[k]) };
+    let vector_of = |i: usize| -> [f64; 3] { each_axis(|k| values.columns[k][i] - query.bulk[k]) };
     let frame = view.camera.frame()?;
     let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
     Ok(parallel::map_range(particles.len(), |i| match query.component {
         MapComponent::Scalar => values.columns[0][i],
-        MapComponent::Axis(k) => of(i)[k],
+        MapComponent::Axis(k) => vector_of(i)[k],
         MapComponent::LineOfSight if perspective => {
             let place = particles.position(i);
             let away: [f64; 3] = each_axis(|k| place[k] - frame.position[k]);
-            dot(away, of(i)) / dot(away, away).sqrt().max(f64::MIN_POSITIVE)
+            dot(away, vector_of(i)) / dot(away, away).sqrt().max(f64::MIN_POSITIVE)
         }
-        MapComponent::LineOfSight => -dot(frame.axes[2], of(i)),
+        MapComponent::LineOfSight => -dot(frame.axes[2], vector_of(i)),
     }))
 }
 

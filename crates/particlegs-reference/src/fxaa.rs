@@ -34,7 +34,7 @@ pub fn fxaa(picture: &Gray8) -> Gray8 {
     parallel::for_each_chunk(&mut data, width.max(1), |row, out| {
         for (x, level) in out.iter_mut().enumerate() {
             *level = match image.flat(x, row) {
-                Some(own) => own,
+                Some(unchanged) => unchanged,
                 None => image.filtered(x as i32, row as i32),
             };
         }
@@ -144,13 +144,13 @@ impl FxaaImage<'_> {
     /// The luminosity in the pixel's line where the span of its edge ends in steps of `along`, and how
     /// many steps away that is.
     fn walk(&self, edge: &Edge, along: [i32; 2]) -> (f32, i32) {
-        let &Edge { pixel: [x, y], across, own, other } = edge;
+        let &Edge { pixel: [x, y], across, own: start, other } = edge;
         let mut here = 0.0;
         for k in 1..=SEARCH_STEPS {
             let (px, py) = (x + k * along[0], y + k * along[1]);
             here = self.lum(px, py);
-            let there = self.lum(px + across[0], py + across[1]);
-            if (there - other).abs() > (there - own).abs() || (here - own).abs() > (here - other).abs() {
+            let opposite = self.lum(px + across[0], py + across[1]);
+            if (opposite - other).abs() > (opposite - start).abs() || (here - start).abs() > (here - other).abs() {
                 return (here, k);
             }
         }

@@ -58,7 +58,7 @@ pub(super) struct RowSums<'a> {
 }
 
 impl RowSums<'_> {
-    /// Where a pixel's row begins; `None` outside.
+    /// The beginning of a pixel's row; `None` outside.
     #[inline(always)]
     fn row(&self, y: i32) -> Option<usize> {
         let row = usize::try_from(y - self.corner[1]).ok()? * self.width;
@@ -200,7 +200,7 @@ mod tests {
             let disc = Disc { x: 20.0 + 0.0173 * k as f32, y: 21.0 - 0.0311 * k as f32, radius, density: 1.0 };
             let mut data = vec![0.0; 48 * 48];
             kernel.add(&disc, &mut RowSums { data: &mut data, width: 48, corner: [0, -4] });
-            let sum = |of: &dyn Fn(usize) -> f64| data.iter().enumerate().map(|(i, v)| v * of(i)).sum::<f64>();
+            let sum = |term: &dyn Fn(usize) -> f64| data.iter().enumerate().map(|(i, v)| v * term(i)).sum::<f64>();
             assert!((sum(&|_| 1.0) - 1.0).abs() < 1e-6, "{disc:?}");
             let place = [sum(&|i| (i % 48) as f64 + 0.5), sum(&|i| (i / 48) as f64 - 3.5)];
             let off = [place[0] - f64::from(disc.x), place[1] - f64::from(disc.y)];

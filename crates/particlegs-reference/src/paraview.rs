@@ -107,6 +107,7 @@ impl ParaviewScene<'_> {
         }
         self.context.end();
         let mut data = Vec::with_capacity(upward.len());
+        // Window coordinates go up, rows of pictures go down.
         upward.chunks_exact(width).rev().for_each(|row| data.extend_from_slice(row));
         Ok((Gray8 { size: self.size, data }, wrote))
     }
@@ -195,7 +196,7 @@ impl ParaviewScene<'_> {
     ) -> Result<u8> {
         let (width, first_row) = (self.size.width, band.first_row);
         let rows = out.len() / width;
-        // How many fragments before each pixel.
+        // The number of fragments before each pixel.
         scratch.first.clear();
         scratch.first.resize(out.len() + 1, 0);
         for (i, splat) in band.splats().enumerate() {
@@ -204,6 +205,7 @@ impl ParaviewScene<'_> {
             }
             let Some(quad) = Quad::new(splat, self.size) else { continue };
             for_rows(&quad, first_row, rows, |row, [from, to]| {
+                // Counts stand one pixel late, so that their running sum is the number before each pixel.
                 let at = (row - first_row) * width;
                 for count in &mut scratch.first[at + from + 1..=at + to] {
                     *count += 1;
@@ -244,6 +246,7 @@ impl ParaviewScene<'_> {
                     depth: &scratch.depth,
                     alpha: &scratch.alpha,
                 };
+                // VTK stops by what a peel wrote in any pixel of the picture (docs/law/splat.md, "Blending").
                 wrote |= blend_row(&fragments, peels, rest, &mut out[pixels]);
             }
             row = end;
@@ -266,8 +269,10 @@ impl ParaviewScene<'_> {
         let simd = self.context.simd();
         let total = (first[first.len() - 1] - first[0]) as usize;
         next.clear();
+        // Fragments of a pixel stay in particle order, in which the rest is blended (docs/law/splat.md, "Blending").
         next.extend(first.iter().map(|f| (f - first[0]) as usize));
         for column in [&mut *depth, &mut *alpha] {
+            // Taken anew and not grown: the old values need not be copied, and a refusal is an error.
             if column.capacity() < total {
                 *column = reserved("splats that cover most of the picture", total, self.context)?;
             }
@@ -281,12 +286,14 @@ impl ParaviewScene<'_> {
             if quad.rows[1] <= first_row as i32 || quad.rows[0] >= (first_row + rows) as i32 {
                 continue;
             }
+            // All fragments of a splat have its centre's depth (docs/law/splat.md, "Shape").
             let mut put = |row: usize, column: usize, shape: f32| {
                 let at = &mut next[(row - first_row) * width + column];
                 depth[*at] = splat.depth;
                 alpha[*at] = self.opacity * shape;
                 *at += 1;
             };
+            // A single pixel needs the planes of one triangle alone.
             if quad.is_one_pixel() {
                 let [column, row] = [quad.columns[0], quad.rows[0]];
                 let triangle = quad.triangle(column, row);
@@ -313,9 +320,9 @@ struct FragmentGather<'a> {
 
 /// The fragments of a row's pixels.
 struct Fragments<'a> {
-    /// How many stand before each pixel.
+    /// The number of fragments before each pixel.
     first: &'a [u64],
-    /// How many stand before the first that is gathered.
+    /// The number before the first that is gathered.
     base: u64,
     depth: &'a [f32],
     alpha: &'a [f32],

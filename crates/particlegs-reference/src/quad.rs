@@ -18,7 +18,7 @@ pub(super) fn snap(window: f32) -> i32 {
 
 /// 1.5 * 2^23: what is added to it is rounded to a whole number, ties to even, without a call.
 const ROUNDER: f32 = 12_582_912.0;
-/// What it does that for.
+/// The largest magnitude for which it does that.
 const ROUNDS: f32 = 4_194_304.0;
 
 /// Corners farther out lie millions of pixels outside the picture; so near, products of differences fit 64 bits.
@@ -136,7 +136,7 @@ impl Quad {
         [first, end]
     }
 
-    /// Is a pixel centre inside a rotated quad? Left and bottom edges are in.
+    /// Whether a pixel centre is inside a rotated quad. Left and bottom edges are in.
     #[inline]
     fn covers(&self, column: i32, row: i32) -> bool {
         let mut p = [self.corner[0], self.corner[1], self.corner[3], self.corner[2]];
@@ -197,7 +197,7 @@ impl Quad {
         QuadPlanes { u: plane(0), v: plane(1) }
     }
 
-    /// Which of the two triangles a covered pixel centre lies in.
+    /// The triangle, 0 or 1, that a covered pixel centre lies in.
     #[inline]
     pub fn triangle(&self, column: i32, row: i32) -> usize {
         // The first triangle's third edge, from corner 1 to corner 2, is a right or upper one.

@@ -111,10 +111,10 @@ fn an_origin_moves_nothing() {
     let mut far = particles.clone();
     far.origin = [1e6, -2e6, 3e6];
     let (a, b) = (Reference::new(&particles), Reference::new(&far));
-    let (here, mut there) = (view(&particles, 1.0, 1.0, 0.05), view(&far, 1.0, 1.0, 0.05));
-    there.radius = here.radius;
-    let x = a.optical_depth(&here, SIZE, &Context::SILENT).unwrap();
-    let y = b.optical_depth(&there, SIZE, &Context::SILENT).unwrap();
+    let (near_view, mut far_view) = (view(&particles, 1.0, 1.0, 0.05), view(&far, 1.0, 1.0, 0.05));
+    far_view.radius = near_view.radius;
+    let x = a.optical_depth(&near_view, SIZE, &Context::SILENT).unwrap();
+    let y = b.optical_depth(&far_view, SIZE, &Context::SILENT).unwrap();
     assert!(largest_difference(&x, &y) < 1e-3);
 }
 
@@ -123,8 +123,11 @@ fn degenerate_snapshots_draw() {
     for particles in [cube(1, 1), Particles::from_columns(vec![2.0; 9], vec![2.0; 9], vec![2.0; 9])] {
         let v = view(&particles, 1.0, 2.0, 0.5);
         let reference = Reference::new(&particles);
-        for look in ToneStyle::ALL {
-            assert!(reference.draw(&v, SIZE, look, &Context::SILENT).unwrap().data.iter().any(|&p| p > 0), "{look:?}");
+        for style in ToneStyle::ALL {
+            assert!(
+                reference.draw(&v, SIZE, style, &Context::SILENT).unwrap().data.iter().any(|&p| p > 0),
+                "{style:?}"
+            );
         }
     }
 }

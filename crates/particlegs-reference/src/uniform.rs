@@ -43,7 +43,7 @@ pub fn uniform_box(domain: &Domain, count: f64, view: &View, size: Size) -> Resu
     Ok(plane)
 }
 
-/// How much of the depths in `range` a ray has inside a box.
+/// The length of the depths in `range` that a ray has inside a box.
 fn depth_inside(domain: &Domain, start: [f64; 3], direction: [f64; 3], range: [f64; 2]) -> f64 {
     let [mut near, mut far] = range;
     let along = |d: [f64; 3]| -> [f64; 3] { each_axis(|k| domain.along(&d, k)) };

@@ -41,14 +41,14 @@ fn pictures_of_the_sample() {
         let truth = |style: &str| read_png(&golden.join(style).join(format!("{name}.png"))).unwrap();
         let (plain, smooth) = (truth("paraview-no-fxaa"), truth("paraview"));
 
-        let ours = |look| reference.draw(view, set.size, look, &Context::SILENT).unwrap();
+        let ours = |style| reference.draw(view, set.size, style, &Context::SILENT).unwrap();
         let (d, f) =
             (decibels(&ours(ToneStyle::ParaviewNoFxaa), &plain), decibels(&ours(ToneStyle::Paraview), &smooth));
         println!("{name}: {d:.2} dB, with FXAA {f:.2} dB");
         assert!(d > 84.0, "{name}: {d:.2} dB");
         assert!(f > 80.0, "{name} with FXAA: {f:.2} dB");
 
-        let mean = |look| reference.response(view, set.size, look, &Context::SILENT).unwrap();
+        let mean = |style| reference.response(view, set.size, style, &Context::SILENT).unwrap();
         let (d, f) =
             (decibels(&mean(ToneStyle::ParaviewNoFxaa), &plain), decibels(&mean(ToneStyle::Paraview), &smooth));
         println!("{name}: noise-free {d:.2} dB, with FXAA {f:.2} dB");

@@ -30,9 +30,9 @@ pub fn bytes(kind: &'static str, bytes: Bytes) -> HttpResponse {
 /// the whole file, as the protocol allows.
 pub fn part(file: &Bytes, headers: &HeaderMap) -> HttpResponse {
     const KIND: &str = "application/octet-stream";
-    let asked = headers.get(header::RANGE).and_then(|v| v.to_str().ok()).and_then(byte_range);
+    let requested_range = headers.get(header::RANGE).and_then(|v| v.to_str().ok()).and_then(byte_range);
     let length = file.len() as u64;
-    let answer = match asked.map(|range| range(length)) {
+    let answer = match requested_range.map(|range| range(length)) {
         None => bytes(KIND, file.clone()),
         Some((first, end)) if first < end => {
             let mut answer = bytes(KIND, file.slice(first as usize..end as usize));

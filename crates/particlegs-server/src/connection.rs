@@ -47,7 +47,7 @@ pub struct SiteServer {
     pub table: RouteTable,
 }
 
-/// What all connections share.
+/// State that all connections share.
 struct ConnectionState {
     guard: Guard,
     door: TokenAuth,
@@ -147,8 +147,8 @@ impl ConnectionState {
             Err(answer) => return with(*answer, header::CONNECTION, HeaderValue::from_static("close")),
         };
         if seat.lock().unwrap_or_else(PoisonError::into_inner).is_none() {
-            let taken = Arc::clone(&self.seats).acquire_owned().await.ok();
-            *seat.lock().unwrap_or_else(PoisonError::into_inner) = taken;
+            let permit = Arc::clone(&self.seats).acquire_owned().await.ok();
+            *seat.lock().unwrap_or_else(PoisonError::into_inner) = permit;
             self.strangers.remove(tokio::task::id());
         }
         self.is_asked();
@@ -244,8 +244,8 @@ impl ConnectionState {
     }
 
     fn is_left_alone(&self) -> bool {
-        let asked = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);
-        self.limits.idle.is_some_and(|idle| asked.elapsed() >= idle)
+        let last_request = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);
+        self.limits.idle.is_some_and(|idle| last_request.elapsed() >= idle)
     }
 }
 

@@ -45,7 +45,7 @@ pub struct TokenAuth {
     once: Mutex<Option<Token>>,
 }
 
-/// What the first part of a path gives access to.
+/// Access that the first part of a path gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathAccess {
     Everything,
@@ -70,7 +70,7 @@ impl TokenAuth {
         Ok(token)
     }
 
-    /// What `key` gives access to; a token that works once is then used up.
+    /// The access that `key` gives; a token that works once is then used up.
     pub fn opens(&self, key: &str) -> PathAccess {
         if self.token.is(key) {
             return PathAccess::Everything;

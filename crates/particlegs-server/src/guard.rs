@@ -36,9 +36,9 @@ impl Guard {
 
     /// Checks the headers of a request; each occurs at most once.
     pub fn check(&self, host: Option<&str>, origin: Option<&str>) -> Result<(), Refusal> {
-        let asked = host.and_then(authority).ok_or(Refusal::Host(None))?;
-        if !self.is_own(&asked.name) {
-            return Err(Refusal::Host(Some(asked.name)));
+        let site = host.and_then(authority).ok_or(Refusal::Host(None))?;
+        if !self.is_own(&site.name) {
+            return Err(Refusal::Host(Some(site.name)));
         }
         let Some(origin) = origin else { return Ok(()) };
         let from = origin.split_once("://").and_then(|(scheme, rest)| {
@@ -46,7 +46,7 @@ impl Guard {
             ["http", "https"].contains(&scheme).then_some((authority(rest)?, known))
         });
         match from {
-            Some((from, known)) if from.name == asked.name && from.is_at(asked.port.unwrap_or(known), known) => Ok(()),
+            Some((from, known)) if from.name == site.name && from.is_at(site.port.unwrap_or(known), known) => Ok(()),
             Some((from, _)) if self.proxies.contains(&from.name) => Ok(()),
             _ => Err(Refusal::Origin),
         }

@@ -29,7 +29,7 @@ use table::RouteTable;
 /// The default port, so that a tunnel to it can be kept in an ssh configuration.
 pub const USUAL_PORT: u16 = 8317;
 
-/// How the server is reached.
+/// Address, token and limits of a server.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Address or name to listen at.
@@ -42,7 +42,7 @@ pub struct Options {
     pub node: Option<String>,
     /// The secret in the address.
     pub token: Token,
-    /// What one client may use.
+    /// Connections and times of one client.
     pub limits: Limits,
 }
 
@@ -73,13 +73,13 @@ impl Default for Limits {
     }
 }
 
-/// What is shown.
+/// The models and particles that a page shows.
 pub struct ViewerContent<'a> {
     /// Model files: name and bytes.
     pub models: Vec<(String, Vec<u8>)>,
     /// All particles, to compare the models with.
     pub truth: Option<(Snapshot, &'a Reference<'a>)>,
-    /// How the page opens.
+    /// The first view of the page.
     pub opening: PageOpening,
     /// Draws the poster (PNG) from the bytes of the first model, once and in its own thread; `None` if it cannot.
     pub poster: Option<&'a (dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)>,

@@ -88,9 +88,9 @@ impl RenderWorker {
             // The page shows the progress, the terminal does not.
             let cancel = || given_up.load(Ordering::Relaxed) || context.cancelled();
             let watched = context.silent().with_cancel(&cancel);
-            let drawn = watched.check().and_then(|()| subject.draw(&question, &watched, context));
+            let picture = watched.check().and_then(|()| subject.draw(&question, &watched, context));
             // The client may have left.
-            let _ = answer.send(drawn);
+            let _ = answer.send(picture);
         }
     }
 }

@@ -71,7 +71,7 @@ impl RenderRequest {
         let (radius, opacity) = match self.look {
             RequestLook::Density => (1.0, 1.0),
             _ => {
-                let missing = |what: &str| Error::argument(format!("this style needs {what}"));
+                let missing = |part: &str| Error::argument(format!("this style needs {part}"));
                 (self.radius.ok_or_else(|| missing("a radius"))?, self.opacity.ok_or_else(|| missing("an opacity"))?)
             }
         };
@@ -84,7 +84,7 @@ impl RenderRequest {
     /// Draws grey levels as bytes, or surface densities as little-endian float32; rows from the top.
     pub fn draw(&self, reference: &Reference<'_>, context: &Context<'_>) -> Result<Vec<u8>> {
         match self.look.of_grey() {
-            Some(look) => Ok(reference.draw(&self.view()?, self.size(), look, context)?.data),
+            Some(style) => Ok(reference.draw(&self.view()?, self.size(), style, context)?.data),
             None => Ok(as_bytes(&self.density(reference, context)?)),
         }
     }
@@ -96,12 +96,12 @@ impl RenderRequest {
             plane.data.iter_mut().for_each(|v| *v = (f64::from(*v) * many) as f32);
             plane
         };
-        let Some(look) = self.look.of_grey() else {
+        let Some(style) = self.look.of_grey() else {
             return Ok(as_bytes(&for_all(self.density(some, context)?)));
         };
         let (view, size) = (self.view()?, self.size());
         let tau = for_all(some.optical_depth(&view, size, context)?);
-        Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)).data)
+        Ok(tone(&tau, style, view.opacity, view.radius_pixels(size)).data)
     }
 
     fn density(&self, reference: &Reference<'_>, context: &Context<'_>) -> Result<Plane> {

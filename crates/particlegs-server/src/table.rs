@@ -107,8 +107,8 @@ impl RouteTable {
         let Some(mut poster) = self.poster.clone() else {
             return refusal(StatusCode::NOT_FOUND, "there is no poster");
         };
-        let drawn = poster.wait_for(Option::is_some).await.ok().and_then(|poster| poster.clone().flatten());
-        match drawn {
+        let poster_png = poster.wait_for(Option::is_some).await.ok().and_then(|poster| poster.clone().flatten());
+        match poster_png {
             Some(png) => bytes("image/png", png),
             None => refusal(StatusCode::NOT_FOUND, "there is no poster"),
         }

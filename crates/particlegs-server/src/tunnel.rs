@@ -49,9 +49,9 @@ mod tests {
         let here = |s| line_from(s, 8317, |_| true);
         assert_eq!(here(session(None)), None);
         assert_eq!(here(session(Some("garbage"))), None);
-        let there = Some("203.0.113.9 51022 192.0.2.4 22");
-        assert_eq!(here(session(there)).as_deref(), Some("ssh -L 8317:127.0.0.1:8317 ada@192.0.2.4"));
-        let nobody = Session { user: None, ..session(there) };
+        let ssh_connection = Some("203.0.113.9 51022 192.0.2.4 22");
+        assert_eq!(here(session(ssh_connection)).as_deref(), Some("ssh -L 8317:127.0.0.1:8317 ada@192.0.2.4"));
+        let nobody = Session { user: None, ..session(ssh_connection) };
         assert_eq!(here(nobody).as_deref(), Some("ssh -L 8317:127.0.0.1:8317 192.0.2.4"));
     }
 
@@ -67,8 +67,8 @@ mod tests {
     /// Loopback is an address of every machine, 192.0.2.4 (for documentation) of none.
     #[test]
     fn addresses_of_this_machine_are_told() {
-        let of = |server: &str| line(session(Some(&format!("203.0.113.9 1 {server} 22"))), 1).unwrap();
-        assert!(!of("127.0.0.1").contains("-J"));
-        assert!(of("192.0.2.4").contains("-J"));
+        let line_for = |server: &str| line(session(Some(&format!("203.0.113.9 1 {server} 22"))), 1).unwrap();
+        assert!(!line_for("127.0.0.1").contains("-J"));
+        assert!(line_for("192.0.2.4").contains("-J"));
     }
 }

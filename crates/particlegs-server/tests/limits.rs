@@ -38,14 +38,14 @@ fn while_serving(
             let _stop = StopGuard(&stop);
             client(&client_side);
         });
-        let shown = ViewerContent {
+        let content = ViewerContent {
             models: vec![("m.pgs".into(), b"model".to_vec())],
             truth: None,
             opening: PageOpening::default(),
             poster,
         };
         server
-            .serve(shown, &Context::SILENT.with_cancel(&cancel), &|event| events.lock().unwrap().push(event))
+            .serve(content, &Context::SILENT.with_cancel(&cancel), &|event| events.lock().unwrap().push(event))
             .unwrap();
         if let Err(panic) = talking.join() {
             std::panic::resume_unwind(panic);
@@ -138,10 +138,10 @@ fn more_connections_with_the_token_wait_for_a_seat() {
     let few = Limits { connections: 2, ..limits() };
     while_serving(few, None, |client| {
         let request = format!("GET {}model/0 HTTP/1.1\r\nHost: {}\r\n\r\n", client.path, client.address);
-        let mut kept: Vec<TcpStream> = (0..6).map(|_| client.connect()).collect();
-        kept.iter_mut().for_each(|stream| stream.write_all(request.as_bytes()).unwrap());
+        let mut streams: Vec<TcpStream> = (0..6).map(|_| client.connect()).collect();
+        streams.iter_mut().for_each(|stream| stream.write_all(request.as_bytes()).unwrap());
         // Each connection keeps its permit between two requests.
-        assert!(kept.into_iter().all(|stream| is_ok(&read(stream))));
+        assert!(streams.into_iter().all(|stream| is_ok(&read(stream))));
     });
 }
 
@@ -188,8 +188,8 @@ fn a_connection_may_ask_again_and_again_for_its_time() {
 fn left_alone_it_ends() {
     let server = server(Limits { idle: Some(SHORT), ..limits() });
     let start = Instant::now();
-    let shown = ViewerContent { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
-    server.serve(shown, &Context::SILENT, &|_| {}).unwrap();
+    let content = ViewerContent { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
+    server.serve(content, &Context::SILENT, &|_| {}).unwrap();
     assert!(start.elapsed() >= SHORT && start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }
 

@@ -15,7 +15,7 @@ pub type ColumnReader<'a> = Box<dyn Fn(Range<usize>) -> [Vec<f32>; 3] + Send + S
 
 /// Particles as a device reads them.
 pub struct ParticleInput<'a> {
-    /// What positions are relative to, world units.
+    /// Origin that positions are relative to, world units.
     pub origin: [f64; 3],
     /// World units; they clip where a view does not say.
     pub bounds: Bounds,
@@ -29,17 +29,21 @@ pub trait Accelerator: Debug + Send + Sync {
     fn name(&self) -> &str;
 
     /// Sends a scene to the device, which draws it.
-    fn scene(&self, of: &Scene<'_>) -> Result<Box<dyn Renderer>>;
+    fn scene(&self, scene: &Scene<'_>) -> Result<Box<dyn Renderer>>;
 
     /// Sends particles to the device, as many as it has room for; the others are sent again for every picture.
-    fn particles<'a>(&self, of: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>>;
+    fn particles<'a>(&self, particles: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>>;
 
     /// The same subject, whose pictures the device draws.
-    fn subject<'a>(&self, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Box<dyn TrainingSubject + 'a>>;
+    fn subject<'a>(
+        &self,
+        subject: &'a dyn TrainingSubject,
+        context: &Context<'_>,
+    ) -> Result<Box<dyn TrainingSubject + 'a>>;
 
     /// Takes steps of these Gaussians of the optical-depth law.
-    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn DepthStepper>>;
+    fn depth_steps(&self, parameters: &Parameters) -> Result<Box<dyn DepthStepper>>;
 
     /// Takes steps of these Gaussians of the alpha-blend law.
-    fn alpha_steps(&self, of: &alpha::Gaussians) -> Result<Box<dyn alpha::AlphaStepper>>;
+    fn alpha_steps(&self, gaussians: &alpha::Gaussians) -> Result<Box<dyn alpha::AlphaStepper>>;
 }

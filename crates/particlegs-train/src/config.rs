@@ -10,11 +10,11 @@ use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// What Gaussians a run starts from.
+/// The source of the Gaussians that a run starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
-    /// What the effort's fit gives: the partition, refined by EM with split and merge.
+    /// The effort's fit: the partition, refined by EM with split and merge.
     Fit,
     Partition,
     /// Particles drawn at random, round, as wide as their nearest neighbours are far (as published).
@@ -183,8 +183,8 @@ impl Config {
     }
 
     /// With `n` steps in all; stages, and every schedule that counts steps (densification, opacity
-    /// resets, the decay of the position rate), keep their proportions. How often the run is evaluated
-    /// stays.
+    /// resets, the decay of the position rate), keep their proportions. The steps between evaluations
+    /// stay.
     pub fn with_iterations(mut self, n: u64) -> Result<Config> {
         if n == 0 {
             return Err(Error::argument("iterations must be at least 1"));
@@ -206,7 +206,7 @@ impl Config {
     }
 
     pub fn check(&self) -> Result<()> {
-        let fail = |what: &str| Err(Error::argument(format!("training: {what}")));
+        let fail = |message: &str| Err(Error::argument(format!("training: {message}")));
         let c = &self.cameras;
         let ordered = |r: &[f64; 2]| r[0] > 0.0 && r[0] <= r[1] && r[1].is_finite();
         let share = |s: f64| (0.0..=1.0).contains(&s);
@@ -249,7 +249,7 @@ impl Config {
         self.alpha_blend.check()
     }
 
-    /// What names them in the recipe of a model.
+    /// The recipe that names these hyper-parameters in a model.
     pub fn recipe(&self) -> TrainingRecipe {
         let preset = |preset| Config::preset(preset, self.law);
         let presets = [

@@ -31,12 +31,12 @@ pub(super) fn dssim(a: &Plane, b: &Plane) -> LossValue {
         let (vx, vy, cxy) = (aa[i] - x * x, bb[i] - y * y, ab[i] - x * y);
         let (l, s) = (2.0 * x * y + C1, 2.0 * cxy + C2);
         let (dl, ds) = (x * x + y * y + C1, vx + vy + C2);
-        let below = 1.0 / (dl * ds);
-        let ssim = l * s * below;
+        let inverse = 1.0 / (dl * ds);
+        let ssim = l * s * inverse;
         value += f64::from(1.0 - ssim);
-        by_product[i] = 2.0 * l * below;
+        by_product[i] = 2.0 * l * inverse;
         by_square[i] = -ssim / ds;
-        by_mean[i] = 2.0 * y * (s - l) * below - 2.0 * x * ssim * (1.0 / dl - 1.0 / ds);
+        by_mean[i] = 2.0 * y * (s - l) * inverse - 2.0 * x * ssim * (1.0 / dl - 1.0 / ds);
     }
     let [by_mean, by_square, by_product] = [by_mean, by_square, by_product].map(|p| blur(&p, size));
     let scale = -1.0 / n as f32;
@@ -81,8 +81,8 @@ mod tests {
     fn equal_pictures_lose_nothing() {
         let size = Size { width: 20, height: 12 };
         let a = Plane { size, data: (0..240).map(|i| (i % 7) as f32 / 7.0).collect() };
-        let found = dssim(&a, &a);
-        assert!(found.value.abs() < 1e-6);
-        assert!(found.gradient.data.iter().all(|g| g.abs() < 1e-5));
+        let loss = dssim(&a, &a);
+        assert!(loss.value.abs() < 1e-6);
+        assert!(loss.gradient.data.iter().all(|g| g.abs() < 1e-5));
     }
 }

@@ -1,4 +1,4 @@
-//! Held-out views: what says which Gaussians are the best.
+//! Held-out views, whose score says which Gaussians are the best.
 
 use super::cameras::Defaults;
 use super::config::Config;

@@ -1,4 +1,4 @@
-//! What a run says: messages for the user, JSON lines for its log.
+//! The report of a run: messages for the user, JSON lines for its log.
 
 use super::learner::NonFiniteGradient;
 use particlegs_core::context::Context;
@@ -35,7 +35,7 @@ pub(crate) struct RunStatus {
 
 pub(crate) struct Journal<'a> {
     context: &'a Context<'a>,
-    /// Which of several runs of a command this is; empty = the only one.
+    /// Name of the run among several of a command; empty = the only one.
     run: &'a str,
     /// Sum of the losses since the last line of the log.
     pub loss_sum: f64,
@@ -69,7 +69,7 @@ impl<'a> Journal<'a> {
         }
     }
 
-    /// When the time is up before the steps are done.
+    /// Says that the time is up before the steps are done.
     pub fn late(&self, at: &RunStatus) {
         self.say(&format!("note: training reached its time limit after {} of {} steps", at.iteration, at.iterations));
     }
@@ -87,10 +87,13 @@ impl<'a> Journal<'a> {
             return;
         }
         let more = if n.count > 1 { format!(" and {} more", n.count - 1) } else { String::new() };
-        let message = format!("{} of Gaussian {}{more}", n.group, n.gaussian);
+        let parameters = format!("{} of Gaussian {}{more}", n.group, n.gaussian);
         let steps = if self.faulty > NAMED { format!(" (in {} steps so far)", self.faulty) } else { String::new() };
-        self.say(&format!("warning: step {}: gradient of {message} is not finite and is ignored{steps}", at.iteration));
-        let line = LogLine { not_finite: Some(message), not_finite_steps: Some(self.faulty), ..LogLine::default() };
+        self.say(&format!(
+            "warning: step {}: gradient of {parameters} is not finite and is ignored{steps}",
+            at.iteration
+        ));
+        let line = LogLine { not_finite: Some(parameters), not_finite_steps: Some(self.faulty), ..LogLine::default() };
         self.log(line, at);
     }
 
@@ -135,8 +138,8 @@ mod tests {
 
     #[test]
     fn ten_thousand_faulty_steps_are_a_few_lines() {
-        let heard = MessageRecorder::default();
-        let context = Context::SILENT.with_sink(&heard);
+        let recorder = MessageRecorder::default();
+        let context = Context::SILENT.with_sink(&recorder);
         let mut journal = Journal::new(&context, "block 1");
         let n = NonFiniteGradient { group: "position", gaussian: 7, count: 3 };
         for iteration in 1..=10_000 {
@@ -144,7 +147,7 @@ mod tests {
             journal.step(f64::NAN, Some(n), &at);
         }
         journal.end();
-        let [messages, lines] = heard.0.into_inner().unwrap();
+        let [messages, lines] = recorder.0.into_inner().unwrap();
         let expected =
             "block 1: warning: step 1: gradient of position of Gaussian 7 and 2 more is not finite and is ignored";
         assert_eq!(messages[0], expected);

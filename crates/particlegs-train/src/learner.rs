@@ -1,4 +1,4 @@
-//! What a law must offer to be trained: steps, density control, a mixture, a state.
+//! The interface of a law in training: steps, density control, a mixture, a state.
 
 use super::loss::Loss;
 use super::state::TrainingState;
@@ -32,7 +32,7 @@ impl Crop {
     }
 }
 
-/// Where in a run a step stands.
+/// The place of a step in its run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepInfo {
     /// Steps done before this one, over all stages.
@@ -44,7 +44,7 @@ pub(crate) struct StepInfo {
     pub densify: Densify,
 }
 
-/// When and where Gaussians are added.
+/// Schedule and threshold of adding Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Densify {
@@ -57,7 +57,7 @@ pub struct Densify {
     pub threshold: f64,
 }
 
-/// What a step tells.
+/// The outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepReport {
     pub loss: f64,

@@ -1,4 +1,4 @@
-//! What a drawn picture loses against its target, and the gradient of that for every pixel.
+//! The loss of a drawn picture against its target, and its gradient with every pixel.
 //!
 //! The published loss is the mean absolute difference over the content mask (paper equation 5):
 //! pixels that are lit in either picture. To it, L2 and the mixture with DSSIM of 3-D Gaussian
@@ -29,7 +29,7 @@ pub struct Loss {
     pub smooth: f64,
     /// Lambda: share of 1 - SSIM.
     pub dssim: f64,
-    /// Take the logarithm of the loss, so that faint and bright views weigh alike?
+    /// Whether the logarithm of the loss is taken, so that faint and bright views weigh alike.
     pub logarithm: bool,
 }
 
@@ -50,6 +50,7 @@ impl Loss {
         if let Some(s) = &structure {
             value += self.dssim * s.value;
         }
+        // d ln v = dv / v: one factor for the whole gradient.
         let log_scale = if self.logarithm && value > 0.0 { 1.0 / value } else { 1.0 };
         scale *= log_scale;
         gradient.data.iter_mut().for_each(|g| *g *= scale as f32);
@@ -83,7 +84,7 @@ fn differences(
     drawn: &[f32],
     target: &[f32],
     gradient: &mut [f32],
-    of: impl Fn(f32) -> (f32, f32) + Copy,
+    norm: impl Fn(f32) -> (f32, f32) + Copy,
 ) -> (f64, u64) {
     const LANES: usize = 16;
     const LIT: f32 = (MASK_LEVEL / 255.0) as f32;
@@ -91,7 +92,7 @@ fn differences(
     let mut lane = |k: usize, a: f32, b: f32| {
         // Not the negation: a pixel that is not a number shows in the loss.
         let dark = a <= LIT && b <= LIT;
-        let (value, slope) = of(a - b);
+        let (value, slope) = norm(a - b);
         sums[k] += f64::from(if dark { 0.0 } else { value });
         lit[k] += u32::from(!dark);
         if dark { 0.0 } else { slope }
@@ -125,7 +126,7 @@ mod tests {
     /// The gradient along random directions against differences of the value.
     fn check(loss: Loss) {
         let (a, b) = planes(3);
-        let found = loss.evaluate(&a, &b, Level::new());
+        let evaluation = loss.evaluate(&a, &b, Level::new());
         for k in 0..4 {
             let mut draw = Random::new(9, 0, k);
             let along: Vec<f32> = a.data.iter().map(|_| draw.normal() as f32).collect();
@@ -135,7 +136,7 @@ mod tests {
             };
             let h = 2e-4;
             let numeric = (at(h) - at(-h)) / f64::from(2.0 * h);
-            let exact: f64 = found.gradient.data.iter().zip(&along).map(|(g, d)| f64::from(g * d)).sum();
+            let exact: f64 = evaluation.gradient.data.iter().zip(&along).map(|(g, d)| f64::from(g * d)).sum();
             assert!((numeric - exact).abs() < 2e-3 * (1.0 + exact.abs()), "{loss:?}: {numeric} for {exact}");
         }
     }

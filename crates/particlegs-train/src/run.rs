@@ -24,10 +24,11 @@ use std::time::Instant;
 
 /// The key of the run's state among the pieces.
 const KEY: &str = "train";
-/// How far a run goes, where it may write, and what takes its steps.
+
+/// Limits of a run, the folder that it may write to, and the device that takes its steps.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// When the command began that the run is part of.
+    /// Beginning of the command that the run is part of.
     pub began: Instant,
     /// Seconds of the command, the fit included, after which training ends; rates fall so that they
     /// are at their end by then. `None` = no limit.
@@ -36,7 +37,7 @@ pub struct Limits {
     pub scratch: Option<PathBuf>,
     /// Name of the run in messages and log, where a command has several; else empty.
     pub run: String,
-    /// What takes its steps; `None` = the processor.
+    /// The device that takes its steps; `None` = the processor.
     pub device: Option<Arc<dyn Accelerator>>,
 }
 
@@ -66,11 +67,11 @@ pub struct TrainedMixture {
     pub scores: [Option<f64>; 2],
     /// Steps with gradients that were not finite, and left out.
     pub not_finite: u64,
-    /// Did the caller stop it early? Its state is kept.
+    /// Whether the caller stopped it early; its state is kept.
     pub stopped: bool,
 }
 
-/// How a training run went.
+/// A summary of a training run.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct TrainedRun {
     /// Block and layer, where there are several; else empty.
@@ -140,7 +141,7 @@ impl InitialGaussians<'_> {
     }
 }
 
-/// What is to be learnt, and how: Gaussians that draw the pictures of `subject`.
+/// A task of training: Gaussians that draw the pictures of `subject`.
 #[derive(Clone, Copy)]
 pub struct Training<'a> {
     pub subject: &'a dyn TrainingSubject,
@@ -159,22 +160,22 @@ impl<'a> Training<'a> {
     pub fn run(
         &self,
         initial: InitialGaussians<'_>,
-        pieces: &mut dyn CheckpointStore,
+        checkpoints: &mut dyn CheckpointStore,
         context: &Context<'_>,
     ) -> Result<TrainedMixture> {
         self.config.check()?;
         context.require_memory("training", bytes_wanted(self.config, initial.len()))?;
         let learner = self.learner(initial)?;
-        let Some(device) = &self.limits.device else { return self.run_with(learner, pieces, context) };
+        let Some(device) = &self.limits.device else { return self.run_with(learner, checkpoints, context) };
         let subject = device.subject(self.subject, context)?;
-        Training { subject: &*subject, ..*self }.run_with(learner, pieces, context)
+        Training { subject: &*subject, ..*self }.run_with(learner, checkpoints, context)
     }
 
     /// [`Training::run`] of any learner.
     pub(super) fn run_with(
         &self,
         learner: Box<dyn Learner + 'a>,
-        pieces: &mut dyn CheckpointStore,
+        checkpoints: &mut dyn CheckpointStore,
         context: &'a Context<'a>,
     ) -> Result<TrainedMixture> {
         let Training { subject, config, limits, defaults } = *self;
@@ -196,18 +197,20 @@ impl<'a> Training<'a> {
             first: limits.began.elapsed().as_secs_f64(),
             best: BestState::default(),
         };
-        match pieces.get(KEY).and_then(|b| TrainingState::from_bytes(&b)) {
-            Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("bad checkpoint: {what}")))?,
+        match checkpoints.get(KEY).and_then(|b| TrainingState::from_bytes(&b)) {
+            Some(state) => {
+                run.restore(&state).map_err(|message| Error::argument(format!("bad checkpoint: {message}")))?
+            }
             None => run.evaluate()?,
         }
-        let stopped = match run.stages(subject, pieces) {
+        let stopped = match run.stages(subject, checkpoints) {
             Err(Error::Cancelled) => true,
             done => done.map(|()| false)?,
         };
         context.end();
         // Finished runs are kept as well: what comes after them may be interrupted too.
         run.learner.fetch()?;
-        pieces.keep_now(KEY, run.state().to_bytes())?;
+        checkpoints.keep_now(KEY, run.state().to_bytes())?;
         run.journal.end();
         run.finish(stopped)
     }
@@ -271,7 +274,7 @@ pub(super) fn bytes_wanted(config: &Config, gaussians: usize) -> u64 {
 
 impl TrainingLoop<'_> {
     /// All stages, as far as the time goes.
-    fn stages(&mut self, subject: &dyn TrainingSubject, pieces: &mut dyn CheckpointStore) -> Result<()> {
+    fn stages(&mut self, subject: &dyn TrainingSubject, checkpoints: &mut dyn CheckpointStore) -> Result<()> {
         self.context.begin("training", self.config.iterations());
         self.context.advance(self.iteration);
         let folder = self.limits.scratch.clone().unwrap_or_else(std::env::temp_dir);
@@ -295,7 +298,7 @@ impl TrainingLoop<'_> {
                 self.evaluate_if_due()?;
                 if saved.elapsed().as_secs_f64() >= self.config.checkpoint_seconds {
                     self.learner.fetch()?;
-                    pieces.keep_now(KEY, self.state().to_bytes())?;
+                    checkpoints.keep_now(KEY, self.state().to_bytes())?;
                     saved = Instant::now();
                 }
             }
@@ -349,6 +352,7 @@ impl TrainingLoop<'_> {
 
     /// The view of the next step, its number among the targets, and the part that is seen.
     fn choose(&self, stage: &Stage) -> (u64, View, Crop) {
+        // Keyed by the iteration alone: a run that goes on from a checkpoint sees the same pictures.
         let mut draw = Random::from_purpose(Purpose::TrainingStep, self.defaults.seed, self.iteration);
         let mut below = |n: usize| ((draw.uniform() * n as f64) as usize).min(n.saturating_sub(1));
         let inside = (below(1 << 20) as f64) < stage.internal * f64::from(1 << 20) && !self.views.internal.is_empty();
@@ -394,7 +398,7 @@ impl TrainingLoop<'_> {
     }
 
     fn finish(mut self, stopped: bool) -> Result<TrainedMixture> {
-        let fail = |what| Error::argument(format!("the best state of training cannot be restored: {what}"));
+        let fail = |message| Error::argument(format!("the best state of training cannot be restored: {message}"));
         self.learner.restore(&self.best.state).map_err(fail)?;
         // As they are: those that were decoded on the way would be rounded twice.
         let mixture = self.learner.mixture();
@@ -428,10 +432,10 @@ impl TrainingLoop<'_> {
 
     fn restore(&mut self, state: &TrainingState) -> std::result::Result<(), String> {
         let part = |prefix: &str| {
-            let own = |n: &String| n.strip_prefix(prefix).and_then(|n| n.strip_prefix('/')).map(String::from);
+            let bare_name = |n: &String| n.strip_prefix(prefix).and_then(|n| n.strip_prefix('/')).map(String::from);
             TrainingState {
-                columns: state.columns.iter().filter_map(|(n, c)| Some((own(n)?, c.clone()))).collect(),
-                numbers: state.numbers.iter().filter_map(|(n, c)| Some((own(n)?, c.clone()))).collect(),
+                columns: state.columns.iter().filter_map(|(n, c)| Some((bare_name(n)?, c.clone()))).collect(),
+                numbers: state.numbers.iter().filter_map(|(n, c)| Some((bare_name(n)?, c.clone()))).collect(),
             }
         };
         let run = state.doubles("run", 8)?;

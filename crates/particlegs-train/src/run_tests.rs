@@ -65,24 +65,25 @@ fn memory_is_that_of_the_largest_pictures() {
 #[test]
 fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
     let particles = cloud(2000);
-    let (of, start) = (defaults(&particles), fitted(&particles));
-    let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
+    let (defaults, start) = (defaults(&particles), fitted(&particles));
+    let subject = ParticleSubject(Reference::with_bounds(&particles, defaults.bounds));
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let config = config(law, 8);
-        let run = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| -> Result<TrainedMixture> {
-            let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
-            training.run(InitialGaussians::Fit(&start), pieces, context)
+        let run = |checkpoints: &mut dyn CheckpointStore, context: &Context<'_>| -> Result<TrainedMixture> {
+            let training =
+                Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &defaults };
+            training.run(InitialGaussians::Fit(&start), checkpoints, context)
         };
         let whole = run(&mut NoCheckpoints, &Context::SILENT).unwrap();
         assert_eq!((whole.iterations, whole.stopped), (10, false));
         // Every process is stopped a few questions after it has gone on.
         for stride in [9, 14, 31] {
-            let mut kept = MemoryPieces::default();
+            let mut checkpoints = MemoryPieces::default();
             let mut processes = 0;
             let broken = loop {
                 processes += 1;
                 assert!(processes < 400, "no progress");
-                match run(&mut kept, &Context::SILENT.with_cancel(&cancel_after(stride + processes / 4))) {
+                match run(&mut checkpoints, &Context::SILENT.with_cancel(&cancel_after(stride + processes / 4))) {
                     Err(Error::Cancelled) => {}
                     Ok(t) if t.stopped => {}
                     done => break done.unwrap(),
@@ -92,7 +93,7 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
             assert_eq!(&broken.mixture, &whole.mixture, "{law:?} {stride}");
             assert_eq!((broken.scores, broken.iterations), (whole.scores, whole.iterations));
             // A finished run is not done again.
-            assert_eq!(run(&mut kept, &Context::SILENT).unwrap().mixture, whole.mixture);
+            assert_eq!(run(&mut checkpoints, &Context::SILENT).unwrap().mixture, whole.mixture);
         }
     }
 }
@@ -129,12 +130,12 @@ impl Learner for FaultyLearner {
 #[test]
 fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
     let particles = cloud(500);
-    let of = defaults(&particles);
-    let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
+    let defaults = defaults(&particles);
+    let subject = ParticleSubject(Reference::with_bounds(&particles, defaults.bounds));
     let config = config(LawKind::OpticalDepth, 30);
     let run = |limits: &Limits| {
         let learner = Box::new(FaultyLearner(fitted(&particles), 0.0));
-        let training = Training { subject: &subject, config: &config, limits, defaults: &of };
+        let training = Training { subject: &subject, config: &config, limits, defaults: &defaults };
         training.run_with(learner, &mut NoCheckpoints, &Context::SILENT).unwrap()
     };
     let done = run(&Limits::default());
@@ -147,13 +148,13 @@ fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
 #[test]
 fn states_of_other_runs_are_refused() {
     let particles = cloud(500);
-    let (of, start) = (defaults(&particles), fitted(&particles));
-    let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
-    let mut kept = MemoryPieces::default();
-    kept.keep("train", TrainingState::default().to_bytes()).unwrap();
+    let (defaults, start) = (defaults(&particles), fitted(&particles));
+    let subject = ParticleSubject(Reference::with_bounds(&particles, defaults.bounds));
+    let mut checkpoints = MemoryPieces::default();
+    checkpoints.keep("train", TrainingState::default().to_bytes()).unwrap();
     let config = config(LawKind::OpticalDepth, 4);
-    let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
-    let error = training.run(InitialGaussians::Fit(&start), &mut kept, &Context::SILENT).unwrap_err();
+    let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &defaults };
+    let error = training.run(InitialGaussians::Fit(&start), &mut checkpoints, &Context::SILENT).unwrap_err();
     assert!(error.to_string().contains("no column `run`"), "{error}");
 }
 

@@ -27,11 +27,11 @@ impl TrainingState {
 }
 
 fn column<'a, T>(all: &'a BTreeMap<String, Vec<T>>, name: &str, len: usize) -> Result<&'a [T], String> {
-    let found = all.get(name).filter(|c| c.len() == len);
-    found.map(|c| &c[..]).ok_or_else(|| format!("it has no column `{name}` of {len} numbers"))
+    let column = all.get(name).filter(|c| c.len() == len);
+    column.map(|c| &c[..]).ok_or_else(|| format!("it has no column `{name}` of {len} numbers"))
 }
 
-/// What a file of a state begins with.
+/// The first bytes of a state.
 const MAGIC: &[u8; 8] = b"PGSTATE1";
 
 impl TrainingState {
@@ -72,9 +72,9 @@ fn read_columns<T, const N: usize>(
     number: impl Fn([u8; N]) -> T,
 ) -> Option<BTreeMap<String, Vec<T>>> {
     let mut take = |n: usize| -> Option<&[u8]> {
-        let (own, after) = rest.split_at_checked(n)?;
-        *rest = after;
-        Some(own)
+        let (head, tail) = rest.split_at_checked(n)?;
+        *rest = tail;
+        Some(head)
     };
     let mut columns = BTreeMap::new();
     for _ in 0..u32::from_le_bytes(take(4)?.try_into().ok()?) {

@@ -1,4 +1,4 @@
-//! What a run learns from.
+//! The particles that a run learns from.
 
 use particlegs_core::render::Renderer;
 use particlegs_core::space::Bounds;
@@ -15,7 +15,7 @@ pub trait TrainingSubject: Renderer {
 
     fn position(&self, i: usize) -> [f64; 3];
 
-    /// What positions as they are stored are relative to, world units.
+    /// Origin of positions as they are stored, world units.
     fn origin(&self) -> [f64; 3];
 
     /// Positions of particles relative to the origin, as they are stored, in columns.

@@ -25,7 +25,7 @@ pub(crate) struct Targets<'a> {
     folder: PathBuf,
     /// A file without a name, gone with the process; `None` before the first target.
     file: Option<File>,
-    /// Where in the file each target lies, in targets.
+    /// Place of each target in the file, in targets.
     places: HashMap<u64, u64>,
     /// Targets that the file may hold.
     most: u64,
@@ -70,6 +70,7 @@ impl<'a> Targets<'a> {
             let picture = self.subject.draw(view, large, self.look, context)?;
             return Ok(averaged(self.size, k, |i| f32::from(picture.data[i]) / 255.0));
         }
+        // Not by way of a picture of 8 bits: the look has no steps, and targets hold 16 bits.
         let tau = self.subject.optical_depth(view, large, context)?;
         Ok(averaged(self.size, k, |i| -(-tau.data[i]).exp_m1()))
     }

@@ -59,29 +59,29 @@ pub(super) fn defaults(particles: &Particles) -> Defaults {
     Defaults { bounds: particles.bounds(), radius: 0.1, opacity: 0.3, seed: 2, bytes: None, gaussians: None }
 }
 
-fn view(of: &Defaults) -> View {
+fn view(defaults: &Defaults) -> View {
     let cameras = Config::preset(Preset::Paper, LawKind::OpticalDepth).cameras;
-    Views::new(&cameras, of, false).training[0].clone()
+    Views::new(&cameras, defaults, false).training[0].clone()
 }
 
 #[test]
 fn kept_drawn_and_cut_targets_agree() {
     let particles = cloud(3000);
-    let of = defaults(&particles);
-    let reference = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
+    let defaults = defaults(&particles);
+    let reference = ParticleSubject(Reference::with_bounds(&particles, defaults.bounds));
     let folder = tempfile::tempdir().unwrap();
-    let view = view(&of);
+    let view = view(&defaults);
     let size = Size { width: 48, height: 32 };
     let part = Crop { full: size, corner: [7, 11], size: Size { width: 20, height: 16 } };
     for (look, oversample) in [(ToneStyle::Expected, 1), (ToneStyle::Expected, 2), (ToneStyle::Paraview, 2)] {
         let plain = Config::preset(Preset::Paper, LawKind::OpticalDepth).stages[0];
         let stage = Stage { size: [48, 32], oversample, ..plain };
-        let mut kept = Targets::new(&reference, look, &stage, folder.path(), 1 << 20);
-        let mut none = Targets::new(&reference, look, &stage, folder.path(), 0);
-        let whole = kept.get(3, &view, &Crop::whole(size), &Context::SILENT).unwrap();
+        let mut cached_targets = Targets::new(&reference, look, &stage, folder.path(), 1 << 20);
+        let mut uncached_targets = Targets::new(&reference, look, &stage, folder.path(), 0);
+        let whole = cached_targets.get(3, &view, &Crop::whole(size), &Context::SILENT).unwrap();
         assert!(whole.data.iter().any(|v| *v > 0.05) && whole.data.iter().all(|v| (0.0..=1.0).contains(v)));
-        let [first, again] = [0, 1].map(|_| none.get(3, &view, &part, &Context::SILENT).unwrap());
-        let from_file = kept.get(3, &view, &part, &Context::SILENT).unwrap();
+        let [first, again] = [0, 1].map(|_| uncached_targets.get(3, &view, &part, &Context::SILENT).unwrap());
+        let from_file = cached_targets.get(3, &view, &part, &Context::SILENT).unwrap();
         assert_eq!(first.data, again.data);
         assert_eq!(first.data, from_file.data);
         let row = |y: usize| &whole.data[(11 + y) * 48 + 7..][..20];
@@ -94,13 +94,13 @@ fn kept_drawn_and_cut_targets_agree() {
 #[test]
 fn a_scratch_folder_that_is_not_there_is_named() {
     let particles = cloud(100);
-    let of = defaults(&particles);
-    let reference = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
+    let defaults = defaults(&particles);
+    let reference = ParticleSubject(Reference::with_bounds(&particles, defaults.bounds));
     let stage = Stage { size: [16, 16], ..Config::preset(Preset::Paper, LawKind::OpticalDepth).stages[0] };
     let nowhere = std::path::Path::new("/nowhere/at/all");
     let mut targets = Targets::new(&reference, ToneStyle::Expected, &stage, nowhere, 1 << 20);
     let whole = Crop::whole(Size { width: 16, height: 16 });
-    let error = targets.get(0, &view(&of), &whole, &Context::SILENT).unwrap_err();
+    let error = targets.get(0, &view(&defaults), &whole, &Context::SILENT).unwrap_err();
     assert!(
         error.to_string().starts_with("/nowhere/at/all") && matches!(error, particlegs_core::Error::Io { .. }),
         "{error}"

@@ -1,4 +1,4 @@
-//! What a page shows first.
+//! The first view of a page.
 
 use particlegs_core::picture::Colormap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

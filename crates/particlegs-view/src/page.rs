@@ -53,7 +53,7 @@ pub struct Snapshot {
     pub name: String,
     /// Number of particles drawn.
     pub particles: u64,
-    /// What their density sums.
+    /// The quantity that their density sums.
     pub density_of: String,
 }
 
@@ -123,7 +123,7 @@ struct Setup<'a> {
     delivery: Delivery,
 }
 
-/// Where a page has its models and its engine.
+/// Places of a page's models and engine.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Delivery {
     /// The server of `view` has both.
@@ -154,7 +154,7 @@ struct SetupTruth<'a> {
     smoothed: Option<usize>,
 }
 
-/// Where bytes are.
+/// The place of bytes.
 #[derive(Serialize)]
 #[serde(rename_all = "lowercase")]
 enum BytesLocation {

@@ -64,8 +64,8 @@ fn the_policy_names_the_script_and_the_style_that_are_there() {
     assert_eq!(setup(&served.html)["truth"]["particles"], 7);
     assert!(served.html.contains("<img id=\"poster\" alt=\"model.pgs\" src=\"poster\">"));
     for (html, is_served) in [(&offline, false), (&served.html, true)] {
-        let stated = html.split_once("Content-Security-Policy\" content=\"").unwrap().1.split_once('"').unwrap().0;
-        let stated = stated.replace("&#39;", "'");
+        let policy = html.split_once("Content-Security-Policy\" content=\"").unwrap().1.split_once('"').unwrap().0;
+        let policy = policy.replace("&#39;", "'");
         let between = |from: &str, to: &str| {
             let after = html.split_once(from).unwrap().1;
             let hash = BASE64_STANDARD.encode(Sha256::digest(after.split_once(to).unwrap().0.as_bytes()));
@@ -73,8 +73,8 @@ fn the_policy_names_the_script_and_the_style_that_are_there() {
         };
         let (script, style) = (between("<script>", "</script>"), between("<style>", "</style>"));
         let directive = |name: &str| {
-            let found = stated.split("; ").find_map(|d| d.strip_prefix(name)?.strip_prefix(' '));
-            found.map(str::to_string)
+            let source_list = policy.split("; ").find_map(|d| d.strip_prefix(name)?.strip_prefix(' '));
+            source_list.map(str::to_string)
         };
         assert_eq!(directive("default-src").as_deref(), Some("'none'"));
         assert_eq!(directive("script-src"), Some(format!("{script} 'wasm-unsafe-eval'")));
@@ -82,7 +82,7 @@ fn the_policy_names_the_script_and_the_style_that_are_there() {
         assert_eq!(directive("worker-src").as_deref(), Some("blob:"));
         assert_eq!(directive("connect-src").is_some(), is_served);
         for never in ["'unsafe-eval'", "'unsafe-inline'", "*", "http"] {
-            assert!(!stated.contains(never), "{never} in {stated}");
+            assert!(!policy.contains(never), "{never} in {policy}");
         }
         // One script runs; the others are data.
         assert_eq!(
@@ -102,11 +102,11 @@ fn hostile_names_stay_names() {
         "\u{202e}\u{2028}\0\u{7}名前.pgs",
     ];
     let plain = page(&[ModelFile { name: "plain", bytes: MODEL }]);
-    let count = |html: &str, what: &str| html.to_ascii_lowercase().matches(what).count();
+    let count = |html: &str, tag: &str| html.to_ascii_lowercase().matches(tag).count();
     for name in names {
         let html = page(&[ModelFile { name, bytes: MODEL }]);
-        for what in ["<script", "</script", "<title", "</title", "<img", "<b>", "<!--"] {
-            assert_eq!(count(&html, what), count(&plain, what), "{what} of {name:?}");
+        for tag in ["<script", "</script", "<title", "</title", "<img", "<b>", "<!--"] {
+            assert_eq!(count(&html, tag), count(&plain, tag), "{tag} of {name:?}");
         }
         assert_eq!(setup(&html)["models"][0]["name"], name);
     }
@@ -167,12 +167,12 @@ fn a_large_model_has_its_poster_in_the_page() {
 #[test]
 fn a_page_says_how_it_opens() {
     let model = codec::decode(MODEL, "model").unwrap();
-    let opened = |opening: &PageOpening| {
+    let opening_of = |opening: &PageOpening| {
         let file = ModelFile { name: "m", bytes: MODEL };
         setup(std::str::from_utf8(&offline(&[(file, &model)], opening, &Context::SILENT).unwrap()).unwrap())["opening"]
             .clone()
     };
-    assert_eq!(opened(&PageOpening::default()), serde_json::json!({}));
+    assert_eq!(opening_of(&PageOpening::default()), serde_json::json!({}));
     let (style, colormap) = (Some(PageStyle::Paraview), Some(Colormap::Viridis));
     let opening = PageOpening {
         style,
@@ -181,9 +181,9 @@ fn a_page_says_how_it_opens() {
         layers: vec!["</script>".into()],
         ..PageOpening::default()
     };
-    let said =
+    let settings =
         serde_json::json!({ "style": "paraview", "colormap": "viridis", "azimuth": 30.0, "layers": ["</script>"] });
-    assert_eq!(opened(&opening), said);
+    assert_eq!(opening_of(&opening), settings);
 }
 
 /// The poster equals the command's picture of the default view: surface density, or style `paraview` for splats.

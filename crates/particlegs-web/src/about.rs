@@ -18,7 +18,7 @@ pub(crate) struct ModelSummary<'a> {
     gaussians: usize,
     /// Whether masses are known, so that densities are in units of mass.
     has_masses: bool,
-    /// What the density sums.
+    /// The quantity that the density sums.
     density_of: &'a str,
     /// Total mass, if known.
     mass: Option<f64>,
@@ -88,9 +88,9 @@ impl FieldSummary {
         names.rotate_right(1);
         names.push(format!("dispersion.{}", names[0]));
         let map = |name: String| {
-            let own = std::slice::from_ref(q);
-            let query = FieldQuery::new(&name, own).ok()?;
-            Some(FieldMapSummary { name, title: query.title(), unit: journal_unit(&query.unit(own, length)) })
+            let fields = std::slice::from_ref(q);
+            let query = FieldQuery::new(&name, fields).ok()?;
+            Some(FieldMapSummary { name, title: query.title(), unit: journal_unit(&query.unit(fields, length)) })
         };
         let unit = q.unit.as_ref().map_or(String::new(), |u| journal_unit(&u.text));
         let place_units = [q.place_unit(length), q.dispersion_unit()];
@@ -121,10 +121,10 @@ impl LayerSummary {
     }
 }
 
-/// What a series says of itself before its frames are decoded.
+/// A series' summary, read before its frames are decoded.
 #[derive(Serialize)]
 pub(crate) struct SeriesSummary {
-    /// What its clock shows, such as `scale factor`.
+    /// The quantity of its clock, such as `scale factor`.
     clock: &'static str,
     frames: Vec<FrameSummary>,
 }
@@ -143,7 +143,7 @@ struct FrameSummary {
 
 impl SeriesSummary {
     pub(crate) fn new(series: &SeriesFile<'_>, units: &Units) -> Self {
-        let there = series.frames.iter().enumerate().filter(|(_, f)| f.kind != FrameCoding::Missing);
+        let stored_frames = series.frames.iter().enumerate().filter(|(_, f)| f.kind != FrameCoding::Missing);
         let frame = |(number, f): (usize, &FrameEntry)| FrameSummary {
             number,
             keyframe: f.kind == FrameCoding::Keyframe,
@@ -152,11 +152,11 @@ impl SeriesSummary {
             start: f.place.start,
             length: f.place.len(),
         };
-        SeriesSummary { clock: series.clock.name(), frames: there.map(frame).collect() }
+        SeriesSummary { clock: series.clock.name(), frames: stored_frames.map(frame).collect() }
     }
 }
 
-/// What changes of a [`ModelSummary`] from one moment of a series to another.
+/// The part of a [`ModelSummary`] that changes from one moment of a series to another.
 #[derive(Serialize)]
 pub(crate) struct MomentSummary<'a> {
     metadata: &'a Metadata,
@@ -214,8 +214,8 @@ fn certified(info: &FileInfo) -> Option<[[f64; 2]; 2]> {
     let certificate = info.certificate.as_ref()?;
     let m = &info.metadata;
     let settings = certificate.pictures.as_ref().map(|p| &p.settings);
-    let around = |of: &dyn Fn(usize) -> f64, default: f64| {
-        let values = (0..settings.map_or(0, |s| s.len())).map(of);
+    let around = |setting_of: &dyn Fn(usize) -> f64, default: f64| {
+        let values = (0..settings.map_or(0, |s| s.len())).map(setting_of);
         values.fold([default; 2], |[low, high], v| [low.min(v), high.max(v)])
     };
     let radius = |i: usize| settings.map_or(1.0, |s| s[i].radius) * m.default_radius;

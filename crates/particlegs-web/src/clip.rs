@@ -16,15 +16,15 @@ const ROWS: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 pub(crate) fn clipped(model: &Model, bounds: &Bounds) -> (Model, Vec<usize>) {
     let (numbers, before) = (RefCell::new(Vec::new()), Cell::new(0));
     let part = model.with_gaussians(|m| {
-        let kept = inside(m, bounds, |i| numbers.borrow_mut().push(before.get() + i));
+        let part = inside(m, bounds, |i| numbers.borrow_mut().push(before.get() + i));
         before.set(before.get() + m.len());
-        kept
+        part
     });
     (part, numbers.into_inner())
 }
 
 fn inside(m: &Mixture, bounds: &Bounds, mut keep: impl FnMut(usize)) -> Mixture {
-    let mut kept = Mixture { fields: m.fields.map(FieldMoments::emptied), ..Mixture::new(m.masses().is_some()) };
+    let mut part = Mixture { fields: m.fields.map(FieldMoments::emptied), ..Mixture::new(m.masses().is_some()) };
     for i in 0..m.len() {
         let (mut mean, mut cov, mut share) = (m.mean_of(i), m.cov_of(i), 1.0);
         for axis in 0..3 {
@@ -35,14 +35,14 @@ fn inside(m: &Mixture, bounds: &Bounds, mut keep: impl FnMut(usize)) -> Mixture 
         }
         if share >= LEAST {
             keep(i);
-            kept.push(mean, cov, m.count[i] * share, m.mass_of(i) * share);
+            part.push(mean, cov, m.count[i] * share, m.mass_of(i) * share);
             let moved = each_axis(|k| mean[k] - m.mean[k][i]);
-            for ((_, own), (_, field)) in kept.fields.iter_mut().zip(m.fields.iter()) {
-                own.push_moved(field, i, moved);
+            for ((_, moments), (_, field)) in part.fields.iter_mut().zip(m.fields.iter()) {
+                moments.push_moved(field, i, moved);
             }
         }
     }
-    kept
+    part
 }
 
 /// Cuts a Gaussian by two planes across an axis; returns the remaining share.
@@ -58,10 +58,11 @@ fn cut(mean: &mut [f64; 3], cov: &mut Sym3, axis: usize, [low, high]: [f64; 2]) 
     if s == 0.0 || share < LEAST {
         return share.max(0.0);
     }
-    let bell = |z: f64| if z.abs() < 40.0 { (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt() } else { 0.0 };
+    let density =
+        |z: f64| if z.abs() < 40.0 { (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt() } else { 0.0 };
     let (a, b) = (((low - at) / s).clamp(-40.0, 40.0), ((high - at) / s).clamp(-40.0, 40.0));
-    let shift = (bell(a) - bell(b)) / share;
-    let left = (1.0 + (a * bell(a) - b * bell(b)) / share - shift * shift).clamp(0.0, 1.0);
+    let shift = (density(a) - density(b)) / share;
+    let left = (1.0 + (a * density(a) - b * density(b)) / share - shift * shift).clamp(0.0, 1.0);
     let slope = each_axis(|k| cov.0[ROWS[axis][k]] / variance);
     *mean = each_axis(|k| mean[k] + slope[k] * s * shift);
     let change = (left - 1.0) * variance;
@@ -82,7 +83,7 @@ mod tests {
         let mut m = Mixture::new(false);
         m.push([1.0, 2.0, 3.0], cov, 1000.0, 1000.0);
         let bounds = Bounds { min: [0.0, -1e9, -1e9], max: [2.5, 1e9, 1e9] };
-        let found = inside(&m, &bounds, |_| ());
+        let part = inside(&m, &bounds, |_| ());
         let mut random = Random::new(7, 0, 0);
         let (mut n, mut sum, mut square) = (0.0, [0.0; 3], [0.0; 6]);
         const DRAWN: usize = 400_000;
@@ -99,8 +100,8 @@ mod tests {
                 }
             }
         }
-        assert!((found.count[0] / 1000.0 - n / DRAWN as f64).abs() < 3e-3);
-        let (mean, cov) = (found.mean_of(0), found.cov_of(0));
+        assert!((part.count[0] / 1000.0 - n / DRAWN as f64).abs() < 3e-3);
+        let (mean, cov) = (part.mean_of(0), part.cov_of(0));
         for k in 0..3 {
             assert!((mean[k] - sum[k] / n).abs() < 0.02, "{mean:?}");
             for j in k..3 {
@@ -131,9 +132,12 @@ mod tests {
         field.slope[0].iter_mut().zip([2.0, -1.0, 0.5]).for_each(|(s, v)| s.push(v));
         field.spread[0].push(3.0);
         m.fields.set("t", field.clone());
-        let found = inside(&m, &Bounds { min: [0.5, -9.0, -9.0], max: [9.0; 3] }, |_| ());
-        let (own, mean) = (found.fields.get("t").unwrap(), found.mean_of(0));
-        assert!(mean[0] > 0.5 && own.mean[0][0] == field.mean_at(0, 0, mean) && own.mean[0][0] > 5.9, "{mean:?}");
-        assert_eq!((&own.slope, &own.spread), (&field.slope, &field.spread));
+        let part = inside(&m, &Bounds { min: [0.5, -9.0, -9.0], max: [9.0; 3] }, |_| ());
+        let (moments, mean) = (part.fields.get("t").unwrap(), part.mean_of(0));
+        assert!(
+            mean[0] > 0.5 && moments.mean[0][0] == field.mean_at(0, 0, mean) && moments.mean[0][0] > 5.9,
+            "{mean:?}"
+        );
+        assert_eq!((&moments.slope, &moments.spread), (&field.slope, &field.spread));
     }
 }

@@ -22,8 +22,8 @@ pub(crate) fn coarse(model: &Model) -> Option<Model> {
 /// Merges each run of `run` Gaussians into one.
 pub(crate) fn joined(m: &Mixture, run: usize) -> Mixture {
     // Correlations are not joined.
-    let own = |f: &FieldMoments| FieldMoments { correlations: Columns::default(), ..f.emptied() };
-    let mut to = Mixture { fields: m.fields.map(own), ..Mixture::new(m.masses().is_some()) };
+    let empty_moments = |f: &FieldMoments| FieldMoments { correlations: Columns::default(), ..f.emptied() };
+    let mut to = Mixture { fields: m.fields.map(empty_moments), ..Mixture::new(m.masses().is_some()) };
     for start in (0..m.len()).step_by(run) {
         let all = start..m.len().min(start + run);
         let count: f64 = m.count[all.clone()].iter().sum();
@@ -39,8 +39,8 @@ pub(crate) fn joined(m: &Mixture, run: usize) -> Mixture {
             s.add(&m.cov_of(i).add(&Sym3::outer(offset)).scale(m.count[i] / count))
         });
         to.push(mean, cov, count, mass);
-        for ((_, own), (_, field)) in to.fields.iter_mut().zip(m.fields.iter()) {
-            join_field(own, m, field, &all, (mean, cov));
+        for ((_, joined_field), (_, field)) in to.fields.iter_mut().zip(m.fields.iter()) {
+            join_field(joined_field, m, field, &all, (mean, cov));
         }
     }
     to
@@ -56,9 +56,9 @@ fn join_field(
     (mean, cov): ([f64; 3], Sym3),
 ) {
     let count: f64 = m.count[all.clone()].iter().sum();
-    let sum = |of: &dyn Fn(usize) -> f64| all.clone().map(|i| m.count[i] / count * of(i)).sum::<f64>();
+    let sum = |term: &dyn Fn(usize) -> f64| all.clone().map(|i| m.count[i] / count * term(i)).sum::<f64>();
     let slope = |c: usize, i: usize| each_axis(|k| field.slope[c][k][i]);
-    let means: Vec<f64> = field.mean.iter().map(|own| sum(&|i| own[i])).collect();
+    let means: Vec<f64> = field.mean.iter().map(|column| sum(&|i| column[i])).collect();
     let from_mean = |c: usize, i: usize| field.mean[c][i] - means[c];
     let with = |c: usize| {
         each_axis(|k| sum(&|i| m.cov_of(i).apply(slope(c, i))[k] + (m.mean[k][i] - mean[k]) * from_mean(c, i)))
@@ -116,13 +116,13 @@ mod tests {
         [4.0, 1.0, 0.0, 3.0, 0.5, 2.0].into_iter().zip(&mut field.spread).for_each(|(v, s)| s.extend([v; 2]));
         m.fields.set("v", field.clone());
         let to = joined(&m, 2);
-        let own = to.fields.get("v").unwrap();
+        let moments = to.fields.get("v").unwrap();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} {b}");
         for c in 0..3 {
             let slope = [1.0, c as f64, -2.0];
-            near(own.mean[c][0], 7.0 + dot(slope, to.mean_of(0)));
-            (0..3).for_each(|k| near(own.slope[c][k][0], slope[k]));
+            near(moments.mean[c][0], 7.0 + dot(slope, to.mean_of(0)));
+            (0..3).for_each(|k| near(moments.slope[c][k][0], slope[k]));
         }
-        own.spread.iter().zip(&field.spread).for_each(|(a, b)| near(a[0], b[0]));
+        moments.spread.iter().zip(&field.spread).for_each(|(a, b)| near(a[0], b[0]));
     }
 }

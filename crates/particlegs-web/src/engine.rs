@@ -40,8 +40,8 @@ impl SceneRequest {
     fn shifts(&self, model: &Model) -> Vec<[f64; 3]> {
         let Some(cell) = model.metadata.cell.filter(|_| self.images) else { return vec![[0.0; 3]] };
         let mut shifts = cell.shifts(cell.periodic.map(|repeats| if repeats { [-1, 1] } else { [0, 0] }));
-        let own = shifts.iter().position(|shift| *shift == [0.0; 3]).unwrap_or_default();
-        shifts[..=own].rotate_right(1);
+        let box_index = shifts.iter().position(|shift| *shift == [0.0; 3]).unwrap_or_default();
+        shifts[..=box_index].rotate_right(1);
         shifts
     }
 
@@ -100,18 +100,18 @@ impl Engine {
     /// Answers a query: JSON followed by its numbers.
     pub fn ask(&mut self, question: &[u8]) -> EngineResponse {
         let mut json = serde_json::Deserializer::from_slice(question).into_iter();
-        let asked = json.next().unwrap_or_else(|| serde_json::from_slice(b""));
-        let asked = asked.map_err(|e| Error::argument(format!("invalid query: {e}")));
+        let parsed_query = json.next().unwrap_or_else(|| serde_json::from_slice(b""));
+        let query = parsed_query.map_err(|e| Error::argument(format!("invalid query: {e}")));
         let numbers = &question[json.byte_offset()..];
-        EngineResponse::or_error(asked.and_then(|q: EngineQuery| self.answer(q, numbers)))
+        EngineResponse::or_error(query.and_then(|q: EngineQuery| self.answer(q, numbers)))
     }
 
-    fn answer(&mut self, EngineQuery { model, what }: EngineQuery, numbers: &[u8]) -> Result<EngineResponse> {
-        let Engine { models, painter } = self;
+    fn answer(&mut self, EngineQuery { model, what: kind }: EngineQuery, numbers: &[u8]) -> Result<EngineResponse> {
+        let Engine { models, painter: renderer } = self;
         let number = models.len();
         let none = || Error::argument(format!("there is no model {model}: {number} are open"));
         let opened = models.get_mut(model).ok_or_else(none)?;
-        match what {
+        match kind {
             QueryKind::Decode => EngineResponse::new(&json!({ "decoded": opened.step()? })),
             QueryKind::AddFrame { frame } => {
                 opened.series()?.add_frame(frame, numbers.to_vec())?;
@@ -123,7 +123,7 @@ impl Engine {
                 let (text, interpolated) = (series.clock.text(time, &series.units()?), series.frame_at(time).is_none());
                 EngineResponse::new(&MomentSummary::new(&opened.full()?.model, text, interpolated))
             }
-            QueryKind::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
+            QueryKind::Picture { scene, paint } => picture(opened, renderer, &scene, &paint),
             QueryKind::Values { scene, field: Some(field), .. } => {
                 check(scene.size)?;
                 let map = FieldPlane::new(opened, &scene, &field)?;
@@ -133,7 +133,7 @@ impl Engine {
             QueryKind::Values { scene, style, field: None } => {
                 check(scene.size)?;
                 let model = opened.shown(&scene)?;
-                let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
+                let plane = renderer.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
                 EngineResponse::with(&json!({ "range": plane.first_range() }), bytes(&plane))
             }
             QueryKind::Strokes { scene, style } => {
@@ -178,9 +178,9 @@ impl Engine {
             }
             QueryKind::Gaussian { index } => {
                 let model = &opened.full()?.model;
-                let found = probe::gaussian(model, index);
+                let gaussian = probe::gaussian(model, index);
                 let missing = || format!("there is no Gaussian #{index}: the model has {}", model.gaussians());
-                let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
+                let (position, extent) = gaussian.ok_or_else(|| Error::argument(missing()))?;
                 EngineResponse::new(&json!({ "position": position, "extent": extent }))
             }
             QueryKind::BaseDistance { size } => {
@@ -201,17 +201,17 @@ impl Engine {
 
 fn picture(
     opened: &mut LoadedModel,
-    painter: &mut PlaneRenderer,
-    of: &SceneRequest,
+    renderer: &mut PlaneRenderer,
+    request: &SceneRequest,
     paint: &PlaneColours,
 ) -> Result<EngineResponse> {
-    check(of.size)?;
+    check(request.size)?;
     if let Some(field) = &paint.field {
-        let (pixels, bar) = FieldPlane::new(opened, of, field)?.picture(paint);
+        let (pixels, bar) = FieldPlane::new(opened, request, field)?.picture(paint);
         return EngineResponse::with(&bar, pixels);
     }
-    let model = opened.shown(of)?;
-    let (pixels, range) = painter.picture(model, |shown| of.scene(model, shown), of, paint)?;
+    let model = opened.shown(request)?;
+    let (pixels, range) = renderer.picture(model, |shown| request.scene(model, shown), request, paint)?;
     EngineResponse::with(&json!({ "range": range }), pixels)
 }
 

@@ -23,7 +23,7 @@ pub(crate) struct FieldPlane {
     without: Vec<String>,
 }
 
-/// What the colour bar says of a map.
+/// The colour bar of a map.
 #[derive(Serialize)]
 pub(crate) struct FieldBar {
     range: [f64; 2],
@@ -33,10 +33,11 @@ pub(crate) struct FieldBar {
 
 impl FieldPlane {
     /// Maps a field of the drawn layers.
-    pub(crate) fn new(opened: &mut LoadedModel, of: &SceneRequest, field: &FieldRequest) -> Result<FieldPlane> {
+    pub(crate) fn new(opened: &mut LoadedModel, request: &SceneRequest, field: &FieldRequest) -> Result<FieldPlane> {
         let whole = &opened.full()?.model;
         let mut query = FieldQuery::new(&field.name, &whole.metadata.fields)?;
-        let layers = || whole.layers.iter().enumerate().filter(|(place, _)| of.shows(*place)).map(|(_, layer)| layer);
+        let layers =
+            || whole.layers.iter().enumerate().filter(|(place, _)| request.shows(*place)).map(|(_, layer)| layer);
         if field.bulk && query.component != MapComponent::Scalar {
             query.bulk = mean_vector(layers(), &query.name);
         }
@@ -44,14 +45,14 @@ impl FieldPlane {
         let scale = chosen.unwrap_or_else(|| query.scale(|| first_means(layers(), &query.name)));
         let without = layers().filter(|l| l.content.iter().all(|b| b.gaussians.fields.get(&query.name).is_none()));
         let without: Vec<String> = without.map(|l| species_title(&l.name)).collect();
-        let of = &SceneRequest { coarse: of.coarse && whole.gaussians() > MOST, ..of.clone() };
-        let model: &Model = opened.shown(of)?;
-        let scene = of.scene(model, &|layer| of.shows(layer));
+        let request = &SceneRequest { coarse: request.coarse && whole.gaussians() > MOST, ..request.clone() };
+        let model: &Model = opened.shown(request)?;
+        let scene = request.scene(model, &|layer| request.shows(layer));
         if scene.parts().all(|m| m.fields.get(&query.name).is_none()) {
-            let values = Plane { size: of.size, data: vec![f64::NAN; of.size.pixels()] };
+            let values = Plane { size: request.size, data: vec![f64::NAN; request.size.pixels()] };
             return Ok(FieldPlane { values, shade: None, scale, without });
         }
-        let map = field_map(&scene, &query, &of.density_view(scene.bounds())?, of.size, &Context::SILENT)?;
+        let map = field_map(&scene, &query, &request.density_view(scene.bounds())?, request.size, &Context::SILENT)?;
         let values = map.wanted(&query).clone();
         Ok(FieldPlane { values, shade: field.shade.then_some(map.density), scale, without })
     }

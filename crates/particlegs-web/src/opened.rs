@@ -63,9 +63,9 @@ impl LoadedModel {
         // becomes sharper everywhere.
         let mut left: Vec<usize> = (0..decoder.pieces()).collect();
         left.sort_by_key(|piece| std::cmp::Reverse(piece.reverse_bits()));
-        let sketch = ModelPreview::new(&decoder);
+        let preview = ModelPreview::new(&decoder);
         let bounds = decoder.info().metadata.bounds;
-        let opening = Some(PartialModel { decoder, left, decoded: 0, sketch });
+        let opening = Some(PartialModel { decoder, left, decoded: 0, sketch: preview });
         LoadedModel { bounds, opening, whole: Err("the model could not be decoded".into()), series: None }
     }
 
@@ -104,14 +104,14 @@ impl LoadedModel {
     }
 
     /// The model to draw: the preview or the smaller model in motion, otherwise the whole model.
-    pub(crate) fn shown(&mut self, of: &SceneRequest) -> Result<&Model> {
-        let sketched = of.coarse && self.opening.as_ref().is_some_and(|o| o.sketch.is_some());
-        if !sketched {
+    pub(crate) fn shown(&mut self, request: &SceneRequest) -> Result<&Model> {
+        let shows_preview = request.coarse && self.opening.as_ref().is_some_and(|o| o.sketch.is_some());
+        if !shows_preview {
             let CompleteModel { full, coarse, .. } = self.whole()?;
-            return Ok(coarse.as_mut().filter(|_| of.coarse).unwrap_or(full).inside(of.clip));
+            return Ok(coarse.as_mut().filter(|_| request.coarse).unwrap_or(full).inside(request.clip));
         }
         let opening = self.opening.as_mut();
-        let drawn = opening.and_then(|o| o.sketch.as_mut().map(|s| s.sharpened(&o.decoder).inside(of.clip)));
+        let drawn = opening.and_then(|o| o.sketch.as_mut().map(|s| s.sharpened(&o.decoder).inside(request.clip)));
         drawn.ok_or_else(|| Error::argument("the model is not decoded yet"))
     }
 
@@ -123,9 +123,9 @@ impl LoadedModel {
     /// The extent that an orthographic view has to show.
     pub(crate) fn extent(&mut self) -> Result<Extent> {
         let CompleteModel { full: ClippedModel { model, .. }, extent, .. } = self.whole()?;
-        let found = || render::extent(&Scene::new(model), model.metadata.cell.as_ref());
+        let whole_extent = || render::extent(&Scene::new(model), model.metadata.cell.as_ref());
         // The page draws no periodic images by default, so the extent includes the tails of Gaussians at the edges.
-        Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..found() }))
+        Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..whole_extent() }))
     }
 
     fn whole(&mut self) -> Result<&mut CompleteModel> {
@@ -151,8 +151,8 @@ impl PartialModel {
         {
             self.decoder.read(piece)?;
             self.decoded += self.decoder.gaussians(piece);
-            if let Some(sketch) = &mut self.sketch {
-                sketch.read.push(piece);
+            if let Some(preview) = &mut self.sketch {
+                preview.read.push(piece);
             }
         }
         let all = self.decoder.info().gaussians();
@@ -172,8 +172,8 @@ impl ModelPreview {
             .iter()
             .enumerate()
             .map(|(place, layer)| {
-                let own = std::iter::from_fn(|| pieces.next_if(|p| decoder.layer(*p) == place));
-                let boxes = own.filter_map(|piece| decoder.so_far(piece));
+                let layer_pieces = std::iter::from_fn(|| pieces.next_if(|p| decoder.layer(*p) == place));
+                let boxes = layer_pieces.filter_map(|piece| decoder.so_far(piece));
                 // Drawing does not use count and mass.
                 layer.with(boxes.map(|gaussians| Block { bounds, count: 0, mass: 0.0, gaussians }).collect())
             })
@@ -181,8 +181,9 @@ impl ModelPreview {
         // The first of species that share Gaussians shows all of them.
         let mut stored = stored.into_iter().peekable();
         let layers = info.species_layers().into_iter().map(|layer| {
-            let own = stored.next_if(|s| s.name == layer.name || s.name.starts_with(&format!("{}+", layer.name)));
-            layer.with(own.map_or_else(Vec::new, |s| s.content))
+            let stored_layer =
+                stored.next_if(|s| s.name == layer.name || s.name.starts_with(&format!("{}+", layer.name)));
+            layer.with(stored_layer.map_or_else(Vec::new, |s| s.content))
         });
         let model = Model { layers: layers.collect(), metadata: info.metadata.clone(), certificate: None };
         Some(ModelPreview { part: ClippedModel::new(model), run, read: Vec::new() })
@@ -211,7 +212,7 @@ impl ClippedModel {
     /// The part inside a box.
     pub(crate) fn inside(&mut self, bounds: Option<Bounds>) -> &Model {
         let Some(bounds) = bounds else { return &self.model };
-        if self.clipped.as_ref().is_none_or(|(kept, ..)| *kept != bounds) {
+        if self.clipped.as_ref().is_none_or(|(clip, ..)| *clip != bounds) {
             let (part, numbers) = clipped(&self.model, &bounds);
             self.clipped = Some((bounds, part, numbers));
         }

@@ -20,13 +20,15 @@ pub(crate) struct PlaneRenderer {
 
 impl PlaneRenderer {
     /// The optical depths or densities of a scene.
-    pub(crate) fn plane(&mut self, scene: &Scene<'_>, of: &SceneRequest, style: PlaneStyle) -> Result<Plane> {
+    pub(crate) fn plane(&mut self, scene: &Scene<'_>, request: &SceneRequest, style: PlaneStyle) -> Result<Plane> {
         match style {
-            PlaneStyle::Density => surface_density(scene, &of.density_view(scene.bounds())?, of.size, &Context::SILENT),
+            PlaneStyle::Density => {
+                surface_density(scene, &request.density_view(scene.bounds())?, request.size, &Context::SILENT)
+            }
             PlaneStyle::Depth => {
-                let mut plane = Plane::zeros(of.size);
-                let out = Pixels::new(of.size, &mut plane.data)?;
-                optical_depth_into(scene, &of.view()?, out, &mut self.scratch, &Context::SILENT)?;
+                let mut plane = Plane::zeros(request.size);
+                let out = Pixels::new(request.size, &mut plane.data)?;
+                optical_depth_into(scene, &request.view()?, out, &mut self.scratch, &Context::SILENT)?;
                 Ok(plane)
             }
         }
@@ -37,33 +39,33 @@ impl PlaneRenderer {
         &mut self,
         model: &'a Model,
         scene: impl Fn(&dyn Fn(usize) -> bool) -> Scene<'a>,
-        of: &SceneRequest,
+        request: &SceneRequest,
         paint: &PlaneColours,
     ) -> Result<(Vec<u8>, Option<[f64; 2]>)> {
-        let shown = |layer: usize| of.shows(layer);
-        let Some(look) = paint.look else {
-            let plane = self.plane(&scene(&shown), of, PlaneStyle::Density)?;
+        let shown = |layer: usize| request.shows(layer);
+        let Some(style) = paint.look else {
+            let plane = self.plane(&scene(&shown), request, PlaneStyle::Density)?;
             let range = paint.range.or_else(|| plane.first_range()).unwrap_or(UNLIT);
             return Ok((density(&plane, paint, range), Some(range)));
         };
         match paint.by_layer {
             true if scene(&shown).law() == LawKind::OpticalDepth && (0..model.layers.len()).any(shown) => {
                 let layers: Vec<usize> = (0..model.layers.len()).filter(|l| shown(*l)).collect();
-                let planes = layers.iter().map(|l| self.plane(&scene(&|i| i == *l), of, PlaneStyle::Depth));
+                let planes = layers.iter().map(|l| self.plane(&scene(&|i| i == *l), request, PlaneStyle::Depth));
                 let planes = planes.collect::<Result<Vec<_>>>()?;
-                let mut total = Plane::zeros(of.size);
+                let mut total = Plane::zeros(request.size);
                 for plane in &planes {
                     total.data.iter_mut().zip(&plane.data).for_each(|(t, v)| *t += v);
                 }
-                let levels = self.levels((&scene(&shown), of), &total, look, paint.exposure)?;
+                let levels = self.levels((&scene(&shown), request), &total, style, paint.exposure)?;
                 let hues = Rgb8::layer_hues(&planes.iter().zip(layers).collect::<Vec<_>>());
-                let tinted = Rgb8::tinted(&Gray8 { size: of.size, data: levels }, &hues, paint.white);
+                let tinted = Rgb8::tinted(&Gray8 { size: request.size, data: levels }, &hues, paint.white);
                 Ok((tinted.data.into_iter().flat_map(|[r, g, b]| [r, g, b, 255]).collect(), None))
             }
             _ => {
                 let scene = scene(&shown);
-                let plane = self.plane(&scene, of, PlaneStyle::Depth)?;
-                let levels = self.levels((&scene, of), &plane, look, paint.exposure)?;
+                let plane = self.plane(&scene, request, PlaneStyle::Depth)?;
+                let levels = self.levels((&scene, request), &plane, style, paint.exposure)?;
                 Ok((grey(&levels, paint.white), None))
             }
         }
@@ -71,15 +73,15 @@ impl PlaneRenderer {
 
     fn levels(
         &mut self,
-        (scene, of): (&Scene<'_>, &SceneRequest),
+        (scene, request): (&Scene<'_>, &SceneRequest),
         tau: &Plane,
-        look: ToneStyle,
+        style: ToneStyle,
         exposure: f32,
     ) -> Result<Vec<u8>> {
-        let key = [of.opacity, of.view()?.radius_pixels(of.size)];
-        self.tones = self.tones.take().filter(|(of, _)| *of == key);
+        let key = [request.opacity, request.view()?.radius_pixels(request.size)];
+        self.tones = self.tones.take().filter(|(last_key, _)| *last_key == key);
         let (_, tones) = self.tones.get_or_insert_with(|| (key, Tones::new(key[0], key[1])));
-        let mut levels = scene.tone(tau, look, tones).data;
+        let mut levels = scene.tone(tau, style, tones).data;
         if exposure != 0.0 {
             let gain = exposure.clamp(-8.0, 8.0).exp2();
             levels.iter_mut().for_each(|v| *v = (f32::from(*v) * gain).round_ties_even() as u8);

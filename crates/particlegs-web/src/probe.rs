@@ -170,12 +170,13 @@ fn field(q: &Quantity, near: &[(GaussianRef<'_>, f64)], at: [f64; 3], sight: [f6
         let unit = if q.extensive { 1.0 } else { p.unit };
         let weight = unit * p.m.mass_of(p.i) * value;
         let from_mean = each_axis(|a| at[a] - p.m.mean[a][p.i]);
-        let own = each_axis(|k| if k < field.components() { field.mean_at(k, p.i, from_mean) } else { 0.0 });
+        let component_means =
+            each_axis(|k| if k < field.components() { field.mean_at(k, p.i, from_mean) } else { 0.0 });
         values += weight * field.value_at(0, p.i, from_mean);
         let spread = Sym3(std::array::from_fn(|c| field.spread.get(c).map_or(0.0, |s| s[p.i])));
         total += weight;
         for (direction, [sum, squares]) in directions.iter().zip(&mut sums) {
-            let mean = dot(*direction, own);
+            let mean = dot(*direction, component_means);
             *sum += weight * mean;
             *squares += weight * (mean * mean + spread.quadratic(*direction));
         }

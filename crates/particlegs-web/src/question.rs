@@ -50,7 +50,7 @@ pub(crate) enum QueryKind {
     Score { size: Size },
 }
 
-/// What to draw, and the camera.
+/// The request of a scene: the parts to draw, and the camera.
 #[derive(Clone, Deserialize)]
 pub(crate) struct SceneRequest {
     /// Picture size, pixels.
@@ -59,7 +59,7 @@ pub(crate) struct SceneRequest {
     /// Particle radius, world units.
     pub radius: f64,
     pub opacity: f64,
-    /// Which layers to draw; all by default.
+    /// Whether each layer is drawn; all by default.
     pub layers: Option<Vec<bool>>,
     /// The clip box, world units.
     pub clip: Option<Bounds>,
@@ -71,7 +71,7 @@ pub(crate) struct SceneRequest {
     pub images: bool,
 }
 
-/// What a plane holds.
+/// The quantity of a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum PlaneStyle {
@@ -80,7 +80,7 @@ pub(crate) enum PlaneStyle {
     Density,
 }
 
-/// How a plane is coloured.
+/// The colours of a plane.
 #[derive(Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlaneColours {

@@ -55,9 +55,9 @@ pub(crate) fn strokes(
         }
     }
     let mut first = 0;
-    let planes = levels.iter().zip(&by_level).map(|(level, strokes)| {
-        let plane = PlaneLayout { width: level.size.width, height: level.size.height, first, count: strokes.len() };
-        first += strokes.len();
+    let planes = levels.iter().zip(&by_level).map(|(level, splats)| {
+        let plane = PlaneLayout { width: level.size.width, height: level.size.height, first, count: splats.len() };
+        first += splats.len();
         plane
     });
     let planes: Vec<PlaneLayout> = planes.collect();

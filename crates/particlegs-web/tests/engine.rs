@@ -43,12 +43,12 @@ fn opened() -> (Engine, View, Value) {
 fn its_picture_is_the_renderers() {
     let (mut engine, view, scene) = opened();
     let model = codec::decode(MODEL, "the model").unwrap();
-    for look in ToneStyle::ALL {
-        let paint = json!({ "look": look, "white": false });
+    for style in ToneStyle::ALL {
+        let paint = json!({ "look": style, "white": false });
         let answer = ask(&mut engine, &json!({ "ask": "picture", "scene": scene, "paint": paint }));
-        let picture = draw(&Scene::new(&model), &view, SIZE, look, &Context::SILENT).unwrap();
+        let picture = draw(&Scene::new(&model), &view, SIZE, style, &Context::SILENT).unwrap();
         let greys: Vec<u8> = answer.numbers.chunks_exact(4).map(|p| p[0]).collect();
-        assert!(greys == picture.data && greys.iter().any(|v| *v > 0), "{look:?}");
+        assert!(greys == picture.data && greys.iter().any(|v| *v > 0), "{style:?}");
     }
 }
 
@@ -62,8 +62,8 @@ fn its_base_distance_and_scores_are_the_librarys() {
         serde_json::from_str::<Value>(&answer.json).unwrap()[key].as_f64()
     };
     for size in [SIZE, Size { width: 9, height: 16 }] {
-        let asked = json!({ "ask": "base-distance", "size": size });
-        assert_eq!(number(asked, &[], "distance"), Some(base_distance(&bounds, size)));
+        let question = json!({ "ask": "base-distance", "size": size });
+        assert_eq!(number(question, &[], "distance"), Some(base_distance(&bounds, size)));
     }
     let size = Size { width: 4, height: 1 };
     let [a, b] = [[0, 0, 3, 2], [255, 0, 0, 2]].map(|levels| Gray8 { size, data: levels.to_vec() });
@@ -124,8 +124,8 @@ fn its_windows_hold_the_mass_of_boxes_of_any_shape() {
         let (model, file) = in_box(sides);
         assert_eq!(error(&engine.open(file)), "");
         let of_layer = |l: &Layer<Vec<Block>>| {
-            let of = |b: &Block| (0..b.gaussians.len()).map(|i| b.gaussians.mass_of(i)).sum::<f64>();
-            l.mass.unit_or_one() * l.content.iter().map(of).sum::<f64>()
+            let block_mass = |b: &Block| (0..b.gaussians.len()).map(|i| b.gaussians.mass_of(i)).sum::<f64>();
+            l.mass.unit_or_one() * l.content.iter().map(block_mass).sum::<f64>()
         };
         let total: f64 = model.layers.iter().map(of_layer).sum();
         for (azimuth, elevation) in sights.map(Into::into) {
@@ -136,15 +136,15 @@ fn its_windows_hold_the_mass_of_boxes_of_any_shape() {
                     let size = json!({ "width": size[0], "height": size[1] });
                     json!({ "size": size, "radius": 0.01, "opacity": 0.05, "camera": camera })
                 };
-                let asked = json!({ "ask": "window", "model": number, "scene": view([0.0; 3], 1.0) });
-                let window: Value = serde_json::from_str(&ask(&mut engine, &asked).json).unwrap();
+                let window_question = json!({ "ask": "window", "model": number, "scene": view([0.0; 3], 1.0) });
+                let window: Value = serde_json::from_str(&ask(&mut engine, &window_question).json).unwrap();
                 let center = serde_json::from_value(window["center"].clone()).unwrap();
                 let height = window["height_world"].as_f64().unwrap();
-                let asked =
+                let values_question =
                     json!({ "ask": "values", "model": number, "scene": view(center, height), "style": "density" });
                 let area = (height / f64::from(size[1])).powi(2);
                 let mass = area
-                    * ask(&mut engine, &asked)
+                    * ask(&mut engine, &values_question)
                         .numbers
                         .chunks_exact(4)
                         .map(|v| f64::from(f32::from_le_bytes(v.try_into().unwrap())))
@@ -212,11 +212,11 @@ fn what_is_seen_is_named_as_in_the_file() {
             let seen: Value = serde_json::from_str(&answer.json).unwrap();
             let Some(number) = seen["gaussian"].as_u64() else { continue };
             let answer = ask(&mut engine, &json!({ "ask": "gaussian", "index": number }));
-            let found: Value = serde_json::from_str(&answer.json).unwrap();
+            let gaussian: Value = serde_json::from_str(&answer.json).unwrap();
             let at = |v: &Value, k: usize| v[k].as_f64().unwrap();
             let far =
-                (0..3).map(|k| (at(&seen["position"], k) - at(&found["position"], k)).powi(2)).sum::<f64>().sqrt();
-            let extent = found["extent"].as_f64().unwrap();
+                (0..3).map(|k| (at(&seen["position"], k) - at(&gaussian["position"], k)).powi(2)).sum::<f64>().sqrt();
+            let extent = gaussian["extent"].as_f64().unwrap();
             // A pixel is 0.12 world units wide.
             assert!(far < 8.0 * extent + 0.4, "{x} {y}: {far} from a Gaussian of {extent}");
             named += 1;
@@ -283,27 +283,27 @@ fn its_maps_of_a_field_are_the_renderers_and_name_layers_without_it() {
     let wanted = colors.image(&map.mean, Some(&map.density), true).data;
     let field = json!({ "name": "velocity.los", "bulk": true, "scale": "", "shade": true });
     let paint = json!({ "white": true, "field": field });
-    let asked = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
-    let answer = ask(&mut engine, &asked);
+    let picture_question = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
+    let answer = ask(&mut engine, &picture_question);
     let said: Value = serde_json::from_str(&answer.json).unwrap();
     assert_eq!(said, json!({ "range": range, "scale": "signed", "without": ["stars"] }));
     assert!(answer.numbers.chunks_exact(4).zip(&wanted).all(|(a, b)| a[..3] == *b));
-    let asked = json!({ "ask": "values", "model": 1, "scene": scene, "style": "density", "field": field });
+    let values_question = json!({ "ask": "values", "model": 1, "scene": scene, "style": "density", "field": field });
     let values = |answer: &EngineResponse| -> Vec<f32> {
         answer.numbers.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect()
     };
     let same = |a: &f32, b: &f64| a.to_bits() == (*b as f32).to_bits();
-    assert!(values(&ask(&mut engine, &asked)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
+    assert!(values(&ask(&mut engine, &values_question)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
     // A box around all changes nothing; layers without the field are the background.
     scene["clip"] = json!({ "min": [-1e9, -1e9, -1e9], "max": [1e9, 1e9, 1e9] });
-    let asked = json!({ "ask": "values", "model": 1, "scene": scene, "style": "density", "field": field });
-    assert!(values(&ask(&mut engine, &asked)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
+    let clipped_question = json!({ "ask": "values", "model": 1, "scene": scene, "style": "density", "field": field });
+    assert!(values(&ask(&mut engine, &clipped_question)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
     scene["layers"] = json!([false, true]);
-    let asked = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
-    assert!(ask(&mut engine, &asked).numbers.iter().all(|v| *v == 255));
+    let layer_question = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
+    assert!(ask(&mut engine, &layer_question).numbers.iter().all(|v| *v == 255));
     let unknown = json!({ "white": true, "field": { "name": "heat", "bulk": false, "scale": "", "shade": false } });
-    let asked = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": unknown });
-    assert!(error(&ask(&mut engine, &asked)).contains("no field `heat`"));
+    let unknown_question = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": unknown });
+    assert!(error(&ask(&mut engine, &unknown_question)).contains("no field `heat`"));
 }
 
 /// Against the law at a place (docs/law/fields.md).
@@ -314,8 +314,8 @@ fn a_probe_gives_the_fields_mean_and_dispersion() {
     engine.open(file);
     let mut probe = |scene: &Value| -> Value {
         let seen = |pixel: [u32; 2]| -> Value {
-            let asked = json!({ "ask": "probe", "model": 1, "scene": scene, "pixel": pixel });
-            serde_json::from_str(&ask(&mut engine, &asked).json).unwrap()
+            let question = json!({ "ask": "probe", "model": 1, "scene": scene, "pixel": pixel });
+            serde_json::from_str(&ask(&mut engine, &question).json).unwrap()
         };
         (0..64)
             .flat_map(|x| (0..48).map(move |y| [x, y]))
@@ -339,14 +339,14 @@ fn a_probe_gives_the_fields_mean_and_dispersion() {
             squares += weight * (value * value + field.spread[0][i]);
         }
     }
-    let (mean, own) = (sum / total, &seen["fields"][0]);
+    let (mean, field) = (sum / total, &seen["fields"][0]);
     let near = |a: &Value, b: f64| (a.as_f64().unwrap() / b - 1.0).abs() < 1e-6;
     assert!(
-        near(&own["mean"][0], mean) && near(&own["dispersion"][0], (squares / total - mean * mean).sqrt()),
-        "{own}"
+        near(&field["mean"][0], mean) && near(&field["dispersion"][0], (squares / total - mean * mean).sqrt()),
+        "{field}"
     );
-    let of = |what: &str| own[what].as_array().unwrap().len();
-    assert!(own["name"] == "velocity" && of("mean") == 4 && of("dispersion") == 4);
+    let length_of = |key: &str| field[key].as_array().unwrap().len();
+    assert!(field["name"] == "velocity" && length_of("mean") == 4 && length_of("dispersion") == 4);
     scene["layers"] = json!([false, true]);
     assert_eq!(probe(&scene)["fields"][0]["mean"], json!([]));
 }

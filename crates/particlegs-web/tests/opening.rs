@@ -136,8 +136,8 @@ fn a_model_that_turns_out_to_be_corrupt_says_so_once_and_for_all() {
         };
         let line = error["error"].as_str().unwrap();
         assert!(line.contains("block at byte") && !line.contains('\n'), "{line}");
-        let asked = json!({ "ask": "values", "scene": view(true).1, "style": "depth" });
-        for again in [step(&mut engine), said(&ask(&mut engine, asked))] {
+        let question = json!({ "ask": "values", "scene": view(true).1, "style": "depth" });
+        for again in [step(&mut engine), said(&ask(&mut engine, question))] {
             assert_eq!(again["error"], line);
         }
         assert_eq!(said(&engine.open(FIXTURE.to_vec()))["decoded"], 1.0);

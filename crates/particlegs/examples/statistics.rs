@@ -1,4 +1,5 @@
-//! Statistics of a model against its snapshot: `cargo run --release -p particlegs --example statistics SNAPSHOT MODEL.pgs`.
+//! Statistics of a model against its snapshot: `cargo run --release -p particlegs --example statistics SNAPSHOT
+//! MODEL.pgs`.
 
 use particlegs::prelude::*;
 use particlegs::stats::{Measure, StatsOptions, Subject, compare};
@@ -13,11 +14,11 @@ fn main() -> Result<()> {
         cells: Some(32),
         ..StatsOptions::default()
     };
-    let found = compare(Subject::Particles(&truth), Subject::Model(model.decoded()), &options, &context)?;
-    if let Some(density) = &found.density {
+    let comparison = compare(Subject::Particles(&truth), Subject::Model(model.decoded()), &options, &context)?;
+    if let Some(density) = &comparison.density {
         println!("density in {:?} cells: correlation {:.4}", density.cells, density.agreement.correlation);
     }
-    for shell in found.spectra.iter().flat_map(|s| &s.shells) {
+    for shell in comparison.spectra.iter().flat_map(|s| &s.shells) {
         println!("k {:.2}: P {:.3e} and {:.3e}, r {:?}", shell.k, shell.power[0], shell.power[1], shell.r);
     }
     Ok(())

@@ -64,13 +64,13 @@ pub struct EvaluationReport {
     pub width: usize,
     /// Height of the pictures, pixels.
     pub height: usize,
-    /// Where the views are from.
+    /// Source of the views.
     pub views_from: String,
 }
 
 impl Model {
-    /// Scores it, or some of its layers, against a snapshot in views; a `renderer` draws the model's pictures, else the CPU.
-    /// That these are not the particles that it was made from is a warning.
+    /// Scores it, or some of its layers, against a snapshot in views; a `renderer` draws the model's pictures, else the
+    /// CPU. That these are not the particles that it was made from is a warning.
     ///
     /// # Errors
     /// [`Error::Argument`] for views out of range, and layers that there are not; [`Error::Input`] for particles whose units

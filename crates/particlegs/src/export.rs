@@ -15,7 +15,7 @@ use std::path::Path;
 /// A larger share of the particles than this in splats that viewers do not draw is worth a note.
 const FAINT_SHARE: f64 = 0.01;
 
-/// What is exported, and how. The default takes the kind from the output's ending, all layers, 128 cells along the longest
+/// Options of an export. The default takes the kind from the output's ending, all layers, 128 cells along the longest
 /// edge, and grey splats of the model's radius and opacity.
 #[derive(Clone, Debug, Default)]
 pub struct ExportOptions {
@@ -27,7 +27,7 @@ pub struct ExportOptions {
     pub cells: Cells,
     /// Fields in the cells: mean and dispersion.
     pub fields: Vec<String>,
-    /// What the colours of splats show.
+    /// The quantity that the colours of splats show.
     pub color: ColorBy,
     /// Colours of splats by density.
     pub colormap: Colormap,
@@ -37,13 +37,13 @@ pub struct ExportOptions {
     pub radius: Option<f64>,
     /// Particle opacity of splats, above 0 and at most 1; `None` for the model's.
     pub opacity: Option<f64>,
-    /// How a page opens.
+    /// The view with which a page opens.
     pub opening: PageOpening,
     /// Whether a page loads the model's file from its own folder instead of containing it.
     pub link: bool,
 }
 
-/// What was exported.
+/// Results of an export.
 #[derive(Clone, Debug)]
 pub struct ExportResult {
     /// The kind of file.
@@ -52,15 +52,16 @@ pub struct ExportResult {
     pub gaussians: usize,
     /// Bytes that were written.
     pub bytes: u64,
-    /// What the file lacks of the model.
+    /// Notes on what the file lacks of the model.
     pub lost: Vec<String>,
-    /// What the file holds, in words.
+    /// Content of the file, in words.
     pub content: String,
     /// Further figures: of `splats`, or of the `grid`.
     pub figures: Value,
 }
 
-/// The kind of file that an export to `out` writes, declared as an output unless it is one already: what long work does before it reads its input.
+/// The kind of file that an export to `out` writes, declared as an output unless it is one already: what long work does
+/// before it reads its input.
 ///
 /// # Errors
 /// [`Error::Argument`] for an unknown ending; [`Error::Output`] for what may not be replaced, and an input.

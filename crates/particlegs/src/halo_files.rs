@@ -8,7 +8,7 @@ use particlegs_formats::{is_hdf5, write_haloes};
 use particlegs_measure::haloes::HaloReport;
 use std::path::{Path, PathBuf};
 
-/// Where haloes are written.
+/// Files that haloes are written to.
 #[derive(Clone, Copy, Debug)]
 pub struct HaloFiles<'a> {
     /// The catalogue: `NAME.csv` or `NAME.hdf5`.
@@ -40,8 +40,8 @@ impl HaloFiles<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Argument`] for a plot without a halo that has a mass; [`crate::Error::Io`].
-    pub fn write(&self, found: &HaloReport) -> Result<()> {
-        write_haloes(&found.catalogue, self.catalogue)?;
-        self.mass_functions.iter().try_for_each(|path| found.write_mass_function(path))
+    pub fn write(&self, report: &HaloReport) -> Result<()> {
+        write_haloes(&report.catalogue, self.catalogue)?;
+        self.mass_functions.iter().try_for_each(|path| report.write_mass_function(path))
     }
 }

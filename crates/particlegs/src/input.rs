@@ -11,7 +11,7 @@ use particlegs_formats::PathKind;
 use std::io::Read;
 use std::path::Path;
 
-/// Which frame of a series is read.
+/// The choice of a frame of a series.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum FrameChoice {
     /// The last that is there.
@@ -41,7 +41,7 @@ impl FrameChoice {
         Err(Error::input_with(place, message, Hint::from("omit ").option(option, "")))
     }
 
-    /// What the clock of a series shows at the frame or moment, and whether it lies between frames.
+    /// The clock of a series at the frame or moment, and whether that lies between frames.
     pub(crate) fn time(&self, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<(f64, bool)> {
         let clock = series.clock.name();
         if let FrameChoice::Moment(text) = self {
@@ -82,13 +82,13 @@ pub struct DecodedModel {
     pub model: particlegs_core::model::Model,
     /// BLAKE3 of the file, hexadecimal.
     pub blake3: String,
-    /// What the clock of a series shows, as text.
+    /// The clock of a series at that moment, as text.
     pub moment: Option<String>,
     /// Whether the moment lies between two frames.
     pub interpolated: bool,
 }
 
-/// What a path names.
+/// A model or a snapshot, named by a path.
 pub enum ModelOrSnapshot {
     /// The bytes of a model file, or of a frame of a series as one.
     Model(Vec<u8>),
@@ -117,7 +117,7 @@ impl ModelOrSnapshot {
     }
 }
 
-/// What is measured: a snapshot, with its fields where they are needed, or a model.
+/// The subject of a measurement: a snapshot, with its fields where they are needed, or a model.
 pub enum MeasuredInput {
     /// Particles, and the fields of each layer.
     Particles(Box<Particles>, Vec<LayerFields>),
@@ -154,7 +154,7 @@ impl MeasuredInput {
     }
 }
 
-/// What a model file holds.
+/// Content of a model file.
 #[derive(Debug)]
 pub enum ModelOrSeries {
     /// One model.

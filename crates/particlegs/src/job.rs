@@ -18,8 +18,8 @@ pub struct Job {
 }
 
 impl Job {
-    /// Plans a job: reads the snapshot once, and writes `plan.json` into the folder. The same plan again changes nothing;
-    /// another one is replaced where `outputs` replaces. The memory of the options is that of a task.
+    /// Plans a job: reads the snapshot once, and writes `plan.json` into the folder. The same plan again changes
+    /// nothing; another one is replaced where `outputs` replaces. The memory of the options is that of a task.
     ///
     /// # Errors
     /// [`Error::Argument`] for particles in memory, pipes, paths that are not UTF-8, and options that a job does not know;
@@ -56,7 +56,7 @@ impl Job {
     /// another version.
     pub fn open(folder: &Path) -> Result<Job> {
         let job = job::Job::open(folder)?;
-        let invalid = |what: String| Error::input(&folder.join("plan.json"), format!("names no snapshot: {what}"));
+        let invalid = |reason: String| Error::input(&folder.join("plan.json"), format!("names no snapshot: {reason}"));
         let snapshot: SnapshotFiles =
             serde_json::from_value(job.snapshot().clone()).map_err(|e| invalid(e.to_string()))?;
         if let Some(Err(error)) = snapshot.choice.selection.map(particlegs_particles::Selection::check) {
@@ -80,7 +80,8 @@ impl Job {
         done.map_err(|e| self.stopped(e, "chunk", chunk))
     }
 
-    /// Fits block `block` into a file in the folder: what is left of it where a checkpoint exists, nothing where it is done.
+    /// Fits block `block` into a file in the folder: what is left of it where a checkpoint exists, nothing where it is
+    /// done.
     ///
     /// # Errors
     /// As [`Job::scatter`].
@@ -103,7 +104,7 @@ impl Job {
         }
     }
 
-    /// How far the job is, by the files in its folder.
+    /// State of the job, by the files in its folder.
     ///
     /// # Errors
     /// [`Error::Input`] for reports that are not valid.

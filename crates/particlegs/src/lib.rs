@@ -48,7 +48,7 @@ mod snapshot;
 mod training_log;
 mod verification;
 
-/// What most programs need.
+/// Names that most programs need.
 ///
 /// ```
 /// use particlegs::prelude::*;
@@ -110,7 +110,7 @@ pub mod stats {
     pub use particlegs_particles::{Domain, LayerFields};
 }
 
-/// Haloes of particles or of a model: catalogues, mass functions, and how well two catalogues agree.
+/// Haloes of particles or of a model: catalogues, mass functions, and the agreement of two catalogues.
 ///
 /// ```
 /// use particlegs::haloes::{HaloOptions, find_haloes};
@@ -120,9 +120,9 @@ pub mod stats {
 /// # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
 /// let context = Context::default();
 /// let particles = Snapshot::open(folder)?.particles(&context)?;
-/// let found = find_haloes(Subject::Particles(&particles), &HaloOptions::default(), &context)?;
-/// let largest = found.column("n200m").and_then(|numbers| numbers.first());
-/// assert!(found.len() > 100 && largest > Some(&1000.0));
+/// let catalogue = find_haloes(Subject::Particles(&particles), &HaloOptions::default(), &context)?;
+/// let largest = catalogue.column("n200m").and_then(|numbers| numbers.first());
+/// assert!(catalogue.len() > 100 && largest > Some(&1000.0));
 /// # Ok::<(), particlegs::Error>(())
 /// ```
 pub mod haloes {
@@ -132,7 +132,7 @@ pub mod haloes {
     };
 }
 
-/// How well a model stands for its snapshot.
+/// Quality of a model against its snapshot.
 ///
 /// ```
 /// use particlegs::evaluation::EvaluationViews;
@@ -151,7 +151,7 @@ pub mod evaluation {
     pub use particlegs_measure::score::Evaluation;
 }
 
-/// What a model file says of itself: its metadata, its recipe and its certificate.
+/// Facts that a model file states: its metadata, its recipe and its certificate.
 ///
 /// ```
 /// # let bytes = include_bytes!("../../particlegs-compress/tests/fixtures/format-1.0.pgs");

@@ -39,8 +39,8 @@ impl Debug for Model {
     }
 }
 
-/// Compresses a snapshot; the same snapshot, options and seed give the same bytes, whatever the threads. What a user should
-/// know of the model goes to the context's [`crate::ProgressSink`] as messages that begin with `note: `.
+/// Compresses a snapshot; the same snapshot, options and seed give the same bytes, whatever the threads. Notes for the
+/// user on the model go to the context's [`crate::ProgressSink`] as messages that begin with `note: `.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for particles that cannot be compressed; [`crate::Error::Argument`] for a target out of
@@ -50,13 +50,15 @@ pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Contex
     let (particles, fields) = snapshot.read(!options.fields.is_empty(), &Storage::Memory, context)?;
     let mut options = options.clone();
     options.read.extend(snapshot.options());
-    let made = Compression::plan(&particles, &fields, &options, context)?.run(&mut NoCheckpoints, context)?;
-    made.notes.iter().for_each(|note| context.note(note));
-    let certificate = made.model.certificate.as_ref();
-    let unit = made.model.metadata.units.length_text();
-    let differing = certificate.map_or_else(Vec::new, |c| c.differing_layers(&made.model.layers, unit));
+    let compressed_model =
+        Compression::plan(&particles, &fields, &options, context)?.run(&mut NoCheckpoints, context)?;
+    compressed_model.notes.iter().for_each(|note| context.note(note));
+    let certificate = compressed_model.model.certificate.as_ref();
+    let unit = compressed_model.model.metadata.units.length_text();
+    let differing = certificate.map_or_else(Vec::new, |c| c.differing_layers(&compressed_model.model.layers, unit));
     differing.iter().for_each(|note| context.note(note));
-    Ok(Model { name: particles.meta.name.clone(), bytes: made.bytes, decoded: made.model, frame: None })
+    let (bytes, decoded) = (compressed_model.bytes, compressed_model.model);
+    Ok(Model { name: particles.meta.name.clone(), bytes, decoded, frame: None })
 }
 
 /// Refuses to replace a model of another recipe, before any work: the same recipe gives the same bytes.
@@ -189,12 +191,12 @@ impl Model {
         &self.bytes
     }
 
-    /// What the file says: count, bounds, units, recipe.
+    /// Metadata of the file: count, bounds, units, recipe.
     pub fn metadata(&self) -> &Metadata {
         &self.decoded.metadata
     }
 
-    /// What was measured when the file was made; `None` where nothing was.
+    /// Measurements from when the file was made; `None` if there are none.
     pub fn certificate(&self) -> Option<&Certificate> {
         self.decoded.certificate.as_ref()
     }
@@ -228,7 +230,7 @@ impl Model {
         render::whole_view("whole", &Scene::new(&self.decoded), self.metadata().cell, size)
     }
 
-    /// What [`crate::pictures::render_models`] draws.
+    /// The model as [`crate::pictures::render_models`] takes it.
     pub fn picture_source(&self) -> PictureSource {
         PictureSource::new(self.name().as_ref(), &self.bytes, self.decoded.clone())
     }
@@ -260,7 +262,8 @@ impl Model {
     }
 
     /// The mean of a field along the line of sight of each pixel, in its unit; NaN where there is no mass. `field` is a
-    /// scalar's name such as `temperature`, a component of a vector such as `velocity.los`, or `dispersion.` and a name.
+    /// scalar's name such as `temperature`, a component of a vector such as `velocity.los`, or `dispersion.` and a
+    /// name.
     ///
     /// # Errors
     /// As [`Model::density_map`]; [`crate::Error::Argument`] for a field that the model lacks.
@@ -270,7 +273,7 @@ impl Model {
         Ok(map.wanted(&query).clone())
     }
 
-    /// What its certificate says that it is good for: a word and a reason for each use.
+    /// The uses that it is good for by its certificate: a word and a reason for each.
     pub fn verdict(&self) -> Vec<Assessment> {
         Assessment::verdict(self.certificate(), self.metadata())
     }

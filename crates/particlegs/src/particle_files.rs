@@ -29,7 +29,8 @@ fn writer_of(out: &Path, format: Option<&str>, outputs: &Outputs, context: &Cont
     }
 }
 
-/// Declares the folder or file that particles are drawn into, unless it is declared already: what long work does before it reads its input.
+/// Declares the folder or file that particles are drawn into, unless it is declared already: what long work does before
+/// it reads its input.
 ///
 /// # Errors
 /// [`Error::Argument`] for an unknown ending, and a form for a file; [`Error::Output`] for what may not be replaced.
@@ -49,7 +50,7 @@ pub fn plan_recovery(out: &Path, options: &RecoverOptions, outputs: &Outputs, co
 
 impl Model {
     /// Draws synthetic particles into a folder, which may be larger than memory, or into a file in the format of its
-    /// ending, from some layers or, without names, from all. What is there already is kept if it is the same.
+    /// ending, from some layers or, without names, from all. An existing output is kept if it is the same.
     ///
     /// # Errors
     /// [`Error::Argument`] for options out of range; [`Error::Output`] for what may not be replaced; [`Error::Memory`];
@@ -62,7 +63,7 @@ impl Model {
         context: &Context<'_>,
     ) -> Result<ParticleFile> {
         plan_recovery(out, options, outputs, context)?;
-        let (writer, kept) = (Writer::for_output(out, None)?, outputs.is_kept(out));
+        let (writer, is_kept) = (Writer::for_output(out, None)?, outputs.is_kept(out));
         let hash = codec::file_hash(self.bytes());
         let mut model = self.into_decoded();
         if !layers.is_empty() {
@@ -74,10 +75,10 @@ impl Model {
             }
         }
         let particles = options.total(&model);
-        if kept && writer.folder && !options.is_there(out, &model, hash)? {
+        if is_kept && writer.folder && !options.is_there(out, &model, hash)? {
             return Err(outputs.refused(out));
         }
-        let bytes = match (kept && writer.folder, writer.folder) {
+        let bytes = match (is_kept && writer.folder, writer.folder) {
             (true, _) => 0,
             (_, true) => recover(model, hash, options, out, context)?,
             _ => {
@@ -113,8 +114,8 @@ impl Model {
 }
 
 impl Snapshot {
-    /// Writes the selected particles, with their fields, in the format of the output's ending or of a name; `copies` of a
-    /// periodic box along x, y and z lie one after the other, z fastest, before the selection.
+    /// Writes the selected particles, with their fields, in the format of the output's ending or of a name; `copies` of
+    /// a periodic box along x, y and z lie one after the other, z fastest, before the selection.
     ///
     /// # Errors
     /// [`Error::Argument`] for an unknown format, and copies of what is not periodic; [`Error::Output`] for what may not

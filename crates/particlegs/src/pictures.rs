@@ -59,8 +59,8 @@ pub fn render_snapshot(
     particlegs_pictures::render_particles(&particles, &fields, &snapshot.name(), options, outputs, context)
 }
 
-/// Draws `comparison.png`, all particles, the model and its error side by side, and `density.png` into a folder, which is
-/// made where it is missing; gives their paths.
+/// Draws `comparison.png`, all particles, the model and its error side by side, and `density.png` into a folder, which
+/// is made where it is missing; gives their paths.
 ///
 /// # Errors
 /// As [`render_snapshot`].

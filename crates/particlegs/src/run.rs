@@ -18,7 +18,7 @@ const SHARE_AFTER: f64 = 0.1;
 /// ... and its limit in seconds.
 const MOST_AFTER: f64 = 60.0;
 
-/// How a long run is bounded, and what it keeps.
+/// Limits of a long run, and the files that it keeps.
 #[derive(Clone, Default)]
 pub struct RunOptions {
     /// Time limit of the whole run, minutes. Training ends when a tenth of it, at most one minute, is left.
@@ -99,8 +99,8 @@ impl RunOptions {
         }
     }
 
-    /// Does the work with its log and checkpoint, and writes the model to `out`. If it is stopped, the checkpoint stays, and
-    /// an error says so.
+    /// Does the work with its log and checkpoint, and writes the model to `out`. If it is stopped, the checkpoint
+    /// stays, and an error says so.
     fn run(
         &self,
         out: &Path,
@@ -165,8 +165,8 @@ fn checkpoint_path(out: &Path) -> Result<Option<PathBuf>> {
     Ok(Some(PathBuf::from(path)))
 }
 
-/// Compresses a snapshot into a file. A model that is there already is kept if it was made from the same snapshot with the
-/// same options. Training keeps a checkpoint beside the file.
+/// Compresses a snapshot into a file. A model that is there already is kept if it was made from the same snapshot with
+/// the same options. Training keeps a checkpoint beside the file.
 ///
 /// # Errors
 /// As [`crate::compress`]; [`Error::Output`] for a file that may not be replaced; [`Error::Cancelled`], after which the run
@@ -218,8 +218,9 @@ pub fn compress_into(
         Some(_) => run.checkpoint(out, &planned.id())?,
         None => None,
     };
-    let made = run.run(out, checkpoint, context, |checkpoints, context| planned.run(checkpoints, context))?;
-    Ok(ModelOutput { made, existing: false, particles })
+    let compressed_model =
+        run.run(out, checkpoint, context, |checkpoints, context| planned.run(checkpoints, context))?;
+    Ok(ModelOutput { made: compressed_model, existing: false, particles })
 }
 
 fn existing(out: &Path, context: &Context<'_>) -> Result<Vec<u8>> {

@@ -111,7 +111,7 @@ impl Snapshot {
         self
     }
 
-    /// What the files say of themselves.
+    /// Metadata that the files state.
     ///
     /// # Errors
     /// [`Error::Argument`] for particles in memory; those of reading.
@@ -124,9 +124,9 @@ impl Snapshot {
 
     /// Reads the particles: mapped where they lie in their file as they are used, else in memory.
     ///
-    /// While mapped particles are in use, another program must not make their file shorter: reading what is gone ends the
-    /// process (SIGBUS). [`Particles::check_files`], which this library calls before it reads all of them, refuses a file
-    /// that was cut before; [`Particles::in_memory`] copies them.
+    /// While mapped particles are in use, another program must not make their file shorter: reading what is gone ends
+    /// the process (SIGBUS). [`Particles::check_files`], which this library calls before it reads all of them, refuses
+    /// a file that was cut before; [`Particles::in_memory`] copies them.
     ///
     /// # Errors
     /// [`Error::Input`] for a species that there is not, and invalid values; [`Error::Argument`] for a species of

@@ -102,15 +102,15 @@ fn draw(path: &Path) -> Result<()> {
 fn by_run(text: &str) -> Vec<Vec<Value>> {
     let mut runs: Vec<Vec<Value>> = Vec::new();
     for line in text.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()) {
-        let Some(kept) = runs.iter_mut().find(|r| r.first().is_some_and(|f| f["run"] == line["run"])) else {
+        let Some(run_lines) = runs.iter_mut().find(|r| r.first().is_some_and(|f| f["run"] == line["run"])) else {
             runs.push(vec![line]);
             continue;
         };
         let at = |l: &Value| l["iteration"].as_u64().unwrap_or(0);
-        while kept.last().is_some_and(|last| at(last) > at(&line)) {
-            kept.pop();
+        while run_lines.last().is_some_and(|last| at(last) > at(&line)) {
+            run_lines.pop();
         }
-        kept.push(line);
+        run_lines.push(line);
     }
     runs
 }

@@ -1,11 +1,11 @@
-//! What a file says of itself and of its snapshot.
+//! Verification of a file, with or without its snapshot.
 
 use crate::input::{FrameChoice, ModelOrSeries, frame_of_snapshot};
 use crate::{Context, Model, Result, Series, Snapshot, Storage};
 use particlegs_compress::verify::{SeriesVerification, StoredModel, Verification};
 use serde::Serialize;
 
-/// What was verified of a model, or of a series and one of its frames.
+/// Results of the verification of a model, or of a series and one of its frames.
 #[derive(Clone, Debug, Serialize)]
 pub struct FileVerification {
     /// Of the model, or of the frame.
@@ -58,11 +58,11 @@ impl FileVerification {
 }
 
 impl Model {
-    /// Checks what the file says of itself and, with its snapshot, measures its certificate again: in full, or as far as
-    /// the file has one. `seed` draws views where the file has none.
+    /// Checks what the file says of itself and, with its snapshot, measures its certificate again: in full, or as far
+    /// as the file has one. `seed` draws views where the file has none.
     ///
     /// # Errors
-    /// [`crate::Error::Corrupt`]; [`crate::Error::Input`] for another snapshot. What differs is no error here:
+    /// [`crate::Error::Corrupt`]; [`crate::Error::Input`] for another snapshot. A difference is no error here:
     /// [`FileVerification::judge`] makes it one.
     pub fn verify(
         &self,
@@ -84,8 +84,8 @@ impl Series {
         SeriesVerification::new(self.decoder().series(), context)
     }
 
-    /// [`Series::verify`], and [`Model::verify`] of one frame: of this number, or that which was made from the snapshot, or
-    /// the last. The snapshot's frame is then that which the model's was made from.
+    /// [`Series::verify`], and [`Model::verify`] of one frame: of this number, or that which was made from the
+    /// snapshot, or the last. The snapshot's frame is then that which the model's was made from.
     ///
     /// # Errors
     /// As these; [`crate::Error::Differs`] for frames that contradict themselves.

@@ -1,5 +1,5 @@
-//! The rows of tests/options/cases.json: what the library refuses, notes and verifies. `python/tests/test_options.py` runs
-//! the same rows through the command and the Python package.
+//! The rows of tests/options/cases.json: what the library refuses, notes and verifies. `python/tests/test_options.py`
+//! runs the same rows through the command and the Python package.
 
 use particlegs::evaluation::EvaluationViews;
 use particlegs::haloes::{HaloOptions, find_haloes};

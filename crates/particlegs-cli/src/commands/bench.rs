@@ -49,10 +49,10 @@ pub fn run(a: &Arguments) -> Result<()> {
     let output = bench.results()?;
     let context = a.common.clone().start()?;
     context.reads(bench.snapshots.iter().chain(&a.snapshot.topology).map(PathBuf::as_path), false)?;
-    let kept = bench::folder(output, |folder| context.outputs.make_folder(folder))?;
+    let folder = bench::folder(output, |folder| context.outputs.make_folder(folder))?;
     let (choice, read) = (a.snapshot.choice()?, a.snapshot.describe());
-    let found = bench.measure(settings, &kept, (&choice, read.as_deref()), &context)?;
-    context.finish(&found.text, &found.value)
+    let measurements = bench.measure(settings, &folder, (&choice, read.as_deref()), &context)?;
+    context.finish(&measurements.text, &measurements.value)
 }
 
 /// Measures a GPU without a snapshot: the first real one, or that of --device. With --training it also trains by the
@@ -67,12 +67,12 @@ fn gpu(a: &Arguments) -> Result<()> {
     let trainer = particlegs_gpu::GpuAccelerator::new(Arc::clone(&device.device));
     let settings = bench.settings(a.common.seed, Some(Arc::new(trainer)))?;
     let make = |folder: &std::path::Path| context.outputs.make_folder(folder);
-    let kept = bench.output.as_deref().map(|folder| bench::folder(folder, make)).transpose()?;
-    if kept.is_some() {
+    let folder = bench.output.as_deref().map(|folder| bench::folder(folder, make)).transpose()?;
+    if folder.is_some() {
         context.finishes_its_steps();
     }
-    let found = bench.measure_gpu(device, settings, &kept.unwrap_or_default(), &context)?;
-    context.finish(&found.text, &found.value)
+    let measurements = bench.measure_gpu(device, settings, &folder.unwrap_or_default(), &context)?;
+    context.finish(&measurements.text, &measurements.value)
 }
 
 #[cfg(not(feature = "gpu"))]

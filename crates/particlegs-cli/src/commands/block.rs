@@ -51,11 +51,11 @@ pub fn run(a: Arguments) -> Result<()> {
 
 /// Number of a task, from 0, or `env:NAME` for an environment variable.
 pub fn task_number(text: &str) -> Result<u64> {
-    let said = match text.strip_prefix("env:") {
+    let number_text = match text.strip_prefix("env:") {
         None => text.to_string(),
         Some(name) => {
             std::env::var(name).map_err(|_| Error::argument(format!("{text}: the variable {name} is not set")))?
         }
     };
-    said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a number from 0")))
+    number_text.trim().parse().map_err(|_| Error::argument(format!("{text}: `{number_text}` is not a number from 0")))
 }

@@ -51,7 +51,7 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    /// Should particle types share Gaussians, each with a share of every Gaussian?
+    /// Whether particle types share Gaussians, each with a share of every Gaussian.
     ///
     /// This describes types better that lie in the same places, such as gas and dark matter.
     #[arg(long, display_order = LATER, value_name = "auto|yes|no", hide_short_help = true, default_value = "auto", hide_default_value = true)]
@@ -126,11 +126,11 @@ pub fn run(a: Arguments) -> Result<()> {
         context.finishes_its_steps();
     }
     let snapshot = Snapshot::of_files(&a.input, a.particles.choice(a.common.seed)?);
-    let made = compress_into(&snapshot, a.output(), (&options, &run), &context.outputs, &context)?;
-    a.write_pictures(&made.made.model, &made.particles, &context)?;
-    match made.existing {
-        true => report_existing(&a, &made.made, &context),
-        false => report(&a, &context, &made.made, start.elapsed().as_secs_f64()),
+    let model_output = compress_into(&snapshot, a.output(), (&options, &run), &context.outputs, &context)?;
+    a.write_pictures(&model_output.made.model, &model_output.particles, &context)?;
+    match model_output.existing {
+        true => report_existing(&a, &model_output.made, &context),
+        false => report(&a, &context, &model_output.made, start.elapsed().as_secs_f64()),
     }
 }
 
@@ -148,15 +148,15 @@ impl Arguments {
     }
 }
 
-fn report_existing(a: &Arguments, made: &CompressedModel, context: &CommandContext) -> Result<()> {
-    let (model, bytes, place) = (&made.model, &made.bytes, a.output().display().to_string());
+fn report_existing(a: &Arguments, compressed_model: &CompressedModel, context: &CommandContext) -> Result<()> {
+    let (model, bytes, place) = (&compressed_model.model, &compressed_model.bytes, a.output().display().to_string());
     let certificate = model.certificate.as_ref();
     let info = codec::read_info(bytes, &place)?;
     let gaussians = info.gaussians();
-    let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
+    let (words, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
         "{place}: already exists, made from this snapshot with the same options: {} particles -> {gaussians} Gaussians, \
-         {} bytes, {}{told}",
+         {} bytes, {}{words}",
         model.metadata.count,
         bytes.len(),
         info.describe_ratio(),
@@ -168,32 +168,32 @@ fn report_existing(a: &Arguments, made: &CompressedModel, context: &CommandConte
     context.finish(&text, &value)
 }
 
-fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, seconds: f64) -> Result<()> {
-    let info = codec::read_info(&done.bytes, "the file just coded")?;
+fn report(a: &Arguments, context: &CommandContext, compressed_model: &CompressedModel, seconds: f64) -> Result<()> {
+    let info = codec::read_info(&compressed_model.bytes, "the file just coded")?;
     // Species may share Gaussians.
-    let (bytes, gaussians) = (done.bytes.len(), info.gaussians());
+    let (bytes, gaussians) = (compressed_model.bytes.len(), info.gaussians());
     let mut text = format!(
         "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, {}, {seconds:.1} s",
         a.output().display(),
-        done.model.metadata.count,
+        compressed_model.model.metadata.count,
         info.describe_ratio(),
     );
-    text += &run_args::trained(done);
+    text += &run_args::trained(compressed_model);
     if !a.fit.fields.is_empty() {
         text += &info.describe_fields().iter().map(|line| format!("\n  {line}")).collect::<String>();
     }
-    if let Some(goal) = &done.reached {
-        text += &format!("\n{}", info_model::describe_goal(goal, done.model.metadata.units.length_text()));
+    if let Some(goal) = &compressed_model.reached {
+        text += &format!("\n{}", info_model::describe_goal(goal, compressed_model.model.metadata.units.length_text()));
     }
     if a.fit.is_fast() {
         text += "\n--effort fast keeps fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
-    let Model { certificate, metadata, layers } = &done.model;
-    let (told, verdict) = info_model::describe_new_model(certificate.as_ref(), metadata, layers, a.output(), context);
-    text += &told;
-    let mut report = run_args::report(a.output(), done, &verdict, seconds);
+    let Model { certificate, metadata, layers } = &compressed_model.model;
+    let (words, verdict) = info_model::describe_new_model(certificate.as_ref(), metadata, layers, a.output(), context);
+    text += &words;
+    let mut report = run_args::report(a.output(), compressed_model, &verdict, seconds);
     report["particles"] = metadata.count.into();
     report["bytes_per_gaussian"] = (bytes as f64 / gaussians as f64).into();
-    report["goal"] = json!(done.reached);
+    report["goal"] = json!(compressed_model.reached);
     context.finish(&text, &report)
 }

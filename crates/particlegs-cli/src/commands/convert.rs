@@ -83,12 +83,12 @@ pub fn run(a: Arguments) -> Result<()> {
     choice.selection = Some(a.particles.selection.selection(&a.particles.window, context.common.seed)?);
     let start = Instant::now();
     let snapshot = Snapshot::of_files(&a.input, choice);
-    let made = snapshot.convert(&a.output, (a.to.as_deref(), copies), &context.outputs, &context)?;
-    let (seconds, count, megabytes) = (start.elapsed().as_secs_f64(), made.particles, made.bytes as f64 / 1e6);
+    let file = snapshot.convert(&a.output, (a.to.as_deref(), copies), &context.outputs, &context)?;
+    let (seconds, count, megabytes) = (start.elapsed().as_secs_f64(), file.particles, file.bytes as f64 / 1e6);
     let text = format!("{}: {count} particles, {megabytes:.1} MB, in {seconds:.1} s", a.output.display());
     let report = json!({
-        "output": a.output.to_string_lossy(), "particles_in": made.particles_in, "particles": count,
-        "bytes": made.bytes, "seconds": seconds,
+        "output": a.output.to_string_lossy(), "particles_in": file.particles_in, "particles": count,
+        "bytes": file.bytes, "seconds": seconds,
     });
     context.finish(&text, &report)
 }

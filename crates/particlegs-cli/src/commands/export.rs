@@ -156,17 +156,17 @@ pub fn run(a: Arguments) -> Result<()> {
         opening,
         link: a.link,
     };
-    let made = match content {
+    let export = match content {
         ModelOrSeries::Model(model) => model.export(&a.output, &options, &context.outputs, &context)?,
         ModelOrSeries::Series(series) => series.export(&a.output, &options, &context.outputs, &context)?,
     };
-    let (out, megabytes, seconds) = (a.output.display(), made.bytes as f64 / 1e6, start.elapsed().as_secs_f64());
-    let text = format!("{out}: {}, {megabytes:.1} MB, in {seconds:.2} s", made.content);
+    let (out, megabytes, seconds) = (a.output.display(), export.bytes as f64 / 1e6, start.elapsed().as_secs_f64());
+    let text = format!("{out}: {}, {megabytes:.1} MB, in {seconds:.2} s", export.content);
     let mut report = json!({
-        "output": a.output.to_string_lossy(), "kind": kind.ending(), "gaussians": made.gaussians, "bytes": made.bytes,
-        "seconds": seconds, "lost": made.lost,
+        "output": a.output.to_string_lossy(), "kind": kind.ending(), "gaussians": export.gaussians,
+        "bytes": export.bytes, "seconds": seconds, "lost": export.lost,
     });
-    report.as_object_mut().into_iter().for_each(|r| r.extend(made.figures.as_object().cloned().unwrap_or_default()));
+    report.as_object_mut().into_iter().for_each(|r| r.extend(export.figures.as_object().cloned().unwrap_or_default()));
     context.finish(&text, &report)
 }
 

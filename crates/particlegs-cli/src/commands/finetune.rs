@@ -89,9 +89,9 @@ pub fn run(a: Arguments) -> Result<()> {
     context.finishes_its_steps();
     let model = Model::open_frame(path, &FrameChoice::Last, &context)?;
     let snapshot = Snapshot::of_files(&a.snapshot, a.particles.choice(a.common.seed)?);
-    let done = model.finetune_into(&snapshot, out, (&options, &run), &context.outputs, &context)?;
+    let new_model = model.finetune_into(&snapshot, out, (&options, &run), &context.outputs, &context)?;
     let (gaussians, size) = (model.decoded().gaussians(), model.bytes().len() as u64);
-    report(out, &context, gaussians, size, &done, start.elapsed().as_secs_f64())
+    report(out, &context, gaussians, size, &new_model, start.elapsed().as_secs_f64())
 }
 
 fn report(
@@ -99,21 +99,21 @@ fn report(
     context: &CommandContext,
     gaussians_in: usize,
     bytes_in: u64,
-    done: &CompressedModel,
+    new_model: &CompressedModel,
     seconds: f64,
 ) -> Result<()> {
-    let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
-    let ratio = done.model.raw_bytes() as f64 / bytes as f64;
+    let (bytes, gaussians) = (new_model.bytes.len(), new_model.model.gaussians());
+    let ratio = new_model.model.raw_bytes() as f64 / bytes as f64;
     let mut text = format!(
         "{}: {gaussians_in} -> {gaussians} Gaussians, {bytes_in} -> {bytes} bytes, ratio {ratio:.1}, in {seconds:.2} s",
         out.display()
     );
-    text += &run_args::trained(done);
-    let certificate = done.model.certificate.as_ref();
-    let (told, verdict) =
-        info_model::describe_new_model(certificate, &done.model.metadata, &done.model.layers, out, context);
-    text += &told;
-    let mut report = run_args::report(out, done, &verdict, seconds);
+    text += &run_args::trained(new_model);
+    let certificate = new_model.model.certificate.as_ref();
+    let (words, verdict) =
+        info_model::describe_new_model(certificate, &new_model.model.metadata, &new_model.model.layers, out, context);
+    text += &words;
+    let mut report = run_args::report(out, new_model, &verdict, seconds);
     report["gaussians_in"] = gaussians_in.into();
     report["model_bytes_in"] = bytes_in.into();
     context.finish(&text, &report)

@@ -85,8 +85,8 @@ pub struct Arguments {
 
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let read = [&a.input].into_iter().chain(&a.truth).chain(&a.snapshot.topology);
-    context.reads(read.map(PathBuf::as_path), a.force.force)?;
+    let input_paths = [&a.input].into_iter().chain(&a.truth).chain(&a.snapshot.topology);
+    context.reads(input_paths.map(PathBuf::as_path), a.force.force)?;
     let files = HaloFiles { catalogue: &a.output, mass_functions: &a.mass_function };
     files.declare(&context.outputs, &context)?;
     let options = HaloOptions {

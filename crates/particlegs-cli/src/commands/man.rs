@@ -26,8 +26,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let outputs = Outputs::new(false);
     outputs.make_folder(&a.folder)?;
     // The pages also describe options that only `--help` shows.
-    let shown = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));
-    let mut program = crate::Cli::command().mut_subcommands(shown);
+    let with_all_options = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));
+    let mut program = crate::Cli::command().mut_subcommands(with_all_options);
     program.build();
     for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
         let title = format!("{}-{}", program.get_name(), command.get_name());

@@ -73,13 +73,13 @@ pub fn run(a: Arguments) -> Result<()> {
     plan_recovery(&a.output, &options, &context.outputs, &context)?;
     let start = Instant::now();
     let model = Model::open_frame(&a.model, &a.series.choice(), &context)?;
-    let made = model.recover_into(&a.output, (&options, &a.layer), &context.outputs, &context)?;
+    let file = model.recover_into(&a.output, (&options, &a.layer), &context.outputs, &context)?;
     let output = a.output.display();
-    if made.bytes == 0 {
+    if file.bytes == 0 {
         let text = format!("{output}: already exists, drawn from this model with the same options");
         return context.finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
-    let (particles, bytes, seconds) = (made.particles, made.bytes, start.elapsed().as_secs_f64());
+    let (particles, bytes, seconds) = (file.particles, file.bytes, start.elapsed().as_secs_f64());
     let text = format!("{output}: {particles} synthetic particles, {:.1} MB, in {seconds:.2} s", bytes as f64 / 1e6);
     let report = json!({
         "output": a.output.to_string_lossy(), "synthetic": true, "method": options.method.name(), "particles": particles,

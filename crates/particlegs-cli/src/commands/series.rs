@@ -71,15 +71,15 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     context.reads(a.input.iter().chain(&choice.topology).map(PathBuf::as_path), replace)?;
     context.writes(&a.output, &SERIES_FILE)?;
-    let made = make_series(&a.input, &choice, &a.output, &options, &context)?;
+    let series = make_series(&a.input, &choice, &a.output, &options, &context)?;
     let (output, seconds) = (a.output.display(), start.elapsed().as_secs_f64());
-    let (frames, keyframes) = (made.frames.len(), made.frames.iter().filter(|f| f.keyframe).count());
-    let gaps = if made.missing.is_empty() { String::new() } else { format!(", {} missing", made.missing.len()) };
+    let (frames, keyframes) = (series.frames.len(), series.frames.iter().filter(|f| f.keyframe).count());
+    let gaps = if series.missing.is_empty() { String::new() } else { format!(", {} missing", series.missing.len()) };
     let text = format!(
         "{output}: {frames} frames, {keyframes} of them keyframes{gaps}, {} bytes, ratio {:.1}, {seconds:.1} s",
-        made.series_bytes, made.compression_ratio,
+        series.series_bytes, series.compression_ratio,
     );
-    let mut report = json!(made);
+    let mut report = json!(series);
     report["output"] = a.output.to_string_lossy().into();
     report["seconds"] = seconds.into();
     context.finish(&text, &report)

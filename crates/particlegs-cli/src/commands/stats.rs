@@ -185,10 +185,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let truth = open(&a.truth, other)?;
     let place = (truth.side().subject.unit_system(), truth.side().subject.cell());
     let centers = list.map(|(path, list)| list.placed(path, place, &context)).transpose()?;
-    let compared = open(other, &a.truth)?;
+    let other_input = open(other, &a.truth)?;
     options.centers = centers;
     let [of_truth, of_other] = [&a.truth, other].map(|path| path.display().to_string());
-    let mut report = StatsReport::new((truth.side(), &of_truth), (compared.side(), &of_other), &options, &context)?;
+    let mut report = StatsReport::new((truth.side(), &of_truth), (other_input.side(), &of_other), &options, &context)?;
     report.length_unit = a.snapshot.length_unit.clone().or(report.length_unit);
     report.write(&a.out, a.plots(), &context.outputs, &context)?;
     context.finish(&report.text(), &report)

@@ -22,17 +22,17 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads_job(&a.job, &[], false)?;
     let status = job.status()?;
     let parts = |states: &[State]| {
-        let of = |state| {
-            let found = states.iter().enumerate().filter(|s| *s.1 == state).map(|s| s.0.to_string());
-            found.collect::<Vec<_>>()
+        let numbers_in = |state| {
+            let numbers = states.iter().enumerate().filter(|s| *s.1 == state).map(|s| s.0.to_string());
+            numbers.collect::<Vec<_>>()
         };
-        let mut text = format!("{} of {} done", of(State::Done).len(), states.len());
+        let mut text = format!("{} of {} done", numbers_in(State::Done).len(), states.len());
         for (state, name) in [(State::Checkpointed, "interrupted, with a checkpoint"), (State::Missing, "to do")] {
-            let found = of(state);
-            if !found.is_empty() {
-                let more = if found.len() > 12 { ", ..." } else { "" };
-                let first = found.iter().take(12).cloned().collect::<Vec<_>>().join(", ");
-                text += &format!("; {} {name} ({first}{more})", found.len());
+            let numbers = numbers_in(state);
+            if !numbers.is_empty() {
+                let more = if numbers.len() > 12 { ", ..." } else { "" };
+                let first = numbers.iter().take(12).cloned().collect::<Vec<_>>().join(", ");
+                text += &format!("; {} {name} ({first}{more})", numbers.len());
             }
         }
         text

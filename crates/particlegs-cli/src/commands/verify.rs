@@ -59,15 +59,15 @@ pub fn run(mut a: Arguments) -> Result<()> {
         true => None,
         false => Some(Snapshot::of_files(&a.snapshot, a.particles.choice(a.common.seed)?)),
     };
-    let verified = content.verify(snapshot.as_ref(), frame, (a.full, a.common.seed), &context)?;
-    let verdict = verified.judge();
+    let verification = content.verify(snapshot.as_ref(), frame, (a.full, a.common.seed), &context)?;
+    let verdict = verification.judge();
     if let (true, Ok(()), ModelOrSeries::Model(model)) = (a.store, &verdict, &content) {
-        let certified = model.with_certificate(verified.model.measured_again.as_ref())?;
+        let certified = model.with_certificate(verification.model.measured_again.as_ref())?;
         write_bytes(&a.model, certified.bytes())?;
-        context.message(&format!("{}: stored the measured certificate", verified.place));
+        context.message(&format!("{}: stored the measured certificate", verification.place));
     }
     let mut of_series = String::new();
-    if let (Some(all), ModelOrSeries::Series(series)) = (&verified.series, &content) {
+    if let (Some(all), ModelOrSeries::Series(series)) = (&verification.series, &content) {
         let (place, bytes, keyframes) = (series.name(), series.bytes().len(), all.keyframes);
         let missing = match all.frames - all.there.len() {
             0 => String::new(),
@@ -78,7 +78,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
             all.frames
         );
     }
-    context.finish((of_series + &text(&verified)).trim_end(), &verified)?;
+    context.finish((of_series + &text(&verification)).trim_end(), &verification)?;
     verdict
 }
 
@@ -108,11 +108,11 @@ fn text(file: &FileVerification) -> String {
         }
         (None, None) => {}
     }
-    for [name, stored, found] in &r.source_differences {
-        text += &format!("{name}: {stored} in the file, {found} in the snapshot: differs\n");
+    for [name, stored, actual] in &r.source_differences {
+        text += &format!("{name}: {stored} in the file, {actual} in the snapshot: differs\n");
     }
-    for (what, lines) in [("impossible", &r.contradictions), ("suspicious", &r.doubts)] {
-        lines.iter().for_each(|line| text += &format!("{what}: {line}\n"));
+    for (kind, lines) in [("impossible", &r.contradictions), ("suspicious", &r.doubts)] {
+        lines.iter().for_each(|line| text += &format!("{kind}: {line}\n"));
     }
     match (&r.measured_again, &r.stored) {
         (None, Some(_)) => text + "verdict: not verified; name the snapshot to measure it again\n",
@@ -136,13 +136,13 @@ fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     let job = Job::open(&a.model)?;
     context.reads_job(&a.model, job.snapshot_paths(), false)?;
     let status = job.verify(context)?;
-    let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
+    let done_count = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(
         "{}: intact: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are done",
         a.model.display(),
-        done(&status.chunks),
+        done_count(&status.chunks),
         status.chunks.len(),
-        done(&status.blocks),
+        done_count(&status.blocks),
         status.blocks.len()
     );
     context.finish(&text, &status)

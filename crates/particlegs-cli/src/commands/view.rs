@@ -91,12 +91,12 @@ pub fn run(mut a: Arguments) -> Result<()> {
     )?;
     let server = listen(&a, &context)?;
     let one_frame = !a.particles.is_empty() || a.snapshot.frame.is_some();
-    let mut viewed = ModelFiles::read(&a.models, one_frame.then_some(&mut a.snapshot), &context)?;
-    let opening = a.page.opening(&a.dials, &a.layers, &viewed.infos(), &context)?;
-    let particles = a.particles(&context)?.map(|p| viewed.in_units(p, &context)).transpose()?;
+    let mut model_files = ModelFiles::read(&a.models, one_frame.then_some(&mut a.snapshot), &context)?;
+    let opening = a.page.opening(&a.dials, &a.layers, &model_files.infos(), &context)?;
+    let particles = a.particles(&context)?.map(|p| model_files.in_units(p, &context)).transpose()?;
     let reference = particles.as_ref().map(Reference::new);
     let truth = reference.as_ref().map(|r| (a.named(r), r));
-    announce(&a, &server, &viewed, truth.as_ref().map(|t| &t.0), &context)?;
+    announce(&a, &server, &model_files, truth.as_ref().map(|t| &t.0), &context)?;
     if !a.no_open {
         open(&server, &context)?;
     }
@@ -108,9 +108,9 @@ pub fn run(mut a: Arguments) -> Result<()> {
     };
     // From here on the page shows the progress.
     let context = context.without_progress();
-    let has_poster = viewed.has_poster(&opening);
-    let models = viewed.take_files();
-    let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
+    let has_poster = model_files.has_poster(&opening);
+    let models = model_files.take_files();
+    let poster = |bytes: &[u8]| model_files.poster(bytes, &context, &tell);
     let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> = if has_poster { Some(&poster) } else { None };
     server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&describe(&event)))
 }
@@ -167,7 +167,7 @@ impl Arguments {
 fn announce(
     a: &Arguments,
     server: &Server,
-    viewed: &ModelFiles,
+    model_files: &ModelFiles,
     snapshot: Option<&Snapshot>,
     context: &CommandContext,
 ) -> Result<()> {
@@ -185,7 +185,7 @@ fn announce(
         text += &format!("\nOn your own machine, run this and then open the address there:\n{ssh}");
     }
     text += "\nPress Ctrl-C to stop.";
-    let models: Vec<_> = viewed.names().map(|(name, n)| json!({ "name": name, "gaussians": n })).collect();
+    let models: Vec<_> = model_files.names().map(|(name, n)| json!({ "name": name, "gaussians": n })).collect();
     let report = json!({
         "url": url, "url_elsewhere": elsewhere, "host": a.host, "port": server.port(), "token": server.token(), "ssh": ssh,
         "models": models, "snapshot": snapshot.map(|s| json!({ "name": s.name, "particles": s.particles })),

@@ -83,8 +83,11 @@ fn particles_are_recovered_by_opacity() {
         let p = Particles::open_raw(&[dir.at(method)]).unwrap();
         assert_eq!(p.len(), 262_144);
         let from = &dir.json(&format!("{method}/meta.json"))["recovered_from"];
-        let own = !["volume", "grid"].contains(&method);
-        assert_eq!((&from["law"], &from["each_gaussian_has_its_own_count"]), (&"alpha-blend".into(), &own.into()));
+        let has_own_counts = !["volume", "grid"].contains(&method);
+        assert_eq!(
+            (&from["law"], &from["each_gaussian_has_its_own_count"]),
+            (&"alpha-blend".into(), &has_own_counts.into())
+        );
     }
     let meta = dir.json("count/meta.json");
     let supports: Vec<&str> = meta["supports"].as_array().unwrap().iter().filter_map(Value::as_str).collect();

@@ -46,9 +46,9 @@ fn results_are_written_and_continued() {
     assert_eq!(csv.lines().count(), 13, "{csv}");
 
     // Cached results are used again: the same pages, and nothing new in the cache.
-    let kept = listing(&dir.at("out/kept"));
+    let cache_files = listing(&dir.at("out/kept"));
     dir.runs(&words);
-    assert_eq!((page, kept), (read("report.html"), listing(&dir.at("out/kept"))));
+    assert_eq!((page, cache_files), (read("report.html"), listing(&dir.at("out/kept"))));
 }
 
 #[test]
@@ -94,6 +94,6 @@ fn options_without_effect_on_a_gpu_are_refused() {
 fn experiments_are_listed_as_data() {
     let dir = TestFolder::new();
     dir.runs("bench list --json list.json");
-    let told = dir.json("list.json");
-    assert!(told.as_array().is_some_and(|all| all.len() > 5 && all[0]["name"].is_string()), "{told}");
+    let experiments = dir.json("list.json");
+    assert!(experiments.as_array().is_some_and(|all| all.len() > 5 && all[0]["name"].is_string()), "{experiments}");
 }

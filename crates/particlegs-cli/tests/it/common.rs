@@ -215,10 +215,10 @@ pub fn wait_for_bytes(child: &std::process::Child, bytes: u64) {
 }
 
 /// Polls every millisecond, for at most a minute.
-pub fn waited(what: &str, mut ready: impl FnMut() -> bool) {
+pub fn waited(event: &str, mut ready: impl FnMut() -> bool) {
     let start = std::time::Instant::now();
     while !ready() {
-        assert!(start.elapsed().as_secs() < 60, "waited a minute for {what}");
+        assert!(start.elapsed().as_secs() < 60, "waited a minute for {event}");
         std::thread::sleep(std::time::Duration::from_millis(1));
     }
 }

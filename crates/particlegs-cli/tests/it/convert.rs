@@ -26,30 +26,30 @@ fn the_same_sample_for_any_number_of_threads() {
 #[test]
 fn fields_ids_and_float64_are_carried() {
     let dir = TestFolder::new();
-    let told = |words: &str| {
-        let [_, told] = dir.runs(words);
-        told
+    let notes_of = |words: &str| {
+        let [_, notes] = dir.runs(words);
+        notes
     };
     // Ids beyond 2^53, by way of HDF5, VTK and text.
-    assert!(!told("convert FIXTURES/../data/tables/positions.hdf5 -o a.hdf5").contains("cannot store"));
-    told("convert a.hdf5 -o b.vtp");
-    told("convert b.vtp -o c.dump");
+    assert!(!notes_of("convert FIXTURES/../data/tables/positions.hdf5 -o a.hdf5").contains("cannot store"));
+    notes_of("convert a.hdf5 -o b.vtp");
+    notes_of("convert b.vtp -o c.dump");
     let rows = dir.text("c.dump");
     assert!(rows.contains("\n1152921504606846977 1 0.75 1.0 1.25\n"), "{rows}");
     // Float64 and velocities of a table, part of a table, and fields that the format cannot store.
     let row = |i: u32| format!("{},{},3.25,{i},{},-1.5,{}\n", 0.1 + f64::from(i), i, 2 * i, 7 * i);
     dir.write("t.csv", format!("x,y,z,vx,vy,vz,id\n{}", (0..9).map(row).collect::<String>()));
-    told("convert t.csv -o a.hdf5 --every 4 --force");
+    notes_of("convert t.csv -o a.hdf5 --every 4 --force");
     let info = dir.says("info a.hdf5").to_string();
     assert!(info.contains("Velocities") && info.contains("ParticleIDs"), "{info}");
-    told("convert a.hdf5 -o c.dump --force");
+    notes_of("convert a.hdf5 -o c.dump --force");
     let rows = dir.text("c.dump");
     for row in ["ATOMS id type x y z vx vy vz\n", "\n28 1 4.1 4.0 3.25 4.0 8.0 -1.5\n"] {
         assert!(rows.contains(row), "{rows}");
     }
-    let npy = told("convert t.csv -o p.npy");
+    let npy = notes_of("convert t.csv -o p.npy");
     assert!(npy.contains("note: NumPy array of shape (N, 3) cannot store: vx, vy, vz, id"), "{npy}");
-    let compressed = told("compress t.csv -o m.pgs --gaussians 2");
+    let compressed = notes_of("compress t.csv -o m.pgs --gaussians 2");
     assert!(compressed.contains("note: the model omits these fields: vx, vy, vz, id"), "{compressed}");
 }
 
@@ -89,11 +89,11 @@ fn compare_lists_files_that_it_cannot_score() {
     write(&a, "far_00.png", 16, 100);
     write(&b, "far_00.png", 16, 110);
     write(&a, "alone.png", 16, 0);
-    let done = dir.command("compare a b --json -").assert().success();
-    let c: serde_json::Value = serde_json::from_slice(&done.get_output().stdout).unwrap();
+    let outcome = dir.command("compare a b --json -").assert().success();
+    let c: serde_json::Value = serde_json::from_slice(&outcome.get_output().stdout).unwrap();
     assert!((c["views"][0]["psnr"].as_f64().unwrap() - 28.13).abs() < 0.01);
     assert_eq!((c["views"][0]["name"].as_str(), c["only_in_a"][0].as_str()), (Some("far_00"), Some("alone")));
-    assert!(String::from_utf8_lossy(&done.get_output().stderr).contains("alone"));
+    assert!(String::from_utf8_lossy(&outcome.get_output().stderr).contains("alone"));
     write(&b, "alone.png", 17, 0);
     let failed = dir.command("compare a b").assert().failure().code(3);
     assert!(String::from_utf8_lossy(&failed.get_output().stdout).contains("28.13 dB"));

@@ -69,10 +69,10 @@ fn fields_are_compressed_listed_and_recovered_with_positions() {
 
     let names = ["velocity_x", "velocity_y", "velocity_z", "temperature"];
     dir.runs("recover all.pgs -o drawn");
-    let drawn = sums(&dir.at("drawn"), &names);
+    let drawn_sums = sums(&dir.at("drawn"), &names);
     let was = sums(&dir.at("snap"), &["vx", "vy", "vz", "temperature"]);
-    for (a, b) in drawn.iter().zip(&was) {
-        assert!((a - b).abs() < 5.0 * COUNT as f64, "{drawn:?} {was:?}");
+    for (a, b) in drawn_sums.iter().zip(&was) {
+        assert!((a - b).abs() < 5.0 * COUNT as f64, "{drawn_sums:?} {was:?}");
     }
     let squares = |folder: &str, name: &str| read(&dir.at(folder), name).iter().map(|v| v * v).sum::<f64>();
     for (ours, theirs) in [("velocity_x", "vx"), ("velocity_y", "vy"), ("velocity_z", "vz")] {
@@ -96,19 +96,19 @@ fn fields_are_compressed_listed_and_recovered_with_positions() {
 fn the_ratio_is_one_number_everywhere() {
     let dir = TestFolder::new();
     snapshot(&dir.at("in"));
-    let made = "compress in -o m.pgs --ratio 20 --fields velocity --effort fast --certificate none";
-    let [text, _] = dir.runs(&format!("{made} --json made.json"));
-    let (made, info) = (dir.json("made.json"), dir.says("info m.pgs"));
+    let command = "compress in -o m.pgs --ratio 20 --fields velocity --effort fast --certificate none";
+    let [text, _] = dir.runs(&format!("{command} --json made.json"));
+    let (report, info) = (dir.json("made.json"), dir.says("info m.pgs"));
     for key in ["raw_bytes", "compression_ratio"] {
-        assert_eq!(made[key], info[key], "{key}");
+        assert_eq!(report[key], info[key], "{key}");
     }
     let (ratio, bytes) = (info["compression_ratio"].as_f64().unwrap(), dir.bytes("m.pgs").len() as f64);
     assert_eq!(info["raw_bytes"].as_f64().unwrap() / bytes, ratio);
     assert!(text.contains(&format!("ratio {ratio:.1} with fields (19.")), "{text}");
     let again = dir.says("compress in -o m.pgs --ratio 20 --fields velocity --effort fast --certificate none");
     assert_eq!((&again["there_already"], &again["compression_ratio"]), (&true.into(), &info["compression_ratio"]));
-    let scored = dir.says("eval m.pgs in --frames 1 --size 64x36");
-    assert_eq!(scored["compression_ratio"], info["compression_ratio"]);
+    let scores = dir.says("eval m.pgs in --frames 1 --size 64x36");
+    assert_eq!(scores["compression_ratio"], info["compression_ratio"]);
 }
 
 #[test]
@@ -139,9 +139,9 @@ fn blocks_and_threads_do_not_change_what_fields_are() {
         let (mut sum, mut square) = (0.0, 0.0);
         for i in 0..g.len() {
             let slope = [0, 1, 2].map(|k| f.slope[0][k][i]);
-            let own = g.cov_of(i).quadratic(slope) + f.spread[0][i];
+            let variance = g.cov_of(i).quadratic(slope) + f.spread[0][i];
             sum += g.count[i] * f.mean[0][i];
-            square += g.count[i] * (f.mean[0][i] * f.mean[0][i] + own);
+            square += g.count[i] * (f.mean[0][i] * f.mean[0][i] + variance);
         }
         (sum, square, g.len())
     };
@@ -159,9 +159,9 @@ fn each_field_has_its_verdict() {
     let [text, _] = dir.runs(&format!("compress snap -o m.pgs {fit}"));
     assert!(text.contains("\n  field           holds          velocity: "), "{text}");
     let info = dir.says("info m.pgs");
-    let found: Vec<&serde_json::Value> =
+    let findings: Vec<&serde_json::Value> =
         info["verdict"].as_array().unwrap().iter().filter(|f| f["use"] == "field").collect();
-    assert!(found.len() == 2 && found[1]["why"].as_str().unwrap().starts_with("temperature: "), "{found:?}");
+    assert!(findings.len() == 2 && findings[1]["why"].as_str().unwrap().starts_with("temperature: "), "{findings:?}");
     // Bulk motions of 150 along x and 30 along z, noise of 20.
     let velocity = &info["certificate"]["fields"]["each"][0];
     let [signal, error] = ["signal", "error"].map(|name| velocity[name].as_f64().unwrap());
@@ -206,8 +206,8 @@ fn maps_of_a_model_are_those_of_its_particles() {
     let both: Vec<(f64, f64)> = both.into_iter().filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
     let off = both.iter().map(|(a, b)| (a - b).abs()).sum::<f64>() / both.len() as f64;
     assert!(both.len() > 300 && off < 20.0, "{} pixels, {off}", both.len());
-    let told = dir.json("model/view.json");
-    assert_eq!(told["quantity"], "velocity along x");
+    let description = dir.json("model/view.json");
+    assert_eq!(description["quantity"], "velocity along x");
     // Seen along x, what moves to the right moves away; subtracting the mean shifts all alike.
     let along_x = "--azimuth 90 --projection orthographic --center 0,0,0 --width 8 --size 20x20 --raw";
     dir.runs(&format!("render m.pgs --field velocity.los {along_x} -o los"));
@@ -224,7 +224,7 @@ fn maps_of_a_model_are_those_of_its_particles() {
     dir.fails("render m.pgs --shade -o no.png", 2, "--shade has no effect here; it applies to maps of a field");
     dir.runs("render m.pgs --field dispersion.los --turntable 3 --size 64x48 -o frames");
     dir.runs("reference snap --field dispersion.temperature --size 64x48 --background white -o d.pdf");
-    for (options, what) in [
+    for (options, message) in [
         ("--field velocity", "field `velocity` is a vector"),
         ("--field entropy", "the model has no field `entropy`"),
         ("--field temperature --bulk mean", "a bulk motion is subtracted from a vector"),
@@ -234,7 +234,7 @@ fn maps_of_a_model_are_those_of_its_particles() {
         ("--field temperature --range=5,1", "the range of colours takes LO,HI"),
         ("--field temperature --scale log --range=-5,1", "both positive on a logarithmic scale"),
     ] {
-        dir.fails(&format!("render m.pgs {options} -o no.png"), 2, what);
+        dir.fails(&format!("render m.pgs {options} -o no.png"), 2, message);
     }
     dir.fails("reference snap --field speed -o no.png", 2, "the snapshot has no field `speed`");
 }
@@ -254,12 +254,16 @@ fn joint_histograms_compare_two_fields() {
         text.contains(": temperature and log pressure") && text.contains("% of the mass is in other cells"),
         "{text}"
     );
-    let found = dir.json("s/stats.json");
-    let own = &found["joint"][0];
-    assert_eq!(own["logarithmic"], serde_json::json!([false, true]));
-    let number = |name: &str| own[name].as_f64().unwrap();
+    let stats = dir.json("s/stats.json");
+    let distribution = &stats["joint"][0];
+    assert_eq!(distribution["logarithmic"], serde_json::json!([false, true]));
+    let number = |name: &str| distribution[name].as_f64().unwrap();
     assert!(number("difference") < 0.3 && number("noise") > 0.01, "{} {}", number("difference"), number("noise"));
-    assert!(own["correlation"].as_array().unwrap().iter().all(|r| r.as_f64().unwrap() > 0.9), "{}", own["correlation"]);
+    assert!(
+        distribution["correlation"].as_array().unwrap().iter().all(|r| r.as_f64().unwrap() > 0.9),
+        "{}",
+        distribution["correlation"]
+    );
     assert_eq!(dir.text("s/joint.csv").lines().count(), 65);
     for ending in ["png", "svg", "pdf"] {
         assert!(dir.at(&format!("s/joint.{ending}")).is_file(), "{ending}");
@@ -307,17 +311,17 @@ fn temperatures_are_computed_from_energies_and_described_by_logarithms() {
     snapshot(&dir.at("gas"));
     let place = read(&dir.at("gas"), "xx");
     std::fs::remove_file(dir.at("gas").join("temperature.f32")).unwrap();
-    let of = |f: &dyn Fn(usize) -> f64| (0..COUNT).map(|i| f(i) as f32).collect::<Vec<f32>>();
+    let array_of = |f: &dyn Fn(usize) -> f64| (0..COUNT).map(|i| f(i) as f32).collect::<Vec<f32>>();
     let is_hot = |i: usize| place[i] > 0.0;
-    let electrons = of(&|i| if is_hot(i) { 1.158 } else { 0.0 });
-    let energy = of(&|i| if is_hot(i) { 2e4 } else { 50.0 } * (0.4 * Random::new(5, 0, i as u64).normal()).exp());
-    let rate = of(&|i| f64::from(u8::from(is_hot(i) && i % 10 == 0)));
+    let electrons = array_of(&|i| if is_hot(i) { 1.158 } else { 0.0 });
+    let energy = array_of(&|i| if is_hot(i) { 2e4 } else { 50.0 } * (0.4 * Random::new(5, 0, i as u64).normal()).exp());
+    let rate = array_of(&|i| f64::from(u8::from(is_hot(i) && i % 10 == 0)));
     for (name, column) in [("InternalEnergy", &energy), ("ElectronAbundance", &electrons), ("StarFormationRate", &rate)]
     {
         write(&dir.at("gas"), name, column);
     }
     // T = 2/3 u mu m_p / k_B, with mu = 4 / (1 + 3 X + 4 X x_e).
-    let kelvin = of(&|i| {
+    let kelvin = array_of(&|i| {
         let (u, x) = (f64::from(energy[i]), f64::from(electrons[i]));
         2.0 / 3.0 * u * 121.147 * 4.0 / (3.28 + 3.04 * x)
     });
@@ -332,17 +336,22 @@ fn temperatures_are_computed_from_energies_and_described_by_logarithms() {
         let field = g.fields.get("temperature").unwrap();
         let total: f64 = (0..g.len()).map(|i| g.count[i] * field.overall_value(0, i, &g.cov_of(i))).sum();
         let truth = (0..COUNT).map(|i| match of_forming {
-            Some(own) if rate[i] > 0.0 => own,
+            Some(temperature) if rate[i] > 0.0 => temperature,
             _ => f64::from(kelvin[i]),
         });
-        let there: Vec<f64> = truth.filter(|v| !v.is_nan()).collect();
-        let mean = there.iter().sum::<f64>() / there.len() as f64;
+        let temperatures: Vec<f64> = truth.filter(|v| !v.is_nan()).collect();
+        let mean = temperatures.iter().sum::<f64>() / temperatures.len() as f64;
         assert!((total / COUNT as f64 / mean - 1.0).abs() < 1e-4, "{choice}: {total} {mean}");
         dir.runs(&format!("recover m{k}.pgs -o drawn{k}"));
-        let drawn = read(&dir.at(&format!("drawn{k}")), "temperature");
+        let drawn_values = read(&dir.at(&format!("drawn{k}")), "temperature");
         let above = |all: &[f64]| all.iter().filter(|v| **v > 1e5).count() as f64 / all.len() as f64;
-        assert!((above(&drawn) / above(&there) - 1.0).abs() < 0.1, "{choice}: {} {}", above(&drawn), above(&there));
-        let ratio = drawn.iter().sum::<f64>() / COUNT as f64 / mean;
+        assert!(
+            (above(&drawn_values) / above(&temperatures) - 1.0).abs() < 0.1,
+            "{choice}: {} {}",
+            above(&drawn_values),
+            above(&temperatures)
+        );
+        let ratio = drawn_values.iter().sum::<f64>() / COUNT as f64 / mean;
         assert!((ratio - 1.0).abs() < 0.05, "{choice}: {ratio}");
     }
     dir.runs("simplify m0.pgs -o small.pgs --gaussians 20");
@@ -363,8 +372,8 @@ fn sums_such_as_charges_are_drawn_per_area_and_recovered() {
     assert!(dir.model("m.pgs").metadata.fields[0].extensive);
     let total: f64 = charge.iter().map(|v| f64::from(*v)).sum();
     dir.runs("recover m.pgs -o drawn");
-    let drawn: f64 = read(&dir.at("drawn"), "q").iter().sum();
-    assert!((drawn - total).abs() < 0.05 * COUNT as f64, "{drawn} {total}");
+    let drawn_total: f64 = read(&dir.at("drawn"), "q").iter().sum();
+    assert!((drawn_total - total).abs() < 0.05 * COUNT as f64, "{drawn_total} {total}");
     let view = "--field q --projection orthographic --center 0,0,0 --width 16 --size 80x80 --raw";
     for (command, folder) in [("render m.pgs", "model"), ("reference ions", "truth")] {
         dir.runs(&format!("{command} -o {folder} {view}"));
@@ -398,8 +407,8 @@ fn grids_have_the_means_of_fields_in_their_cells() {
     let vti = dir.makes("export m.pgs -o g.vti --grid 40 --fields all -q");
     let report = dir.says("export m.pgs -o g.fits --grid 12 --fields Temperature,velocity");
     assert_eq!(report["grid"]["fields"][0]["name"], "temperature");
-    let told = String::from_utf8_lossy(&vti).into_owned();
-    assert!(told.contains("Name=\"velocity\" NumberOfComponents=\"3\"") && !told.contains("the fields:"));
+    let vti_text = String::from_utf8_lossy(&vti).into_owned();
+    assert!(vti_text.contains("Name=\"velocity\" NumberOfComponents=\"3\"") && !vti_text.contains("the fields:"));
     let density = appended(&vti, "density");
     // What cells have adds up to what particles have, but for the thousandth that lies beyond the open grid.
     let mut dispersions = appended(&vti, "dispersion_velocity").into_iter().filter(|v| v.is_finite());
@@ -408,8 +417,8 @@ fn grids_have_the_means_of_fields_in_their_cells() {
     let was = sums(&dir.at("snap"), &["vx", "vy", "vz"]);
     let total: f64 = density.iter().sum();
     for k in 0..3 {
-        let of = |i: usize| density[i] * velocity[3 * i + k];
-        let mean = (0..density.len()).map(of).filter(|v| v.is_finite()).sum::<f64>() / total;
+        let momentum = |i: usize| density[i] * velocity[3 * i + k];
+        let mean = (0..density.len()).map(momentum).filter(|v| v.is_finite()).sum::<f64>() / total;
         assert!((mean - was[k] / COUNT as f64).abs() < 1.0, "{k}: {mean} {}", was[k] / COUNT as f64);
     }
     let fits = dir.bytes("g.fits");
@@ -419,11 +428,11 @@ fn grids_have_the_means_of_fields_in_their_cells() {
     let axes = ["x", "y", "z"].map(|k| [format!("velocity_{k}"), format!("dispersion_velocity_{k}")]);
     let expected = ["temperature".to_string(), "dispersion_temperature".to_string()];
     assert_eq!(names, [&expected[..], axes.as_flattened()].concat());
-    for (options, what) in [
+    for (options, message) in [
         ("-o no.vti --fields entropy", "the model has no field `entropy`"),
         ("-o no.npy --fields velocity", "fields on a grid are written to .vti and .fits"),
     ] {
-        dir.fails(&format!("export m.pgs {options}"), 2, what);
+        dir.fails(&format!("export m.pgs {options}"), 2, message);
     }
     dir.runs("compress snap -o plain.pgs --gaussians 60 --certificate none");
     dir.fails("export plain.pgs -o no.vti --fields all", 2, "the model has no fields");
@@ -434,31 +443,31 @@ fn parts_with_different_fields_are_merged_by_the_common_ones() {
     let dir = TestFolder::new();
     ["west", "east"].iter().for_each(|name| snapshot(&dir.at(name)));
     // The same cloud elsewhere.
-    let moved: Vec<f32> = read(&dir.at("east"), "xx").iter().map(|x| *x as f32 + 20.0).collect();
-    write(&dir.at("east"), "xx", &moved);
+    let shifted_x: Vec<f32> = read(&dir.at("east"), "xx").iter().map(|x| *x as f32 + 20.0).collect();
+    write(&dir.at("east"), "xx", &shifted_x);
     let fit = "--gaussians 30 --certificate none --quiet";
     dir.runs(&format!("compress west -o w.pgs {fit} --fields temperature,velocity"));
     dir.runs(&format!("compress east -o e.pgs {fit} --fields velocity"));
     dir.runs(&format!("compress east -o none.pgs {fit}"));
-    for (parts, what, hint) in [
+    for (parts, message, hint) in [
         ("w.pgs e.pgs", "e.pgs: the model has no field `temperature`, which w.pgs has", "`--fields velocity`"),
         ("e.pgs w.pgs", "w.pgs: the model has the field `temperature`, which e.pgs lacks", "`--fields velocity`"),
         ("w.pgs none.pgs", "none.pgs: the model has no field `temperature`", "`--fields none`"),
     ] {
-        dir.fails(&format!("merge {parts} -o no.pgs"), 3, what);
-        let told = dir.command(&format!("merge {parts} -o no.pgs")).output().unwrap().stderr;
-        assert!(String::from_utf8_lossy(&told).contains(hint), "{parts}");
+        dir.fails(&format!("merge {parts} -o no.pgs"), 3, message);
+        let stderr = dir.command(&format!("merge {parts} -o no.pgs")).output().unwrap().stderr;
+        assert!(String::from_utf8_lossy(&stderr).contains(hint), "{parts}");
     }
     dir.fails("merge w.pgs e.pgs --fields temperature -o no.pgs", 3, "e.pgs: the model has no field `temperature`");
     let merged = dir.makes("merge w.pgs e.pgs --fields velocity -o m.pgs -q");
     assert_eq!(merged, dir.makes("merge e.pgs w.pgs --fields VELOCITY -o again.pgs -q"));
     let (west, east, both) = (dir.model("w.pgs"), dir.model("e.pgs"), dir.model("m.pgs"));
     assert_eq!(both.metadata.fields, east.metadata.fields);
-    let own = |model: &particlegs_core::model::Model| {
+    let velocities_of = |model: &particlegs_core::model::Model| {
         let field = |g: &particlegs_core::model::Mixture| g.fields.get("velocity").unwrap().clone();
         model.blocks().map(|b| field(&b.gaussians)).collect::<Vec<_>>()
     };
-    assert_eq!(own(&both), [own(&west), own(&east)].concat());
+    assert_eq!(velocities_of(&both), [velocities_of(&west), velocities_of(&east)].concat());
     assert!(both.blocks().all(|b| b.gaussians.fields.get("temperature").is_none()));
     dir.runs("merge w.pgs none.pgs --fields none -o plain.pgs");
     assert!(dir.model("plain.pgs").metadata.fields.is_empty());
@@ -492,8 +501,8 @@ fn a_job_gives_the_fields_that_compress_gives() {
     (0..3).for_each(|block| drop(dir.runs(&format!("block blocks {block} -q"))));
     dir.runs("merge blocks -o added.pgs -q");
     let figures = |name: &str, field: usize| {
-        let own = &dir.says(&format!("info {name}"))["certificate"]["fields"]["each"][field];
-        ["edge", "cells", "signal", "error"].map(|figure| own[figure].as_f64().unwrap())
+        let field_certificate = &dir.says(&format!("info {name}"))["certificate"]["fields"]["each"][field];
+        ["edge", "cells", "signal", "error"].map(|figure| field_certificate[figure].as_f64().unwrap())
     };
     for field in 0..2 {
         let [a, b] = ["merged.pgs", "added.pgs"].map(|name| figures(name, field));
@@ -599,12 +608,12 @@ fn cold_gas_is_dense_in_weighted_maps_and_recovered_particles() {
     };
     let covariance = with(&e, &d) / COUNT as f64;
     assert!((-1.1..-0.7).contains(&covariance), "{covariance}");
-    for (options, what) in [
+    for (options, message) in [
         ("--field velocity.x --field-weight Density", "is a vector: its means are weighted by mass or count alone"),
         ("--field temperature --field-weight velocity", "field `velocity` is not a scalar"),
         ("--field temperature --field-weight heat", "there is no field `heat` to weigh means by"),
     ] {
-        dir.fails(&format!("render m.pgs {options} -o no.png"), 2, what);
+        dir.fails(&format!("render m.pgs {options} -o no.png"), 2, message);
     }
 }
 
@@ -683,11 +692,11 @@ fn whole_numbers_of_64_bits_are_mapped_and_recovered_as_numbers() {
     dir.runs("recover m.pgs -o drawn");
     let (x, many, two) = (read(&dir.at("drawn"), "xx"), read(&dir.at("drawn"), "many"), read(&dir.at("drawn"), "two"));
     for (side, of_many, of_two) in [(false, 990.5, 2.0), (true, -9.5, -5.0)] {
-        let own: Vec<usize> = (0..x.len()).filter(|&i| (x[i] > 5.0) == side).collect();
-        let mean = own.iter().map(|&i| many[i]).sum::<f64>() / own.len() as f64;
+        let indices: Vec<usize> = (0..x.len()).filter(|&i| (x[i] > 5.0) == side).collect();
+        let mean = indices.iter().map(|&i| many[i]).sum::<f64>() / indices.len() as f64;
         assert!((mean - of_many).abs() < 3.0, "{mean}");
-        assert!(own.iter().all(|&i| [2.0, -5.0].contains(&two[i])));
-        let share = own.iter().filter(|&&i| two[i] == of_two).count() as f64 / own.len() as f64;
+        assert!(indices.iter().all(|&i| [2.0, -5.0].contains(&two[i])));
+        let share = indices.iter().filter(|&&i| two[i] == of_two).count() as f64 / indices.len() as f64;
         assert!(share > 0.9, "{share}");
     }
 }

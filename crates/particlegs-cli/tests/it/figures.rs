@@ -145,9 +145,12 @@ fn without_ffmpeg_frames_are_kept() {
     let s = folder();
     let film = "render a.pgs --turntable 2 --size 32x20 --video turn.mp4";
     let out = s.command(film).env("PATH", s.path()).output().unwrap();
-    let said = said(&out);
-    assert!(out.status.code() == Some(6) && said.contains("ffmpeg -v error"), "{said}");
-    assert!(said.contains("turn-frames/frame_%04d.png") && said.lines().any(|l| l.ends_with("turn.mp4")), "{said}");
+    let stderr = said(&out);
+    assert!(out.status.code() == Some(6) && stderr.contains("ffmpeg -v error"), "{stderr}");
+    assert!(
+        stderr.contains("turn-frames/frame_%04d.png") && stderr.lines().any(|l| l.ends_with("turn.mp4")),
+        "{stderr}"
+    );
     assert_eq!(listing(&s.at("turn-frames")), ["frame_0000.png", "frame_0001.png"]);
     assert!(!s.at("turn.mp4").exists());
 }
@@ -167,18 +170,18 @@ fn films_with_colons_in_their_names_are_files() {
         let film = format!("render a.pgs --turntable 2 --size 32x20 --video={name} --quiet");
         let path = format!("{}:/usr/bin:/bin", s.path().display());
         let out = s.command(&film).env("PATH", path).output().unwrap();
-        let said = said(&out);
-        assert_eq!(out.status.code(), Some(code), "{said}");
-        said
+        let stderr = said(&out);
+        assert_eq!(out.status.code(), Some(code), "{stderr}");
+        stderr
     };
     stand_in(r#"case "$last" in file:*) echo film > "${last#file:}";; esac"#);
     for name in ["12:30.mp4", "http:turn.webm", "-turn.mp4"] {
-        let said = film(name, 0);
-        assert!(s.at(name).exists(), "{said}");
+        let stderr = film(name, 0);
+        assert!(s.at(name).exists(), "{stderr}");
     }
     stand_in("exit 0");
-    let said = film("none.mp4", 6);
-    assert!(said.contains("file:none-frames/frame_%04d.png") && !s.at("none.mp4").exists(), "{said}");
+    let stderr = film("none.mp4", 6);
+    assert!(stderr.contains("file:none-frames/frame_%04d.png") && !s.at("none.mp4").exists(), "{stderr}");
     assert_eq!(listing(&s.at("none-frames")), ["frame_0000.png", "frame_0001.png"]);
 }
 
@@ -228,9 +231,9 @@ fn decoded(file: &[u8]) -> ([usize; 2], Vec<Vec<[u8; 3]>>) {
             0x21 => at = blocks(at + 2).1,
             0x2c => {
                 assert_eq!([word(at + 5), word(at + 7)], [word(6), word(8)], "whole frames");
-                let own = palette(at + 10, file[at + 9]);
-                at += 10 + 3 * own.len();
-                let colours = if own.is_empty() { &all } else { &own };
+                let local_palette = palette(at + 10, file[at + 9]);
+                at += 10 + 3 * local_palette.len();
+                let colours = if local_palette.is_empty() { &all } else { &local_palette };
                 let (data, end) = blocks(at + 1);
                 let pixels = unpacked(&data, u32::from(file[at]));
                 frames.push(pixels.into_iter().map(|p| colours[usize::from(p)]).collect());

@@ -25,9 +25,9 @@ fn checksum(bytes: &[u8]) -> u32 {
 pub fn file_of(head: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
     let mut body = Vec::new();
     for (tag, content) in sections {
-        let told = [&tag[..], &(content.len() as u64).to_le_bytes()].concat();
-        body.extend(&told);
-        body.extend(checksum(&[&told[..], content].concat()).to_le_bytes());
+        let section_head = [&tag[..], &(content.len() as u64).to_le_bytes()].concat();
+        body.extend(&section_head);
+        body.extend(checksum(&[&section_head[..], content].concat()).to_le_bytes());
         body.extend(content);
     }
     let head = [&head[..12], &(24 + body.len() as u64).to_le_bytes()].concat();
@@ -97,7 +97,7 @@ fn forgeries(file: &[u8]) -> Vec<(String, Vec<u8>)> {
         altered[place].1 = section_of(fields);
         file_of(file, &altered)
     };
-    let mut made = Vec::new();
+    let mut forgeries = Vec::new();
     let groups = fields(&all[cert].1);
     let certificate = codec::read_info(file, "m").unwrap().certificate.unwrap();
     for (group, entries) in certificate.groups() {
@@ -109,41 +109,41 @@ fn forgeries(file: &[u8]) -> Vec<(String, Vec<u8>)> {
                 let mut altered = groups.clone();
                 altered[place].1.splice(start..end, value);
                 let name = format!("{} {}: {} #{i}", group.name, entry.row, entry.metric.name);
-                made.push((name, with(cert, &altered)));
+                forgeries.push((name, with(cert, &altered)));
             }
             start = end;
         }
         assert_eq!(start, groups[place].1.len(), "{}", group.name);
         let without: Vec<_> = groups.iter().filter(|g| g.0 != group.tag).cloned().collect();
-        made.push((format!("{}: left out", group.name), with(cert, &without)));
+        forgeries.push((format!("{}: left out", group.name), with(cert, &without)));
     }
     for (tag, bytes) in [(9, vec![0; 92]), (12, 1u32.to_le_bytes().into()), (13, vec![0; 25]), (5, vec![0; 8])] {
         let mut altered: Vec<_> = groups.iter().filter(|g| g.0 != tag).cloned().collect();
         altered.push((tag, bytes));
         altered.sort();
-        made.push((format!("group {tag}: added"), with(cert, &altered)));
+        forgeries.push((format!("group {tag}: added"), with(cert, &altered)));
     }
-    let told = fields(&all[meta].1);
-    for (place, (tag, value)) in told.iter().enumerate() {
+    let metadata = fields(&all[meta].1);
+    for (place, (tag, value)) in metadata.iter().enumerate() {
         // The source's name, the recipe and the program's version describe how the model was made.
         if [9, 40, 41].contains(tag) {
             continue;
         }
         for byte in 0..value.len() {
-            let mut altered = told.clone();
+            let mut altered = metadata.clone();
             altered[place].1[byte] ^= 1 << (byte % 3);
-            made.push((format!("metadata {tag}: byte {byte}"), with(meta, &altered)));
+            forgeries.push((format!("metadata {tag}: byte {byte}"), with(meta, &altered)));
         }
-        let without: Vec<_> = told.iter().filter(|f| f.0 != *tag).cloned().collect();
-        made.push((format!("metadata {tag}: left out"), with(meta, &without)));
+        let without: Vec<_> = metadata.iter().filter(|f| f.0 != *tag).cloned().collect();
+        forgeries.push((format!("metadata {tag}: left out"), with(meta, &without)));
     }
     for (tag, value) in [(26u8, 1.5f64.to_le_bytes().to_vec()), (27, vec![1; 8]), (28, vec![1; 8])] {
-        let mut altered = told.clone();
+        let mut altered = metadata.clone();
         altered.push((tag, value));
         altered.sort();
-        made.push((format!("metadata {tag}: added"), with(meta, &altered)));
+        forgeries.push((format!("metadata {tag}: added"), with(meta, &altered)));
     }
-    made
+    forgeries
 }
 
 /// The words of a verdict by use, best first.
@@ -163,9 +163,9 @@ fn verified(certificate: &str, each: usize) {
         (v as f32 / 16_777_216.0).powi(2) * 20.0
     };
     snapshot(&dir.at("in"), &[0, 1, 2].map(|k| (0..600).map(|i| place(i, k)).collect()));
-    let told = r#"{"box": [20, 20, 20], "length_unit": "Mpc/h", "mass_unit": "Msun/h", "particle_mass": 7.5, "h": 0.7,
+    let meta = r#"{"box": [20, 20, 20], "length_unit": "Mpc/h", "mass_unit": "Msun/h", "particle_mass": 7.5, "h": 0.7,
         "scale_factor": 0.5, "comoving": true, "omega_matter": 0.3}"#;
-    dir.write("in/meta.json", told);
+    dir.write("in/meta.json", meta);
     let file = dir.makes(&format!("compress in -o m.pgs --gaussians 20 -q --certificate {certificate}"));
     dir.runs("verify m.pgs in -q --json true.json");
     let best = grades(&dir, "true.json");

@@ -18,8 +18,8 @@ fn the_cpu_draws_unless_a_gpu_is_asked_for() {
     let dir = folder();
     let render = |device: &str, out: &str| {
         let words = format!("render model.pgs --azimuth 30 --size 96x54 -q -o {out} {device}");
-        let done = dir.command(&words).output().unwrap();
-        (done.status.code(), said(&done), std::fs::read(dir.at(out)).ok())
+        let output = dir.command(&words).output().unwrap();
+        (output.status.code(), said(&output), std::fs::read(dir.at(out)).ok())
     };
     let (code, _, plain) = render("", "plain.png");
     assert_eq!(code, Some(0));
@@ -62,7 +62,7 @@ fn a_gpu_draws_and_scores_all_particles() {
     }
     let score = |device: &str| {
         let scores = dir.says(&format!("eval model.pgs SAMPLE --frames 1 --size 160x90 -q --device {device}"));
-        ["paraview", "paraview_no_fxaa", "expected"].map(|look| scores["mean"][look]["psnr"].as_f64().unwrap())
+        ["paraview", "paraview_no_fxaa", "expected"].map(|style| scores["mean"][style]["psnr"].as_f64().unwrap())
     };
     let (on_gpu, on_cpu) = (score("0"), score("cpu"));
     assert!(on_gpu.iter().zip(on_cpu).all(|(a, b)| (a - b).abs() < 0.02), "{on_gpu:?} {on_cpu:?}");
@@ -81,10 +81,10 @@ fn a_gpu_draws_what_the_cpu_draws() {
         for device in ["0", "cpu"] {
             dir.runs(&format!("render {model}.pgs --size 160x90 -q --device {device} -o {model}-{device}"));
         }
-        let compared = dir.says(&format!("compare {model}-0 {model}-cpu"));
-        let views = compared["views"].as_array().unwrap();
+        let comparison = dir.says(&format!("compare {model}-0 {model}-cpu"));
+        let views = comparison["views"].as_array().unwrap();
         assert!(!views.is_empty());
-        assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= most), "{compared}");
+        assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= most), "{comparison}");
     }
     let refused = dir.command("render model.pgs --style density --device 0 -q -o d.png").output().unwrap();
     assert!(refused.status.code() == Some(2) && !dir.at("d.png").exists());
@@ -98,8 +98,8 @@ fn a_gpu_trains_as_the_cpu_does() {
     let dir = TestFolder::new();
     let start = "compress SAMPLE --gaussians 400 --effort fast --certificate none --train fast --scale 0.05";
     let train = |device: &str| {
-        let told = dir.says(&format!("{start} --device {device} -o {device}.pgs"));
-        told["trained"][0]["scores"][1].as_f64().unwrap_or_else(|| panic!("{told}"))
+        let report = dir.says(&format!("{start} --device {device} -o {device}.pgs"));
+        report["trained"][0]["scores"][1].as_f64().unwrap_or_else(|| panic!("{report}"))
     };
     let (on_gpu, on_cpu) = (train("0"), train("cpu"));
     assert!((on_gpu - on_cpu).abs() < 0.05, "{on_gpu} {on_cpu}");
@@ -115,8 +115,8 @@ fn a_gpu_trains_as_the_cpu_does() {
 fn slow_a_gpu_trains_and_tunes_the_published_law() {
     let dir = TestFolder::new();
     let score = |words: &str| {
-        let told = dir.says(&format!("{words} --certificate none --device 0 --scale 0.004"));
-        [0, 1].map(|k| told["trained"][0]["scores"][k].as_f64().unwrap_or_else(|| panic!("{told}")))
+        let report = dir.says(&format!("{words} --certificate none --device 0 --scale 0.004"));
+        [0, 1].map(|k| report["trained"][0]["scores"][k].as_f64().unwrap_or_else(|| panic!("{report}")))
     };
     let [before, trained] = score("compress SAMPLE --train paper --law alpha-blend --gaussians 1000 -o model.pgs");
     assert!(trained > before + 1.0, "{before} {trained}");
@@ -146,9 +146,9 @@ fn slow_a_gpu_measures_what_the_cpu_measures() {
 
 /// Rows of a table of `bench gpu`, by column header.
 #[cfg(all(feature = "gpu", feature = "lab"))]
-fn rows(found: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
-    let table = found["tables"].as_array().unwrap().iter().find(|t| t["name"] == name);
-    let table = table.unwrap_or_else(|| panic!("{name}: {found}"));
+fn rows(report: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
+    let table = report["tables"].as_array().unwrap().iter().find(|t| t["name"] == name);
+    let table = table.unwrap_or_else(|| panic!("{name}: {report}"));
     let heads = table["columns"].as_array().unwrap();
     let value = |cell: &serde_json::Value| if cell.is_object() { cell["value"].clone() } else { cell.clone() };
     let row = |cells: &serde_json::Value| -> serde_json::Value {
@@ -207,13 +207,14 @@ fn slow_a_gpu_is_measured_and_trains_in_pieces() {
     // The recipe continues with the same particles; the rows come from the cache.
     let second = piece("5");
     assert_eq!((frames, training), (rows(&second, "gpu-frames"), rows(&second, "gpu-steps")));
-    let number =
-        |of: &serde_json::Value, name: &str| rows(of, "gpu-recipe")[0][name].as_f64().unwrap_or_else(|| panic!("{of}"));
-    let [before, after] = [&first, &second].map(|of| number(of, "steps"));
+    let number = |report: &serde_json::Value, name: &str| {
+        rows(report, "gpu-recipe")[0][name].as_f64().unwrap_or_else(|| panic!("{report}"))
+    };
+    let [before, after] = [&first, &second].map(|report| number(report, "steps"));
     assert!(before < after && after == number(&second, "of"), "{before} {after}");
-    let [before, after] = [&first, &second].map(|of| number(of, "s of all runs"));
+    let [before, after] = [&first, &second].map(|report| number(report, "s of all runs"));
     assert!(before > 0.0 && after > before);
-    let [before, after] = [&first, &second].map(|of| number(of, "held out, masked PSNR, dB"));
+    let [before, after] = [&first, &second].map(|report| number(report, "held out, masked PSNR, dB"));
     assert!(before > 5.0 && after >= before, "{before} {after}");
     assert_eq!(dir.json("results.json")["experiments"]["gpu"], second);
 }

@@ -49,27 +49,27 @@ fn haloes_of_a_model_are_those_of_its_particles() {
 fn catalogues_hold_masses_where_spheres_have_enough_particles_and_open_as_centres() {
     let dir = TestFolder::new();
     dir.runs(&format!("haloes SAMPLE -o h.csv {STATED}"));
-    let found = table(&dir.text("h.csv"));
-    let (number, linked) = (&found["n200m"], &found["num_p"]);
+    let haloes = table(&dir.text("h.csv"));
+    let (number, linked) = (&haloes["n200m"], &haloes["num_p"]);
     assert!(number.windows(2).all(|n| n[0] >= n[1]) && linked.iter().all(|n| *n >= 20.0));
     for (name, least) in [("m200m", 100.0), ("vmax", 300.0), ("c_to_a", 300.0), ("c200c", 1000.0)] {
-        let column = &found[name];
+        let column = &haloes[name];
         assert!(column.iter().zip(number).all(|(v, n)| *n >= least || v.is_nan()), "{name}");
         assert!(column.iter().filter(|v| v.is_finite()).count() > 5, "{name}");
     }
-    assert!(!found.contains_key("vx") && !found.contains_key("contamination") && !found.contains_key("m200m_err"));
+    assert!(!haloes.contains_key("vx") && !haloes.contains_key("contamination") && !haloes.contains_key("m200m_err"));
     for i in 0..number.len() {
-        let of = |name: &str| found[name][i];
-        if of("m200m").is_nan() {
+        let value_of = |name: &str| haloes[name][i];
+        if value_of("m200m").is_nan() {
             continue;
         }
         // Masses are those of the particles inside; 200m is wider than 200c, and that than 500c.
-        assert!((of("m200m") / (5.128166339993477e9 * of("n200m")) - 1.0).abs() < 1e-6);
-        assert!((of("m200m_msun") / of("m200m") * 0.68 - 1.0).abs() < 1e-6);
-        assert!((of("r200m_kpc") / of("r200m") * 0.68 / 1000.0 - 1.0).abs() < 1e-6);
-        assert!(!(of("r200c") > of("r200m") || of("r500c") > of("r200c")));
-        let parent = of("parent_id");
-        assert!(parent == -1.0 || found["m200m"][parent as usize - 1] > of("m200m"));
+        assert!((value_of("m200m") / (5.128166339993477e9 * value_of("n200m")) - 1.0).abs() < 1e-6);
+        assert!((value_of("m200m_msun") / value_of("m200m") * 0.68 - 1.0).abs() < 1e-6);
+        assert!((value_of("r200m_kpc") / value_of("r200m") * 0.68 / 1000.0 - 1.0).abs() < 1e-6);
+        assert!(!(value_of("r200c") > value_of("r200m") || value_of("r500c") > value_of("r200c")));
+        let parent = value_of("parent_id");
+        assert!(parent == -1.0 || haloes["m200m"][parent as usize - 1] > value_of("m200m"));
     }
     // Its centres are read again, with their radii.
     let head: String =
@@ -90,7 +90,7 @@ fn what_is_missing_or_wrong_is_said_in_a_line() {
     let [_, said] = dir.runs("haloes SAMPLE -o h.csv");
     assert!(said.contains("the file does not state masses") && said.contains("--particle-mass"), "{said}");
     assert!(!dir.text("h.csv").lines().next().unwrap().contains("m200"), "{said}");
-    for (options, code, what) in [
+    for (options, code, message) in [
         ("--cosmology h=0.7,Om", 2, "NAME=VALUE"),
         ("--cosmology w=1", 2, "there are h"),
         ("--linking 9", 2, "the linking length"),
@@ -99,7 +99,7 @@ fn what_is_missing_or_wrong_is_said_in_a_line() {
         ("--redshift -2", 2, "the redshift must be"),
         ("--min-particles 100000", 2, "no haloes"),
     ] {
-        dir.fails(&format!("haloes SAMPLE -o other.csv {options}"), code, what);
+        dir.fails(&format!("haloes SAMPLE -o other.csv {options}"), code, message);
         assert!(!dir.at("other.csv").exists());
     }
     dir.write("haloes.hdf5", b"\x89HDF\r\n\x1a\n another file");

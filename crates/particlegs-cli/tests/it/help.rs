@@ -79,8 +79,8 @@ fn outputs_have_one_spelling() {
         assert!(printed(&[name, "-h"]).contains("-o, --output"), "{name}");
         for option in ["-o", "--output", "--out"] {
             let out = particlegs().args([name, option]).output().unwrap();
-            let said = String::from_utf8_lossy(&out.stderr).into_owned();
-            assert!(said.contains("a value is required for '--output"), "{name} {option}: {said}");
+            let stderr = String::from_utf8_lossy(&out.stderr).into_owned();
+            assert!(stderr.contains("a value is required for '--output"), "{name} {option}: {stderr}");
         }
     }
 }
@@ -168,14 +168,14 @@ fn page(name: &str) -> String {
 /// The long options that a command's `--help` lists before `Snapshot options` or `Common options`.
 fn own_options(command: &str) -> Vec<String> {
     let help = printed(&[command, "--help"]);
-    let own = help.split("\nSnapshot options:").next().unwrap().split("\nCommon options:").next().unwrap();
+    let command_help = help.split("\nSnapshot options:").next().unwrap().split("\nCommon options:").next().unwrap();
     let line = |l: &str| {
         // Descriptions are indented further than options.
         let l = l.strip_prefix("      ").or(l.strip_prefix("  ")).filter(|l| !l.starts_with(' '))?;
         let option = l.starts_with("--") || (l.starts_with('-') && l.contains(", --"));
         option.then(|| l.split_whitespace().find(|w| w.starts_with("--")).unwrap().to_string())
     };
-    let options: Vec<String> = own.lines().filter_map(line).collect();
+    let options: Vec<String> = command_help.lines().filter_map(line).collect();
     assert!(options.len() >= 6, "{command}: {options:?}");
     options.into_iter().filter(|o| !["--help", "--version", "--output", "--force"].contains(&o.as_str())).collect()
 }

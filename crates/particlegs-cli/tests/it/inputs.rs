@@ -79,12 +79,12 @@ fn waiting_for_a_pipe_is_reported_and_can_be_interrupted() {
             })
         };
         let says = || std::fs::read_to_string(&log).unwrap().contains("waiting for data from pipe");
-        let said = within(&mut || says());
+        let is_waiting = within(&mut || says());
         let alive = child.try_wait().unwrap().is_none();
         assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
         let ended = within(&mut || child.try_wait().unwrap().is_some());
         let _ = child.kill();
-        assert!(said && alive, "{arguments:?} does not wait: {}", std::fs::read_to_string(&log).unwrap());
+        assert!(is_waiting && alive, "{arguments:?} does not wait: {}", std::fs::read_to_string(&log).unwrap());
         assert!(ended, "{arguments:?} goes on waiting after SIGTERM");
     }
 }
@@ -92,7 +92,7 @@ fn waiting_for_a_pipe_is_reported_and_can_be_interrupted() {
 #[test]
 fn pipes_and_standard_input_are_read() {
     let dir = small();
-    let fed = |arguments: &str, file: &Path| {
+    let output_of = |arguments: &str, file: &Path| {
         let bytes = std::fs::read(file).unwrap();
         let mut child = started(dir.path(), arguments).stdin(Stdio::piped()).spawn().unwrap();
         let mut to = child.stdin.take().unwrap();
@@ -104,16 +104,16 @@ fn pipes_and_standard_input_are_read() {
     };
     let model = dir.at("m.pgs");
     for name in ["-", "/dev/stdin"] {
-        assert_eq!(fed(&format!("verify {name}"), &model).matches("64 particles").count(), 1);
-        assert!(fed(&format!("info {name}"), &model).contains("image law optical-depth"));
+        assert_eq!(output_of(&format!("verify {name}"), &model).matches("64 particles").count(), 1);
+        assert!(output_of(&format!("info {name}"), &model).contains("image law optical-depth"));
     }
     for name in ["species.hdf5", "header.csv.gz", "plain.xyz", "two_frames.dump.gz"] {
-        let text = fed("info -", &fixture(name));
-        let [told, _] = dir.runs(&format!("info FIXTURES/{name}"));
+        let text = output_of("info -", &fixture(name));
+        let [file_text, _] = dir.runs(&format!("info FIXTURES/{name}"));
         let rest = |t: &str| t.lines().filter(|l| !l.starts_with("files")).collect::<Vec<_>>().join("\n");
-        assert_eq!(rest(&text), rest(&told), "{name}");
+        assert_eq!(rest(&text), rest(&file_text), "{name}");
         assert!(text.contains("files              -"), "{text}");
-        fed("compress - -o piped.pgs --gaussians 2 --certificate=none --force", &fixture(name));
+        output_of("compress - -o piped.pgs --gaussians 2 --certificate=none --force", &fixture(name));
     }
     // Errors in the data name the file as the user did.
     let mut child = started(dir.path(), "compress - -o x.pgs").stdin(Stdio::piped()).spawn().unwrap();
@@ -134,7 +134,7 @@ fn the_wrong_kind_of_input_names_the_right_command() {
         assert_eq!(out.status.code(), Some(3), "{words}: {}", said(&out));
         said(&out)
     };
-    for (name, what, command) in [
+    for (name, description, command) in [
         ("snap.hdf5", "a snapshot (HDF5", "`particlegs compress`"),
         ("in", "a snapshot (raw", "`particlegs compress`"),
         ("job", "a job folder", "`particlegs merge`"),
@@ -143,16 +143,16 @@ fn the_wrong_kind_of_input_names_the_right_command() {
         ("empty", "a folder", "name a model file"),
     ] {
         let text = refused(&format!("render {name} --out pictures"));
-        assert!(text.contains(&format!("{name}: {what}")) && text.contains("not a model file"), "{text}");
+        assert!(text.contains(&format!("{name}: {description}")) && text.contains("not a model file"), "{text}");
         assert!(text.contains(command), "{text}");
     }
-    for (name, what, command) in [
+    for (name, description, command) in [
         ("m.pgs", "a model file, not a snapshot", "`particlegs recover`"),
         ("job", "a job folder, not a snapshot", "`particlegs merge`"),
         ("picture.png", "a picture (PNG), not a snapshot", "name a snapshot"),
     ] {
         let text = refused(&format!("compress {name} -o n.pgs"));
-        assert!(text.contains(&format!("{name}: {what}")) && text.contains(command), "{text}");
+        assert!(text.contains(&format!("{name}: {description}")) && text.contains(command), "{text}");
     }
     assert!(!dir.at("n.pgs").exists() && !dir.at("pictures").exists());
 }
@@ -207,8 +207,8 @@ fn paths_need_not_be_utf8() {
         assert!(!text.contains("panicked"), "{text}");
         serde_json::from_str(&out).unwrap()
     };
-    let made = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
-    assert!(made["output"].as_str().unwrap().contains('\u{fffd}'));
+    let report = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
+    assert!(report["output"].as_str().unwrap().contains('\u{fffd}'));
     // The same again also reports.
     run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
     run(&[&"info", &snapshot]);
@@ -228,18 +228,18 @@ fn paths_need_not_be_utf8() {
 fn stated_units_are_compared_with_what_files_say() {
     let dir = small();
     dir.write("in/meta.json", r#"{"length_unit": "Angstrom", "box": 70}"#);
-    let told = |more: &str| {
+    let outputs_with = |more: &str| {
         // Each run makes another model.
         let _ = std::fs::remove_file(dir.at("u.pgs"));
         ["info in", "compress in -o u.pgs --gaussians 2 --certificate=none"]
             .map(|words| dir.runs(&format!("{words} {more}")).concat())
     };
     let nm = "the unit of length is nm as stated, not Angstrom";
-    assert!(told("--length-unit nm").iter().all(|t| t.contains(nm)));
-    assert!(told("--length-unit Angstrom").iter().all(|t| !t.contains("as stated")));
-    assert!(told("--length-unit parsecs-ish").iter().all(|t| t.contains("is not a known unit of length")));
-    assert!(told("--mass-unit Msun/h").iter().all(|t| !t.contains("known")));
-    assert!(told("--box 80").iter().all(|t| t.contains("the box is 80 x 80 x 80")));
+    assert!(outputs_with("--length-unit nm").iter().all(|t| t.contains(nm)));
+    assert!(outputs_with("--length-unit Angstrom").iter().all(|t| !t.contains("as stated")));
+    assert!(outputs_with("--length-unit parsecs-ish").iter().all(|t| t.contains("is not a known unit of length")));
+    assert!(outputs_with("--mass-unit Msun/h").iter().all(|t| !t.contains("known")));
+    assert!(outputs_with("--box 80").iter().all(|t| t.contains("the box is 80 x 80 x 80")));
 }
 
 #[test]

@@ -47,18 +47,18 @@ fn models_look_like_the_snapshot() {
         dir.runs(&format!("compress SAMPLE -o {ratio}.pgs --ratio {ratio} --certificate=none --quiet"));
         let scores = against_vtk(&dir, &ratio.to_string());
         assert_eq!(scores.len(), floor.decibels.len());
-        for (((name, seen), view), least) in scores.iter().zip(VIEWS).zip(floor.decibels) {
+        for (((name, score), view), least) in scores.iter().zip(VIEWS).zip(floor.decibels) {
             assert_eq!(name, view);
-            println!("ratio {ratio}, {name}: {seen:.3} dB, floor {least}");
-            if *seen < least {
-                below.push(format!("ratio {ratio}, {name}: {seen:.3} dB below {least}"));
+            println!("ratio {ratio}, {name}: {score:.3} dB, floor {least}");
+            if *score < least {
+                below.push(format!("ratio {ratio}, {name}: {score:.3} dB below {least}"));
             }
         }
         let (correlation, error) = density(&dir, ratio);
-        let seen = format!("ratio {ratio}: correlation {correlation:.5}, error {error:.5}");
-        println!("{seen}");
+        let line = format!("ratio {ratio}: correlation {correlation:.5}, error {error:.5}");
+        println!("{line}");
         if correlation < floor.correlation || error > floor.error {
-            below.push(seen);
+            below.push(line);
         }
     }
     assert!(below.is_empty(), "{below:#?}");
@@ -68,16 +68,16 @@ fn models_look_like_the_snapshot() {
 fn against_vtk(dir: &TestFolder, name: &str) -> Vec<(String, f64)> {
     dir.runs(&format!("render {name}.pgs --views GOLDEN/views.json --style paraview --quiet --out pictures-{name}"));
     let scores = dir.says(&format!("compare pictures-{name} GOLDEN/paraview"));
-    let of = |v: &Value| (v["name"].as_str().unwrap().to_string(), v["masked_psnr"].as_f64().unwrap());
-    scores["views"].as_array().unwrap().iter().map(of).collect()
+    let name_and_score = |v: &Value| (v["name"].as_str().unwrap().to_string(), v["masked_psnr"].as_f64().unwrap());
+    scores["views"].as_array().unwrap().iter().map(name_and_score).collect()
 }
 
 /// Correlation with the snapshot's density in 64^3 cells, and the mean absolute error of the contrast.
 fn density(dir: &TestFolder, ratio: u32) -> (f64, f64) {
     dir.runs(&format!("stats SAMPLE {ratio}.pgs -o stats-{ratio} --only density --grid 64 --no-plots --quiet"));
     let stats = dir.json(&format!("stats-{ratio}/stats.json"));
-    let of = |name: &str| stats["summary"][name].as_f64().unwrap();
-    (of("density_correlation"), of("density_mean_absolute_error"))
+    let summary = |name: &str| stats["summary"][name].as_f64().unwrap();
+    (summary("density_correlation"), summary("density_mean_absolute_error"))
 }
 
 /// Training with four hundred steps at one size.
@@ -153,16 +153,16 @@ fn views_that_cannot_be_drawn() {
 #[test]
 fn verify_finds_damage_and_measures_again() {
     let dir = folder("--ratio 600");
-    let seen = dir.says("verify m.pgs");
-    assert_eq!(seen["certificate"], "not measured again");
+    let report = dir.says("verify m.pgs");
+    assert_eq!(report["certificate"], "not measured again");
     let again = dir.says("verify m.pgs SAMPLE");
-    let stored = dir.says("info m.pgs");
+    let info = dir.says("info m.pgs");
     let now = again["measured_again"]["orbits"][0]["expected"]["masked_psnr"].as_f64().unwrap();
-    let then = stored["certificate"]["orbits"][0]["expected"]["masked_psnr"].as_f64().unwrap();
+    let then = info["certificate"]["orbits"][0]["expected"]["masked_psnr"].as_f64().unwrap();
     assert!((now - then).abs() < 0.011, "{now} {then}");
     // The same particles are drawn and measured; the file holds f32.
     let science = |v: &Value| v["science"].clone();
-    let (now, then) = (science(&again["measured_again"]), science(&stored["certificate"]));
+    let (now, then) = (science(&again["measured_again"]), science(&info["certificate"]));
     assert_eq!((&now["of"], &now["spectrum_grid"]), (&"drawn_particles".into(), &128.into()));
     for key in ["k_max", "power_within_1_percent_to", "power_within_5_percent_to", "r_above_0_99_to", "r_above_0_9_to"]
     {
@@ -202,11 +202,11 @@ fn certificates_are_completed() {
     let dir = TestFolder::new();
     let some = "--sample 20000 --quiet";
     dir.runs(&format!("compress SAMPLE -o m.pgs --effort fast --gaussians 400 {some}"));
-    let stored = || dir.says("info m.pgs")["certificate"].clone();
-    let quick = stored();
+    let certificate = || dir.says("info m.pgs")["certificate"].clone();
+    let quick = certificate();
     assert!(quick["held_out"].is_null() && quick["groups"].is_null() && quick["densities"].is_array(), "{quick}");
     dir.runs(&format!("verify m.pgs SAMPLE {some} --full --store"));
-    let full = stored();
+    let full = certificate();
     assert_eq!(full["densities"], quick["densities"]);
     let bits = full["held_out"]["bits"].as_f64().unwrap();
     assert!(bits > 2.0 && bits < full["held_out"]["kernel_bits"].as_f64().unwrap(), "{full}");
@@ -226,8 +226,8 @@ fn certificates_are_completed() {
     let place = |k: u32| (0..4096u32).map(|i| ((i >> (4 * k)) % 16) as f32 + 0.5).collect();
     snapshot(&dir.at("lattice"), &[place(0), place(1), place(2)]);
     dir.write("lattice/meta.json", r#"{"box": 16}"#);
-    let made = dir.says("compress lattice -o lattice.pgs --certificate full -q");
-    for finding in made["verdict"].as_array().unwrap() {
+    let report = dir.says("compress lattice -o lattice.pgs --certificate full -q");
+    for finding in report["verdict"].as_array().unwrap() {
         let word = finding["word"].as_str().unwrap();
         assert!(["does not", "not measured"].contains(&word), "{finding}");
     }

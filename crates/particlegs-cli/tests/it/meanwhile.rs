@@ -88,8 +88,8 @@ impl PipeFiles {
     /// Copies `from > to` into a folder, over what is there.
     fn put(&self, change: &str, folder: &Path) {
         if let Some((from, to)) = change.split_once(" > ") {
-            let done = Command::new("cp").arg("-r").arg(self.0.at(from)).arg(folder.join(to)).status();
-            assert!(done.unwrap().success(), "{change}");
+            let status = Command::new("cp").arg("-r").arg(self.0.at(from)).arg(folder.join(to)).status();
+            assert!(status.unwrap().success(), "{change}");
         }
     }
 
@@ -143,22 +143,22 @@ fn files_that_change_while_a_command_runs_are_not_lost() {
     let w = PipeFiles::new();
     let check = |case: &ReadCase| {
         let folder = tempfile::tempdir().unwrap();
-        let message = format!("{} ({})", case.words, case.meanwhile);
+        let label = format!("{} ({})", case.words, case.meanwhile);
         w.put(case.before, folder.path());
-        let mut there = BTreeMap::new();
+        let mut old_files = BTreeMap::new();
         let out = w.run(case, folder.path(), || {
             w.put(case.meanwhile, folder.path());
-            there = contents(folder.path());
+            old_files = contents(folder.path());
         });
         let err = said(&out);
-        assert_eq!(out.status.code(), Some(8), "{message}: {err}");
+        assert_eq!(out.status.code(), Some(8), "{label}: {err}");
         let now = contents(folder.path());
-        there.iter().for_each(|(path, bytes)| assert!(now.get(path) == Some(bytes), "{message}: {}", path.display()));
-        let made: Vec<&PathBuf> = now.keys().filter(|path| !there.contains_key(*path)).collect();
-        assert_eq!(made.is_empty(), case.beside.is_empty(), "{message}: {made:?} {err}");
+        old_files.iter().for_each(|(path, bytes)| assert!(now.get(path) == Some(bytes), "{label}: {}", path.display()));
+        let new_files: Vec<&PathBuf> = now.keys().filter(|path| !old_files.contains_key(*path)).collect();
+        assert_eq!(new_files.is_empty(), case.beside.is_empty(), "{label}: {new_files:?} {err}");
         let beside = folder.path().join(case.beside);
-        assert!(made.iter().all(|path| path.starts_with(&beside)), "{message}: {made:?}");
-        assert!(listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs")), "{message}");
+        assert!(new_files.iter().all(|path| path.starts_with(&beside)), "{label}: {new_files:?}");
+        assert!(listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs")), "{label}");
     };
     std::thread::scope(|s| {
         let all: Vec<_> = CASES.iter().map(|case| s.spawn(|| check(case))).collect();
@@ -202,12 +202,12 @@ fn a_folder_with_new_files_is_not_replaced() {
         let child = w.command(&here).args(words.split(' ')).spawn().unwrap();
         waited("files beside the folder", || listing(&here).len() == 2);
         w.put(change, &here);
-        let there = contents(&out);
-        let done = child.wait_with_output().unwrap();
-        let err = said(&done);
-        assert_eq!(done.status.code(), Some(8), "{words}: {err}");
+        let contents_before = contents(&out);
+        let output = child.wait_with_output().unwrap();
+        let err = said(&output);
+        assert_eq!(output.status.code(), Some(8), "{words}: {err}");
         assert!(err.contains("while this command ran") && err.contains("out-1"), "{words}: {err}");
-        assert_eq!(contents(&out), there, "{words}");
+        assert_eq!(contents(&out), contents_before, "{words}");
         assert_eq!(listing(&here), ["out", "out-1"]);
         assert!(out.with_file_name("out-1").join("xx.f32").metadata().unwrap().len() > 10_000_000, "{words}");
     }

@@ -44,9 +44,9 @@ fn options(command: &str) -> Vec<String> {
         let name = before.split(' ').next_back()?;
         (line.trim().starts_with('-') && name.starts_with("--")).then(|| name.to_string())
     };
-    let found: Vec<String> = help.lines().filter_map(option).collect();
-    assert!(found.len() > 3, "{command}: {found:?}");
-    found
+    let options: Vec<String> = help.lines().filter_map(option).collect();
+    assert!(options.len() > 3, "{command}: {options:?}");
+    options
 }
 
 fn arguments([base, small]: [&str; 2], option: &str, value: &str, number: usize) -> Vec<String> {

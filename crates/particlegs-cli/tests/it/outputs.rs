@@ -159,10 +159,10 @@ impl OutputFiles {
     }
 
     /// Checks that no earlier file has changed.
-    fn unchanged(&self, what: &str) {
+    fn unchanged(&self, label: &str) {
         let now = contents(self.dir.path());
         for (path, bytes) in &self.before {
-            assert!(now.get(path) == Some(bytes), "{what}: {} has changed", path.display());
+            assert!(now.get(path) == Some(bytes), "{label}: {} has changed", path.display());
         }
     }
 
@@ -172,15 +172,15 @@ impl OutputFiles {
     }
 
     /// Runs a case and checks its exit code and unchanged inputs.
-    fn demand(&self, case: &OutputCase, what: &str, out: &Path, more: &[&str], code: i32) -> Output {
+    fn demand(&self, case: &OutputCase, description: &str, out: &Path, more: &[&str], code: i32) -> Output {
         let mut c = self.command(case.words, out);
-        let message = format!("{} ({}): {what}", case.words, case.ending);
+        let label = format!("{} ({}): {description}", case.words, case.ending);
         let out = c.args(more).output().unwrap();
         let err = said(&out);
-        assert_eq!(out.status.code(), Some(code), "{message}: {err}");
-        assert!(!err.contains("panicked"), "{message}: {err}");
-        assert_eq!(errors(&err), usize::from(code != 0), "{message}: {err}");
-        self.unchanged(&message);
+        assert_eq!(out.status.code(), Some(code), "{label}: {err}");
+        assert!(!err.contains("panicked"), "{label}: {err}");
+        assert_eq!(errors(&err), usize::from(code != 0), "{label}: {err}");
+        self.unchanged(&label);
         out
     }
 }
@@ -188,8 +188,8 @@ impl OutputFiles {
 /// A null device that may be replaced, unlike the system's; without root the system's cannot be replaced anyway.
 fn null_device(folder: &Path) -> PathBuf {
     let node = folder.join("null");
-    let made = Command::new("mknod").arg(&node).args(["c", "1", "3"]).stderr(Stdio::null()).status();
-    if made.is_ok_and(|s| s.success()) && std::fs::write(&node, "x").is_ok() { node } else { "/dev/null".into() }
+    let status = Command::new("mknod").arg(&node).args(["c", "1", "3"]).stderr(Stdio::null()).status();
+    if status.is_ok_and(|s| s.success()) && std::fs::write(&node, "x").is_ok() { node } else { "/dev/null".into() }
 }
 
 #[test]
@@ -250,10 +250,10 @@ fn only_the_same_kind_is_replaced_and_models_particles_and_jobs_only_by_force() 
             _ => "plan other -o OUT --blocks 3 --certificate none --force",
         };
         w.ends(&mut w.command(other, &out), 0);
-        let there = contents(folder.path());
-        assert_ne!(there, first);
+        let other_contents = contents(folder.path());
+        assert_ne!(other_contents, first);
         w.demand(case, "another one is there", &out, &[], 8);
-        assert_eq!(contents(folder.path()), there, "{}", case.words);
+        assert_eq!(contents(folder.path()), other_contents, "{}", case.words);
         w.demand(case, "another one is there", &out, &["--force"], 0);
         assert_eq!(contents(folder.path()), first, "{}", case.words);
         assert!(clean(), "{}", case.words);
@@ -296,14 +296,14 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         assert!(link.is_symlink() && plain.exists(), "{}", case.words);
         let null = null_device(folder.path());
         if !case.is_file() {
-            let (what, code) = match case.writes {
+            let (description, code) = match case.writes {
                 // Pictures follow links, like any file.
                 OutputKind::Within("view.png") => ("a device takes one picture", 0),
                 OutputKind::Within("view.f32") => ("a device takes no values beside their description", 2),
                 OutputKind::Within(_) => ("a device is no folder", 6),
                 _ => ("a device is no folder", 8),
             };
-            w.demand(case, what, &null, &[], code);
+            w.demand(case, description, &null, &[], code);
             continue;
         }
         let written = std::fs::read(&plain).unwrap();
@@ -323,13 +323,13 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
             move || std::fs::read(fifo).unwrap()
         });
         w.demand(case, "a pipe", &fifo, to, 0);
-        let read = reader.join().unwrap();
+        let pipe_text = reader.join().unwrap();
         assert!(std::fs::metadata(&fifo).unwrap().file_type().is_fifo());
         let printed = w.demand(case, "standard output", Path::new("-"), to, 0).stdout;
         if case.writes == OutputKind::Json {
-            assert!([read, printed].iter().all(|text| serde_json::from_slice::<serde_json::Value>(text).is_ok()));
+            assert!([pipe_text, printed].iter().all(|text| serde_json::from_slice::<serde_json::Value>(text).is_ok()));
         } else {
-            assert!(read == written && printed == written, "{}", case.words);
+            assert!(pipe_text == written && printed == written, "{}", case.words);
         }
         assert!(listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs")));
     }
@@ -366,10 +366,10 @@ fn files_of_a_set_appear_together() {
         let folder = w.folder();
         let words = "stats snap m.pgs -o OUT --only density,moments --grid 8";
         let out = limited(&w, &w.command(words, folder.path()), blocks);
-        let there = listing(folder.path()).len();
+        let file_count = listing(folder.path()).len();
         match out.status.code() {
-            Some(0) => assert!(there > 5),
-            code => assert_eq!((code, there), (Some(6), 0), "{blocks}: {:?}", listing(folder.path())),
+            Some(0) => assert!(file_count > 5),
+            code => assert_eq!((code, file_count), (Some(6), 0), "{blocks}: {:?}", listing(folder.path())),
         }
         failed[0] += usize::from(!out.status.success());
     }
@@ -378,11 +378,11 @@ fn files_of_a_set_appear_together() {
         let words = "compress snap -o OUT --certificate none --effort fast --pictures";
         let mut c = w.command(words, &folder.path().join("m.pgs"));
         let out = limited(&w, c.arg(folder.path()), blocks);
-        let there = listing(folder.path());
+        let names = listing(folder.path());
         match out.status.code() {
-            Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
+            Some(0) => assert_eq!(names, ["comparison.png", "density.png", "m.pgs"]),
             code => {
-                assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}");
+                assert_eq!((code, &names[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}");
                 assert!(said(&out).contains("note: wrote the model"), "{blocks}");
             }
         }
@@ -481,19 +481,19 @@ fn repeating_a_compression_reports_that_it_is_done() {
     let run = |more: &[&str], code| w.ends(w.command(words, &out).args(more), code);
     let modified = || std::fs::metadata(&out).unwrap().modified().unwrap();
     run(&[], 0);
-    let made = modified();
+    let written_at = modified();
     let again = run(&["--pictures", folder.path().to_str().unwrap()], 0);
     let text = String::from_utf8_lossy(&again.stdout).into_owned();
     assert!(text.contains("already exists"), "{text}");
     assert_eq!(listing(folder.path()), ["comparison.png", "density.png", "m.pgs"]);
-    assert_eq!(modified(), made);
+    assert_eq!(modified(), written_at);
     for other in
         [&["--seed", "7"][..], &["--box", "20"], &["--length-unit", "Mpc"], &["--blocks", "2"], &["--ratio", "50"]]
     {
         run(other, 8);
     }
     w.ends(&mut w.command("compress other -o OUT --certificate none --effort fast", &out), 8);
-    assert_eq!(modified(), made);
+    assert_eq!(modified(), written_at);
 }
 
 /// A conversion does not record its options, so its output is compared.
@@ -506,11 +506,11 @@ fn repeating_a_conversion_reports_that_it_is_done() {
         let run = |more: &[&str], code| w.ends(w.command("convert snap -o OUT", &out).args(more), code);
         let modified = || std::fs::metadata(&out).unwrap().modified().unwrap();
         run(&[], 0);
-        let made = modified();
+        let written_at = modified();
         let text = said(&run(&[], 0));
         assert!(text.contains("already exists and is the same"), "{name}: {text}");
         run(&["--every", "2"], 8);
-        assert_eq!(modified(), made, "{name}");
+        assert_eq!(modified(), written_at, "{name}");
     }
     assert_eq!(listing(folder.path()), ["a.hdf5", "a.npy", "a.vtp", "columns"]);
 }
@@ -570,10 +570,10 @@ fn a_pipe_without_a_reader_is_reported_and_can_be_interrupted() {
     let fifo = folder.path().join("pipe");
     pipe(&fifo);
     let mut child = w.command("info m.pgs --json OUT", &fifo).stderr(Stdio::piped()).spawn().unwrap();
-    let mut said = String::new();
+    let mut line = String::new();
     let mut lines = std::io::BufReader::new(child.stderr.take().unwrap());
-    std::io::BufRead::read_line(&mut lines, &mut said).unwrap();
-    assert!(said.contains("waiting for a reader"), "{said}");
+    std::io::BufRead::read_line(&mut lines, &mut line).unwrap();
+    assert!(line.contains("waiting for a reader"), "{line}");
     assert!(Command::new("kill").arg(child.id().to_string()).status().unwrap().success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
 }

@@ -21,9 +21,9 @@ impl Outcome {
         let out = particlegs().args(words).output().unwrap();
         let text = said(&out);
         assert!(!text.contains("panicked"), "{text}");
-        let told = |line: &&str| ["note:", "warning:", "error:"].iter().any(|word| line.starts_with(word));
-        for line in text.lines().filter(told) {
-            if !self.told.iter().any(|there| there == line) {
+        let is_notice = |line: &&str| ["note:", "warning:", "error:"].iter().any(|word| line.starts_with(word));
+        for line in text.lines().filter(is_notice) {
+            if !self.told.iter().any(|known| known == line) {
                 self.told.push(line.into());
             }
         }
@@ -114,15 +114,15 @@ fn compress_and_a_job_agree_on_every_fixture() {
     for (input, [compress, job]) in &outcomes {
         assert_eq!(compress, job, "{}", input.display());
     }
-    let of = |name: &str| &outcomes.iter().find(|o| o.0.ends_with(name)).unwrap().1[0];
-    let tells = |name: &str, text: &str| of(name).told.iter().any(|line| line.contains(text));
+    let outcome_of = |name: &str| &outcomes.iter().find(|o| o.0.ends_with(name)).unwrap().1[0];
+    let tells = |name: &str, text: &str| outcome_of(name).told.iter().any(|line| line.contains(text));
     assert!(
         tells("tilted-far.lammpstrj", "5 of 300 particles are more than a box length")
             && tells("far.lammpstrj", "more than a box length outside")
     );
     assert!(tells("tilted-out.lammpstrj", "are outside the periodic box") && tells("out.lammpstrj", "5 of 300"));
     assert!(tells("3n_f4.npy", "no periodic box"));
-    assert_eq!([of("tilted-far.lammpstrj").code, of("tilted-out.lammpstrj").code], [3, 0]);
-    let made = outcomes.iter().filter(|o| o.1[0].bytes.is_some()).count();
-    assert!(made > good / 2 && made < outcomes.len(), "{made} models of {} files", outcomes.len());
+    assert_eq!([outcome_of("tilted-far.lammpstrj").code, outcome_of("tilted-out.lammpstrj").code], [3, 0]);
+    let model_count = outcomes.iter().filter(|o| o.1[0].bytes.is_some()).count();
+    assert!(model_count > good / 2 && model_count < outcomes.len(), "{model_count} models of {} files", outcomes.len());
 }

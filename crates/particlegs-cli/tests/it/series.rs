@@ -9,8 +9,8 @@ use std::path::Path;
 /// Snapshots of groups that drift in a periodic box.
 fn snapshots(folder: &Path, frames: usize) {
     for frame in 0..frames {
-        let own = folder.join(format!("snap-{frame}"));
-        std::fs::create_dir_all(&own).unwrap();
+        let frame_folder = folder.join(format!("snap-{frame}"));
+        std::fs::create_dir_all(&frame_folder).unwrap();
         for (k, axis) in ["xx", "yy", "zz"].into_iter().enumerate() {
             let place = |i: usize| {
                 let (group, noise) = (i % 25, ((i * (7 + k)) % 101) as f64 / 101.0 - 0.5);
@@ -18,11 +18,11 @@ fn snapshots(folder: &Path, frames: usize) {
                 ((centre + noise + 0.05 * (frame * (k + 1)) as f64).rem_euclid(10.0)) as f32
             };
             let bytes: Vec<u8> = (0..4000).flat_map(|i| place(i).to_le_bytes()).collect();
-            std::fs::write(own.join(format!("{axis}.f32")), bytes).unwrap();
+            std::fs::write(frame_folder.join(format!("{axis}.f32")), bytes).unwrap();
         }
         let redshift = 1.0 / (0.5 + 0.05 * frame as f64) - 1.0;
         let about = format!(r#"{{"box": 10, "periodic": true, "length_unit": "Mpc/h", "redshift": {redshift}}}"#);
-        std::fs::write(own.join("meta.json"), about).unwrap();
+        std::fs::write(frame_folder.join("meta.json"), about).unwrap();
     }
 }
 
@@ -368,12 +368,12 @@ fn statistics_over_time_are_those_of_each_frame() {
         dir.runs(&format!("stats f{i}.pgs f{i}.pgs -o one{i} --only spectrum --spectrum-grid 32 --no-plots --quiet"));
         let alone = rows(&dir.text(&format!("one{i}/power.csv")));
         assert_eq!(alone.len(), of_frame(i).count());
-        for (own, one) in of_frame(i).zip(&alone) {
-            let (own, one) = ([value(own, "k"), value(own, "power")], [value(one, "k"), value(one, "power_truth")]);
+        for (row, one) in of_frame(i).zip(&alone) {
+            let (row, one) = ([value(row, "k"), value(row, "power")], [value(one, "k"), value(one, "power_truth")]);
             // A frame between is coded anew where it is extracted.
             assert!(
-                (0..2).all(|k| (own[k] / one[k] - 1.0).abs() < if i == 0 { 1e-12 } else { 0.02 }),
-                "{own:?} {one:?}"
+                (0..2).all(|k| (row[k] / one[k] - 1.0).abs() < if i == 0 { 1e-12 } else { 0.02 }),
+                "{row:?} {one:?}"
             );
         }
         let first = of_frame(i).next().unwrap();
@@ -431,8 +431,8 @@ fn means_of_fields_over_time_are_those_of_the_particles() {
 fn cameras(dir: &TestFolder, name: &str) -> Vec<[[f64; 3]; 2]> {
     let views = dir.json(name);
     let three = |v: &serde_json::Value| std::array::from_fn(|k| v[k].as_f64().unwrap());
-    let of = |v: &serde_json::Value| [three(&v["focal_point"]), three(&v["position"])];
-    views["views"].as_array().unwrap().iter().map(of).collect()
+    let camera = |v: &serde_json::Value| [three(&v["focal_point"]), three(&v["position"])];
+    views["views"].as_array().unwrap().iter().map(camera).collect()
 }
 
 /// The shortest way between places in a box of 10.
@@ -468,8 +468,8 @@ fn the_camera_follows_a_halo_across_the_face_of_the_box() {
         assert!(is_near(*focal, drift(i as f64), 0.12), "{i}: {focal:?}");
         assert!(focal.iter().all(|v| (0.0..=10.0).contains(v)), "{focal:?}");
         let offset = |[focal, position]: [[f64; 3]; 2]| -> [f64; 3] { std::array::from_fn(|k| position[k] - focal[k]) };
-        let (own, first) = (offset([*focal, *position]), offset(a[0]));
-        assert!((0..3).all(|k| (own[k] - first[k]).abs() < 1e-9), "{own:?} {first:?}");
+        let (view_offset, first) = (offset([*focal, *position]), offset(a[0]));
+        assert!((0..3).all(|k| (view_offset[k] - first[k]).abs() < 1e-9), "{view_offset:?} {first:?}");
         // Backwards from the last frame it is the same way.
         assert!(is_near(*focal, b[i][0], 0.02), "{i}: {focal:?} {:?}", b[i]);
         assert!(is_near(c[2 * i][0], *focal, 1e-9));
@@ -572,8 +572,8 @@ fn molecules_are_aligned_onto_the_first_frame() {
         let other = dir.says(&format!("info run.pgs --frame {frame}"));
         assert!(other["metadata"]["cell"].is_null());
         for (end, k) in [("min", 0), ("max", 1), ("max", 2)] {
-            let of = |info: &serde_json::Value| info["metadata"]["bounds"][end][k].as_f64().unwrap();
-            assert!((of(&other) - of(&first)).abs() < 0.01, "{frame} {end} {k}: {} {}", of(&other), of(&first));
+            let edge = |info: &serde_json::Value| info["metadata"]["bounds"][end][k].as_f64().unwrap();
+            assert!((edge(&other) - edge(&first)).abs() < 0.01, "{frame} {end} {k}: {} {}", edge(&other), edge(&first));
         }
     }
     assert!(!dir.says("info plain.pgs --frame 0")["metadata"]["cell"].is_null());

@@ -40,16 +40,16 @@ fn a_model_is_scored_against_the_smoothed_truth() {
     drawn(&dir, "render cloud.pgs -o model --raw");
     drawn(&dir, "reference cloud -o whole --smooth 32 --raw --width 2");
     assert!((mass(&dir, "whole") / 6000.0 - 1.0).abs() < NEARLY, "{}", mass(&dir, "whole"));
-    let said = dir.json("truth/view.json");
-    assert_eq!((said["smooth"].as_u64(), said["width"].as_u64()), (Some(32), Some(80)));
+    let description = dir.json("truth/view.json");
+    assert_eq!((description["smooth"].as_u64(), description["width"].as_u64()), (Some(32), Some(80)));
 
-    let compared = |truth: &str| dir.says(&format!("compare model {truth}"))["densities"][0].clone();
-    let (smooth, points) = (compared("truth"), compared("points"));
-    let of = |scores: &Value, key: &str| scores[key].as_f64().unwrap();
+    let scores_against = |truth: &str| dir.says(&format!("compare model {truth}"))["densities"][0].clone();
+    let (smooth, points) = (scores_against("truth"), scores_against("points"));
+    let score = |scores: &Value, key: &str| scores[key].as_f64().unwrap();
     assert_eq!(smooth["name"], "view");
-    assert!(of(&smooth, "rms_dex") < 0.7 * of(&points, "rms_dex"), "{smooth} {points}");
-    assert!(of(&smooth, "correlation") > 0.9 && of(&smooth, "mean_dex").abs() < 0.3, "{smooth}");
-    assert!(of(&smooth, "pixels") > 2.0 * of(&points, "pixels"));
+    assert!(score(&smooth, "rms_dex") < 0.7 * score(&points, "rms_dex"), "{smooth} {points}");
+    assert!(score(&smooth, "correlation") > 0.9 && score(&smooth, "mean_dex").abs() < 0.3, "{smooth}");
+    assert!(score(&smooth, "pixels") > 2.0 * score(&points, "pixels"));
     let [table, _] = dir.runs("compare truth truth");
     assert!(table.contains("0.0000 dex") && table.contains("1.0000") && !table.contains("PSNR"), "{table}");
 }

@@ -165,16 +165,16 @@ fn categories_are_shares_and_recovered_as_their_values() {
     assert!((one - 1.0).abs() < 0.1 && (two - 2.0).abs() < 0.1 && (seven - 1.5).abs() < 0.1, "{one} {two} {seven}");
     for (name, value) in [("state=1", 1), ("state=2", 2), ("state=7", 7)] {
         let sum: f64 = (0..g.len()).map(|i| g.count[i] * share(name, i)).sum();
-        let there = values.iter().filter(|v| **v == value).count() as f64;
-        assert!((sum - there).abs() < 1e-6 * there, "{name}: {sum} {there}");
+        let expected_count = values.iter().filter(|v| **v == value).count() as f64;
+        assert!((sum - expected_count).abs() < 1e-6 * expected_count, "{name}: {sum} {expected_count}");
     }
     // Particles that are drawn have one of the values, as often.
     dir.runs("recover m.pgs -o again --quiet");
     let column = dir.bytes("again/state.f32");
-    let drawn: Vec<f32> = column.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let states: Vec<f32> = column.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     for value in [1u8, 2, 7] {
         let (is, was) =
-            (drawn.iter().filter(|v| **v == f32::from(value)).count(), values.iter().filter(|v| **v == value).count());
+            (states.iter().filter(|v| **v == f32::from(value)).count(), values.iter().filter(|v| **v == value).count());
         assert!((is as f64 / was as f64 - 1.0).abs() < 0.08, "{value}: {is} {was}");
     }
     // Maps of the shares, of the model and of the particles.

@@ -103,8 +103,8 @@ fn a_model_has_profiles_and_haloes_and_no_distances() {
     let more = "--only rdf,profile,haloes --profile-bins 20 --linking 0.25 --no-plots";
     let s = stats(&dir, "thin m.pgs", "a", more);
     assert!(s["rdf"].is_null() && s["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("g(r)")));
-    let of = |name: &str| s["summary"][name].as_f64().unwrap();
-    assert!(of("profile_relative_difference") < 0.1 && (of("halo_mass") - 1.0).abs() < 0.1, "{}", s["summary"]);
+    let figure = |name: &str| s["summary"][name].as_f64().unwrap();
+    assert!(figure("profile_relative_difference") < 0.1 && (figure("halo_mass") - 1.0).abs() < 0.1, "{}", s["summary"]);
     // The other way round there are no groups as centres.
     let s = stats(&dir, "m.pgs thin", "b", "--only haloes --no-plots");
     assert!(s["haloes"].is_null() && s["notes"][0].as_str().unwrap().contains("no centres"), "{}", s["notes"]);
@@ -225,26 +225,26 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
         let s = stats(&dir, "zoom.csv zoom.csv", name, &format!("{options} {more}"));
         (s["groups"].clone(), s["notes"].to_string())
     };
-    let (own, notes) = groups("own", "");
+    let (clumps, notes) = groups("own", "");
     assert!(
         notes.contains("link the lightest 2000 of 3000 particles") && notes.contains("0 of 2 groups contain heavier"),
         "{notes}"
     );
-    assert_eq!((own["linked"][0].as_u64(), own["contaminated"][0].as_u64()), (Some(2000), Some(0)));
-    let largest = own["largest"][0].as_u64().unwrap();
-    assert!((300..310).contains(&largest) && own["classes"][2]["groups"][0] == 2, "{own}");
+    assert_eq!((clumps["linked"][0].as_u64(), clumps["contaminated"][0].as_u64()), (Some(2000), Some(0)));
+    let largest = clumps["largest"][0].as_u64().unwrap();
+    assert!((300..310).contains(&largest) && clumps["classes"][2]["groups"][0] == 2, "{clumps}");
     // The same length in another unit, and one that joins all.
-    let length = own["linking_length"][0].as_f64().unwrap();
+    let length = clumps["linking_length"][0].as_f64().unwrap();
     let (same, _) = groups("same", &format!("--linking-length {}kpc", 1000.0 * length));
-    assert_eq!((&same["classes"], &same["largest"]), (&own["classes"], &own["largest"]));
+    assert_eq!((&same["classes"], &same["largest"]), (&clumps["classes"], &clumps["largest"]));
     assert_eq!(groups("all", "--linking-length 3").0["largest"][0], 2000);
     let slab = stats(&dir, "zoom.csv zoom.csv", "slab", "--only moments --no-plots --box 100,100,0");
     assert_eq!(slab["domain"]["periodic"], serde_json::json!([true, true, false]));
-    for (asked, why) in
+    for (length, why) in
         [("3 Msun", "not a unit of length"), ("0kpc", "not a positive length"), ("Mpc", "not a positive")]
     {
         let words = format!("stats zoom.csv zoom.csv -o no {options} --linking-length");
-        fails(dir.command(&words).arg(asked), 2, why);
+        fails(dir.command(&words).arg(length), 2, why);
     }
 }
 
@@ -319,31 +319,31 @@ fn velocities_of_a_model_are_those_of_particles_drawn_from_it() {
 fn what_velocities_lack_is_said() {
     let dir = moving();
     let meta = dir.json("thin/meta.json");
-    let noted = |change: &dyn Fn(&mut Value), why: &str| {
-        let mut own = meta.clone();
-        change(&mut own);
-        dir.write("thin/meta.json", own.to_string());
+    let check_note = |change: &dyn Fn(&mut Value), why: &str| {
+        let mut altered_meta = meta.clone();
+        change(&mut altered_meta);
+        dir.write("thin/meta.json", altered_meta.to_string());
         let s = stats(&dir, "thin thin", "a", "--only multipoles,momentum --spectrum-grid 16 --no-plots");
         assert!(s["multipoles"].is_null() && !s["momentum"].is_null());
         assert!(s["notes"].to_string().contains(&format!("no multipoles: {why}")), "{}", s["notes"]);
     };
-    let remove = |own: &mut Value, key: &str| drop(own.as_object_mut().unwrap().remove(key));
-    noted(&|own| remove(own, "field_units"), "the files do not say that velocities are in km/s");
+    let remove = |meta: &mut Value, key: &str| drop(meta.as_object_mut().unwrap().remove(key));
+    check_note(&|meta| remove(meta, "field_units"), "the files do not say that velocities are in km/s");
     let named =
-        |unit: &'static str| move |own: &mut Value| own["field_units"] = json!({"vx": unit, "vy": unit, "vz": unit});
-    noted(&named("furlong"), "velocities are in furlong, not in km/s");
-    noted(&|own| own["periodic"] = false.into(), "the box is not periodic along all axes");
-    noted(&|own| remove(own, "scale_factor"), "the files do not state the scale factor");
-    let early = |own: &mut Value| {
-        own["scale_factor"] = 0.5.into();
-        remove(own, "omega_lambda");
+        |unit: &'static str| move |meta: &mut Value| meta["field_units"] = json!({"vx": unit, "vy": unit, "vz": unit});
+    check_note(&named("furlong"), "velocities are in furlong, not in km/s");
+    check_note(&|meta| meta["periodic"] = false.into(), "the box is not periodic along all axes");
+    check_note(&|meta| remove(meta, "scale_factor"), "the files do not state the scale factor");
+    let early = |meta: &mut Value| {
+        meta["scale_factor"] = 0.5.into();
+        remove(meta, "omega_lambda");
     };
-    noted(&early, "the files do not state Omega_Lambda");
+    check_note(&early, "the files do not state Omega_Lambda");
     // Columns of different units are no velocity, unless all are known.
     let in_units = |vz: &str| {
-        let mut own = meta.clone();
-        own["field_units"]["vz"] = vz.into();
-        dir.write("thin/meta.json", own.to_string());
+        let mut altered_meta = meta.clone();
+        altered_meta["field_units"]["vz"] = vz.into();
+        dir.write("thin/meta.json", altered_meta.to_string());
         stats(&dir, "thin thin", "a", "--only momentum --spectrum-grid 16 --no-plots")["momentum"].is_null()
     };
     assert_eq!([in_units("m/s"), in_units("furlong")], [false, true]);

@@ -18,15 +18,15 @@ fn reached(dir: &TestFolder, options: &str) -> (String, Value) {
 fn a_correlation_is_reached_recorded_and_verified() {
     let dir = TestFolder::new();
     let target = "--min-correlation 0.995 --cell 1";
-    let (said, made) = reached(&dir, target);
-    let goal = &made["goal"];
+    let (said, report) = reached(&dir, target);
+    let goal = &report["goal"];
     assert_eq!((&goal["kind"], &goal["asked"], &goal["at"]), (&"correlation".into(), &0.995.into(), &1.0.into()));
     let value = goal["reached"].as_f64().unwrap();
     assert!((0.995..0.997).contains(&value), "close above what was asked for: {value}");
-    assert_eq!(&made["certificate"]["goal"], goal);
-    let asked = "asked for: a correlation of 0.995";
-    assert!(said.contains(&format!("{asked} of densities in cells of 1 Mpc/h: reached 0.99")), "{said}");
-    assert!(dir.runs("info m.pgs --json i.json")[0].contains(asked));
+    assert_eq!(&report["certificate"]["goal"], goal);
+    let goal_text = "asked for: a correlation of 0.995";
+    assert!(said.contains(&format!("{goal_text} of densities in cells of 1 Mpc/h: reached 0.99")), "{said}");
+    assert!(dir.runs("info m.pgs --json i.json")[0].contains(goal_text));
     let info = dir.json("i.json");
     assert_eq!(&info["certificate"]["goal"], goal);
     let command = info["metadata"]["command"].as_str().unwrap();
@@ -47,21 +47,21 @@ fn a_correlation_is_reached_recorded_and_verified() {
 fn power_groups_and_pictures_are_reached_without_a_certificate() {
     let dir = TestFolder::new();
     let none = |target: &str| reached(&dir, &format!("{target} --certificate=none"));
-    let (said, made) = none("--max-pk-error 4% --k-max 2");
-    assert!(made["certificate"].is_null() && made["goal"]["kind"] == "power_spectrum", "{made}");
-    assert!(made["goal"]["asked"] == 0.04 && made["goal"]["reached"].as_f64().unwrap() <= 0.04, "{made}");
+    let (said, report) = none("--max-pk-error 4% --k-max 2");
+    assert!(report["certificate"].is_null() && report["goal"]["kind"] == "power_spectrum", "{report}");
+    assert!(report["goal"]["asked"] == 0.04 && report["goal"]["reached"].as_f64().unwrap() <= 0.04, "{report}");
     assert!(said.contains("asked for: P(k) within 4 % up to k = 2 h/Mpc: reached "), "{said}");
     let bytes = dir.bytes("m.pgs");
     assert_eq!(codec::decode(&bytes, "m").unwrap().certificate, None);
     none("--max-pk-error 0.04 --k-max 2");
     assert!(dir.bytes("m.pgs") == bytes, "4% and 0.04 are one target");
 
-    let (said, made) = none("--groups-within 20% --from 100");
-    assert!(made["goal"]["kind"] == "groups" && made["goal"]["reached"].as_f64().unwrap() <= 0.2, "{made}");
+    let (said, report) = none("--groups-within 20% --from 100");
+    assert!(report["goal"]["kind"] == "groups" && report["goal"]["reached"].as_f64().unwrap() <= 0.2, "{report}");
     assert!(said.contains("asked for: numbers of groups within 20 % from 100 particles on: reached "), "{said}");
 
-    let (said, made) = none("--psnr 24");
-    assert!(made["goal"]["kind"] == "psnr" && made["goal"]["reached"].as_f64().unwrap() >= 24.0, "{made}");
+    let (said, report) = none("--psnr 24");
+    assert!(report["goal"]["kind"] == "psnr" && report["goal"]["reached"].as_f64().unwrap() >= 24.0, "{report}");
     assert!(said.contains("asked for: a masked PSNR of 24 dB: reached 24."), "{said}");
 }
 

@@ -19,21 +19,21 @@ fn species_are_chosen_in_models_as_in_snapshots() {
         success(recover.arg(layer));
         dir.bytes(&format!("{out}/xx.f32")).len() / 4
     };
-    let own = [particles("0", "PartType0"), particles("1", "PartType1")];
+    let counts = [particles("0", "PartType0"), particles("1", "PartType1")];
     for (i, name) in ["gas", "0", "Gas"].into_iter().enumerate() {
-        assert_eq!(particles(&format!("gas{i}"), name), own[0], "{name}");
+        assert_eq!(particles(&format!("gas{i}"), name), counts[0], "{name}");
     }
     for (i, name) in ["dm", "1", "dark matter", "halo"].into_iter().enumerate() {
-        assert_eq!(particles(&format!("dm{i}"), name), own[1], "{name}");
+        assert_eq!(particles(&format!("dm{i}"), name), counts[1], "{name}");
     }
     dir.fails("render m.pgs --layer stars -o no.png", 2, "no layer");
     // In commands that also read snapshots, for both.
     for option in ["--layer", "--particle-type"] {
-        let [_, told] = dir.runs(&format!("eval m.pgs {SPECIES} {option} gas --frames 1 --size 16x16"));
-        assert!(!told.contains("warning"), "{told}");
+        let [_, notes] = dir.runs(&format!("eval m.pgs {SPECIES} {option} gas --frames 1 --size 16x16"));
+        assert!(!notes.contains("warning"), "{notes}");
         let stats = format!("stats m.pgs {SPECIES} -o st {option} gas --only density --grid 4 --no-plots");
         let [table, _] = dir.runs(&stats);
-        assert!(table.contains(&format!("model of {} particles, other {} particles", own[0], own[0])), "{table}");
+        assert!(table.contains(&format!("model of {} particles, other {} particles", counts[0], counts[0])), "{table}");
     }
     dir.runs(&format!("compress {SPECIES} --layer gas -o g.pgs --gaussians 3 --certificate=none"));
     let [json, _] = dir.runs("info g.pgs --json -");
@@ -65,20 +65,20 @@ fn files_are_named_and_quiet_commands_print_no_tables() {
     assert_eq!(dir.runs(&format!("{stats} -q")), nothing);
     assert_eq!(dir.runs(&format!("{frames} 2 -o few -q")), nothing);
     // Output that goes to no file is the result.
-    let [info, told] = dir.runs("info m.pgs -q");
-    assert!(info.contains("Gaussians") && told.is_empty(), "{info}{told}");
+    let [info, notes] = dir.runs("info m.pgs -q");
+    assert!(info.contains("Gaussians") && notes.is_empty(), "{info}{notes}");
 }
 
 #[test]
 fn a_note_is_printed_once_per_job_and_command() {
     let dir = TestFolder::new();
     let notes = |words: &str| {
-        let [_, told] = dir.runs(words);
-        let mut notes: Vec<String> = told.lines().filter(|l| l.starts_with("note: ")).map(String::from).collect();
+        let [_, stderr] = dir.runs(words);
+        let mut notes: Vec<String> = stderr.lines().filter(|l| l.starts_with("note: ")).map(String::from).collect();
         let all = notes.len();
         notes.sort();
         notes.dedup();
-        assert_eq!(notes.len(), all, "{words}: {told}");
+        assert_eq!(notes.len(), all, "{words}: {stderr}");
         notes
     };
     let options = "-o job --blocks 2 --gaussians 12 --certificate quick";

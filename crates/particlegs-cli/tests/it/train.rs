@@ -125,10 +125,10 @@ fn stopped_runs_keep_the_best_model_and_continue() {
         assert_eq!(child.wait().unwrap().code(), Some(130), "{law}");
         assert!(dir.runs("verify m.pgs")[0].contains(law));
         dir.fails(&words, 8, "left by an interrupted run");
-        let kept = std::fs::read(&checkpoint).unwrap();
-        std::fs::write(&checkpoint, &kept[..kept.len() / 2]).unwrap();
+        let checkpoint_bytes = std::fs::read(&checkpoint).unwrap();
+        std::fs::write(&checkpoint, &checkpoint_bytes[..checkpoint_bytes.len() / 2]).unwrap();
         dir.fails(&resume, 3, "is truncated or has been changed");
-        std::fs::write(&checkpoint, &kept).unwrap();
+        std::fs::write(&checkpoint, &checkpoint_bytes).unwrap();
         dir.fails(&format!("{resume} --seed 7"), 3, "belongs to another command");
         dir.runs(&format!("{resume} -q"));
         assert!(!checkpoint.exists());
@@ -146,9 +146,9 @@ fn minutes_limit_the_whole_run() {
     let dir = folder();
     let bounds = "--iterations 1000000 --minutes 0.06 --log log.jsonl --json r.json";
     let start = Instant::now();
-    let [_, told] = dir.runs(&format!("{} {bounds}", trained("optical-depth", "m.pgs")));
+    let [_, notes] = dir.runs(&format!("{} {bounds}", trained("optical-depth", "m.pgs")));
     assert!(start.elapsed().as_secs_f64() < 30.0);
-    assert!(told.contains("reached its time limit"));
+    assert!(notes.contains("reached its time limit"));
     let report = dir.json("r.json");
     let run = &report["trained"][0];
     assert!(run["iterations"].as_u64().unwrap() < run["of"].as_u64().unwrap(), "{run}");
@@ -192,11 +192,11 @@ fn blocks_and_fine_tuning() {
     dir.runs("verify tuned.pgs -q");
 
     // By number, at the nominal precision, but never fewer than before.
-    let own = particlegs_core::codec::decode(&direct, "m.pgs").unwrap().gaussians();
-    let said = dir.says(&format!("{tune} --gaussians {} -q", 2 * own));
-    assert_eq!(said["step_factor"], 1.0);
-    assert!(said["gaussians"].as_u64().unwrap() <= 2 * own as u64);
-    dir.fails(&format!("{tune} --gaussians 3"), 5, &format!("the model already has {own}"));
+    let gaussian_count = particlegs_core::codec::decode(&direct, "m.pgs").unwrap().gaussians();
+    let report = dir.says(&format!("{tune} --gaussians {} -q", 2 * gaussian_count));
+    assert_eq!(report["step_factor"], 1.0);
+    assert!(report["gaussians"].as_u64().unwrap() <= 2 * gaussian_count as u64);
+    dir.fails(&format!("{tune} --gaussians 3"), 5, &format!("the model already has {gaussian_count}"));
 
     snapshot(&dir.at("other"), &[vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 5.0], vec![0.0, 4.0, 2.0]]);
     let to = "-o x.pgs --config tiny.toml";
@@ -246,9 +246,9 @@ fn configurations_survive_a_round_trip_and_errors_name_the_line() {
         ("loss.dssim = nan", 2, "loss.dssim"),
         ("law = \"alpha-blend\"", 3, "trains with optical-depth"),
     ];
-    for (text, code, told) in cases {
+    for (text, code, message) in cases {
         dir.write("tiny.toml", text);
-        dir.fails(&trained("optical-depth", "m.pgs"), code, told);
+        dir.fails(&trained("optical-depth", "m.pgs"), code, message);
     }
     std::fs::remove_file(dir.at("tiny.toml")).unwrap();
     dir.fails(&trained("optical-depth", "m.pgs"), 6, "tiny.toml");
@@ -277,8 +277,8 @@ fn contradictions_are_refused_before_the_work() {
     let layers = "compress two -o m.pgs --layers mass --train fast --law alpha-blend --config tiny.toml";
     dir.fails(layers, 2, "the alpha-blend law supports one layer");
     // A log that cannot be written to costs no model.
-    let [_, told] = dir.runs(&trained("--log /dev/full --certificate=none --iterations 60"));
-    assert!(told.contains("nothing more is logged"), "{told}");
+    let [_, notes] = dir.runs(&trained("--log /dev/full --certificate=none --iterations 60"));
+    assert!(notes.contains("nothing more is logged"), "{notes}");
     // A folder in place of the checkpoint is an error.
     std::fs::create_dir(dir.at("m.pgs.checkpoint")).unwrap();
     dir.fails(&trained("--certificate=none"), 8, "m.pgs.checkpoint");

@@ -37,11 +37,11 @@ fn runs(dir: &TestFolder, words: &str) -> (Value, String) {
 #[test]
 fn a_model_is_scored_by_particles_of_another_unit() {
     let s = folder();
-    let scored = |with: &str| runs(&s, &format!("eval kpc.pgs {with} --frames 1 --size 160x90"));
-    let own = scored("kpc").0;
+    let scores_of = |with: &str| runs(&s, &format!("eval kpc.pgs {with} --frames 1 --size 160x90"));
+    let scores_in_kpc = scores_of("kpc").0;
     for (other, says) in [("large", "from 1024 kpc to kpc"), ("physical", "from kpc/h to kpc")] {
-        let (found, said) = scored(other);
-        assert_eq!(found["mean"], own["mean"], "{other}");
+        let (scores, said) = scores_of(other);
+        assert_eq!(scores["mean"], scores_in_kpc["mean"], "{other}");
         assert!(said.contains(says), "{said}");
     }
     s.fails("eval kpc.pgs lj", 3, "lj: physical sigma cannot be converted to comoving kpc");
@@ -56,12 +56,12 @@ fn statistics_are_in_the_units_of_the_truth() {
         std::fs::remove_dir_all(s.at("out")).unwrap();
         out
     };
-    let own = measured("kpc");
+    let stats_in_kpc = measured("kpc");
     for other in ["large", "physical", "large.pgs"] {
         let b = measured(other);
-        assert_eq!(own["density"]["side"], b["density"]["side"]);
+        assert_eq!(stats_in_kpc["density"]["side"], b["density"]["side"]);
         if !other.ends_with(".pgs") {
-            assert_eq!((&own["density"], &own["groups"]), (&b["density"], &b["groups"]), "{other}");
+            assert_eq!((&stats_in_kpc["density"], &stats_in_kpc["groups"]), (&b["density"], &b["groups"]), "{other}");
         }
         assert!(b["notes"].to_string().contains("lengths are converted from"), "{}", b["notes"]);
     }
@@ -79,11 +79,11 @@ fn panels_and_pictures_drawn_alike_are_in_one_unit() {
     assert!((brightest("kpc.pgs large.pgs") / brightest("kpc.pgs kpc.pgs") - 1.0).abs() < 0.1);
     let refused = "lj.pgs: physical sigma cannot be converted to";
     s.fails("render kpc.pgs lj.pgs --panels -o no.png", 3, refused);
-    for (look, plain) in [("density", "--no-annotations"), ("expected", "")] {
-        let drawn = |words: &str| s.says(&format!("render {words} {plain}"))["views"][0].clone();
-        drawn(&format!("kpc.pgs -o a.png --style {look} --size 60x40 --azimuth 33"));
-        let again = drawn("kpc.pgs -o b.png --like a.png");
-        let other = drawn("large.pgs -o c.png --like a.png");
+    for (style, plain) in [("density", "--no-annotations"), ("expected", "")] {
+        let drawn_view = |words: &str| s.says(&format!("render {words} {plain}"))["views"][0].clone();
+        drawn_view(&format!("kpc.pgs -o a.png --style {style} --size 60x40 --azimuth 33"));
+        let again = drawn_view("kpc.pgs -o b.png --like a.png");
+        let other = drawn_view("large.pgs -o c.png --like a.png");
         let number = |view: &Value, key: &str| view[key].as_f64().unwrap();
         assert_eq!(number(&again, "radius"), 1024.0 * number(&other, "radius"));
         let [b, c] = ["b.png", "c.png"].map(|name| {
@@ -93,7 +93,7 @@ fn panels_and_pictures_drawn_alike_are_in_one_unit() {
             pixels
         });
         let apart: f64 = b.iter().zip(&c).map(|(b, c)| f64::from(b.abs_diff(*c))).sum();
-        assert!(b.len() == c.len() && apart / (b.len() as f64) < 16.0, "{look:?}: {apart}");
+        assert!(b.len() == c.len() && apart / (b.len() as f64) < 16.0, "{style:?}: {apart}");
     }
     s.fails("render lj.pgs --like a.png -o no.png", 3, "kpc cannot be converted to physical sigma");
 }
@@ -117,15 +117,15 @@ fn weights_that_are_not_masses_have_their_own_name_and_unit() {
         let text = format!("`{field}` cannot be weights: a sum of {plural} is meaningless");
         s.fails(&format!("compress t.csv --mass-field {field} -o no.pgs"), 3, &text);
     }
-    let look = "--style density --projection orthographic --size 40x40 --raw";
-    s.says(&format!("reference t.csv --mass-field Charge {look} -o raw"));
+    let options = "--style density --projection orthographic --size 40x40 --raw";
+    s.says(&format!("reference t.csv --mass-field Charge {options} -o raw"));
     s.says("compress t.csv --mass-field Charge -o m.pgs --gaussians 20 --certificate=none");
-    s.says(&format!("render m.pgs {look} -o drawn"));
+    s.says(&format!("render m.pgs {options} -o drawn"));
     for folder in ["raw", "drawn"] {
         let mut files = std::fs::read_dir(s.at(folder)).unwrap().map(|f| f.unwrap().path());
         let json = files.find(|f| f.extension().is_some_and(|e| e == "json")).unwrap();
-        let said: Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
-        assert_eq!((&said["quantity"], &said["unit"]), (&"surface density of Charge".into(), &"e / nm²".into()));
+        let meta: Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+        assert_eq!((&meta["quantity"], &meta["unit"]), (&"surface density of Charge".into(), &"e / nm²".into()));
     }
     s.says("render m.pgs --style density --size 60x40 -o f.svg");
     assert!(s.text("f.svg").contains(">Σ of Charge (e nm⁻²)<"), "the title of the colour bar");

@@ -80,12 +80,12 @@ fn a_broken_frame_and_an_index_that_contradicts_its_frames_are_named() {
     let file = series(&dir, "run.pgs", "--certificate none");
     let other = series(&dir, "other.pgs", "--certificate none --seed 5");
     let (clock, recipe, frames) = frames_of(&file);
-    let of =
+    let encode =
         |clock, recipe: &str, frames: &[Option<CodedFrame>]| codec::assemble_series(clock, recipe, frames).unwrap();
     let altered = |alter: &dyn Fn(&mut Vec<Option<CodedFrame>>)| {
         let mut all = frames.clone();
         alter(&mut all);
-        of(clock, &recipe, &all)
+        encode(clock, &recipe, &all)
     };
     let times: Vec<f64> = frames.iter().flatten().map(|f| f.time).collect();
     let numbered = |all: &mut Vec<Option<CodedFrame>>, times: &[f64]| {
@@ -96,22 +96,22 @@ fn a_broken_frame_and_an_index_that_contradicts_its_frames_are_named() {
     of_number[0].1[0] = 0;
     let mut no_json = sections(&file);
     no_json[1].1 = b"{\"model\": ".to_vec();
-    let mut moved = sections(&file);
-    let length = no_json[1].1.len() as i64 - moved[1].1.len() as i64;
+    let mut moved_sections = sections(&file);
+    let length = no_json[1].1.len() as i64 - moved_sections[1].1.len() as i64;
     for entry in no_json[0].1[5..].chunks_mut(25) {
         let place = i64::from_le_bytes(entry[9..17].try_into().unwrap()) + length;
         entry[9..17].copy_from_slice(&place.to_le_bytes());
     }
-    let last = moved[2].1.len() - 1;
-    moved[2].1[last] ^= 1;
+    let last = moved_sections[2].1.len() - 1;
+    moved_sections[2].1[last] ^= 1;
     let cases = [
-        ("a broken frame", file_of(&file, &moved), "frame 0 of 4"),
+        ("a broken frame", file_of(&file, &moved_sections), "frame 0 of 4"),
         ("another time", altered(&|all| all[1].as_mut().unwrap().time += 0.01), "frame 1 of 4"),
         ("another last time", altered(&|all| all[3].as_mut().unwrap().time += 0.01), "frame 3 of 4"),
         ("another clock", file_of(&file, &of_number), "the clock of the index is the frame"),
         ("no recipe", file_of(&file, &no_json), "the recipe of the series"),
-        ("another recipe", of(clock, &recipe.replace("\"seed\":42", "\"seed\":7"), &frames), "but the series says"),
-        ("fewer keyframes", of(clock, &recipe.replace("interval\":2", "interval\":1"), &frames), "one every 1"),
+        ("another recipe", encode(clock, &recipe.replace("\"seed\":42", "\"seed\":7"), &frames), "but the series says"),
+        ("fewer keyframes", encode(clock, &recipe.replace("interval\":2", "interval\":1"), &frames), "one every 1"),
         (
             "exchanged groups",
             altered(&|all| {
@@ -130,11 +130,11 @@ fn a_broken_frame_and_an_index_that_contradicts_its_frames_are_named() {
         ),
         ("a keyframe of another series", altered(&|all| all[2] = frames_of(&other).2[2].clone()), "frame 2 of 4"),
     ];
-    for (name, bytes, what) in cases {
+    for (name, bytes, message) in cases {
         dir.write("f.pgs", bytes);
         let out = dir.command("verify f.pgs").output().unwrap();
-        let said = crate::common::said(&out);
-        assert!(out.status.code() == Some(4) && said.contains(what), "{name}: {said}");
+        let stderr = crate::common::said(&out);
+        assert!(out.status.code() == Some(4) && stderr.contains(message), "{name}: {stderr}");
     }
 }
 
@@ -143,16 +143,16 @@ fn with_field(file: &[u8], number: u8, alter: impl Fn(&mut FieldMoments, &mut Ve
     let model = codec::decode(file, "m").unwrap();
     let quantity = &model.metadata.fields[usize::from(number)];
     let mut layers = codec::coded_layers(file, "m").unwrap();
-    for (layer, own) in layers.iter_mut().zip(&model.layers) {
-        for (stored, block) in layer.content.iter_mut().zip(&own.content) {
+    for (layer, model_layer) in layers.iter_mut().zip(&model.layers) {
+        for (stored, block) in layer.content.iter_mut().zip(&model_layer.content) {
             let g = &block.gaussians;
             let mut field = g.fields.get(&quantity.name).unwrap().clone();
             let sum = |c: usize| (0..g.len()).map(|i| g.count[i] * field.overall_value(c, i, &g.cov_of(i))).sum();
             let mut sums = (0..field.components()).map(sum).collect();
             alter(&mut field, &mut sums);
             let bytes = codec::encode_field((number, quantity), &field, g, &sums, &FieldPrecision::default(), None);
-            let own = stored.sections.iter_mut().find(|s| s.tag == codec::FIELD && s.bytes[0] == number);
-            own.unwrap().bytes = bytes;
+            let section = stored.sections.iter_mut().find(|s| s.tag == codec::FIELD && s.bytes[0] == number);
+            section.unwrap().bytes = bytes;
         }
     }
     codec::assemble(&model.metadata, model.certificate.as_ref(), layers).unwrap()
@@ -192,7 +192,7 @@ fn forged_fields_are_told() {
     let exchanged = {
         let mut layers = codec::coded_layers(&file, "m").unwrap();
         let sections: Vec<_> = layers[0].content.iter().map(|b| b.sections.clone()).collect();
-        layers[0].content.iter_mut().zip(sections.into_iter().rev()).for_each(|(block, own)| block.sections = own);
+        layers[0].content.iter_mut().zip(sections.into_iter().rev()).for_each(|(block, other)| block.sections = other);
         codec::assemble(&model.metadata, model.certificate.as_ref(), layers)
     };
     let cases = [

@@ -63,9 +63,9 @@ fn saved_windows_draw_the_same_pictures() {
 fn the_default_window_is_reported() {
     let dir = TestFolder::new();
     let out = dir.command("reference SAMPLE --projection orthographic --size 40x40 -o a.png").output().unwrap();
-    let said = said(&out);
+    let stderr = said(&out);
     assert!(
-        said.contains("no width is given: the window spans the particles' bounds") && !said.contains("box"),
-        "{said}"
+        stderr.contains("no width is given: the window spans the particles' bounds") && !stderr.contains("box"),
+        "{stderr}"
     );
 }

@@ -13,7 +13,7 @@ use particlegs_particles::{LayeredParticles, Particles};
 use particlegs_train::Limits;
 use serde::{Deserialize, Serialize};
 
-/// What is said of a block that is done: `blocks/00000.json`.
+/// The report on a block that is done: `blocks/00000.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BlockReport {
     /// The plan that it belongs to, BLAKE3 of plan.json.
@@ -88,7 +88,7 @@ impl Job {
         Ok(BlockReport { continued: Some(before), ..folder.report.expect("a block that is kept") })
     }
 
-    /// What is said of a block; `None` where it is not done, or for another plan.
+    /// The report on a block; `None` if it is not done, or for another plan.
     pub(super) fn report(&self, block: u32) -> Result<Option<BlockReport>> {
         let path = self.block_path(block, "json");
         let text = match read_own(&path, REPORT) {
@@ -105,7 +105,7 @@ impl Job {
 struct JobFolder<'a, F> {
     job: &'a Job,
     source: Option<F>,
-    /// What is read of the block, to be measured on and for its fields.
+    /// The block's particles and fields, for measurements and for the fields of its file.
     particles: Option<(Particles, FieldBits)>,
     report: Option<BlockReport>,
 }
@@ -117,10 +117,10 @@ impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
         if particles.is_empty() {
             return Err(Error::input(&self.job.folder, format!("block {block} has no particles")));
         }
-        let own = BlockParticles::new(&particles, self.job.manifest.plan.metadata.law);
+        let block_particles = BlockParticles::new(&particles, self.job.manifest.plan.metadata.law);
         // Columns are shared, not copied.
         self.particles = Some((particles, fields));
-        Ok(own)
+        Ok(block_particles)
     }
 
     fn keep(&mut self, block: u32, coded: CodedBlock, context: &Context<'_>) -> Result<()> {
@@ -149,6 +149,7 @@ impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
             continued: None,
         };
         let text = serde_json::to_string_pretty(&report).expect("plain data") + "\n";
+        // The report comes last: a block with a report is done.
         output::write_bytes(&job.block_path(block, "json"), text.as_bytes())?;
         self.report = Some(report);
         Ok(())

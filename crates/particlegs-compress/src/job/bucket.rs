@@ -40,11 +40,12 @@ pub(super) fn write(job: &Job, chunk: u64, runs: &[SortedRun], to: &mut dyn Writ
     let (blocks, layers) = (job.manifest.plan.recipe().blocks, job.manifest.plan.layers.len());
     let mut offset = (HEAD + blocks as usize * entry_bytes(job)) as u64;
     let mut entries = Vec::with_capacity(offset as usize - HEAD);
-    let mut parts = RunCursor::new(runs);
+    let mut cursor = RunCursor::new(runs);
+    // The entries hold offsets and checksums and stand before the particles, which are therefore passed over twice.
     for block in 0..blocks {
         let mut entry = offset.to_le_bytes().to_vec();
         let mut crc = crc32fast::Hasher::new();
-        for pieces in parts.of_block(block, layers) {
+        for pieces in cursor.of_block(block, layers) {
             entry.extend(pieces.iter().map(|p| p.len() as u64).sum::<u64>().to_le_bytes());
             columns(runs, &pieces, |bytes| {
                 offset += bytes.len() as u64;
@@ -60,9 +61,9 @@ pub(super) fn write(job: &Job, chunk: u64, runs: &[SortedRun], to: &mut dyn Writ
     head.extend(crc32fast::hash(&head).to_le_bytes());
     to.write_all(&head)?;
     to.write_all(&entries)?;
-    let mut parts = RunCursor::new(runs);
+    let mut cursor = RunCursor::new(runs);
     for block in 0..blocks {
-        for pieces in parts.of_block(block, layers) {
+        for pieces in cursor.of_block(block, layers) {
             columns(runs, &pieces, |bytes| to.write_all(bytes))?;
         }
     }
@@ -81,10 +82,10 @@ impl RunPiece {
     }
 }
 
-/// Where each run stands while blocks are taken in rising order.
+/// The place in each run while blocks are taken in rising order.
 struct RunCursor<'a> {
     runs: &'a [SortedRun],
-    /// The next of the run's blocks, and where its particles begin.
+    /// The next of the run's blocks, and the beginning of its particles.
     at: Vec<(usize, usize)>,
 }
 
@@ -95,17 +96,17 @@ impl<'a> RunCursor<'a> {
 
     /// The parts that lie in `block`, by layer.
     fn of_block(&mut self, block: u32, layers: usize) -> Vec<Vec<RunPiece>> {
-        let mut found: Vec<Vec<RunPiece>> = (0..layers).map(|_| Vec::new()).collect();
+        let mut layer_pieces: Vec<Vec<RunPiece>> = (0..layers).map(|_| Vec::new()).collect();
         for (run, (next, start)) in self.at.iter_mut().enumerate() {
             let sorted = &self.runs[run];
             if let Some(&(b, n)) = sorted.blocks.get(*next)
                 && b == block
             {
-                found[sorted.layer].push(RunPiece { run, start: *start, end: *start + n as usize });
+                layer_pieces[sorted.layer].push(RunPiece { run, start: *start, end: *start + n as usize });
                 (*next, *start) = (*next + 1, *start + n as usize);
             }
         }
-        found
+        layer_pieces
     }
 }
 
@@ -165,8 +166,8 @@ impl<'a> Buckets<'a> {
         Ok(buckets)
     }
 
-    fn broken(&self, what: &str) -> Error {
-        Error::input_with(&self.path, what, self.job.run_again("scatter", self.chunk, true))
+    fn broken(&self, fault: &str) -> Error {
+        Error::input_with(&self.path, fault, self.job.run_again("scatter", self.chunk, true))
     }
 
     pub(super) fn entry(&mut self, block: u32) -> Result<BucketEntry> {

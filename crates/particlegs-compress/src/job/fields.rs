@@ -1,5 +1,5 @@
-//! Values of fields on their way from the snapshot to the blocks, converted: columns of float32 behind the particles' own. A
-//! value that needs a float64 takes two, the halves of its bits.
+//! Values of fields on their way from the snapshot to the blocks, converted: columns of float32 behind the particles'
+//! own. A value that needs a float64 takes two, the halves of its bits.
 
 use super::manifest::Job;
 use crate::{FieldPlan, FieldSelection, MOST_FIELDS};
@@ -18,7 +18,7 @@ fn width(from: &FieldColumns) -> usize {
     from.columns.len() * if is_wide(from) { 2 } else { 1 }
 }
 
-/// Do values need a float64?
+/// Whether values need a float64.
 fn is_wide(from: &FieldColumns) -> bool {
     from.wide || from.factors.iter().any(|factor| *factor != 1.0)
 }
@@ -29,15 +29,15 @@ impl Job {
         self.manifest.plan.layers[layer].mass.columns() + self.manifest.fields.columns(layer)
     }
 
-    /// Are the fields of a snapshot that was opened again those that were planned?
+    /// Checks that the fields of a snapshot that was opened again are those that were planned.
     pub(super) fn check_fields(&self, source: &LayeredParticles) -> Result<()> {
         for (layer, chosen) in self.manifest.fields.layers.iter().enumerate() {
             for (number, from) in chosen {
                 let quantity = &self.manifest.fields.quantities[*number];
                 let name = quantity.class().map_or(&quantity.name[..], |(category, _)| category);
-                let found = source.fields.get(layer).map(|f| f.find(name, from.star_forming()));
+                let current_columns = source.fields.get(layer).map(|f| f.find(name, from.star_forming()));
                 let same = |f: FieldColumns| FieldColumns { class: from.class, wide: from.wide, ..f } == *from;
-                if !found.is_some_and(|f| f.is_ok_and(same)) {
+                if !current_columns.is_some_and(|f| f.is_ok_and(same)) {
                     return Err(self.changed(&format!("its field `{name}` is different")));
                 }
             }
@@ -54,23 +54,27 @@ impl Job {
         particles: &[u32],
     ) -> Result<Vec<Vec<f32>>> {
         let fields = &self.manifest.fields;
-        let Some((chosen, own)) = fields.layers.get(layer).zip(source.fields.get(layer)) else { return Ok(Vec::new()) };
+        let Some((chosen, layer_fields)) = fields.layers.get(layer).zip(source.fields.get(layer)) else {
+            return Ok(Vec::new());
+        };
         let (mut values, mut columns) = (Vec::new(), Vec::with_capacity(self.manifest.fields.columns(layer)));
-        own.read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut values)?;
+        layer_fields.read_some(run, |c| chosen.iter().any(|f| f.1.needs(c)), &mut values)?;
         for (number, from) in chosen {
             for k in 0..from.columns.len() {
                 let all: Vec<f64> = from.values(&values, k).collect();
                 let value = |&i: &u32| all.get(i as usize).copied();
                 let missing = || self.changed("a field has another number of values");
-                let own: Vec<f64> = particles.iter().map(value).collect::<Option<_>>().ok_or_else(missing)?;
-                if let Some(at) = own.iter().position(|v| !(v.is_finite() || from.may_lack && v.is_nan())) {
+                let field_values: Vec<f64> = particles.iter().map(value).collect::<Option<_>>().ok_or_else(missing)?;
+                // Refused here: a block's task could not name the particle's place in the snapshot.
+                if let Some(at) = field_values.iter().position(|v| !(v.is_finite() || from.may_lack && v.is_nan())) {
                     let particle = run as usize * particlegs_particles::RUN + particles[at] as usize;
-                    return Err(value_fault(&fields.quantities[*number].name, particle, own[at]));
+                    return Err(value_fault(&fields.quantities[*number].name, particle, field_values[at]));
                 }
-                let half = |shift: u32| own.iter().map(|v| f32::from_bits((v.to_bits() >> shift) as u32)).collect();
+                let half =
+                    |shift: u32| field_values.iter().map(|v| f32::from_bits((v.to_bits() >> shift) as u32)).collect();
                 match is_wide(from) {
                     true => columns.extend([half(0), half(32)]),
-                    false => columns.push(own.iter().map(|v| *v as f32).collect()),
+                    false => columns.push(field_values.iter().map(|v| *v as f32).collect()),
                 }
             }
         }
@@ -93,7 +97,7 @@ impl Job {
         FieldSelection::planned(plan, particles, &sources).add_to(&bytes, &model, context)
     }
 
-    /// What is added up of the fields of a block, whose `model` was made of these particles.
+    /// Sums over the fields of a block, whose `model` was made of these particles.
     pub(super) fn field_sums(
         &self,
         model: &Model,
@@ -114,14 +118,14 @@ impl Job {
             let (mut fields, mut values) = (Vec::new(), Vec::new());
             let mut left = &columns[..];
             for (number, from) in chosen {
-                let (own, after) = left.split_at(width(from));
+                let (field_columns, after) = left.split_at(width(from));
                 left = after;
                 let components = from.columns.len() as u32;
                 let wide = is_wide(from);
                 // Values come converted.
                 (from.factors, from.temperature, from.class) = (vec![1.0; from.columns.len()], None, None);
                 from.columns = (values.len()..values.len() + from.columns.len()).collect();
-                values.extend(own.chunks(if wide { 2 } else { 1 }).map(numbers));
+                values.extend(field_columns.chunks(if wide { 2 } else { 1 }).map(numbers));
                 fields.push(SourceField {
                     name: planned.quantities[*number].name.clone(),
                     number: Number::F64,
@@ -165,9 +169,9 @@ impl FieldPlan {
         counts.enumerate().map(|(l, n)| n.saturating_mul(self.particle_bytes(l))).fold(0, u64::saturating_add)
     }
 
-    /// Is it one that this program makes for so many layers?
+    /// Whether it is one that this program makes for so many layers.
     pub(super) fn is_sound(&self, layers: usize) -> bool {
-        let own = |(number, from): &(usize, FieldColumns)| {
+        let is_sound_field = |(number, from): &(usize, FieldColumns)| {
             let quantity = self.quantities.get(*number);
             let count = from.columns.len();
             quantity.is_some_and(|q| q.component_names().len() == count)
@@ -175,7 +179,7 @@ impl FieldPlan {
                 && from.factors.iter().all(|factor| factor.is_finite())
         };
         let whole = self.layers.len() == if self.is_empty() { 0 } else { layers };
-        whole && self.quantities.len() <= MOST_FIELDS && self.layers.iter().flatten().all(own)
+        whole && self.quantities.len() <= MOST_FIELDS && self.layers.iter().flatten().all(is_sound_field)
     }
 }
 

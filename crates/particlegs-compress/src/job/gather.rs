@@ -46,8 +46,8 @@ impl Job {
             let values = Buckets::open(self, chunk)?.read(entry)?;
             let mut rest = &values[..];
             for (layer, &n) in entry.counts.iter().enumerate() {
-                let (own, after) = rest.split_at(self.columns(layer) * n as usize);
-                particles.push(layer, own);
+                let (layer_values, after) = rest.split_at(self.columns(layer) * n as usize);
+                particles.push(layer, layer_values);
                 rest = after;
             }
         }
@@ -69,25 +69,27 @@ impl Job {
         let mut layers = Vec::new();
         for (index, layer) in source.layers.iter().enumerate() {
             let runs: Vec<u64> = (starts[index]..starts[index + 1]).filter(inside).map(|r| r - starts[index]).collect();
-            let found: Vec<Mutex<Vec<f32>>> = runs.iter().map(|_| Mutex::default()).collect();
-            for stretch in stretches(&runs) {
-                layer.read(source.origin, stretch, context, &|run, chunk| {
+            // Runs arrive in any order: each has its place, so that particles keep theirs.
+            let run_values: Vec<Mutex<Vec<f32>>> = runs.iter().map(|_| Mutex::default()).collect();
+            for run_range in stretches(&runs) {
+                layer.read(source.origin, run_range, context, &|run, chunk| {
                     self.check_run(index, run, &chunk)?;
                     if let Ok(place) = runs.binary_search(&run) {
-                        *found[place].lock().unwrap_or_else(|e| e.into_inner()) =
+                        *run_values[place].lock().unwrap_or_else(|e| e.into_inner()) =
                             self.pick(block, source, (index, run), &chunk)?;
                     }
                     Ok(())
                 })?;
             }
-            layers
-                .push(found.into_iter().map(|f| f.into_inner().unwrap_or_else(|e| e.into_inner())).collect::<Vec<_>>());
+            layers.push(
+                run_values.into_iter().map(|f| f.into_inner().unwrap_or_else(|e| e.into_inner())).collect::<Vec<_>>(),
+            );
         }
         let count = |(l, runs): (usize, &Vec<Vec<f32>>)| runs.iter().map(|r| (r.len() / self.columns(l)) as u64).sum();
         let counts: Vec<u64> = layers.iter().enumerate().map(count).collect();
         let mut particles = BlockGatherer::new(self, &counts)?;
         for (layer, runs) in layers.into_iter().enumerate() {
-            runs.iter().for_each(|own| particles.push(layer, own));
+            runs.iter().for_each(|run_values| particles.push(layer, run_values));
         }
         particles.finish()
     }
@@ -101,31 +103,31 @@ impl Job {
         chunk: &Chunk<'_>,
     ) -> Result<Vec<f32>> {
         let blocks = self.manifest.plan.tree.blocks_of(chunk);
-        let own: Vec<u32> = (0..).zip(blocks).filter(|b| b.1 == block).map(|b| b.0).collect();
+        let block_rows: Vec<u32> = (0..).zip(blocks).filter(|b| b.1 == block).map(|b| b.0).collect();
         let columns = chunk.position.into_iter().chain(chunk.weight);
-        let mut picked: Vec<f32> = columns.flat_map(|c| own.iter().map(|&i| c[i as usize])).collect();
-        picked.extend(self.field_bits(source, layer, run, &own)?.into_iter().flatten());
-        Ok(picked)
+        let mut values: Vec<f32> = columns.flat_map(|c| block_rows.iter().map(|&i| c[i as usize])).collect();
+        values.extend(self.field_bits(source, layer, run, &block_rows)?.into_iter().flatten());
+        Ok(values)
     }
 }
 
 /// Runs of consecutive numbers.
 fn stretches(runs: &[u64]) -> Vec<Range<u64>> {
-    let mut found: Vec<Range<u64>> = Vec::new();
+    let mut ranges: Vec<Range<u64>> = Vec::new();
     for &run in runs {
-        match found.last_mut() {
+        match ranges.last_mut() {
             Some(last) if last.end == run => last.end += 1,
-            _ => found.push(run..run + 1),
+            _ => ranges.push(run..run + 1),
         }
     }
-    found
+    ranges
 }
 
 /// A block's columns being filled, layer by layer.
 struct BlockGatherer<'a> {
     job: &'a Job,
     columns: Vec<ColumnBuffer>,
-    /// Where each layer lies, and how much of it is filled.
+    /// The range of each layer; `filled` is the part of it that has its particles.
     layers: Vec<Layer<Range<usize>>>,
     filled: Vec<usize>,
     fields: FieldBits,
@@ -151,9 +153,9 @@ impl<'a> BlockGatherer<'a> {
     /// Appends particles of a layer, column after column.
     fn push(&mut self, layer: usize, values: &[f32]) {
         let start = self.layers[layer].content.start + self.filled[layer];
-        let own = self.job.manifest.plan.layers[layer].mass.columns();
+        let particle_columns = self.job.manifest.plan.layers[layer].mass.columns();
         let n = values.len() / self.job.columns(layer);
-        let (values, fields) = values.split_at(own * n);
+        let (values, fields) = values.split_at(particle_columns * n);
         for (column, values) in self.fields[layer].iter_mut().zip(fields.chunks_exact(n.max(1))) {
             column.extend_from_slice(values);
         }
@@ -161,7 +163,7 @@ impl<'a> BlockGatherer<'a> {
             column[start..start + n].copy_from_slice(values);
         }
         // Beside layers with weights, others weigh the mass of their particles.
-        if let Some(weights) = self.columns.get_mut(own) {
+        if let Some(weights) = self.columns.get_mut(particle_columns) {
             weights[start..start + n].fill(self.layers[layer].mass.unit_or_one() as f32);
         }
         self.filled[layer] += n;

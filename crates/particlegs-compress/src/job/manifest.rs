@@ -1,4 +1,4 @@
-//! The manifest of a job, and where its files lie.
+//! The manifest of a job, and the places of its files.
 
 use super::runs;
 use crate::{CompressionPlan, FieldPlan};
@@ -24,17 +24,17 @@ struct ManifestVersion {
     particlegs_job: u64,
 }
 
-/// What a job's folder says of itself: `plan.json`. The same snapshot and options give the same text.
+/// The description of a job in its folder: `plan.json`. The same snapshot and options give the same text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Manifest {
     pub particlegs_job: u32,
-    /// How the snapshot is opened: the caller's own.
+    /// Description of the snapshot by which it is opened again: the caller's own.
     pub snapshot: serde_json::Value,
     pub plan: CompressionPlan,
     /// Fields that the file gets.
     #[serde(default, skip_serializing_if = "FieldPlan::is_empty")]
     pub fields: FieldPlan,
-    /// What positions are relative to.
+    /// Origin of the positions, world units.
     pub origin: [f64; 3],
     /// Runs that are bucketed together.
     pub chunk_runs: u64,
@@ -58,7 +58,7 @@ impl Manifest {
         sums
     }
 
-    /// What cannot be so in a manifest that this program wrote.
+    /// A fault that a manifest of this program does not have.
     fn fault(&self) -> Option<&'static str> {
         let plan = &self.plan;
         let counts = plan.layers.iter().try_fold(0u64, |n, l| n.checked_add(l.content));
@@ -137,7 +137,7 @@ impl Job {
         Ok(Job { folder: folder.to_path_buf(), manifest, id, starts, runs, before: true })
     }
 
-    /// Is this a folder with a plan?
+    /// Whether this is a folder with a plan.
     pub fn is_job(path: &Path) -> bool {
         path.join("plan.json").is_file()
     }
@@ -147,7 +147,7 @@ impl Job {
         self.folder.join(format!("scatter/{chunk:05}.bin"))
     }
 
-    /// Was it planned before, by the same plan?
+    /// Whether it was planned before, by the same plan.
     pub fn planned_before(&self) -> bool {
         self.before
     }
@@ -157,17 +157,17 @@ impl Job {
         &self.manifest.snapshot
     }
 
-    /// What the merged file says of itself.
+    /// Metadata of the merged file.
     pub fn metadata(&self) -> &Metadata {
         &self.manifest.plan.metadata
     }
 
-    /// What certificate the merged file gets.
+    /// Level of the merged file's certificate.
     pub fn certificate(&self) -> CertificateLevel {
         self.manifest.plan.certificate
     }
 
-    /// What a user should know of a job that was just planned, a sentence each.
+    /// Notes for the user on a job that was just planned, a sentence each.
     pub fn notes(&self) -> &[String] {
         &self.manifest.plan.notes
     }
@@ -182,7 +182,7 @@ impl Job {
         self.manifest.chunks
     }
 
-    /// Does the file get fields?
+    /// Whether the file gets fields.
     pub fn has_fields(&self) -> bool {
         !self.manifest.fields.is_empty()
     }
@@ -233,9 +233,9 @@ impl Job {
 
     /// Layer by layer, the part of some of the snapshot's runs that lies in it.
     pub(super) fn by_layer(&self, runs: Range<u64>) -> impl Iterator<Item = (usize, Range<u64>)> {
-        self.starts.windows(2).enumerate().filter_map(move |(layer, own)| {
-            let (first, end) = (runs.start.max(own[0]), runs.end.min(own[1]));
-            (first < end).then(|| (layer, first - own[0]..end - own[0]))
+        self.starts.windows(2).enumerate().filter_map(move |(layer, span)| {
+            let (first, end) = (runs.start.max(span[0]), runs.end.min(span[1]));
+            (first < end).then(|| (layer, first - span[0]..end - span[0]))
         })
     }
 }

@@ -1,4 +1,4 @@
-//! What the tasks of a job take, for engines that want to know before they start them.
+//! Memory that the tasks of a job take, for engines that want to know before they start them.
 
 use super::manifest::Job;
 use crate::{FieldPlan, MemoryLoad};

@@ -13,8 +13,8 @@ use std::fmt::Display;
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
-    /// `particles` and the fields of their layers, as much as the level says, or by what the blocks' tasks measured, and the
-    /// file holds the certificate.
+    /// `particles` and the fields of their layers, as much as the level says, or by what the blocks' tasks measured,
+    /// and the file holds the certificate.
     pub fn merge(
         &self,
         level: CertificateLevel,
@@ -39,6 +39,7 @@ impl Job {
         plan.judge(&blocks)?.iter().for_each(|note| context.message(&format!("note: {note}")));
         let add = |n: u64, b: &CodedBlock| Ok::<_, Error>(n.saturating_add(codec::sums(&b.layers)?.0));
         let (count, planned) = (blocks.iter().try_fold(0, add)?, plan.metadata.count);
+        // Each block may be sound on its own: only together they show that particles are missing or doubled.
         if count != planned {
             return Err(Error::input(
                 &self.folder,
@@ -66,7 +67,7 @@ impl Job {
         Ok(bytes)
     }
 
-    /// The file with what was taken from its blocks, and what its certificate says of fields.
+    /// The file with the sections that were taken from its blocks, and the agreement of fields in its certificate.
     fn with_sections(
         &self,
         bytes: Vec<u8>,
@@ -77,7 +78,7 @@ impl Job {
         if !self.has_fields() {
             return Ok(bytes);
         }
-        stored(&mut blocks).zip(sections).for_each(|(block, own)| block.sections = own);
+        stored(&mut blocks).zip(sections).for_each(|(block, block_sections)| block.sections = block_sections);
         let mut plan = self.manifest.plan.clone();
         plan.metadata.fields.clone_from(&self.manifest.fields.quantities);
         // As the file has it, rounded.
@@ -85,7 +86,10 @@ impl Job {
         plan.file(&blocks, certificate.map(|c| Certificate { fields, ..c }).as_ref())
     }
 
-    /// Are all blocks done?
+    /// Checks that all blocks are done.
+    ///
+    /// # Errors
+    /// [`Error::Input`] names the blocks that are not.
     pub fn check_done(&self) -> Result<()> {
         let missing = self.missing()?;
         let Some(first) = missing.first() else { return Ok(()) };
@@ -102,7 +106,7 @@ impl Job {
 
     pub(super) fn done_block(&self, block: u32) -> Result<CodedBlock> {
         let path = self.block_path(block, "pgs");
-        let broken = |what: &str| Error::input_with(&path, what, self.run_again("block", block, true));
+        let broken = |fault: &str| Error::input_with(&path, fault, self.run_again("block", block, true));
         let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
         let bytes = match model_file::read_file(&path, &Context::SILENT) {
             Err(Error::Corrupt { what, .. } | Error::Compatibility { what, .. }) => return Err(broken(&what)),
@@ -125,8 +129,8 @@ impl Job {
     pub(super) fn missing(&self) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for block in 0..self.manifest.plan.recipe().blocks {
-            let there = self.block_path(block, "pgs").is_file() && self.is_measured(block);
-            if self.report(block)?.is_none() || !there {
+            let is_present = self.block_path(block, "pgs").is_file() && self.is_measured(block);
+            if self.report(block)?.is_none() || !is_present {
                 missing.push(block);
             }
         }

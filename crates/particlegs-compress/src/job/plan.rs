@@ -14,17 +14,18 @@ use particlegs_particles::blocks::{KdTree, SnapshotScan};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// What is asked for.
+/// The request of a caller.
 pub struct Task<'a> {
-    /// Can blocks open the snapshot again, and read any part of it? Where not, its particles are sorted into blocks now.
+    /// Whether blocks can open the snapshot again, and read any part of it. If not, its particles are sorted into
+    /// blocks now.
     pub reopened: bool,
     /// As for [`crate::compress`]; the memory is that of a task.
     pub options: &'a Options,
-    /// How the snapshot is opened again: the caller's own.
+    /// Description of the snapshot by which it is opened again: the caller's own.
     pub snapshot: serde_json::Value,
-    /// How errors name it.
+    /// Its name in errors.
     pub place: &'a str,
-    /// Give another plan that is in the folder up, with all that was done for it?
+    /// Whether another plan in the folder is given up, with all that was done for it.
     pub replace: bool,
 }
 
@@ -54,6 +55,7 @@ impl Job {
             let counts: Vec<u64> = source.layers.iter().map(|l| l.layer.content).collect();
             let (names, layers) = ((&names[..], *star_forming), (&source.fields[..], &counts[..]));
             fields = FieldPlan::new(names, layers, &source.meta.fields, false, task.options.law())?;
+            // The plan notes the snapshot's fields as omitted: those that the model gets are none of them.
             source.meta.fields.clone_from(&fields.omitted);
         }
         let load = MemoryLoad {
@@ -63,6 +65,7 @@ impl Job {
         let blocks = task.options.tasks_of(&load, MEMORY)?;
         let mut scan = SnapshotScan::new(&source, task.place, blocks != 1, context)?;
         scan.settle(&mut source);
+        // Weights that are all the same have just been dropped: then particles count alike.
         fields.quantities.iter_mut().for_each(|q| q.by_mass = source.has_weights());
         let mut plan = CompressionPlan::new(task.options, &source, &scan, blocks, context)?;
         plan.notes.splice(0..0, std::mem::take(&mut fields.notes));
@@ -86,6 +89,7 @@ impl Job {
         let starts = manifest.layer_runs();
         let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: scan.runs, before };
         let written = write(&job, (!task.reopened).then_some(&source), &text, context);
+        // The files of a plan that was there before are kept, whatever failed now.
         if written.is_err() && !before {
             clear(folder)?;
         }
@@ -109,8 +113,8 @@ fn write(job: &Job, source: Option<&LayeredParticles>, text: &str, context: &Con
     output::write_bytes(&folder.join("plan.json"), text.as_bytes())
 }
 
-/// Removes a plan and what was done for it; the plan first, so that no half of it is taken for one. Files of other names
-/// stay.
+/// Removes a plan and the files of its tasks; the plan first, so that no half of it is taken for one. Files of other
+/// names stay.
 fn clear(folder: &Path) -> Result<()> {
     let removed = |path: &Path, done: std::io::Result<()>| match done {
         Err(e) if !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::DirectoryNotEmpty) => Err(Error::io(path, e)),
@@ -127,7 +131,7 @@ fn clear(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Has a file the name of something that a task makes, or of one on its way there?
+/// Whether a file has the name of something that a task makes, or of one on its way there.
 fn is_piece(path: &Path) -> bool {
     let numbered = path.file_stem().is_some_and(|s| s.as_encoded_bytes().iter().all(u8::is_ascii_digit));
     let ending = path.extension().and_then(|e| e.to_str());
@@ -135,12 +139,12 @@ fn is_piece(path: &Path) -> bool {
         || path.file_name().is_some_and(output::is_temporary)
 }
 
-/// Is this very plan in the folder? Another one goes if it may.
+/// Whether this very plan is in the folder. Another one goes if it may.
 fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
     match read_own(&folder.join("plan.json"), FORM) {
         Ok(None) => Ok(false),
-        Ok(Some(there)) if there == text.as_bytes() => Ok(true),
-        Ok(Some(there)) if replace && is_plan(&there) => clear(folder).map(|()| false),
+        Ok(Some(existing_text)) if existing_text == text.as_bytes() => Ok(true),
+        Ok(Some(existing_text)) if replace && is_plan(&existing_text) => clear(folder).map(|()| false),
         _ => Err(Error::output(
             folder,
             "the folder already contains another plan",
@@ -149,18 +153,18 @@ fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
     }
 }
 
-/// Is this a plan, of whatever version?
+/// Whether this is a plan, of whatever version.
 fn is_plan(text: &[u8]) -> bool {
     serde_json::from_slice::<serde_json::Value>(text).is_ok_and(|v| v.get("particlegs_job").is_some())
 }
 
-/// How often the snapshot is read if every block reads the runs that reach into it.
+/// Number of times that the snapshot is read if every block reads the runs that reach into it.
 fn reads(tree: &KdTree, scan: &SnapshotScan) -> f64 {
     let touched: usize = scan.runs.iter().map(|r| tree.blocks_in(r.min, r.max).len()).sum();
     touched as f64 / scan.runs.len().max(1) as f64
 }
 
-/// Is the folder a job's, or empty, or still to be made?
+/// Checks that the folder is a job's or empty, and makes it if it is not there.
 fn check_folder(folder: &Path) -> Result<()> {
     // What engines say of their tasks goes to `logs`.
     const OURS: [&str; 5] = ["plan.json", "runs.bin", "blocks", "scatter", "logs"];

@@ -28,7 +28,7 @@ pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunScan]) -> Result<()> 
 
 /// Reads `count` runs of plan `id`.
 pub(super) fn read(path: &Path, id: &[u8; 32], count: u64) -> Result<Vec<RunScan>> {
-    let broken = |what: &str| Error::input_with(path, what, "run `plan` again, in another folder");
+    let broken = |fault: &str| Error::input_with(path, fault, "run `plan` again, in another folder");
     let most = count.saturating_mul(WIDTH as u64).saturating_add(44);
     let form = Form { title: "the runs of this plan", begins: Begins::With(MAGIC), most, expansion: 2 };
     let bytes = match read_own(path, form) {

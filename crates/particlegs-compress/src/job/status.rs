@@ -1,4 +1,4 @@
-//! How far a job is, and whether what is there is sound.
+//! The state of a job, and checks of its files.
 
 use super::bucket::Buckets;
 use super::manifest::Job;
@@ -9,7 +9,7 @@ use particlegs_particles::LayeredParticles;
 use particlegs_particles::blocks::SnapshotScan;
 use serde::Serialize;
 
-/// How far a part is.
+/// State of a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
@@ -21,12 +21,12 @@ pub enum State {
     Missing,
 }
 
-/// How far a job is.
+/// State of a job.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JobStatus {
     /// Chunks of the snapshot, bucketed or missing.
     pub chunks: Vec<State>,
-    /// How far each block is.
+    /// State of each block.
     pub blocks: Vec<State>,
     /// Bytes of the model files of blocks that are done.
     pub model_bytes: u64,
@@ -39,7 +39,7 @@ pub struct JobStatus {
 }
 
 impl Job {
-    /// Looks at what is there, without reading it through.
+    /// The state by the files in the folder, without reading them through.
     pub fn status(&self) -> Result<JobStatus> {
         let m = &self.manifest;
         let chunk = |c| if self.chunk_path(c).is_file() { State::Done } else { State::Missing };

@@ -1,7 +1,7 @@
-//! `blocks/00000.sums`: what a block's task measured of its particles and its decoded model, to be added up.
+//! `blocks/00000.sums`: measurements of a block's task on its particles and its decoded model, to be added up.
 //!
-//! Little-endian: magic, the plan's id; the sections of [`SumsSection::ALL`], one after the other; for each its u64 length and
-//! CRC-32; CRC-32 of all that is neither section nor this. One section is read without the others.
+//! Little-endian: magic, the plan's id; the sections of [`SumsSection::ALL`], one after the other; for each its u64
+//! length and CRC-32; CRC-32 of all that is neither section nor this. One section is read without the others.
 
 use super::fields::FieldBits;
 use super::manifest::Job;
@@ -24,7 +24,7 @@ const ENTRY: usize = 8 + 4;
 const TAIL: usize = ENTRY * SumsSection::ALL.len() + 4;
 
 impl Job {
-    /// Is what the plan wants to be measured of a block there?
+    /// Whether the measurements that the plan wants of a block are there.
     pub(super) fn is_measured(&self, block: u32) -> bool {
         self.certificate() != CertificateLevel::Blocks || self.block_path(block, "sums").is_file()
     }
@@ -74,7 +74,7 @@ impl Job {
         failed.map_or(written, Err)
     }
 
-    /// Over what frames the sections.
+    /// CRC-32 of the bytes about the sections: magic, id and `entries`.
     fn checksum(&self, entries: &[u8]) -> u32 {
         let mut h = crc32fast::Hasher::new();
         h.update(MAGIC);
@@ -162,7 +162,7 @@ impl<'a> BlockSums<'a> {
         Ok(bytes)
     }
 
-    fn broken(&self, what: &str) -> Error {
-        Error::input_with(&self.path, what, self.job.run_again("block", self.block, true))
+    fn broken(&self, fault: &str) -> Error {
+        Error::input_with(&self.path, fault, self.job.run_again("block", self.block, true))
     }
 }

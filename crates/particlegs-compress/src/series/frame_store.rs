@@ -7,7 +7,8 @@ use std::path::Path;
 
 const RECIPE: &str = "recipe.json";
 const FRAME: &str = "frame-";
-/// Bytes before a frame's own: BLAKE3 of the recipe, the frame's number and all that follows; the time; 1 for a keyframe.
+/// Bytes before a frame's own: BLAKE3 of the recipe, the frame's number and all that follows; the time; 1 for a
+/// keyframe.
 const HASH: usize = 32;
 
 /// Frames of one recipe in the folder `OUTPUT.work`, from which an interrupted run goes on.

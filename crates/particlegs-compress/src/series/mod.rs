@@ -1,6 +1,6 @@
 //! Snapshots of one run to a series of models. The first frame of a group is a model of its own; the Gaussians of
-//! the others are those of the frame before, moved to where they are expected and refined on the frame's particles. Where
-//! memory is bounded, a frame's blocks are sets of Gaussians with the particles that are likeliest theirs.
+//! the others are those of the frame before, moved to where they are expected and refined on the frame's particles.
+//! If memory is bounded, a frame's blocks are sets of Gaussians with the particles that are likeliest theirs.
 
 mod frame_store;
 
@@ -27,11 +27,12 @@ pub const SERIES_FILE: Kind = Kind { name: "a series of models", kept: true, is:
 /// Frames from one keyframe to the next where nothing is said.
 pub const KEYFRAME_INTERVAL: usize = 16;
 
-/// EM iterations at most, and rounds, of a tracked frame. What each gains and costs is in docs/results/series.md.
+/// EM iterations at most, and rounds, of a tracked frame. Gain and cost of each are in docs/results/series.md.
 const TRACKING: TrackingEffort = TrackingEffort { first_iterations: 16, rounds: 1, iterations: 2 };
 const TRACKING_FAST: TrackingEffort = TrackingEffort { first_iterations: 2, rounds: 0, iterations: 0 };
 
-/// Particles of a block over those that it would have if all were equal, at most, in quarters: its memory is reckoned so.
+/// Particles of a block over those that it would have if all were equal, at most, in quarters: its memory is reckoned
+/// so.
 const MOST_UNEQUAL: usize = 6;
 
 /// A series that is being made, frame by frame.
@@ -53,7 +54,7 @@ pub struct AddedFrame {
     pub coded: CodedFrame,
     /// The frame, decoded.
     pub model: Model,
-    /// What a user should know, a sentence each.
+    /// Notes for the user, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -119,6 +120,7 @@ impl SeriesBuilder {
         let options = Options { blocks: Some(blocks), ..self.options.clone() };
         // What is left out where fields are chosen was the user's choice.
         let omitted = if fields.is_some() { &[][..] } else { &particles.meta.fields };
+        // Planned for a change as well, which has the metadata and notes of a frame of its own.
         let planned = Compression::of_positions(particles, omitted, &options, context)?;
         let metadata = planned.metadata();
         let clock = *self.clock.get_or_insert_with(|| SeriesClock::of(metadata));
@@ -136,6 +138,7 @@ impl SeriesBuilder {
             None => None,
         };
         let (keyframe, bytes, next) = match tracked {
+            // Changes that save nothing would only make readers decode more frames.
             Some((bytes, next)) if bytes.len() < self.key_bytes => (false, bytes, next),
             larger => {
                 let why = match larger {
@@ -183,7 +186,7 @@ impl SeriesBuilder {
         divide(&particles, starts.len(), &blocks_of, &self.options.storage, context)
     }
 
-    /// The file of what changes from the frame before, and the frame decoded; `None` where a keyframe is needed.
+    /// The file of changes from the frame before, and the frame decoded; `None` if a keyframe is needed.
     fn change(
         &self,
         before: &TrackedModel,
@@ -193,9 +196,9 @@ impl SeriesBuilder {
         context: &Context<'_>,
     ) -> Result<Option<(Vec<u8>, TrackedModel)>> {
         let layers = particles.layers();
-        let own = |name: &str| layers.iter().find(|l| l.name == name);
+        let layer_named = |name: &str| layers.iter().find(|l| l.name == name);
         let same = |l: &particlegs_core::model::Layer<_>| {
-            own(&l.name).is_some_and(|o| o.mass.is_weighted() == l.mass.is_weighted())
+            layer_named(&l.name).is_some_and(|o| o.mass.is_weighted() == l.mass.is_weighted())
         };
         if layers.len() != before.layers.len() || !before.layers.iter().all(same) {
             return Ok(None);
@@ -203,12 +206,15 @@ impl SeriesBuilder {
         let step = FrameStep { cells: [before.metadata.cell, metadata.cell], elapsed: time - before.time };
         let (mut blocks, mut masses, mut sums) = (Vec::new(), Vec::new(), Vec::new());
         for layer in &before.layers {
-            let Some(own) = own(&layer.name) else { return Ok(None) };
-            masses.push(Mass::new(own.mass.is_weighted(), own.mass.unit()));
+            let Some(particle_layer) = layer_named(&layer.name) else { return Ok(None) };
+            masses.push(Mass::new(particle_layer.mass.is_weighted(), particle_layer.mass.unit()));
             let starts: Vec<Mixture> = layer.content.iter().map(|b| b.expected(&step)).collect();
-            let parts = self.divided(particles.of_layer(own), &starts, context)?;
+            let parts = self.divided(particles.of_layer(particle_layer), &starts, context)?;
             for ((block, start), particles) in layer.content.iter().zip(&starts).zip(&parts) {
-                if particles.is_empty() || particles.len() * parts.len() > MOST_UNEQUAL * own.content.len() / 4 {
+                // Blocks that have drifted apart would take more memory than was reckoned.
+                if particles.is_empty()
+                    || particles.len() * parts.len() > MOST_UNEQUAL * particle_layer.content.len() / 4
+                {
                     return Ok(None);
                 }
                 let options = FitOptions {
@@ -230,16 +236,18 @@ impl SeriesBuilder {
                 blocks.push((block.encode(&target, &step, &ChangePrecision::default())?, Vec::new()));
             }
         }
+        // In rising order, as the masses of a file's blocks are summed.
         sums.sort_unstable_by(f64::total_cmp);
         let quantities = fields.map_or(Vec::new(), |f| f.quantities().to_vec());
         let fields_hash = fields.and_then(FieldSelection::hash);
         let metadata = Metadata { mass: sums.iter().sum(), fields: quantities, fields_hash, ..metadata.clone() };
         let Some(mut bytes) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
+        // Decoded again: fields and certificate are of the Gaussians that readers get.
         let mut next = before.next(&bytes, time, &particles.meta.name)?;
         let size = bytes.len() as u64;
         if let Some(fields) = fields {
-            let had = |at, quantity: &Quantity| before.field_before(&next, at, quantity);
-            let coded = fields.sections(&next.clone().into_model(), &had, context)?;
+            let previous_field = |at, quantity: &Quantity| before.field_before(&next, at, quantity);
+            let coded = fields.sections(&next.clone().into_model(), &previous_field, context)?;
             blocks.iter_mut().zip(coded).for_each(|(block, sections)| block.1 = sections);
             let Some(whole) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
             next = before.next(&whole, time, &particles.meta.name)?;
@@ -272,7 +280,7 @@ fn follows(
     next: &Metadata,
     (particles, time, clock): (&Particles, f64, SeriesClock),
 ) -> Result<()> {
-    let refused = |what: String| Err(Error::input(&particles.meta.name, what));
+    let refused = |fault: String| Err(Error::input(&particles.meta.name, fault));
     if time <= previous.time {
         return refused(format!("its {} is {time}, not after {} of the frame before", clock.name(), previous.time));
     }

@@ -5,18 +5,18 @@ use particlegs_core::model::{
 };
 use serde::Serialize;
 
-/// A number that a file states, and what was measured.
+/// A number that a file states, and the measured one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StatedFigure {
-    /// Which: `density: correlation`.
+    /// Its name: `density: correlation`.
     pub name: String,
     /// In the file.
     pub stored: String,
     /// Now.
     pub measured: String,
-    /// By how much the two may differ.
+    /// Largest difference of the two.
     pub tolerance: String,
-    /// Do they differ by more?
+    /// Whether they differ by more.
     pub differs: bool,
 }
 
@@ -40,13 +40,13 @@ pub(super) fn side_by_side(
 ) -> Vec<StatedFigure> {
     let mut all = Vec::new();
     for ((group, stored), (_, measured)) in stored.groups().into_iter().zip(measured.groups()) {
-        let there = [&stored, &measured].map(Option::is_some);
+        let has_group = [&stored, &measured].map(Option::is_some);
         let groups = [stored, measured].map(Option::unwrap_or_default);
         for place in 0..groups[0].len().max(groups[1].len()) {
             let [stored, measured] = [0, 1].map(|side| groups[side].get(place));
             let [then, now] = [stored, measured].map(|e| e.map_or(MetricValue::None, |e| e.value));
             let Some(MetricEntry { row, metric, .. }) = stored.or(measured) else { continue };
-            if then == MetricValue::None && (now == MetricValue::None && there[0] == there[1] || completes) {
+            if then == MetricValue::None && (now == MetricValue::None && has_group[0] == has_group[1] || completes) {
                 continue;
             }
             let row = if row.is_empty() { String::new() } else { format!(" {row}") };
@@ -57,7 +57,7 @@ pub(super) fn side_by_side(
                 stored: metric.describe(then, None),
                 measured: metric.describe(now, None),
                 tolerance: tolerance.to_string(),
-                differs: there[0] != there[1] || tolerance.is_passed(then, now),
+                differs: has_group[0] != has_group[1] || tolerance.is_passed(then, now),
             });
         }
     }
@@ -67,34 +67,34 @@ pub(super) fn side_by_side(
 /// Contradictions in a certificate, one line each: such a file was altered, or another program wrote it. Doubtful but
 /// possible values are in [`doubts`].
 pub(super) fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
-    let mut found = Vec::new();
+    let mut lines = Vec::new();
     let recipe = &m.recipe;
     if let (Some(reached), true) = (&c.goal, recipe.steps.is_empty() && recipe.differing.is_empty())
         && recipe.target.goal() != Some(reached.goal)
     {
-        found.push("the target in its certificate is not the one in the recipe".into());
+        lines.push("the target in its certificate is not the one in the recipe".into());
     }
     if let Some(blocks) = c.blocks.filter(|b| ![1, recipe.blocks].contains(b) && recipe.steps.is_empty()) {
-        found.push(format!("its certificate is the sum of {blocks} blocks, but the recipe has {}", recipe.blocks));
+        lines.push(format!("its certificate is the sum of {blocks} blocks, but the recipe has {}", recipe.blocks));
     }
-    found
+    lines
 }
 
 /// Doubtful values, one line each: scores clearly above those of the noise-free picture, which knows everything but the
 /// shot noise.
 pub(super) fn doubts(c: &Certificate) -> Vec<String> {
     const ABOVE: f64 = 1.0;
-    let mut found = Vec::new();
+    let mut lines = Vec::new();
     for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.views.orbits) {
         for (look, s) in [("paraview", &orbit.paraview), ("paraview-no-fxaa", &orbit.paraview_no_fxaa)] {
             if let [Some(model), Some(noise_free)] = [s.model, s.noise_free].map(|s| s.and_then(|s| s.masked_psnr))
                 && model > noise_free + ABOVE
             {
-                found.push(format!("{name} {look}: {model:.2} dB, above the noise-free picture's {noise_free:.2} dB"));
+                lines.push(format!("{name} {look}: {model:.2} dB, above the noise-free picture's {noise_free:.2} dB"));
             }
         }
     }
-    found
+    lines
 }
 
 #[cfg(test)]
@@ -204,14 +204,14 @@ mod tests {
 
     #[test]
     fn certificates_agree_with_their_recipes() {
-        let asked = Goal { kind: GoalKind::PowerSpectrum, asked: 0.01, at: 2.0 };
-        let of =
+        let spectrum_goal = Goal { kind: GoalKind::PowerSpectrum, asked: 0.01, at: 2.0 };
+        let certificate_for =
             |goal, blocks| Certificate { goal: Some(GoalResult { goal, reached: 0.009 }), blocks, ..certificate() };
         let bounds = particlegs_core::space::Bounds { min: [0.0; 3], max: [1.0; 3] };
         let mut m = Metadata::new(particlegs_core::model::LawKind::OpticalDepth, 1000, bounds);
-        m.recipe.target = crate::Target::Goal(asked);
-        assert!(contradictions(&of(asked, None), &m).is_empty());
-        assert_eq!(contradictions(&of(Goal { asked: 0.001, ..asked }, Some(7)), &m).len(), 2);
+        m.recipe.target = crate::Target::Goal(spectrum_goal);
+        assert!(contradictions(&certificate_for(spectrum_goal, None), &m).is_empty());
+        assert_eq!(contradictions(&certificate_for(Goal { asked: 0.001, ..spectrum_goal }, Some(7)), &m).len(), 2);
     }
 
     #[test]

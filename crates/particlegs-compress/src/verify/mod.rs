@@ -1,4 +1,4 @@
-//! What a file says of its snapshot, against the snapshot: decided here, told by the command and by Python.
+//! Verification of a file against its snapshot: decided here, reported by the command and by Python.
 
 mod fields;
 mod figures;
@@ -18,26 +18,26 @@ use particlegs_particles::{LayerFields, Particles};
 pub use series::SeriesVerification;
 pub use source::check_source;
 
-/// A decoded model with what its file says of it: of a file, or of a frame of a series.
+/// A decoded model with facts about its file: of a file, or of a frame of a series.
 pub struct StoredModel {
     /// The model.
     pub model: Model,
     /// Its name in errors.
     pub place: String,
-    /// Merged from several snapshots?
+    /// Whether it is merged from several snapshots.
     pub of_several: bool,
     bytes: u64,
-    /// Of what its certificate was measured on.
+    /// Bytes of the file that its certificate was measured on.
     measured_bytes: u64,
     /// Of a frame of changes: the frame before it, and itself.
     frames: Option<[TrackedModel; 2]>,
-    /// Was a frame of a series coded anew?
+    /// Whether it is a frame of a series that was coded anew.
     extracted: bool,
-    /// What it lacks of the fields that it lists.
+    /// Notes on fields that it lists and lacks.
     lacking: Vec<String>,
 }
 
-/// What was verified of a model.
+/// Results of a model's verification.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Verification {
     /// Bytes of its file, or of its frame in the file.
@@ -48,27 +48,27 @@ pub struct Verification {
     pub gaussians: usize,
     /// Particles that they stand for.
     pub particles: u64,
-    /// Are these as many as the metadata say?
+    /// Whether these are as many as the metadata say.
     pub counts_sum_to_particles: bool,
     /// Relative error of the Gaussians' mass.
     pub mass_error: f64,
-    /// Is the snapshot its source? `None` without a snapshot, and of a merge of several.
+    /// Whether the snapshot is its source. `None` without a snapshot, and of a merge of several.
     pub source_matches: Option<bool>,
-    /// What was done about its certificate.
+    /// A phrase on its certificate: whether it was measured again.
     pub certificate: &'static str,
     /// Its certificate.
     pub stored: Option<Certificate>,
     /// The same, measured on the snapshot.
     pub measured_again: Option<Certificate>,
-    /// Every number of these, and what the model says of its fields.
+    /// Every number of these, and of the model's fields.
     pub figures: Vec<StatedFigure>,
     /// Metadata that differs from the snapshot: name, stored, found.
     pub source_differences: Vec<[String; 3]>,
-    /// What cannot be: such a file was altered, or another program wrote it.
+    /// Impossible values: such a file was altered, or another program wrote it.
     pub contradictions: Vec<String>,
-    /// What is possible, but not likely.
+    /// Values that are possible, but not likely.
     pub doubts: Vec<String>,
-    /// What the model is good for.
+    /// Uses that the model is good for.
     pub verdict: Vec<Assessment>,
 }
 
@@ -101,15 +101,15 @@ impl StoredModel {
         let measured_bytes = decoder.series().measured_bytes(frame)?;
         let earlier = decoder.series().frames[..frame].iter().rposition(|f| f.kind != FrameCoding::Missing);
         let earlier = decoder.frame(earlier.unwrap_or_default(), context)?.clone();
-        let own = decoder.frame(frame, context)?.clone();
+        let tracked_model = decoder.frame(frame, context)?.clone();
         StoredModel {
-            model: own.clone().into_model(),
+            model: tracked_model.clone().into_model(),
             of_several: false,
             measured_bytes,
             bytes: bytes.len() as u64,
             extracted: false,
-            lacking: own.lacking_fields(),
-            frames: Some([earlier, own]),
+            lacking: tracked_model.lacking_fields(),
+            frames: Some([earlier, tracked_model]),
             place,
         }
         .checked()
@@ -144,7 +144,7 @@ impl StoredModel {
         let (particles, mass_error) = sums(model);
         let mut contradictions = stored.map_or_else(Vec::new, |c| figures::contradictions(&c, &model.metadata));
         contradictions.extend(self.lacking.iter().cloned());
-        let mut found = Verification {
+        let mut verification = Verification {
             model_bytes: self.bytes,
             law: model.metadata.law.name(),
             gaussians: model.gaussians(),
@@ -163,10 +163,10 @@ impl StoredModel {
         };
         if let Some((particles, sources)) = snapshot {
             check_source(model, self.of_several, particles, &particles.meta.name, &self.place)?;
-            found.source_matches = (!self.of_several).then_some(true);
-            self.measure(particles, sources, (full, seed), &mut found, context)?;
+            verification.source_matches = (!self.of_several).then_some(true);
+            self.measure(particles, sources, (full, seed), &mut verification, context)?;
         }
-        Ok(found)
+        Ok(verification)
     }
 
     /// The fields of the snapshot that the model lists.
@@ -193,36 +193,36 @@ impl StoredModel {
         particles: &Particles,
         sources: &[LayerFields],
         (full, seed): (bool, u64),
-        found: &mut Verification,
+        verification: &mut Verification,
         context: &Context<'_>,
     ) -> Result<()> {
         let (model, m) = (&self.model, &self.model.metadata);
         let compares_fields = !m.fields.is_empty() && !sources.is_empty();
         let stored = model.certificate.map(|c| Certificate { fields: c.fields.filter(|_| compares_fields), ..c });
         let fields = if compares_fields { Some(self.fields(particles, sources)?) } else { None };
-        found.source_differences = differences_from(particles, model, self.of_several);
-        found.source_differences.extend(fields.iter().flat_map(|f| listed_otherwise(&m.fields, f.quantities())));
+        verification.source_differences = differences_from(particles, model, self.of_several);
+        verification.source_differences.extend(fields.iter().flat_map(|f| listed_otherwise(&m.fields, f.quantities())));
         let hashes = m.fields_hash.zip(fields.as_ref().and_then(FieldSelection::hash));
         if let Some((stored, now)) = hashes.filter(|(stored, now)| stored != now) {
             let digits = |hash: [u8; 16]| hash.iter().map(|byte| format!("{byte:02x}")).collect();
-            found.source_differences.push(["hash of the fields' values".into(), digits(stored), digits(now)]);
+            verification.source_differences.push(["hash of the fields' values".into(), digits(stored), digits(now)]);
         }
-        if !found.source_differences.is_empty() {
+        if !verification.source_differences.is_empty() {
             return Ok(());
         }
         context.message("this is the snapshot that the file was made from; measuring");
         let seed = stored.map_or(seed, |c| c.views.seed);
         let level = stored.as_ref().map_or(CertificateLevel::Quick, figures::level_of);
-        let asked = if full { CertificateLevel::Full } else { level };
-        let mut measured = certify(model, self.measured_bytes, particles, seed, asked, context)?;
+        let requested_level = if full { CertificateLevel::Full } else { level };
+        let mut measured = certify(model, self.measured_bytes, particles, seed, requested_level, context)?;
         let comparison = match &fields {
             Some(fields) => Some(FieldComparison::new(self, fields, seed, context)?),
             None => None,
         };
         if let Some(comparison) = &comparison {
-            found.figures.extend(comparison.figures.iter().cloned());
+            verification.figures.extend(comparison.figures.iter().cloned());
             // Models of joined fields have none.
-            let has_own = stored.is_none_or(|c| c.fields.is_some() || asked != level);
+            let has_own = stored.is_none_or(|c| c.fields.is_some() || requested_level != level);
             measured.fields = comparison.gathered.filter(|_| has_own);
         }
         // As a file has it.
@@ -231,18 +231,18 @@ impl StoredModel {
             let completes = figures::level_of(&measured) != level;
             // Each block's sum is rounded on its own.
             let exact = stored.blocks.is_none() && m.tool_version == env!("CARGO_PKG_VERSION");
-            found.figures.splice(0..0, figures::side_by_side(stored, &measured, completes, exact));
+            verification.figures.splice(0..0, figures::side_by_side(stored, &measured, completes, exact));
         }
-        let told = Certificate { fields: comparison.map(|c| c.of_model), ..measured };
-        found.certificate = if stored.is_some() { "measured again" } else { "none in the file; measured now" };
-        found.measured_again = Some(measured);
-        found.verdict = Assessment::verdict(Some(&told), m);
+        let judged_certificate = Certificate { fields: comparison.map(|c| c.of_model), ..measured };
+        verification.certificate = if stored.is_some() { "measured again" } else { "none in the file; measured now" };
+        verification.measured_again = Some(measured);
+        verification.verdict = Assessment::verdict(Some(&judged_certificate), m);
         Ok(())
     }
 }
 
 /// Fields that a file lists otherwise than the snapshot has them: name, stored, found.
-fn listed_otherwise(stored: &[Quantity], found: &[Quantity]) -> Vec<[String; 3]> {
+fn listed_otherwise(stored: &[Quantity], snapshot: &[Quantity]) -> Vec<[String; 3]> {
     let describe = |q: Option<&Quantity>| match q {
         None => "absent".to_string(),
         Some(q) => {
@@ -251,27 +251,28 @@ fn listed_otherwise(stored: &[Quantity], found: &[Quantity]) -> Vec<[String; 3]>
             format!("a {}, weighted by {by}, unit {unit}, {} bytes a particle", q.describe_kind(), q.bytes)
         }
     };
-    let name = |i: usize| &stored.get(i).or(found.get(i)).expect("one is there").name;
-    let differing = (0..stored.len().max(found.len())).filter(|&i| stored.get(i) != found.get(i));
-    differing.map(|i| [format!("field `{}`", name(i)), describe(stored.get(i)), describe(found.get(i))]).collect()
+    let name = |i: usize| &stored.get(i).or(snapshot.get(i)).expect("one is there").name;
+    let differing = (0..stored.len().max(snapshot.len())).filter(|&i| stored.get(i) != snapshot.get(i));
+    differing.map(|i| [format!("field `{}`", name(i)), describe(stored.get(i)), describe(snapshot.get(i))]).collect()
 }
 
 impl Verification {
-    /// [`Error::Differs`], of the model at `place`, if what it says differs from what was measured, or contradicts itself.
+    /// [`Error::Differs`], of the model at `place`, if what it says differs from what was measured, or contradicts
+    /// itself.
     pub fn judge(&self, place: &str) -> Result<()> {
         let differs = |what: String, hint: &str| Error::Differs { place: place.into(), what, hint: hint.into() };
         let altered = "the file was altered, or another version of the program measured it: do not trust it before you know which";
         if !self.contradictions.is_empty() {
             return Err(differs(format!("it contradicts itself: {}", self.contradictions.join("; ")), altered));
         }
-        if let Some([name, stored, found]) = self.source_differences.first() {
+        if let Some([name, stored, present]) = self.source_differences.first() {
             let hint = "give the options that the model was made with (`info` shows them); if they are the same, its metadata was altered";
-            return Err(differs(format!("its {name} is {stored} in the file and {found} in the snapshot"), hint));
+            return Err(differs(format!("its {name} is {stored} in the file and {present} in the snapshot"), hint));
         }
-        let off: Vec<&StatedFigure> = self.figures.iter().filter(|f| f.differs).collect();
-        let Some(f) = off.first() else { return Ok(()) };
+        let deviations: Vec<&StatedFigure> = self.figures.iter().filter(|f| f.differs).collect();
+        let Some(f) = deviations.first() else { return Ok(()) };
         let first = format!("{} is stored as {} and measured as {}", f.name, f.stored, f.measured);
-        Err(differs(format!("{} of {} of its values differ: {first}", off.len(), self.figures.len()), altered))
+        Err(differs(format!("{} of {} of its values differ: {first}", deviations.len(), self.figures.len()), altered))
     }
 }
 

@@ -1,4 +1,4 @@
-//! All frames of a series: what they say of each other and of the index.
+//! All frames of a series, against each other and against the index.
 
 use super::figures;
 use particlegs_core::codec::{FrameCoding, SeriesFile};
@@ -8,7 +8,7 @@ use particlegs_core::{Error, Result};
 use particlegs_particles::Particles;
 use serde::Serialize;
 
-/// What was verified of the frames of a series.
+/// Results of the verification of a series' frames.
 #[derive(Clone, Debug, Serialize)]
 pub struct SeriesVerification {
     /// Frames, with those that are missing.
@@ -18,7 +18,7 @@ pub struct SeriesVerification {
     /// Numbers of those that are there.
     #[serde(skip)]
     pub there: Vec<usize>,
-    /// What contradicts itself, a line each that begins with the number of the frame.
+    /// Contradictions, a line each that begins with the number of the frame.
     pub contradictions: Vec<String>,
     /// Hash of the source of each of [`SeriesVerification::there`].
     #[serde(skip)]
@@ -36,18 +36,18 @@ impl SeriesVerification {
     pub fn new(series: &SeriesFile<'_>, context: &Context<'_>) -> Result<SeriesVerification> {
         let frames = series.frames.len();
         let keyframes = series.frames.iter().filter(|f| f.kind == FrameCoding::Keyframe).count();
-        let (mut there, mut hashes, mut epochs): (Vec<_>, Vec<_>, Vec<_>) = Default::default();
+        let (mut present_frames, mut hashes, mut epochs): (Vec<_>, Vec<_>, Vec<_>) = Default::default();
         let mut contradictions = Vec::new();
         series.check(context, |number, frame| {
-            there.push(number);
+            present_frames.push(number);
             hashes.push(frame.metadata.source_hash);
             epochs.push(frame.metadata.epoch);
             let of_certificate = frame.certificate.map(|c| figures::contradictions(&c, &frame.metadata));
             let all = of_certificate.into_iter().flatten().chain(frame.lacking_fields());
-            contradictions.extend(all.map(|what| format!("frame {number} of {frames}: {what}")));
+            contradictions.extend(all.map(|contradiction| format!("frame {number} of {frames}: {contradiction}")));
             Ok(())
         })?;
-        Ok(SeriesVerification { frames, keyframes, there, contradictions, hashes, epochs })
+        Ok(SeriesVerification { frames, keyframes, there: present_frames, contradictions, hashes, epochs })
     }
 
     /// The frame that was made of these particles; where several have their places, the one of their moment.

@@ -58,7 +58,7 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
     }
 }
 
-/// What a quick certificate has; values that the file holds.
+/// Scores of a quick certificate; values that the file holds.
 pub fn certificate() -> Certificate {
     let score = |masked_psnr, ssim| Some(PictureScore { masked_psnr, ssim });
     let look = PictureScores {
@@ -136,7 +136,8 @@ pub fn check_bytes<const N: usize>(bytes: &[u8], changes: impl Fn(u8) -> [u8; N]
     }
 }
 
-/// Files with one bit of `bits` changed, then `random` files with one to six bytes at random; their checksums are right.
+/// Files with one bit of `bits` changed, then `random` files with one to six bytes at random; their checksums are
+/// right.
 pub fn damaged(bytes: &[u8], seed: u64, bits: impl Iterator<Item = usize>, random: u64, mut check: impl FnMut(&[u8])) {
     let mut damage = |change: &dyn Fn(&mut [u8])| {
         let mut bad = bytes.to_vec();
@@ -168,7 +169,7 @@ pub fn layer(name: &str, particles: Range<usize>) -> Layer<Range<usize>> {
     Layer { name: name.into(), mass: Mass::Unknown, content: particles }
 }
 
-/// What `work` gives with so many threads.
+/// The result of `work` with so many threads.
 pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }

@@ -24,11 +24,11 @@ pub struct DensityView {
     pub camera: Camera,
     /// Nearest and farthest depth that count, world units from the eye.
     pub range: [f64; 2],
-    /// What is drawn of a periodic cell.
+    /// The images of a periodic cell that are drawn.
     pub images: Images,
 }
 
-/// Which images of particles in a periodic cell are drawn.
+/// Images of particles in a periodic cell that are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Images {
     /// The particles where they are.
@@ -39,7 +39,7 @@ pub enum Images {
     All(Cell),
 }
 
-/// What an orthographic picture shows.
+/// The window of an orthographic picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// Its middle, world units.
@@ -68,12 +68,12 @@ impl DensityView {
     /// The same of particles in a cell: where an orthographic window holds the periodic cell whole, or looks at it
     /// obliquely, every particle is drawn once; a window onto a part of it is continued by copies.
     pub fn of_cell(view: &View, size: Size, bounds: &Bounds, cell: Option<Cell>) -> DensityView {
-        let own = DensityView::of_view(view, bounds);
+        let density_view = DensityView::of_view(view, bounds);
         let cell = cell.filter(|c| c.periodic.contains(&true) && c.inverse().is_some());
         let (Some(cell), Projection::Orthographic { height_world }) = (cell, view.camera.projection) else {
-            return own;
+            return density_view;
         };
-        let Ok(frame) = view.camera.frame() else { return own };
+        let Ok(frame) = view.camera.frame() else { return density_view };
         let half = [0.5 * height_world * size.width as f64 / size.height as f64, 0.5 * height_world];
         let images = match across(&cell, &frame) {
             Some(copies) if !Extent::new(bounds, Some(&cell)).is_in(&frame, half) => {
@@ -81,7 +81,7 @@ impl DensityView {
             }
             _ => Images::Nearest(cell),
         };
-        DensityView { images, ..own }
+        DensityView { images, ..density_view }
     }
 
     /// An orthographic window.
@@ -93,9 +93,9 @@ impl DensityView {
         cell: Option<Cell>,
     ) -> Result<DensityView> {
         let Window { center, angles_deg, width, depth } = *window;
-        for (what, value) in [("width", width), ("depth", depth.unwrap_or(1.0))] {
+        for (name, value) in [("width", width), ("depth", depth.unwrap_or(1.0))] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::argument(format!("the {what} must be positive, not {value}")));
+                return Err(Error::argument(format!("the {name} must be positive, not {value}")));
             }
         }
         if center.iter().chain(&angles_deg).any(|v| !v.is_finite()) {
@@ -194,7 +194,7 @@ impl DensityView {
     }
 }
 
-/// Which pixels of a line go to which of another about the same middle, with what share, so that all lie in the cell of
+/// Pixels of a line, those of another about the same middle that they go to, and shares, so that all lie in the cell of
 /// `period` pixels there.
 fn shares(from: usize, to: usize, period: Option<f64>) -> Vec<(usize, usize, f32)> {
     let Some(period) = period else { return (0..to).map(|i| (i, i, 1.0)).collect() };

@@ -1,5 +1,5 @@
-//! What an orthographic map shows whole: the periodic cell, or the bounds of what does not repeat; and windows that hold
-//! points.
+//! The extent that an orthographic map shows whole: the periodic cell, or the bounds of what does not repeat; and
+//! windows that hold points.
 
 use super::view::Frame;
 use crate::math::{dot, each_axis, norm};
@@ -16,9 +16,9 @@ pub struct Extent {
     pub center: [f64; 3],
     /// Its edges.
     pub edges: [[f64; 3]; 3],
-    /// How much longer each edge is for tails that reach out of it, over the edge.
+    /// The length of tails that reach out of each edge, over the edge.
     pub tails: [f64; 3],
-    /// Along which edges it repeats.
+    /// Whether it repeats along each edge.
     pub periodic: [bool; 3],
 }
 
@@ -62,7 +62,7 @@ impl Extent {
         [(0..3).map(share).sum(), (0..3).map(|k| share(k) * (1.0 + self.tails[k])).sum()]
     }
 
-    /// Does a window hold all of it, and more?
+    /// Whether a window holds all of it, and more.
     pub(super) fn is_in(&self, frame: &Frame, half: [f64; 2]) -> bool {
         let room = [0, 1].map(|k| half[k] / self.halves(frame.axes[k])[0] - 1.0);
         room.iter().all(|r| *r > -0.1 * ROOM) && room.iter().any(|r| *r > 0.1 * ROOM)
@@ -105,10 +105,10 @@ impl WindowContent<'_> {
         2.0 * self.most(|[x, y, _]| x.abs().max(y.abs() * aspect)) * (1.0 + ROOM)
     }
 
-    /// The most that `of` makes of a point right, up and towards the eye from the centre, or 0.
-    fn most(&self, of: impl Fn([f64; 3]) -> f64) -> f64 {
+    /// The most that `extent_of` gives for a point right, up and towards the eye from the centre, or 0.
+    fn most(&self, extent_of: impl Fn([f64; 3]) -> f64) -> f64 {
         let frames = self.frames.iter().map(|frame| Frame { position: self.center, ..*frame });
-        frames.flat_map(|frame| self.points.iter().map(move |p| frame.to_camera(*p))).map(of).fold(0.0, f64::max)
+        frames.flat_map(|frame| self.points.iter().map(move |p| frame.to_camera(*p))).map(extent_of).fold(0.0, f64::max)
     }
 }
 
@@ -148,7 +148,7 @@ impl CenteredCell {
         Some(CenteredCell { center, cell: PeriodicCell::new(cell)? })
     }
 
-    /// What is added to a point.
+    /// The shift of a point into the cell, world units.
     #[inline]
     pub fn shift(&self, point: [f64; 3]) -> [f64; 3] {
         let cells = self.cell.fractions(each_axis(|k| point[k] - self.center[k])).map(f64::round);

@@ -2,9 +2,9 @@
 
 use std::array::from_fn;
 
-/// What changes smoothly from key to key: numbers, or an orientation.
+/// A value that changes smoothly from key to key: numbers, or an orientation.
 pub(super) trait Interpolate<const N: usize>: Copy {
-    /// What leads to another.
+    /// The step that leads to another.
     fn step_to(self, other: Self) -> [f64; N];
 
     fn stepped(self, by: [f64; N]) -> Self;

@@ -37,7 +37,7 @@ pub fn path_through(keys: &[View], frames: usize) -> Result<Vec<View>> {
         .collect())
 }
 
-/// What a view says but for its orientation, as it changes evenly: point, distance, window, range, radius, opacity.
+/// A view's numbers but for its orientation, as they change evenly: point, distance, window, range, radius, opacity.
 fn numbers(v: &View) -> [f64; 9] {
     let ([x, y, z], [near, far]) = (v.camera.focal_point, v.camera.clipping_range.unwrap_or_default());
     let window = match v.camera.projection {
@@ -113,13 +113,18 @@ mod tests {
     }
 
     fn same(a: &View, b: &View) -> f64 {
-        let of = |v: &View| {
+        let camera_numbers = |v: &View| {
             let f = v.camera.frame().unwrap();
             let (c, r) = (v.camera, CameraRecord::from(v.camera));
             let window = r.fov_deg.or(r.height_world).unwrap();
             [[v.radius, v.opacity, window], c.position, c.focal_point, f.axes[0], f.axes[1], f.axes[2]]
         };
-        of(a).as_flattened().iter().zip(of(b).as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        camera_numbers(a)
+            .as_flattened()
+            .iter()
+            .zip(camera_numbers(b).as_flattened())
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max)
     }
 
     #[test]

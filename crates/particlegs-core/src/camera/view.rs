@@ -20,7 +20,7 @@ pub enum Projection {
     },
 }
 
-/// Where the camera stands and looks. World units.
+/// The camera's place, direction and projection. World units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "CameraRecord", try_from = "CameraRecord")]
 pub struct Camera {

@@ -1,4 +1,4 @@
-//! The certificate's section: its groups of figures, tagged (docs/format.md, section 3). What a figure is, `model` says.
+//! The certificate's section: its tagged groups of figures (docs/format.md, section 3). `model` declares the figures.
 
 use super::wire::WireReader;
 use crate::model::{
@@ -16,7 +16,7 @@ const NOT_MEASURED: f32 = -1.0;
 const NEVER: f32 = 0.0;
 
 pub(super) fn write(c: &Certificate) -> Vec<u8> {
-    encoded(c, &|_, there| there)
+    encoded(c, &|_, is_present| is_present)
 }
 
 /// A certificate as a file has it, in the digits that it keeps.
@@ -26,13 +26,13 @@ pub fn rounded(c: &Certificate) -> Certificate {
 
 /// Bytes of the section at a level, with the groups that `like` has as well.
 pub(super) fn size(level: CertificateLevel, like: &Certificate) -> usize {
-    encoded(like, &|group, there| there || group.levels.contains(&level)).len()
+    encoded(like, &|group, is_present| is_present || group.levels.contains(&level)).len()
 }
 
 fn encoded(c: &Certificate, wanted: &dyn Fn(&MetricGroup, bool) -> bool) -> Vec<u8> {
     let mut encoder = CertificateEncoder { out: Vec::new(), start: 0, wanted };
-    let mut own = *c;
-    let Ok(()) = own.visit("", &mut encoder);
+    let mut certificate = *c;
+    let Ok(()) = certificate.visit("", &mut encoder);
     encoder.out
 }
 
@@ -57,7 +57,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Certificate, String> {
 
 struct CertificateEncoder<'a> {
     out: Vec<u8>,
-    /// Where the group's value begins.
+    /// Start of the group's value in `out`.
     start: usize,
     wanted: &'a dyn Fn(&MetricGroup, bool) -> bool,
 }
@@ -65,13 +65,13 @@ struct CertificateEncoder<'a> {
 impl MetricVisitor for CertificateEncoder<'_> {
     type Error = Infallible;
 
-    fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Infallible> {
-        let there = (self.wanted)(group, there);
-        if there {
+    fn begin(&mut self, group: &MetricGroup, is_present: bool) -> Result<bool, Infallible> {
+        let is_wanted = (self.wanted)(group, is_present);
+        if is_wanted {
             self.out.extend([group.tag, 0, 0]);
             self.start = self.out.len();
         }
-        Ok(there)
+        Ok(is_wanted)
     }
 
     fn end(&mut self, _: &MetricGroup) -> Result<(), Infallible> {
@@ -124,7 +124,7 @@ impl MetricVisitor for CertificateEncoder<'_> {
 
 struct CertificateDecoder<'a> {
     groups: Vec<(u8, &'a [u8])>,
-    /// What is left of the group that is read.
+    /// Rest of the group that is read.
     left: WireReader<'a>,
 }
 
@@ -132,9 +132,9 @@ impl MetricVisitor for CertificateDecoder<'_> {
     type Error = String;
 
     fn begin(&mut self, group: &MetricGroup, _: bool) -> Result<bool, String> {
-        let found = self.groups.iter().find(|g| g.0 == group.tag);
-        self.left = WireReader::new(found.map_or(&[], |g| g.1));
-        Ok(found.is_some())
+        let stored_group = self.groups.iter().find(|g| g.0 == group.tag);
+        self.left = WireReader::new(stored_group.map_or(&[], |g| g.1));
+        Ok(stored_group.is_some())
     }
 
     fn end(&mut self, group: &MetricGroup) -> Result<(), String> {
@@ -184,14 +184,14 @@ impl MetricVisitor for CertificateDecoder<'_> {
             },
         };
         let [least, most] = metric.range;
-        let held = match (value, metric.coding) {
+        let in_range = match (value, metric.coding) {
             (MetricValue::Count(n), Coding::Name(names)) => (n as usize) < names.len(),
             (MetricValue::Count(n), _) => n as f64 >= least,
             // Not a number is in no range.
             (MetricValue::Real(v), _) => (least..=most).contains(&v),
             _ => true,
         };
-        if held { Ok(value) } else { Err(format!("the certificate value `{}` is invalid: {value:?}", metric.name)) }
+        if in_range { Ok(value) } else { Err(format!("the certificate value `{}` is invalid: {value:?}", metric.name)) }
     }
 }
 
@@ -337,14 +337,16 @@ mod tests {
         c.density.correlation = 0.999;
         let science = c.science.as_mut().unwrap();
         (science.r_above_0_99_to, science.r_above_0_9_to) = (Limit::Never, Limit::At(1e-60));
-        let back = read(&write(&c)).unwrap();
-        let own = back.views.orbits[2].expected.model.unwrap();
-        assert!((own.masked_psnr.unwrap() - 31.234_56).abs() <= 0.0025 && (own.ssim + 0.1).abs() < 2e-5);
+        let decoded = read(&write(&c)).unwrap();
+        let decoded_score = decoded.views.orbits[2].expected.model.unwrap();
+        assert!(
+            (decoded_score.masked_psnr.unwrap() - 31.234_56).abs() <= 0.0025 && (decoded_score.ssim + 0.1).abs() < 2e-5
+        );
         let best = PictureScore { masked_psnr: Some(65_534.0 / 200.0), ssim: 1.0 };
-        assert_eq!(back.pictures.unwrap().settings[0].paraview.mean.model, Some(best));
-        assert_eq!(back.density.correlation, f64::from(0.999f32));
-        assert_eq!(back.science.unwrap().r_above_0_9_to, Limit::At(f64::from(f32::from_bits(1))));
-        assert_eq!(write(&back), write(&c));
+        assert_eq!(decoded.pictures.unwrap().settings[0].paraview.mean.model, Some(best));
+        assert_eq!(decoded.density.correlation, f64::from(0.999f32));
+        assert_eq!(decoded.science.unwrap().r_above_0_9_to, Limit::At(f64::from(f32::from_bits(1))));
+        assert_eq!(write(&decoded), write(&c));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What becomes of a block's Gaussians from one frame of a series to the next (docs/format.md, section 16).
+//! Changes of a block's Gaussians from one frame of a series to the next (docs/format.md, section 16).
 
 use super::cholesky::CholeskyFactor;
 use super::decoder;
@@ -34,7 +34,7 @@ pub struct TrackedBlock {
     pub block: Block,
     /// For each Gaussian its number in the frame before; `None` of one that is new.
     pub origin: Vec<Option<u32>>,
-    /// How far it moves in a unit of the series' clock; NaN where that is not known yet.
+    /// Motion along each axis in a unit of the series' clock; NaN where that is not known yet.
     velocity: [Vec<f64>; 3],
     /// Steps that it took in the frame before.
     pub(super) unrest: Vec<u32>,
@@ -44,10 +44,11 @@ pub struct TrackedBlock {
     models: ChangeModels,
 }
 
-/// How finely a change is coded.
+/// Steps that a change is coded with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChangePrecision {
-    /// Steps of place (in widths), size, shape, count and mass; those of place and shape before the coarseness of a Gaussian.
+    /// Steps of place (in widths), size, shape, count and mass; a Gaussian's coarseness multiplies those of place and
+    /// shape.
     pub steps: [f32; 5],
     /// Share of what a place is off its guess by that a velocity takes, at first and later.
     pub gains: [f32; 2],
@@ -59,11 +60,11 @@ impl Default for ChangePrecision {
     }
 }
 
-/// What the Gaussians of a block are to be in the next frame.
+/// The Gaussians of a block in the next frame, as an encoder has them.
 pub struct ChangeTarget<'a> {
     /// As many as there were, in their order; those of less than half a particle go.
     pub gaussians: &'a Mixture,
-    /// Which are new, in the places of others that go.
+    /// Flags of those that are new, in the places of others that go.
     pub born: &'a [bool],
     /// Bounds of the particles.
     pub bounds: Bounds,
@@ -73,12 +74,12 @@ pub struct ChangeTarget<'a> {
     pub mass: f64,
 }
 
-/// From which frame to which.
+/// The step from one frame to another.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameStep {
     /// Cells of both.
     pub cells: [Option<Cell>; 2],
-    /// What the series' clock moves on by, above 0.
+    /// Difference of the series' clock, above 0.
     pub elapsed: f64,
 }
 
@@ -138,7 +139,7 @@ struct ChangeNumbers<'a> {
     unrest: u32,
     coarseness: f64,
     history: [i32; NUMBERS],
-    /// How many numbers there were, and the sum of their steps.
+    /// Count of the numbers so far, and the sum of their steps.
     coded: usize,
     sum: u32,
 }
@@ -174,13 +175,13 @@ impl TrackedBlock {
         TrackedBlock { block, origin: vec![None; n], velocity, unrest, history, models }
     }
 
-    /// How far Gaussian `i` moves in a unit of the clock, if that is known.
+    /// Motion of Gaussian `i` in a unit of the clock, if that is known.
     pub fn velocity(&self, i: usize) -> Option<[f64; 3]> {
         let v = each_axis(|k| self.velocity[k][i]);
         (!v[0].is_nan()).then_some(v)
     }
 
-    /// What the Gaussians of the next frame had of a field, by their `origin` in this one and their `unrest` since.
+    /// A field as the Gaussians of the next frame had it, by their `origin` in this one and their `unrest` since.
     pub(super) fn field<'a>(
         &'a self,
         name: &str,
@@ -191,7 +192,7 @@ impl TrackedBlock {
         Some(PreviousField { moments, counts: &self.block.gaussians.count, origin, unrest })
     }
 
-    /// Where Gaussians are expected in the next frame.
+    /// The Gaussians at the places where the next frame is expected to have them.
     pub fn expected(&self, step: &FrameStep) -> Mixture {
         let mut gaussians = self.block.gaussians.clone();
         let [from, to] = step.cells;
@@ -211,13 +212,13 @@ impl TrackedBlock {
     /// Codes what becomes of the block.
     pub fn encode(&self, target: &ChangeTarget<'_>, step: &FrameStep, precision: &ChangePrecision) -> Result<Vec<u8>> {
         let g = target.gaussians;
-        let there = |i: usize| g.count[i] >= 0.5;
+        let has_particles = |i: usize| g.count[i] >= 0.5;
         let mut new = Mixture::new(g.masses().is_some());
-        for i in (0..g.len()).filter(|&i| target.born[i] && there(i)) {
+        for i in (0..g.len()).filter(|&i| target.born[i] && has_particles(i)) {
             new.push(g.mean_of(i), g.cov_of(i), g.count[i], g.mass_of(i));
         }
-        let stay = |i: usize| there(i) && !target.born[i];
-        let none_stays = !(0..g.len()).any(stay);
+        let stays = |i: usize| has_particles(i) && !target.born[i];
+        let none_stays = !(0..g.len()).any(stays);
         let mut new_block = Vec::new();
         if !new.is_empty() {
             let sum: f64 = new.count.iter().sum();
@@ -229,9 +230,10 @@ impl TrackedBlock {
             let block = Block { bounds: target.bounds, count, mass, gaussians: new };
             new_block = Encoder::new(&block)?.encode(&Precision::BALANCED);
         }
-        let own = &self.block.gaussians;
-        let mut scales: Vec<f64> = (0..own.len()).map(|i| extent_over_count(own, i)).collect();
+        let mixture = &self.block.gaussians;
+        let mut scales: Vec<f64> = (0..mixture.len()).map(|i| extent_over_count(mixture, i)).collect();
         scales.sort_by(f64::total_cmp);
+        // The median: steps hold as they are for a middling Gaussian (Y of docs/format.md, section 16).
         let header = ChangeHeader {
             bounds: target.bounds,
             count: target.count,
@@ -242,7 +244,7 @@ impl TrackedBlock {
             gains: precision.gains,
         };
         let mut writer = RansWriter::default();
-        self.walk(&mut writer, &header, step, Some((g, &stay))).map_err(Error::argument)?;
+        self.walk(&mut writer, &header, step, Some((g, &stays))).map_err(Error::argument)?;
         let mut out = header.write();
         out.extend(new_block);
         out.extend(writer.finish());
@@ -256,14 +258,14 @@ impl TrackedBlock {
         let new = r.take(header.new as usize)?;
         let mut reader = RansReader::new(&bytes[r.position()..]).ok_or("a stream has no start")?;
         let mut next = self.walk(&mut reader, &header, step, None)?;
-        if !reader.finished() {
+        if !reader.finished() || !reader.rest().is_empty() {
             return Err("a stream does not end where it should".into());
         }
         let none = || Block { bounds: header.bounds, count: 0, mass: 0.0, gaussians: Mixture::default() };
         let new = match new {
             [] => none(),
             bytes => decoder::block(bytes, &Context::SILENT).map_err(|f| match f {
-                decoder::BlockFault::Corrupt(what) => what,
+                decoder::BlockFault::Corrupt(message) => message,
                 decoder::BlockFault::Memory(e) => e.to_string(),
             })?,
         };
@@ -274,12 +276,14 @@ impl TrackedBlock {
             return Err("new Gaussians are of another kind".into());
         }
         let g = &mut next.block.gaussians;
+        // Those that stay share what the new block leaves: something where there are any, else nothing.
         let left = header.count.checked_sub(new.count).filter(|left| (*left > 0) != g.is_empty());
         let Some(left) = left else { return Err("a change has another number of particles".into()) };
         if !g.is_empty() {
             whole_counts(&mut g.count, left);
             let counts = &g.count;
             if let Some(masses) = g.columns.get_mut(MASS) {
+                // The walk left masses of one particle, since counts are whole only now.
                 masses.iter_mut().zip(counts).for_each(|(m, n)| *m *= n);
                 let mass = header.mass - new.mass;
                 if mass.is_nan() || mass <= 0.0 {
@@ -289,6 +293,7 @@ impl TrackedBlock {
             }
         }
         let n = new.gaussians.len();
+        // New Gaussians come last, with no motion known yet (section 16).
         g.append(&new.gaussians);
         next.origin.extend(std::iter::repeat_n(None, n));
         next.velocity.iter_mut().for_each(|v| v.extend(std::iter::repeat_n(f64::NAN, n)));
@@ -297,7 +302,7 @@ impl TrackedBlock {
         Ok(next)
     }
 
-    /// Codes the Gaussians one after the other: those that stay, their counts as weights yet, masses as those of a particle.
+    /// Codes the Gaussians one by one: those that stay, their counts as weights yet, masses as those of a particle.
     /// The encoder has `target`: Gaussians, and which of them stay.
     fn walk(
         &self,
@@ -306,14 +311,15 @@ impl TrackedBlock {
         step: &FrameStep,
         target: Option<(&Mixture, &dyn Fn(usize) -> bool)>,
     ) -> std::result::Result<TrackedBlock, String> {
-        let own = &self.block.gaussians;
-        let weighted = own.masses().is_some();
+        let mixture = &self.block.gaussians;
+        let weighted = mixture.masses().is_some();
         let [from, to] = step.cells;
         let frames = FrameMap::new(from, to);
-        let n = own.len();
+        let n = mixture.len();
         let mut gaussians = Mixture::new(weighted);
         gaussians.reserve(n);
         let block = Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians };
+        // Models go on from frame to frame, so the walk begins with those that the frame before left.
         let mut next = TrackedBlock {
             block,
             origin: Vec::with_capacity(n),
@@ -323,32 +329,35 @@ impl TrackedBlock {
             models: self.models.clone(),
         };
         let [place_step, size_step, shape_step, count_step, mass_step] = header.steps.map(f64::from);
-        let (mut moved_from, mut before) = (Vec::with_capacity(n), 0);
+        let (mut previous_means, mut last_unrest) = (Vec::with_capacity(n), 0);
         for i in 0..n {
             let goes = target.is_some_and(|(_, stays)| !stays(i));
             if next.models.stays.code(c, usize::from(goes)) == 1 {
                 continue;
             }
-            let (mean, cov, count) = (own.mean_of(i), own.cov_of(i), own.count[i].max(0.5));
+            // Counts may be 0, which has no logarithm: such a Gaussian counts as half a particle (section 16).
+            let (mean, cov, count) = (mixture.mean_of(i), mixture.cov_of(i), mixture.count[i].max(0.5));
             let factor = CholeskyFactor::new(&cov);
-            let coarseness = (extent_over_count(own, i) / header.scale).sqrt().clamp(0.125, 8.0);
-            let known = self.velocity(i);
-            let guess = known.unwrap_or_else(|| next.guess(&moved_from, mean));
+            let coarseness = (extent_over_count(mixture, i) / header.scale).sqrt().clamp(0.125, 8.0);
+            let velocity = self.velocity(i);
+            let guess = velocity.unwrap_or_else(|| next.guess(&previous_means, mean));
             let carried = frames.carried(mean);
             let expected = each_axis(|k| carried[k] + guess[k] * step.elapsed);
-            let off = target.map(|(t, _)| frames.nearest(each_axis(|k| t.mean[k][i] - expected[k])));
+            // The nearest image is meant, so that crossing a face of the cell costs nothing.
+            let offset = target.map(|(t, _)| frames.nearest(each_axis(|k| t.mean[k][i] - expected[k])));
             let mut numbers = ChangeNumbers {
                 models: &mut next.models,
-                unrest: 2 * self.unrest[i] + before,
+                unrest: 2 * self.unrest[i] + last_unrest,
                 coarseness,
                 history: self.history[i],
                 coded: 0,
                 sum: 0,
             };
             let mut q = [0.0; 3];
-            let (kind, size) = (if known.is_some() { PLACE } else { FIRST_PLACE }, place_step * coarseness);
+            let (kind, size) = (if velocity.is_some() { PLACE } else { FIRST_PLACE }, place_step * coarseness);
+            // Axis after axis, as each makes up for what the rounding of earlier ones has moved it by.
             for axis in 0..3 {
-                let wanted = off.map(|d| factor.solve(d, axis, q));
+                let wanted = offset.map(|d| factor.solve(d, axis, q));
                 q[axis] = numbers.code(c, kind, wanted, [size, f64::INFINITY])?;
             }
             let wanted = target.map(|(t, _)| factor.logarithm(&t.cov_of(i)).unwrap_or_default());
@@ -361,48 +370,54 @@ impl TrackedBlock {
             let count = count * exp(numbers.code(c, COUNT, wanted, [count_step, LARGEST_LOG])?);
             let mut mass = 1.0;
             if weighted {
-                let each = own.mass_of(i) / own.count[i].max(1.0);
-                let each = if each > 0.0 { each } else { self.block.mass / self.block.count as f64 };
-                let wanted = target.map(|(t, _)| libm::log((t.mass_of(i) / t.count[i].max(0.5) / each).max(1e-30)));
+                let particle_mass = mixture.mass_of(i) / mixture.count[i].max(1.0);
+                // A Gaussian without mass says nothing of its particles': they have the block's mean (section 16).
+                let particle_mass =
+                    if particle_mass > 0.0 { particle_mass } else { self.block.mass / self.block.count as f64 };
+                let wanted =
+                    target.map(|(t, _)| libm::log((t.mass_of(i) / t.count[i].max(0.5) / particle_mass).max(1e-30)));
                 let wanted = wanted.map(|w| w.clamp(-8.0, 8.0));
-                mass = each * exp(numbers.code(c, WEIGHT, wanted, [mass_step, LARGEST_LOG])?);
+                mass = particle_mass * exp(numbers.code(c, WEIGHT, wanted, [mass_step, LARGEST_LOG])?);
             }
             let history = numbers.history;
-            before = numbers.sum.min(MOST_UNREST);
-            let by = factor.apply(q);
-            let at = each_axis(|k| expected[k] + by[k]);
+            // Limited once for both of its uses: as U of the next frame, and as U' of the next Gaussian (section 16).
+            last_unrest = numbers.sum.min(MOST_UNREST);
+            let shift = factor.apply(q);
+            let place = each_axis(|k| expected[k] + shift[k]);
             let unit = exp_twice([shape[1], shape[2], shape[3], shape[4], shape[5]]);
-            let grown = exp(2.0 * shape[0]);
-            let cov = factor.congruent(&unit).scale(grown);
-            let sound = cov.0.iter().chain(&at).all(|v| v.is_finite()) && [0, 3, 5].iter().all(|&k| cov.0[k] >= 0.0);
+            let growth = exp(2.0 * shape[0]);
+            let cov = factor.congruent(&unit).scale(growth);
+            let sound = cov.0.iter().chain(&place).all(|v| v.is_finite()) && [0, 3, 5].iter().all(|&k| cov.0[k] >= 0.0);
             if !sound || !count.is_finite() {
                 return Err("a Gaussian of a change is out of range".into());
             }
-            let gain = f64::from(header.gains[usize::from(known.is_some())]);
-            (0..3).for_each(|k| next.velocity[k].push(guess[k] + gain * by[k] / step.elapsed));
-            next.block.gaussians.push(frames.image(at), cov, count, mass);
+            let gain = f64::from(header.gains[usize::from(velocity.is_some())]);
+            (0..3).for_each(|k| next.velocity[k].push(guess[k] + gain * shift[k] / step.elapsed));
+            next.block.gaussians.push(frames.image(place), cov, count, mass);
             next.origin.push(Some(i as u32));
-            next.unrest.push(before);
+            next.unrest.push(last_unrest);
             next.history.push(history);
-            moved_from.push(mean);
+            // Neighbours are found by their places in the frame before, where the next Gaussian still is.
+            previous_means.push(mean);
         }
         Ok(next)
     }
 
     /// The mean velocity of the nearest of the Gaussians coded last, whose places were `from`.
     fn guess(&self, from: &[[f64; 3]], at: [f64; 3]) -> [f64; 3] {
-        let mut near: Vec<(f64, usize)> = Vec::with_capacity(NEIGHBOURS + 1);
+        let mut neighbours: Vec<(f64, usize)> = Vec::with_capacity(NEIGHBOURS + 1);
+        // Backwards: of equal distances the later one comes first (section 16).
         for j in (from.len().saturating_sub(WINDOW)..from.len()).rev() {
             let [x, y, z] = each_axis(|k| from[j][k] - at[k]);
             let d2 = x * x + y * y + z * z;
-            if near.len() < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
-                let place = near.partition_point(|n| n.0 <= d2);
-                near.insert(place, (d2, j));
-                near.truncate(NEIGHBOURS);
+            if neighbours.len() < NEIGHBOURS || d2 < neighbours[NEIGHBOURS - 1].0 {
+                let place = neighbours.partition_point(|n| n.0 <= d2);
+                neighbours.insert(place, (d2, j));
+                neighbours.truncate(NEIGHBOURS);
             }
         }
-        let n = near.len().max(1) as f64;
-        each_axis(|k| near.iter().fold(0.0, |sum, &(_, j)| sum + self.velocity[k][j]) / n)
+        let n = neighbours.len().max(1) as f64;
+        each_axis(|k| neighbours.iter().fold(0.0, |sum, &(_, j)| sum + self.velocity[k][j]) / n)
     }
 }
 

@@ -8,8 +8,8 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 pub(crate) const MINOR: u8 = 0;
-/// What a file is: one model, or a series of them; within a series also what changes from one to the next. Files of before
-/// the first release say 0.
+/// Kinds of files: one model, or a series of them; within a series also the changes from one to the next. Files of
+/// before the first release say 0.
 pub(crate) const MODEL: u8 = 1;
 pub(crate) const SERIES: u8 = 2;
 pub(crate) const CHANGE: u8 = 3;
@@ -19,7 +19,7 @@ pub const HEAD_BYTES: usize = 8 + 1 + 1 + 1 + 1 + 8 + 4;
 pub(crate) const SECTION_BYTES: usize = 4 + 8 + 4;
 /// The number of the block that a section belongs to.
 pub(crate) const OWNER_BYTES: usize = 4;
-/// What stands before a further stage of a block.
+/// Bytes before a further stage of a block.
 pub(crate) const STAGE_BYTES: usize = SECTION_BYTES + OWNER_BYTES;
 /// An entry of the index: tag, block, place, length.
 pub(crate) const ENTRY_BYTES: usize = 4 + 4 + 8 + 8;
@@ -43,32 +43,32 @@ pub(crate) const BLOCK: Tag = *b"BLOK";
 pub(crate) const STAGE: Tag = *b"FiNE";
 /// The moments of a field of a block.
 pub const FIELD: [u8; 4] = *b"fiEL";
-/// What changes of a field of a block from the frame before.
+/// Changes of a field of a block from the frame before.
 pub const FIELD_CHANGE: [u8; 4] = *b"fiMO";
 /// The shares of a species in a block's Gaussians.
 pub const SHARE: [u8; 4] = *b"shAR";
 /// Correlations between two scalar fields of a block.
 pub const CORRELATION: [u8; 4] = *b"fiCO";
-/// A block of a frame, as what changes from the frame before.
+/// A block of a frame, as changes from the frame before.
 pub(crate) const BLOCK_CHANGE: Tag = *b"MoVE";
 /// Of a series: where its frames lie, how it was made, a frame.
 pub(crate) const FRAME_INDEX: Tag = *b"FRMS";
 pub(crate) const SERIES_RECIPE: Tag = *b"rECI";
 pub(crate) const FRAME: Tag = *b"FRAM";
-/// Where the sections lie.
+/// The index of the sections.
 pub(crate) const INDEX: Tag = *b"iNDX";
 
-/// May a reader that does not know the tag skip its section?
+/// Whether a reader that does not know the tag may skip its section.
 pub(crate) fn is_optional(tag: Tag) -> bool {
     tag[0].is_ascii_lowercase()
 }
 
-/// Does a section of the tag belong to a block?
+/// Whether a section of the tag belongs to a block.
 pub(crate) fn belongs_to_block(tag: Tag) -> bool {
     tag[1].is_ascii_lowercase()
 }
 
-/// Does a merge keep sections of the tag that belong to no block?
+/// Whether a merge keeps sections of the tag that belong to no block.
 pub(crate) fn survives_merging(tag: Tag) -> bool {
     tag[3].is_ascii_lowercase()
 }
@@ -146,7 +146,7 @@ fn checksum(parts: [&[u8]; 3]) -> u32 {
     h.finalize()
 }
 
-/// Does a file that begins so claim to be a model file?
+/// Whether a file that begins so claims to be a model file.
 pub fn is_model(head: &[u8]) -> bool {
     head.starts_with(&MAGIC)
 }
@@ -160,7 +160,7 @@ pub fn promised_length(head: &[u8], place: &str) -> Result<Option<u64>> {
 pub(crate) struct FileSections<'a> {
     /// In their order; those of unknown tags that may be skipped are among them, the index is not.
     pub sections: Vec<Section<'a>>,
-    /// May sections be missing at the end?
+    /// Whether sections may be missing at the end.
     pub open: bool,
 }
 
@@ -179,7 +179,7 @@ pub(crate) fn read<'a>(kind: u8, file: &'a [u8], place: &str) -> Result<FileSect
         if open && section_end(file, at).is_none_or(|end| end > file.len() as u64) {
             break;
         }
-        let section = section(file, at).map_err(|what| Error::corrupt(place, format!("at byte {at}: {what}")))?;
+        let section = section(file, at).map_err(|message| Error::corrupt(place, format!("at byte {at}: {message}")))?;
         at += SECTION_BYTES + section.content();
         if sections.is_empty() && section.tag != META && kind != SERIES {
             return Err(Error::corrupt(place, "the file does not begin with metadata"));
@@ -206,30 +206,30 @@ pub(crate) fn read<'a>(kind: u8, file: &'a [u8], place: &str) -> Result<FileSect
     }
 }
 
-/// Does an index list these sections? Of an open file the last ones may be missing on either side.
+/// Whether an index lists these sections. Of an open file the last ones may be missing on either side.
 fn is_index_of(index: &[u8], sections: &[Section<'_>], open: bool) -> bool {
     let listed = index.chunks(ENTRY_BYTES);
-    let alike = sections.iter().zip(listed.clone()).all(|(own, listed)| own.entry(own.offset) == *listed);
+    let alike = sections.iter().zip(listed.clone()).all(|(section, listed)| section.entry(section.offset) == *listed);
     alike && (open || listed.len() == sections.len())
 }
 
-/// Where a section ends by its head, if that is there.
+/// End of a section by its head, if that is there.
 pub(crate) fn section_end(file: &[u8], offset: usize) -> Option<u64> {
     let length = WireReader::new(file.get(offset + 4..)?).u64().ok()?;
     (offset as u64 + SECTION_BYTES as u64).checked_add(length)
 }
 
-/// What is wrong with a file of `length` bytes of which `there` are there.
-pub fn other_length(there: u64, length: u64) -> String {
-    match there.checked_sub(length) {
-        None => format!("the file ends after {there} of {length} bytes"),
+/// The fault of a file of `length` bytes of which `available` are there, in words.
+pub fn other_length(available: u64, length: u64) -> String {
+    match available.checked_sub(length) {
+        None => format!("the file ends after {available} of {length} bytes"),
         Some(more) => format!("{more} bytes follow the end at byte {length}"),
     }
 }
 
 /// The length of the file that its head says, 0 where it says none.
 fn promise(file: &[u8], place: &str) -> Result<u64> {
-    let corrupt = |what: String| Err(Error::corrupt(place, what));
+    let corrupt = |message: String| Err(Error::corrupt(place, message));
     if !file.starts_with(&MAGIC) {
         let message =
             if file.is_empty() { "the file is empty" } else { "the first bytes are not those of a model file" };
@@ -243,11 +243,11 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
         Ok((r.u8()?, r.u8()?, r.u8()?, r.u8()?, r.u64()?, r.u32()?))
     };
     let (major, minor, kind, reserved, length, sum) =
-        field(&mut WireReader::new(head)).map_err(|what| Error::corrupt(place, what))?;
+        field(&mut WireReader::new(head)).map_err(|message| Error::corrupt(place, message))?;
     if crc32fast::hash(&head[..HEAD_BYTES - 4]) != sum {
         return corrupt("the checksum of the header is wrong".into());
     }
-    let incompatible = |what: String| Err(Error::Compatibility { place: place.into(), what });
+    let incompatible = |message: String| Err(Error::Compatibility { place: place.into(), what: message });
     if major != MAJOR {
         return incompatible(format!("the file has version {major}.{minor}; this program reads version {MAJOR}"));
     }
@@ -259,7 +259,7 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
     }
 }
 
-/// Does a file begin as a series of models does?
+/// Whether a file begins as a series of models does.
 pub fn is_series(head: &[u8]) -> bool {
     is_model(head) && head.get(KIND_AT) == Some(&SERIES)
 }
@@ -270,7 +270,7 @@ const KIND_AT: usize = 10;
 /// Refuses a file of another kind; its head is known to be whole.
 fn is_of_kind(kind: u8, file: &[u8], place: &str) -> Result<()> {
     match file.get(KIND_AT) {
-        Some(&own) if own == kind => Ok(()),
+        Some(&file_kind) if file_kind == kind => Ok(()),
         Some(&SERIES) => Err(Error::input(place, "the file is a series of models: choose a frame")),
         _ => Err(Error::corrupt(place, "the file is of another kind than its place says")),
     }

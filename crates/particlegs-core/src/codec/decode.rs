@@ -71,7 +71,7 @@ impl<'a> Decoder<'a> {
         let (mut blocks, mut pieces) = (Vec::new(), Vec::new());
         for (layer, part) in parts.layers.iter().enumerate() {
             for block in &part.content {
-                let at = |fault: decoder::BlockFault| fault.at(|what| corrupt(place, block.offset, what));
+                let at = |fault: decoder::BlockFault| fault.at(|message| corrupt(place, block.offset, message));
                 let state = if block.is_whole() {
                     let decoder = BlockDecoder::new(&block.bytes, context).map_err(at)?;
                     let piece = |segment| SegmentPiece { block: blocks.len(), segment, read: false };
@@ -89,11 +89,11 @@ impl<'a> Decoder<'a> {
             }
         }
         let info = FileInfo::new(parts, &file);
-        info.missing().iter().for_each(|what| context.message(&format!("note: {place}: {what}")));
+        info.missing().iter().for_each(|message| context.message(&format!("note: {place}: {message}")));
         Ok(Decoder { place: place.into(), info, blocks, pieces, file })
     }
 
-    /// What the file says without its Gaussians.
+    /// Information about the file without its Gaussians.
     pub fn info(&self) -> &FileInfo {
         &self.info
     }
@@ -128,13 +128,13 @@ impl<'a> Decoder<'a> {
         let SegmentPiece { block, segment, read } = &mut pieces[piece];
         let block = &mut blocks[*block];
         let offset = block.offset;
-        block.segments().swap_remove(*segment).read().map_err(|what| corrupt(place, offset, what))?;
+        block.segments().swap_remove(*segment).read().map_err(|message| corrupt(place, offset, message))?;
         *read = true;
         Ok(())
     }
 
-    /// What there is of a piece, to be drawn: its Gaussians where it was read (their counts are not whole yet, and sums
-    /// are not yet the blocks' to the last digit), else the boxes that they lie in, each as one Gaussian of the particles
+    /// A piece as it can be drawn so far: its Gaussians where it was read (their counts are not whole yet, and sums are
+    /// not yet the blocks' to the last digit), else the boxes that they lie in, each as one Gaussian of the particles
     /// that it may hold. `None` of the alpha-blend law.
     pub fn so_far(&self, piece: usize) -> Option<Mixture> {
         let SegmentPiece { block, segment, read } = self.pieces[piece];
@@ -157,7 +157,7 @@ impl<'a> Decoder<'a> {
             b.segments().into_iter().map(move |s| (offset, s))
         });
         let left = segments.zip(pieces).filter(|(_, piece)| !piece.read).map(|(segment, _)| segment);
-        parallel::try_for_each(left, |(offset, s)| s.read().map_err(|what| corrupt(place, offset, what)))?;
+        parallel::try_for_each(left, |(offset, s)| s.read().map_err(|message| corrupt(place, offset, message)))?;
         let vizmapper = self.info.vizmapper.map(Arc::new);
         let (metadata, place) = (&self.info.metadata, &self.place);
         let decoded = parallel::try_map(self.blocks, |b| {
@@ -170,9 +170,10 @@ impl<'a> Decoder<'a> {
             }
             let shared = SharedSpecies::share_layer(&metadata.shared_species, &self.info.layers[b.layer].name);
             fields_of(&mut block, &b.fields, metadata, shared, &|_| None)
-                .map_err(|what| corrupt(place, b.offset, what))?;
+                .map_err(|message| corrupt(place, b.offset, message))?;
             for section in &b.correlations {
-                correlation_of(&mut block, section, &metadata.fields).map_err(|what| corrupt(place, b.offset, what))?;
+                correlation_of(&mut block, section, &metadata.fields)
+                    .map_err(|message| corrupt(place, b.offset, message))?;
             }
             Ok::<_, Error>(block)
         })?;
@@ -210,9 +211,9 @@ pub(super) fn fields_of<'a>(
     let species = if shared { &metadata.shared_species[..] } else { &[] };
     let shares: Vec<Quantity> = species.iter().map(SharedSpecies::quantity).collect();
     for section in sections {
-        let (list, what) = if section.tag == SHARE { (&shares, "species") } else { (&metadata.fields, "field") };
+        let (list, kind) = if section.tag == SHARE { (&shares, "species") } else { (&metadata.fields, "field") };
         let wanted = section.bytes.first().and_then(|&n| list.get(usize::from(n)));
-        let Some(quantity) = wanted else { return Err(format!("a section names a {what} that is not listed")) };
+        let Some(quantity) = wanted else { return Err(format!("a section names a {kind} that is not listed")) };
         let before = match section.tag {
             FIELD_CHANGE => Some(before(quantity).ok_or(format!("the frame before has no field `{}`", quantity.name))?),
             _ => None,
@@ -236,7 +237,7 @@ pub fn with_fields<'a>(
     before: &dyn Fn([usize; 2], &Quantity) -> Option<PreviousField<'a>>,
 ) -> Result<Model> {
     let metadata = &model.metadata;
-    let wrong = |what: String| Error::corrupt("the fields just coded", what);
+    let wrong = |message: String| Error::corrupt("the fields just coded", message);
     let mut sections = sections.iter();
     for (layer, blocks) in model.layers.iter_mut().map(|l| &mut l.content).enumerate() {
         for ((number, block), sections) in blocks.iter_mut().enumerate().zip(&mut sections) {
@@ -254,14 +255,14 @@ pub fn with_fields<'a>(
 /// Adds the shares of the last class, which follow from the others'.
 fn complete(g: &mut Mixture, classes: &[Quantity]) -> std::result::Result<(), String> {
     let Some((last, others)) = classes.split_last() else { return Ok(()) };
-    let there = others.iter().filter_map(|q| g.fields.get(&q.name)).count();
-    if there == 0 && g.fields.get(&last.name).is_none() {
+    let stored_classes = others.iter().filter_map(|q| g.fields.get(&q.name)).count();
+    if stored_classes == 0 && g.fields.get(&last.name).is_none() {
         return Ok(());
     }
     if g.fields.get(&last.name).is_some() {
         return Err(format!("the shares of `{}` follow from those of the other classes", last.name));
     }
-    if there < others.len() {
+    if stored_classes < others.len() {
         // A file that ends early: a category is there whole or not at all.
         others.iter().for_each(|q| drop(g.fields.remove(&q.name)));
         return Ok(());
@@ -307,8 +308,8 @@ pub(super) fn correlation_of(
 }
 
 /// An error of the block whose section begins at byte `offset`.
-fn corrupt(place: &str, offset: usize, what: String) -> Error {
-    Error::corrupt(place, format!("block at byte {offset}: {what}"))
+fn corrupt(place: &str, offset: usize, message: String) -> Error {
+    Error::corrupt(place, format!("block at byte {offset}: {message}"))
 }
 
 /// Bytes that decoding takes beside the file: all Gaussians, a copy of the blocks, and the work on the largest block.
@@ -320,24 +321,24 @@ fn decoding_bytes(parts: &FileParts<'_>) -> u64 {
 
 /// Decodes one coded block.
 pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
-    decoder::block(bytes, &Context::SILENT).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
+    decoder::block(bytes, &Context::SILENT).map_err(|fault| fault.at(|message| Error::corrupt(place, message)))
 }
 
 /// A mixture of fewer, larger Gaussians from the first bytes of a coded block: their counts and masses sum to the block's.
 /// The more bytes, the more it is like the whole block's (docs/format.md, section 6).
 pub fn decode_prefix(bytes: &[u8], place: &str) -> Result<Block> {
-    decoder::prefix(bytes).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
+    decoder::prefix(bytes).map_err(|fault| fault.at(|message| Error::corrupt(place, message)))
 }
 
-/// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
-/// nothing is kept. What is written has passed this, or [`decode`].
+/// Checks that a file can be read again, to its last Gaussian. Its blocks are decoded one after the other, and
+/// nothing is kept. Every file that is written has passed this, or [`decode`].
 pub fn check(bytes: &[u8], place: &str, context: &Context<'_>) -> Result<()> {
     let parts = parts(bytes, place)?;
     let sound = |block: &BlockPart<'_>| {
         let need = decoder::gaussian_bytes(block) + decoder::working_bytes(block);
         context.require_memory("decoding the model", need)?;
         let decoded = decoder::block(&block.bytes, context);
-        decoded.map(drop).map_err(|fault| fault.at(|what| corrupt(place, block.offset, what)))
+        decoded.map(drop).map_err(|fault| fault.at(|message| corrupt(place, block.offset, message)))
     };
     parts.layers.iter().flat_map(|l| &l.content).try_for_each(sound)
 }

@@ -18,7 +18,7 @@ use crate::model::{AlphaBlend, Block, Law, MASS, Mixture};
 use crate::{Error, parallel};
 use std::ops::Range;
 
-/// Where a segment's Gaussians go: mean, count and covariance.
+/// Columns that a segment's Gaussians are written to.
 struct GaussianColumns<'a> {
     mean: [&'a mut [f64]; 3],
     count: &'a mut [f64],
@@ -34,14 +34,14 @@ pub(crate) enum BlockFault {
 }
 
 impl From<String> for BlockFault {
-    fn from(what: String) -> Self {
-        BlockFault::Corrupt(what)
+    fn from(message: String) -> Self {
+        BlockFault::Corrupt(message)
     }
 }
 
 impl From<&str> for BlockFault {
-    fn from(what: &str) -> Self {
-        BlockFault::Corrupt(what.into())
+    fn from(message: &str) -> Self {
+        BlockFault::Corrupt(message.into())
     }
 }
 
@@ -55,7 +55,7 @@ impl BlockFault {
     /// As an error of the block that `corrupt` names.
     pub(crate) fn at(self, corrupt: impl FnOnce(String) -> Error) -> Error {
         match self {
-            BlockFault::Corrupt(what) => corrupt(what),
+            BlockFault::Corrupt(message) => corrupt(message),
             BlockFault::Memory(error) => error,
         }
     }
@@ -82,7 +82,7 @@ pub(crate) fn working_bytes(block: &BlockPart<'_>) -> u64 {
     most_gaussians(block) * A_GAUSSIAN + parallel::threads() as u64 * A_SEGMENT
 }
 
-/// What refuses memory for a block's columns is called.
+/// Name of the work in an error that refuses memory for a block's columns.
 const COLUMNS: &str = "decoding the model";
 
 /// A block on its way to Gaussians: its segments are read on their own, in any order.
@@ -90,7 +90,7 @@ pub(crate) struct BlockDecoder {
     header: BlockHeader,
     segments: Vec<CodedSegment>,
     length: usize,
-    /// Is every segment's stream as long as a table says?
+    /// Whether a table says how long every segment's stream is.
     table: bool,
     columns: BlockColumns,
 }
@@ -130,13 +130,13 @@ pub(crate) fn block(bytes: &[u8], context: &Context<'_>) -> Result<Block, BlockF
     Ok(decoder.finish())
 }
 
-/// What the first bytes of a block say: a mixture of fewer, larger Gaussians of the same particles and mass. The header
+/// A block from its first bytes: a mixture of fewer, larger Gaussians of the same particles and mass. The header
 /// and the table of streams must be there.
 pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, BlockFault> {
     part(bytes, Ending::Anywhere)
 }
 
-/// Where the bytes of a part of a block may end.
+/// Ends that the bytes of a part of a block may have.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Ending {
     /// With a stage: its streams end as they should.
@@ -150,9 +150,9 @@ pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, BlockFault> {
     let streams = streams::read(&header, bytes)?;
     let nodes = segment_nodes(&header, &streams, bytes)?;
     // Ranges go as far as the table says, the bytes perhaps not.
-    let there = |range: &Range<usize>| &bytes[range.start.min(bytes.len())..range.end.min(bytes.len())];
+    let available_bytes = |range: &Range<usize>| &bytes[range.start.min(bytes.len())..range.end.min(bytes.len())];
     let parts = parallel::map(nodes.iter().enumerate(), |(segment, nodes)| {
-        let streams: Vec<&[u8]> = streams.stages.iter().map(|s| there(&s[segment])).collect();
+        let streams: Vec<&[u8]> = streams.stages.iter().map(|s| available_bytes(&s[segment])).collect();
         coarse(&header, nodes, &streams, ending)
     });
     let mut all = BlockColumns::default();
@@ -172,9 +172,9 @@ pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, BlockFault> {
 fn segment_nodes(header: &BlockHeader, streams: &Streams, block: &[u8]) -> Result<Vec<Vec<SplitNode>>, String> {
     let Some(trunk_stream) = &streams.trunk else { return Ok(vec![vec![SplitNode::root(header.gaussians)]]) };
     let stream = block.get(trunk_stream.clone()).ok_or("a stream ends too soon")?;
-    let mut player = start(stream)?;
-    let nodes = trunk(&mut player, header, &[]).map_err(out_of_range)?;
-    end(&player, true)?;
+    let mut reader = start(stream)?;
+    let nodes = trunk(&mut reader, header, &[]).map_err(out_of_range)?;
+    end(&reader, true)?;
     match nodes.len() == streams.segments {
         true => Ok(nodes),
         false => Err(format!("{} streams but {} segments", streams.segments, nodes.len())),
@@ -189,7 +189,7 @@ const PART_VARIANCE: f64 = 1.0 / 12.0;
 /// Middle of the two lattices that a number may lie on, in whole steps.
 const MIDDLE: f64 = 0.25;
 
-/// What the streams of a segment say, as far as they go.
+/// The Gaussians of a segment, as far as its streams go.
 fn coarse(
     header: &BlockHeader,
     nodes: &[SplitNode],
@@ -202,30 +202,33 @@ fn coarse(
     let mut walk: Option<LevelWalk<'_>> = None;
     let mut fine = None;
     for (stage, stream) in streams.iter().enumerate() {
-        let mut player = match RansReader::new(stream) {
-            Some(player) => player,
+        let mut reader = match RansReader::new(stream) {
+            Some(reader) => reader,
             None if ending == Ending::Anywhere => break,
             // A stage that is not there has no bytes at all.
             None if stream.is_empty() && stage > 0 => break,
             None => return Err("a stream has no start".into()),
         };
         if walk.is_none() {
-            let mut begun = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
+            let mut level_walk = LevelWalk::new(&mut reader, header, nodes, &mut NoSource).map_err(out_of_range)?;
             // A few bytes may claim any number of Gaussians, so the number is limited by the bytes.
-            begun.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
-            walk = Some(begun).filter(|_| !player.exhausted());
+            level_walk.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
+            // Roots that were read beyond the end are none: then the cells alone stand for the segment.
+            walk = Some(level_walk).filter(|_| !reader.exhausted());
         }
         let Some(walk) = &mut walk else { break };
         let level = header.cuts.get(stage).map_or(LEVELS - 1, |&level| usize::from(level));
-        let whole = walk.run(&mut player, &mut NoSource, level).map_err(out_of_range)?;
+        let whole = walk.run(&mut reader, &mut NoSource, level).map_err(out_of_range)?;
+        // A section holds whole streams, while a prefix of a block may end within one.
         if ending == Ending::Stage {
-            end(&player, true)?;
+            end(&reader, true)?;
         }
         if !whole {
             break;
         }
+        // The fine part goes on in the stream of the last level (docs/format.md, section 6).
         if level == LEVELS - 1 {
-            fine = Some((FineWalk::new(header), player));
+            fine = Some((FineWalk::new(header), reader));
         }
     }
     let Some(walk) = walk else {
@@ -234,10 +237,10 @@ fn coarse(
     };
     for node in walk.in_order() {
         let node = &walk.nodes[node as usize];
-        if let Some((known, player)) = &mut fine {
+        if let Some((fine_walk, reader)) = &mut fine {
             let mut leaf = Leaf::default();
-            let coded = known.code(player, node, &mut leaf);
-            if !player.exhausted() {
+            let coded = fine_walk.code(reader, node, &mut leaf);
+            if !reader.exhausted() {
                 coded.map_err(out_of_range)?;
                 let whole = WholeGaussian::new(header, extent, &leaf);
                 out.push(whole.mean, whole.cov, leaf.count, whole.weight);
@@ -413,7 +416,7 @@ impl BlockDecoder {
         Mixture { mean, cov, count, columns, ..Mixture::default() }
     }
 
-    /// What stands for a segment that was not read: its boxes, each as one Gaussian with its share of the block's
+    /// Stand-ins for a segment that was not read: its boxes, each as one Gaussian with its share of the block's
     /// particles by the number of its Gaussians. Its variance is that of a linear interpolation between boxes, so that
     /// boxes of one density beside each other look like one.
     pub(crate) fn boxes(&self, segment: usize) -> Mixture {
@@ -439,12 +442,12 @@ fn start(stream: &[u8]) -> Result<RansReader<'_>, String> {
     RansReader::new(stream).ok_or_else(|| "a stream has no start".into())
 }
 
-/// Is a stream read to its end; `whole`: and nothing left of it?
-fn end(player: &RansReader<'_>, whole: bool) -> Result<(), String> {
-    if player.exhausted() {
+/// Checks that a stream was read to its end; `whole`: that nothing is left of it.
+fn end(reader: &RansReader<'_>, whole: bool) -> Result<(), String> {
+    if reader.exhausted() {
         return Err("a stream ends too soon".into());
     }
-    if !player.finished() || (whole && !player.rest().is_empty()) {
+    if !reader.finished() || (whole && !reader.rest().is_empty()) {
         return Err("a stream continues after its last Gaussian".into());
     }
     Ok(())
@@ -454,7 +457,7 @@ fn out_of_range(_: OutOfRange) -> String {
     "a number is out of range".into()
 }
 
-/// Is what follows the streams of a block of `length` bytes the padding that it needs?
+/// Checks that what follows the streams of a block of `length` bytes is the padding that it needs.
 fn padding(header: &BlockHeader, length: usize, rest: &[u8]) -> Result<(), String> {
     let least = u64::from(header.gaussians).div_ceil(GAUSSIANS_A_BYTE) as usize;
     if !rest.is_empty() && (length != least || rest.iter().any(|&b| b != 0)) {
@@ -487,19 +490,19 @@ impl SegmentReader<'_> {
         let mut walk: Option<LevelWalk<'_>> = None;
         let (last, earlier) = streams.split_last().ok_or("a stream has no start")?;
         for (stream, &level) in earlier.iter().zip(&header.cuts) {
-            let mut player = start(stream)?;
-            advance(&mut walk, &mut player, header, nodes, usize::from(level))?;
-            end(&player, true)?;
+            let mut reader = start(stream)?;
+            advance(&mut walk, &mut reader, header, nodes, usize::from(level))?;
+            end(&reader, true)?;
         }
-        let mut player = start(last)?;
-        let walk = advance(&mut walk, &mut player, header, nodes, LEVELS - 1)?;
+        let mut reader = start(last)?;
+        let walk = advance(&mut walk, &mut reader, header, nodes, LEVELS - 1)?;
         let extent = header.bounds.extent();
         let GaussianColumns { mean, count, cov, weight } = out;
         let mut fine = FineWalk::new(header);
         let mut finite = true;
         for (i, node) in walk.leaves().map_err(out_of_range)?.into_iter().enumerate() {
             let mut leaf = Leaf::default();
-            fine.code(&mut player, &walk.nodes[node as usize], &mut leaf).map_err(out_of_range)?;
+            fine.code(&mut reader, &walk.nodes[node as usize], &mut leaf).map_err(out_of_range)?;
             count[i] = leaf.count;
             let whole = WholeGaussian::new(header, extent, &leaf);
             (0..3).for_each(|k| mean[k][i] = whole.mean[k]);
@@ -509,28 +512,29 @@ impl SegmentReader<'_> {
                 finite &= whole.cov[k].is_finite();
             }
         }
-        end(&player, padded.is_none())?;
+        // Without a table the padding is the end of the only stream, so that is not refused but checked below.
+        end(&reader, padded.is_none())?;
         if !finite {
             return Err("a covariance is out of range".into());
         }
-        padded.map_or(Ok(()), |length| padding(header, length, player.rest()))
+        padded.map_or(Ok(()), |length| padding(header, length, reader.rest()))
     }
 }
 
 /// Begins the walk over levels where there is none yet, and goes on to the end of `level`.
 fn advance<'a, 'h>(
     walk: &'a mut Option<LevelWalk<'h>>,
-    player: &mut RansReader<'_>,
+    reader: &mut RansReader<'_>,
     header: &'h BlockHeader,
     nodes: &[SplitNode],
     level: usize,
 ) -> Result<&'a mut LevelWalk<'h>, String> {
-    let mut there = match walk.take() {
+    let mut level_walk = match walk.take() {
         Some(walk) => walk,
-        None => LevelWalk::new(player, header, nodes, &mut NoSource).map_err(out_of_range)?,
+        None => LevelWalk::new(reader, header, nodes, &mut NoSource).map_err(out_of_range)?,
     };
-    match there.run(player, &mut NoSource, level).map_err(out_of_range)? {
-        true => Ok(walk.insert(there)),
+    match level_walk.run(reader, &mut NoSource, level).map_err(out_of_range)? {
+        true => Ok(walk.insert(level_walk)),
         false => Err("a stream ends too soon".into()),
     }
 }

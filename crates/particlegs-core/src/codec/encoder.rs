@@ -21,7 +21,7 @@ use crate::space::Bounds;
 use crate::{Error, Result, parallel};
 use std::ops::Range;
 
-/// What a step of a shape number away from 0 costs in squared steps: 1 % of the bits for 0.004 dB.
+/// Cost of a step of a shape number away from 0, in squared steps: 1 % of the bits for 0.004 dB.
 const PULL: f64 = 0.1;
 /// Weight of numbers that must be 0.
 const EXACT: f64 = 1e6;
@@ -78,7 +78,7 @@ impl Encoder {
         self.tree.order.len()
     }
 
-    /// No Gaussians? (Never: a block has one at least.)
+    /// Whether it has no Gaussians. (Never: a block has one at least.)
     pub fn is_empty(&self) -> bool {
         self.tree.order.is_empty()
     }
@@ -96,10 +96,10 @@ impl Encoder {
             header.cuts = cuts(&segments);
         }
         let stage = |number: usize| {
-            parallel::map(&segments, |recorder| {
-                let end = |stage: usize| header.cuts.get(stage).map(|&level| recorder.levels()[usize::from(level)]);
+            parallel::map(&segments, |writer| {
+                let end = |stage: usize| header.cuts.get(stage).map(|&level| writer.levels()[usize::from(level)]);
                 let start = number.checked_sub(1).and_then(end).unwrap_or(0);
-                recorder.stream(start..end(number).unwrap_or(recorder.len()))
+                writer.stream(start..end(number).unwrap_or(writer.len()))
             })
         };
         let stages: Vec<Vec<Vec<u8>>> = (0..=header.cuts.len()).map(stage).collect();
@@ -114,29 +114,29 @@ impl Encoder {
     }
 
     fn record(&self, header: &BlockHeader, leaves: &[Leaf]) -> (RansWriter, Vec<RansWriter>) {
-        let mut above = RansWriter::default();
-        let walked = trunk(&mut above, header, &self.tree.trunk);
-        debug_assert!(walked.is_ok(), "splits are those of the tree");
+        let mut trunk_writer = RansWriter::default();
+        let trunk_result = trunk(&mut trunk_writer, header, &self.tree.trunk);
+        debug_assert!(trunk_result.is_ok(), "splits are those of the tree");
         let segment = |((segment, tree), range): ((&super::tree::Segment, &SegmentTree), Range<usize>)| {
-            let mut recorder = RansWriter::default();
+            let mut writer = RansWriter::default();
             let leaves = &leaves[range];
             let mut source = SegmentSource::new(tree, leaves, header.steps[2]);
             let mut record = || {
-                let mut walk = LevelWalk::new(&mut recorder, header, &segment.nodes, &mut source)?;
-                walk.run(&mut recorder, &mut source, LEVELS - 1)?;
+                let mut walk = LevelWalk::new(&mut writer, header, &segment.nodes, &mut source)?;
+                walk.run(&mut writer, &mut source, LEVELS - 1)?;
                 let mut fine = FineWalk::new(header);
                 walk.leaves()?.iter().zip(leaves).try_for_each(|(&node, leaf)| {
                     let mut coded = *leaf;
-                    fine.code(&mut recorder, &walk.nodes[node as usize], &mut coded)?;
+                    fine.code(&mut writer, &walk.nodes[node as usize], &mut coded)?;
                     debug_assert_eq!((coded.t, coded.m, coded.w, coded.place), (leaf.t, leaf.m, leaf.w, leaf.place));
                     Ok(())
                 })
             };
-            let recorded: std::result::Result<(), OutOfRange> = record();
-            debug_assert!(recorded.is_ok(), "quantised numbers are within range");
-            recorder
+            let segment_result: std::result::Result<(), OutOfRange> = record();
+            debug_assert!(segment_result.is_ok(), "quantised numbers are within range");
+            writer
         };
-        (above, parallel::map(self.tree.segments.iter().zip(&self.segments).zip(ranges(&self.tree)), segment))
+        (trunk_writer, parallel::map(self.tree.segments.iter().zip(&self.segments).zip(ranges(&self.tree)), segment))
     }
 
     fn quantise(&self, precision: &Precision) -> (BlockHeader, Vec<Leaf>) {
@@ -193,10 +193,10 @@ impl Encoder {
     /// Shape numbers, on half steps.
     fn shapes(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
         let steps: Vec<f64> = factors.iter().map(|f| 2.0 * header.shape_half_step(*f)).collect();
-        let given = &self.logs.shape[5 * range.start..5 * range.end];
-        let shapes = halves(given.len(), |j| {
-            let weight = if self.logs.flat.is_along(j % 5, given[j]) { EXACT } else { 1.0 };
-            TrellisSample { pull: PULL, weight, ..TrellisSample::free(given[j] / steps[j / 5]) }
+        let logs = &self.logs.shape[5 * range.start..5 * range.end];
+        let shapes = halves(logs.len(), |j| {
+            let weight = if self.logs.flat.is_along(j % 5, logs[j]) { EXACT } else { 1.0 };
+            TrellisSample { pull: PULL, weight, ..TrellisSample::free(logs[j] / steps[j / 5]) }
         });
         for (leaf, shape) in leaves.iter_mut().zip(shapes.chunks_exact(5)) {
             leaf.shape.copy_from_slice(shape);
@@ -339,9 +339,9 @@ fn check(block: &Block) -> Result<()> {
     }
     if let Some(AlphaBlend { opacity, grey, .. }) = g.law.alpha_blend() {
         // 0 and 1 come of rounding, and are coded as the nearest opacity that can be.
-        let inside = opacity.iter().all(|o| (0.0..=1.0).contains(o));
+        let opacities_valid = opacity.iter().all(|o| (0.0..=1.0).contains(o));
         let bright = grey.iter().all(|&v| v >= 0.0 && v.is_finite());
-        if opacity.len() != n || grey.len() != n || !inside || !bright || g.masses().is_some() {
+        if opacity.len() != n || grey.len() != n || !opacities_valid || !bright || g.masses().is_some() {
             let message = "cannot encode opacities outside [0, 1], grey levels below 0, or either together with masses";
             return Err(Error::argument(message));
         }
@@ -369,12 +369,12 @@ mod tests {
                 gaussians.push(mean, Sym3(cov), 100.0, 0.0);
             }
             let bounds = Bounds { min: [0.0; 3], max: edges };
-            let given = Block { bounds, count: 20_000, mass: 20_000.0, gaussians };
-            let coded = Encoder::new(&given).unwrap().encode(&Precision::BALANCED);
+            let block = Block { bounds, count: 20_000, mass: 20_000.0, gaussians };
+            let coded = Encoder::new(&block).unwrap().encode(&Precision::BALANCED);
             let decoded = decode_block(&coded, "a test").unwrap();
             let width = |b: &Block, k: usize| b.gaussians.cov[[0, 3, 5][k]].iter().sum::<f64>().sqrt();
             for k in 0..3 {
-                let ratio = width(&decoded, k) / width(&given, k);
+                let ratio = width(&decoded, k) / width(&block, k);
                 assert!((0.85..1.18).contains(&ratio), "{edges:?} along {k}: {ratio}");
             }
             assert!(Encoder::new(&decoded).unwrap().encode(&Precision::BALANCED) == coded, "{edges:?}");
@@ -403,7 +403,7 @@ mod tests {
         }
     }
 
-    /// What was decoded codes to the same bytes at the same precision: training that settles on it
+    /// A decoded block codes to the same bytes at the same precision: training that settles on it
     /// gets the file that it saw.
     #[test]
     fn decoded_gaussians_code_to_the_same_bytes() {
@@ -416,10 +416,10 @@ mod tests {
         }
         let count = gaussians.count.iter().sum::<f64>() as u64;
         let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
-        let given = Block { bounds, count, mass: count as f64, gaussians };
+        let block = Block { bounds, count, mass: count as f64, gaussians };
         for factor in [0.5, 1.0, 1.7] {
             let precision = Precision::BALANCED.scaled(factor);
-            let once = Encoder::new(&given).unwrap().encode(&precision);
+            let once = Encoder::new(&block).unwrap().encode(&precision);
             let decoded = decode_block(&once, "a test").unwrap();
             assert!(Encoder::new(&decoded).unwrap().encode(&precision) == once, "at {factor} steps");
         }

@@ -103,19 +103,19 @@ mod tests {
 
         #[test]
         fn exp_twice_is_the_matrix_exponential(five in proptest::array::uniform5(-3.5f64..3.5)) {
-            let back = exp_twice(five);
+            let exponential = exp_twice(five);
             let h = std::f64::consts::FRAC_1_SQRT_2;
             let (a, b) = (five[0] * h, five[1] / 6f64.sqrt());
             let s = Sym3([b + a, five[2] * h, five[3] * h, b - a, five[4] * h, -2.0 * b]);
-            let there = to_five(&s);
+            let coordinates = to_five(&s);
             for k in 0..5 {
-                prop_assert!((there[k] - five[k]).abs() < 1e-14 * 8.0);
+                prop_assert!((coordinates[k] - five[k]).abs() < 1e-14 * 8.0);
             }
             let e = s.eigen();
             let truth = Sym3::from_eigen(&Eigen { values: e.values.map(|v| (2.0 * v).exp()), vectors: e.vectors });
             let size = truth.trace();
             for k in 0..6 {
-                prop_assert!((truth.0[k] - back.0[k]).abs() < 1e-12 * size, "{truth:?} {back:?}");
+                prop_assert!((truth.0[k] - exponential.0[k]).abs() < 1e-12 * size, "{truth:?} {exponential:?}");
             }
         }
     }

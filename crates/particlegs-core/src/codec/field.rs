@@ -1,5 +1,5 @@
 //! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
-//! already decoded, in a change from the frame before (section 16), and coded in steps of each Gaussian's own standard error.
+//! already decoded, in a change from the frame before (section 16), and coded in steps of a Gaussian's standard error.
 
 use super::cholesky::CholeskyFactor;
 use super::exact::{exp, exp_twice, to_five};
@@ -22,7 +22,7 @@ const NARROWEST_BEFORE: f64 = 1.0 / (1u64 << 42) as f64;
 /// Times at most that shares are scaled until their sum is the particles'.
 const SHARE_ROUNDS: usize = 64;
 
-/// How finely a field is coded, and what is known of all of a block's Gaussians.
+/// Steps that a field is coded with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldPrecision {
     /// Steps of means, logarithms of spreads, shapes and slopes, in standard errors.
@@ -67,9 +67,9 @@ impl PreviousField<'_> {
     /// `least` along an axis: of a smaller one changes do not lead far enough.
     fn of(&self, i: usize, least: Option<f64>) -> Option<usize> {
         let j = self.origin.get(i).copied().flatten()? as usize;
-        let there = *self.counts.get(j)? >= 1.0;
+        let has_particles = *self.counts.get(j)? >= 1.0;
         let wide = |least: f64| trace(self.moments, j) >= self.moments.components() as f64 * least;
-        (there && least.is_none_or(wide)).then_some(j)
+        (has_particles && least.is_none_or(wide)).then_some(j)
     }
 }
 
@@ -86,7 +86,7 @@ fn trace(m: &FieldMoments, i: usize) -> f64 {
     }
 }
 
-/// What a section says before its stream.
+/// Header of a section, before its stream.
 #[derive(Clone, Debug, PartialEq)]
 struct FieldHeader {
     field: u8,
@@ -104,7 +104,7 @@ struct FieldHeader {
     excess: Option<ExcessHeader>,
 }
 
-/// What a section says of a logarithmic field's excess.
+/// The header's part on a logarithmic field's excess.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ExcessHeader {
     step: f32,
@@ -178,6 +178,7 @@ pub fn encode_field(
     before: Option<&PreviousField<'_>>,
 ) -> Vec<u8> {
     let of_shares = is_share(quantity);
+    // The spread of a share is not coded: it follows from the mean, as in the decoder (docs/format.md, section 14).
     let shares = of_shares.then(|| shares_of(moments, gaussians));
     let moments = shares.as_ref().unwrap_or(moments);
     let mut header = FieldHeader {
@@ -189,6 +190,7 @@ pub fn encode_field(
     };
     if of_shares {
         let [mean, slope] = precision.shares;
+        // Shares have no coded log spread and no shape, but steps of 0 would be corrupt.
         header.steps = [mean, 1.0, 1.0, slope];
     }
     if let Some(excess) = &mut header.excess {
@@ -201,6 +203,7 @@ pub fn encode_field(
     let stream = walk.run(&mut writer, Some(moments)).map(|()| writer.finish()).unwrap_or_default();
     if header.excess.is_some() {
         // What makes the sum the particles'.
+        // The shift is no part of the stream: it is measured on the moments that the decoder will have.
         let decoded = walk.finish(quantity.by_mass);
         let value =
             |i: usize| weight(gaussians, i, quantity.by_mass) * decoded.overall_value(0, i, &gaussians.cov_of(i));
@@ -212,7 +215,7 @@ pub fn encode_field(
     [header.write(), stream].concat()
 }
 
-/// Are the values shares of particles?
+/// Whether the values are shares of particles.
 fn is_share(quantity: &Quantity) -> bool {
     quantity.kind == QuantityKind::Category
 }
@@ -233,12 +236,12 @@ fn share_deviation(share: f64, n: f64) -> f64 {
     (v * (1.0 - v)).max(1.0 / n).sqrt()
 }
 
-/// What a Gaussian counts as in a field's sums.
+/// Weight of a Gaussian in a field's sums.
 fn weight(g: &Mixture, i: usize, by_mass: bool) -> f64 {
     if by_mass { g.mass_of(i) } else { g.count[i] }
 }
 
-/// Decodes a section; with what Gaussians had in the frame `before`, a [`super::FIELD_CHANGE`].
+/// Decodes a section; with the moments of the frame `before`, a [`super::FIELD_CHANGE`].
 pub(crate) fn decode_field(
     bytes: &[u8],
     gaussians: &Mixture,
@@ -314,9 +317,11 @@ impl<'a> FieldWalk<'a> {
         let [shape_square, slope_square] = self.header.square.map(f64::from);
         for i in 0..self.gaussians.len() {
             let n = self.gaussians.count[i];
+            // Gaussians without a particle keep zeros and are nobody's neighbours (docs/format.md, section 14).
             if n < 1.0 {
                 continue;
             }
+            // Beyond its end a stream reads as zeros, and of these no numbers may be made.
             if c.exhausted() {
                 return Err("a field's stream ends too soon".into());
             }
@@ -328,16 +333,19 @@ impl<'a> FieldWalk<'a> {
                 self.done.push(i);
                 continue;
             }
-            let near = self.done.near(i);
+            let neighbours = self.done.near(i);
             let root = n.sqrt();
             let wanted_logs = wanted.map(|w| spread_logs(w, i));
             // The spread's logarithm.
             if !self.of_shares {
+                // The logarithm of a deviation of C n normal values has this standard error.
                 let error = 1.0 / (2.0 * components as f64 * n).sqrt();
-                let weights = self.done.weights(&near, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
+                let weights =
+                    self.done.weights(&neighbours, log_change, |_, count| 1.0 / (2.0 * components as f64 * count));
                 let start = f64::from(self.header.start[1]);
+                // Gaussians that follow the frame before have no `logs`: the guess is the header's (section 16).
                 let (guess, variance) = match self.before {
-                    None => expected(&near, &weights, start, |j| self.logs[j]),
+                    None => expected(&neighbours, &weights, start, |j| self.logs[j]),
                     Some(_) => (start, 1.0),
                 };
                 let step = log_steps * error;
@@ -347,7 +355,7 @@ impl<'a> FieldWalk<'a> {
             }
             let mut spread = exp(self.logs[i]);
             // Means.
-            let weights = self.done.weights(&near, mean_change, |j, count| {
+            let weights = self.done.weights(&neighbours, mean_change, |j, count| {
                 let s = match self.of_shares {
                     true => share_deviation(self.out.mean[0][j], count),
                     false => self.sizes[j],
@@ -356,7 +364,8 @@ impl<'a> FieldWalk<'a> {
             });
             for k in 0..components {
                 let start = self.header.first_mean(k);
-                let (guess, variance) = expected(&near, &weights, start, |j| self.out.mean[k][j]);
+                let (guess, variance) = expected(&neighbours, &weights, start, |j| self.out.mean[k][j]);
+                // The share itself is not known yet, so the deviation is that of its guess.
                 if self.of_shares {
                     spread = share_deviation(guess, n);
                 }
@@ -365,6 +374,7 @@ impl<'a> FieldWalk<'a> {
                 let target = wanted.map(|w| w.mean[k][i]);
                 self.out.mean[k][i] = self.models[1].code(c, [guess, variance], [error, step], target)?;
             }
+            // Slopes come after the mean and may use the deviation of the share itself.
             if self.of_shares {
                 spread = share_deviation(self.out.mean[0][i], n);
             }
@@ -406,8 +416,8 @@ impl<'a> FieldWalk<'a> {
         Ok(())
     }
 
-    /// Gaussian `i` from what it had as number `j` of the frame before. `wanted` moments come with the least logarithm of
-    /// their spreads.
+    /// Codes Gaussian `i` from its moments as number `j` of the frame before. `wanted` moments come with the least
+    /// logarithm of their spreads.
     fn change(
         &mut self,
         c: &mut impl Coder,
@@ -415,13 +425,14 @@ impl<'a> FieldWalk<'a> {
         [i, j]: [usize; 2],
         wanted: Option<(&FieldMoments, f64)>,
     ) -> Result<(), String> {
-        let PreviousField { moments: was, unrest, .. } = *before;
+        let PreviousField { moments: old_moments, unrest, .. } = *before;
         let components = self.out.components();
         let [mean_steps, log_steps, shape_steps, slope_steps] = self.header.steps.map(f64::from);
         let n = self.gaussians.count[i];
         let root = n.sqrt();
         let (changes, mut sum) = (&mut self.changes, 0u32);
         let mut number = |kind: usize, target: Option<f64>, step: f64, most: f64| {
+            // Fields have no histories and no coarseness of their own: h = 0 and f = 1 (section 16).
             let context = NumberContext { unrest: unrest[i] + 2 * sum, history: 0, coarseness: 1.0 };
             let k = changes.code(c, kind, &context, target.map_or(0, |t| in_steps(t, step, most)))?;
             sum += k.unsigned_abs();
@@ -429,14 +440,15 @@ impl<'a> FieldWalk<'a> {
             if value.abs() > most { Err(String::from("a change of a field is out of range")) } else { Ok(value) }
         };
         // The spread, in the frame of that before.
-        let before_spread = |k: usize| was.spread[k][j];
+        let before_spread = |k: usize| old_moments.spread[k][j];
         let factor = (components == 3).then(|| CholeskyFactor::new(&Sym3(std::array::from_fn(before_spread))));
         let wanted_logs = wanted.map(|(w, least)| {
             let (log, shape) = spread_logs(w, i);
             let square = libm::exp(2.0 * log.max(least));
+            // A change without a finite logarithm is coded as none.
             match &factor {
                 Some(factor) => factor.logarithm(&exp_twice(shape).scale(square)).unwrap_or_default(),
-                None => [0.5 * libm::log(square / was.spread[0][j]), 0.0, 0.0, 0.0, 0.0, 0.0],
+                None => [0.5 * libm::log(square / old_moments.spread[0][j]), 0.0, 0.0, 0.0, 0.0, 0.0],
             }
         });
         let wanted = wanted.map(|w| w.0);
@@ -444,10 +456,10 @@ impl<'a> FieldWalk<'a> {
         if !self.of_shares {
             let error = 1.0 / (2.0 * components as f64 * n).sqrt();
             size = number(0, wanted_logs.map(|w| w[0]), log_steps * error, LARGEST_CHANGE)?;
-            spread = (trace(was, j) / components as f64).sqrt() * exp(size);
+            spread = (trace(old_moments, j) / components as f64).sqrt() * exp(size);
         }
         for k in 0..components {
-            let guess = was.mean[k][j];
+            let guess = old_moments.mean[k][j];
             if self.of_shares {
                 spread = share_deviation(guess, n);
             }
@@ -461,6 +473,7 @@ impl<'a> FieldWalk<'a> {
                 for (k, value) in shape.iter_mut().enumerate() {
                     *value = number(2, wanted_logs.map(|w| w[1 + k]), shape_steps * error, LARGEST_CHANGE)?;
                 }
+                // In the frame of the old factor a step is a relative change, whatever the spread's size and direction.
                 let cov = factor.congruent(&exp_twice(shape)).scale(exp(2.0 * size));
                 (0..6).for_each(|k| self.out.spread[k][i] = cov.0[k]);
             }
@@ -468,14 +481,16 @@ impl<'a> FieldWalk<'a> {
                 spread = share_deviation(self.out.mean[0][i], n);
                 self.out.spread[0][i] = spread * spread;
             }
-            None => self.out.spread[0][i] = was.spread[0][j] * exp(2.0 * size),
+            None => self.out.spread[0][i] = old_moments.spread[0][j] * exp(2.0 * size),
         }
         self.sizes[i] = spread;
+        // Old slopes, too, are taken over the widths that the Gaussian has in this frame (section 16).
         let factor = CholeskyFactor::new(&self.gaussians.cov_of(i));
         let slope_of = |m: &FieldMoments, k: usize, i: usize| factor.over(each_axis(|d| m.slope[k][d][i]));
         for k in 0..components {
             let in_spreads = |over: [f64; 3]| over.map(|v| v / spread);
-            let (guess, target) = (in_spreads(slope_of(was, k, j)), wanted.map(|w| in_spreads(slope_of(w, k, i))));
+            let (guess, target) =
+                (in_spreads(slope_of(old_moments, k, j)), wanted.map(|w| in_spreads(slope_of(w, k, i))));
             let mut over = guess;
             for d in 0..3 {
                 over[d] += number(3, target.map(|t| t[d] - guess[d]), slope_steps * error, f64::INFINITY)?;
@@ -507,6 +522,7 @@ impl<'a> FieldWalk<'a> {
         for (k, [least, largest]) in self.header.range.iter().enumerate() {
             let mean = &mut self.out.mean[k];
             mean.iter_mut().for_each(|v| *v = v.clamp(*least, *largest));
+            // Of a logarithmic field the shift alone makes the sum the particles'.
             if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
                 column.iter_mut().for_each(|v| *v += excess.shift);
                 continue;
@@ -519,8 +535,8 @@ impl<'a> FieldWalk<'a> {
                 continue;
             }
             let sum = sum_of(mean);
-            let off = (self.header.sums[k] - sum) / total;
-            mean.iter_mut().for_each(|v| *v += off);
+            let correction = (self.header.sums[k] - sum) / total;
+            mean.iter_mut().for_each(|v| *v += correction);
         }
         self.out.range.clone_from(&self.header.range);
         self.out
@@ -554,31 +570,35 @@ fn spread_logs(m: &FieldMoments, i: usize) -> (f64, [f64; 5]) {
     (size, to_five(&Sym3::from_eigen(&eigen)).map(|v| v.clamp(-LARGEST_SHAPE, LARGEST_SHAPE)))
 }
 
-/// What a header says of a block's moments: how they change with distance, and their squares.
+/// The header's statistics of a block's moments: how they change with distance, and their squares.
 fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
     let components = m.components();
-    let there: Vec<usize> = (0..g.len()).filter(|&i| g.count[i] >= 1.0).collect();
-    let logs: Vec<(f64, [f64; 5])> = there.iter().map(|&i| spread_logs(m, i)).collect();
+    let indices: Vec<usize> = (0..g.len()).filter(|&i| g.count[i] >= 1.0).collect();
+    let logs: Vec<(f64, [f64; 5])> = indices.iter().map(|&i| spread_logs(m, i)).collect();
     let (mut mean, mut log, mut pairs) = (0.0, 0.0, 0.0f64);
-    for (at, pair) in there.windows(2).enumerate() {
+    // Gaussians that follow each other in the order of the tree lie near each other.
+    for (at, pair) in indices.windows(2).enumerate() {
         let [i, j] = [pair[0], pair[1]];
         let [x, y, z] = each_axis(|k| g.mean[k][i] - g.mean[k][j]);
         let d = (x * x + y * y + z * z).sqrt();
         let errors = 1.0 / g.count[i] + 1.0 / g.count[j];
         if d > 0.0 && g.count[i] > 4.0 && g.count[j] > 4.0 {
-            let off = |k: usize| m.mean[k][i] - m.mean[k][j];
-            let square = (0..components).map(|k| off(k) * off(k)).sum::<f64>() / components as f64;
+            let mean_difference = |k: usize| m.mean[k][i] - m.mean[k][j];
+            let square =
+                (0..components).map(|k| mean_difference(k) * mean_difference(k)).sum::<f64>() / components as f64;
+            // Noise of both is taken away, because e and E of section 14 add it to what is expected.
             let noise = libm::exp(2.0 * logs[at].0) / g.count[i] + libm::exp(2.0 * logs[at + 1].0) / g.count[j];
             mean += (square - noise) / d;
-            let off = logs[at].0 - logs[at + 1].0;
-            log += (off * off - errors / (2.0 * components as f64)) / d;
+            let log_difference = logs[at].0 - logs[at + 1].0;
+            log += (log_difference * log_difference - errors / (2.0 * components as f64)) / d;
             pairs += 1.0;
         }
     }
     let (mut shape, mut slope, mut excess, mut numbers) = (0.0, 0.0, 0.0, 0.0f64);
-    for (&i, (log, five)) in there.iter().zip(&logs) {
+    for (&i, (log, five)) in indices.iter().zip(&logs) {
         let spread = libm::exp(*log);
         let factor = CholeskyFactor::new(&g.cov_of(i));
+        // Shapes and slopes of fewer particles are mostly noise, which a number's class adds itself (E of section 14).
         if g.count[i] >= 16.0 {
             shape += five.iter().map(|v| v * v).sum::<f64>() / 5.0;
             for k in 0..components {
@@ -590,8 +610,10 @@ fn statistics(m: &FieldMoments, g: &Mixture) -> FieldHeader {
         }
     }
     let total = logs.len().max(1) as f64;
+    // Without its noise a mean square may come out negative, but a header's must be above 0 and below 1e30.
     let least = |v: f64, n: f64| (v / n.max(1.0)).clamp(1e-12, 1e25) as f32;
-    let start = there.iter().map(|&i| m.mean[0][i]).sum::<f64>() / total;
+    // Beyond f32 the start becomes infinite, which stands for the least or largest value (section 14).
+    let start = indices.iter().map(|&i| m.mean[0][i]).sum::<f64>() / total;
     FieldHeader {
         field: 0,
         steps: [0.0; 4],
@@ -650,8 +672,8 @@ mod tests {
             let decoded = decode_field(&bytes, &m, &quantity(false), None).unwrap();
             for i in (0..m.len()).filter(|&i| m.count[i] >= 1.0) {
                 let error = (f.spread[0][i] / m.count[i]).sqrt();
-                let off = (decoded.mean[0][i] - f.mean[0][i]).abs();
-                assert!(off < 4.0 * error + 1e-12 * middle.abs(), "{unit} {middle}: {off} {error}");
+                let difference = (decoded.mean[0][i] - f.mean[0][i]).abs();
+                assert!(difference < 4.0 * error + 1e-12 * middle.abs(), "{unit} {middle}: {difference} {error}");
             }
         }
     }
@@ -666,18 +688,18 @@ mod tests {
             let (m, f) = scene(500, components);
             let precision = FieldPrecision::default();
             let bytes = encode_field((0, &quantity(false)), &f, &m, &sums(&m, &f), &precision, None);
-            let back = decode_field(&bytes, &m, &quantity(false), None).unwrap();
-            for (own, was) in sums(&m, &back).iter().zip(sums(&m, &f)) {
-                assert!((own - was).abs() < 1e-9 * was.abs().max(1.0), "{own} {was}");
+            let decoded = decode_field(&bytes, &m, &quantity(false), None).unwrap();
+            for (sum, original) in sums(&m, &decoded).iter().zip(sums(&m, &f)) {
+                assert!((sum - original).abs() < 1e-9 * original.abs().max(1.0), "{sum} {original}");
             }
             for i in 0..m.len() {
                 let (log, _) = spread_logs(&f, i);
-                let (log_back, _) = spread_logs(&back, i);
+                let (log_back, _) = spread_logs(&decoded, i);
                 let error = 1.0 / m.count[i].sqrt();
                 assert!((log - log_back).abs() < 0.51 * 4.0 * error + 1e-9, "{log} {log_back}");
                 for k in 0..components {
                     let step = f64::from(precision.steps[0]) * libm::exp(log_back) * error;
-                    assert!((f.mean[k][i] - back.mean[k][i]).abs() < 0.6 * step + 1e-9);
+                    assert!((f.mean[k][i] - decoded.mean[k][i]).abs() < 0.6 * step + 1e-9);
                 }
             }
         }
@@ -702,17 +724,22 @@ mod tests {
         let total =
             |f: &FieldMoments| -> f64 { (0..m.len()).map(|i| m.count[i] * f.overall_value(0, i, &m.cov_of(i))).sum() };
         let bytes = encode_field((0, &quantity(true)), &f, &m, &[total(&f)], &FieldPrecision::default(), None);
-        let back = decode_field(&bytes, &m, &quantity(true), None).unwrap();
-        assert!((total(&back) / total(&f) - 1.0).abs() < 1e-12);
+        let decoded = decode_field(&bytes, &m, &quantity(true), None).unwrap();
+        assert!((total(&decoded) / total(&f) - 1.0).abs() < 1e-12);
         // All get one shift, which keeps the sum.
-        let off = |i: usize| back.excess.as_ref().unwrap()[i] - f.excess.as_ref().unwrap()[i];
+        let off = |i: usize| decoded.excess.as_ref().unwrap()[i] - f.excess.as_ref().unwrap()[i];
         let error = |i: usize| {
-            let s = back.spread[0][i];
+            let s = decoded.spread[0][i];
             ((s * s * s / 6.0 * (s / 3.0).exp()).min(0.25) / m.count[i]).sqrt()
         };
         for i in 1..m.len() {
-            let found = off(i) - off(i - 1);
-            assert!(found.abs() < 4.1 * (error(i) + error(i - 1)) + 0.01, "{found} {} {}", error(i), error(i - 1));
+            let difference = off(i) - off(i - 1);
+            assert!(
+                difference.abs() < 4.1 * (error(i) + error(i - 1)) + 0.01,
+                "{difference} {} {}",
+                error(i),
+                error(i - 1)
+            );
         }
         assert!(decode_field(&bytes, &m, &quantity(false), None).is_err());
     }
@@ -736,11 +763,11 @@ mod tests {
         let wanted = sums(&m, &f);
         let bytes = encode_field((0, &class), &f, &m, &wanted, &FieldPrecision::default(), None);
         assert!(bytes.len() < 66 + 2 * m.len(), "{} bytes", bytes.len());
-        let back = decode_field(&bytes, &m, &class, None).unwrap();
-        assert!((sums(&m, &back)[0] - wanted[0]).abs() < 1e-9 * wanted[0]);
+        let decoded = decode_field(&bytes, &m, &class, None).unwrap();
+        assert!((sums(&m, &decoded)[0] - wanted[0]).abs() < 1e-9 * wanted[0]);
         for i in 0..m.len() {
-            let (was, is) = (f.mean[0][i], back.mean[0][i]);
-            assert!((0.0..=1.0).contains(&is) && back.spread[0][i] == is * (1.0 - is));
+            let (was, is) = (f.mean[0][i], decoded.mean[0][i]);
+            assert!((0.0..=1.0).contains(&is) && decoded.spread[0][i] == is * (1.0 - is));
             let error = share_deviation(was, m.count[i]).max(share_deviation(is, m.count[i])) / m.count[i].sqrt();
             assert!((was - is).abs() < 2.5 * error + 0.02, "{was} {is} of {}", m.count[i]);
         }
@@ -755,7 +782,7 @@ mod tests {
         (0..f.components()).map(|k| (0..m.len()).map(|i| value(k, i)).sum()).collect()
     }
 
-    /// What Gaussians of [`scene`] had a frame ago: all but every tenth stayed.
+    /// Moments that Gaussians of [`scene`] had a frame ago, their counts and origins: all but every tenth stayed.
     fn scene_before(n: u64, components: usize, class: &Quantity) -> (FieldMoments, Vec<f64>, Vec<Option<u32>>) {
         let (m, f) = match (&class.kind, class.logarithmic) {
             (QuantityKind::Category, _) => shares(),
@@ -791,7 +818,7 @@ mod tests {
             let bytes = encode_field((0, &quantity), &f, &m, &total, &precision, Some(&before));
             let most = if moving && !quantity.logarithmic { whole.len() / 2 + 50 } else { whole.len() };
             assert!(bytes.len() <= most, "{} of {}", bytes.len(), whole.len());
-            let back = decode_field(&bytes, &m, &quantity, Some(&before)).unwrap();
+            let decoded = decode_field(&bytes, &m, &quantity, Some(&before)).unwrap();
             for i in 0..m.len() {
                 let deviation = match quantity.kind {
                     QuantityKind::Category => share_deviation(f.mean[0][i], m.count[i]).max(0.2),
@@ -799,10 +826,10 @@ mod tests {
                 };
                 let error = deviation / m.count[i].sqrt();
                 for k in 0..components {
-                    let off = (f.mean[k][i] - back.mean[k][i]).abs();
-                    assert!(off < 5.5 * error + 0.05, "{off} of {error}, {i}");
+                    let difference = (f.mean[k][i] - decoded.mean[k][i]).abs();
+                    assert!(difference < 5.5 * error + 0.05, "{difference} of {error}, {i}");
                 }
-                let ratio = trace(&back, i) / trace(&f, i).max(1e-9);
+                let ratio = trace(&decoded, i) / trace(&f, i).max(1e-9);
                 assert!(
                     quantity.kind == QuantityKind::Category || (ratio.ln() * m.count[i].sqrt()).abs() < 9.0,
                     "{ratio}"
@@ -811,8 +838,8 @@ mod tests {
             for at in (0..bytes.len()).step_by(11) {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= 0x14;
-                if let Ok(back) = decode_field(&damaged, &m, &quantity, Some(&before)) {
-                    assert!(back.columns().flatten().all(|v| v.is_finite()), "byte {at}");
+                if let Ok(decoded) = decode_field(&damaged, &m, &quantity, Some(&before)) {
+                    assert!(decoded.columns().flatten().all(|v| v.is_finite()), "byte {at}");
                 }
             }
         }

@@ -14,7 +14,7 @@ const LARGEST: f64 = 4.0;
 /// Gaussians of fewer particles say nothing of how correlations change with distance.
 const FEW: f64 = 16.0;
 
-/// What a section says before its stream.
+/// Header of a section, before its stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct CorrelationHeader {
     /// Numbers of the two fields.
@@ -64,6 +64,7 @@ pub(crate) fn decode_correlation(bytes: &[u8], gaussians: &Mixture) -> Result<([
         return Err("a correlation's stream does not end where it should".into());
     }
     let correlation = |z: f64| {
+        // By the exact exponential and not by `tanh`, so that every machine gets the same bits.
         let t = exp(2.0 * z);
         (t - 1.0) / (t + 1.0)
     };
@@ -85,9 +86,10 @@ fn walk(
         if c.exhausted() {
             return Err("a correlation's stream ends too soon".into());
         }
-        let near = done.near(i);
-        let weights = done.weights(&near, f64::from(header.change), |_, count| 1.0 / count);
-        let (guess, variance) = expected(&near, &weights, f64::from(header.start), |j| out[j]);
+        let neighbours = done.near(i);
+        let weights = done.weights(&neighbours, f64::from(header.change), |_, count| 1.0 / count);
+        let (guess, variance) = expected(&neighbours, &weights, f64::from(header.start), |j| out[j]);
+        // Fisher's transform: the error of an area tangent hangs on the count alone.
         let error = 1.0 / n.sqrt();
         let step = f64::from(header.step) * error;
         let number = models.code(c, [guess, variance], [error, step], wanted.map(|w| w[i]))?;
@@ -97,18 +99,19 @@ fn walk(
     Ok(out)
 }
 
-/// What a header says of all of a block's numbers: their mean, and how they change with distance.
+/// The header's statistics of all of a block's numbers: their mean, and how they change with distance.
 fn statistics(numbers: &[f64], g: &Mixture) -> CorrelationHeader {
-    let there: Vec<usize> = (0..g.len()).filter(|&i| g.count[i] >= 1.0).collect();
-    let sum = |of: &dyn Fn(usize) -> f64| there.iter().map(|&i| of(i)).sum::<f64>();
+    let indices: Vec<usize> = (0..g.len()).filter(|&i| g.count[i] >= 1.0).collect();
+    let sum = |value: &dyn Fn(usize) -> f64| indices.iter().map(|&i| value(i)).sum::<f64>();
     let start = sum(&|i| g.count[i] * numbers[i]) / sum(&|i| g.count[i]).max(1.0);
     let (mut change, mut pairs) = (0.0, 0.0f64);
-    for pair in there.windows(2) {
+    for pair in indices.windows(2) {
         let [i, j] = [pair[0], pair[1]];
         let d = norm(each_axis(|k| g.mean[k][i] - g.mean[k][j]));
         if d > 0.0 && g.count[i] >= FEW && g.count[j] >= FEW {
-            let off = numbers[i] - numbers[j];
-            change += (off * off - 1.0 / g.count[i] - 1.0 / g.count[j]) / d;
+            let difference = numbers[i] - numbers[j];
+            // Noise of both is taken away, because e and E of section 14 add it to what is expected.
+            change += (difference * difference - 1.0 / g.count[i] - 1.0 / g.count[j]) / d;
             pairs += 1.0;
         }
     }
@@ -141,14 +144,14 @@ mod tests {
         assert_eq!(fields, [1, 4]);
         assert!(bytes.len() < 200, "{} bytes", bytes.len());
         for i in (0..m.len()).filter(|&i| m.count[i] >= 1.0) {
-            let off = libm::atanh(r[i]).clamp(-LARGEST, LARGEST) - libm::atanh(back[i]);
-            assert!(off.abs() < 2.001 / m.count[i].sqrt(), "{i}: {off}");
+            let difference = libm::atanh(r[i]).clamp(-LARGEST, LARGEST) - libm::atanh(back[i]);
+            assert!(difference.abs() < 2.001 / m.count[i].sqrt(), "{i}: {difference}");
         }
         // Steps of four errors add no more noise than there is: what lies near the neighbours is theirs.
-        let error = |of: &[f64]| {
-            let off = |i: usize| of[i] - libm::tanh(libm::sin(i as f64 / 40.0));
-            let there = (0..m.len()).filter(|&i| m.count[i] >= 1.0);
-            there.map(|i| off(i) * off(i)).sum::<f64>()
+        let error = |correlations: &[f64]| {
+            let difference = |i: usize| correlations[i] - libm::tanh(libm::sin(i as f64 / 40.0));
+            let indices = (0..m.len()).filter(|&i| m.count[i] >= 1.0);
+            indices.map(|i| difference(i) * difference(i)).sum::<f64>()
         };
         assert!(error(&back) < 1.3 * error(&r), "{} {}", error(&back), error(&r));
     }

@@ -35,40 +35,40 @@ impl<'a> FieldPredictor<'a> {
 
     /// The nearest of the Gaussians decoded last.
     pub fn near(&self, i: usize) -> Near {
-        let own = self.gaussians.mean_of(i);
+        let mean = self.gaussians.mean_of(i);
         let from = self.done.len().saturating_sub(WINDOW);
-        let mut near: Near = Vec::with_capacity(NEIGHBOURS + 1);
+        let mut neighbours: Near = Vec::with_capacity(NEIGHBOURS + 1);
         for &j in self.done[from..].iter().rev() {
             let other = self.gaussians.mean_of(j as usize);
-            let [x, y, z] = each_axis(|k| other[k] - own[k]);
+            let [x, y, z] = each_axis(|k| other[k] - mean[k]);
             let d2 = x * x + y * y + z * z;
-            if near.len() < NEIGHBOURS || d2 < near[NEIGHBOURS - 1].0 {
-                let at = near.partition_point(|n| n.0 <= d2);
-                near.insert(at, (d2, j));
-                near.truncate(NEIGHBOURS);
+            if neighbours.len() < NEIGHBOURS || d2 < neighbours[NEIGHBOURS - 1].0 {
+                let at = neighbours.partition_point(|n| n.0 <= d2);
+                neighbours.insert(at, (d2, j));
+                neighbours.truncate(NEIGHBOURS);
             }
         }
-        near
+        neighbours
     }
 
     /// One over what the value of each neighbour is expected to miss this one's by, squared.
-    pub fn weights(&self, near: &Near, change: f64, error2: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+    pub fn weights(&self, neighbours: &Near, change: f64, error2: impl Fn(usize, f64) -> f64) -> Vec<f64> {
         let weight = |&(d2, j): &(f64, u32)| {
             let j = j as usize;
             1.0 / (error2(j, self.gaussians.count[j]) + change * d2.sqrt() + 1e-300)
         };
-        near.iter().map(weight).collect()
+        neighbours.iter().map(weight).collect()
     }
 }
 
 /// The weighted mean of what neighbours have, and how far it is expected to be off, squared.
-pub(super) fn expected(near: &Near, weights: &[f64], start: f64, value: impl Fn(usize) -> f64) -> (f64, f64) {
+pub(super) fn expected(neighbours: &Near, weights: &[f64], start: f64, value: impl Fn(usize) -> f64) -> (f64, f64) {
     let (mut sum, mut total) = (0.0, 0.0);
-    for (&(_, j), &w) in near.iter().zip(weights) {
+    for (&(_, j), &w) in neighbours.iter().zip(weights) {
         sum += w * value(j as usize);
         total += w;
     }
-    match near.len() {
+    match neighbours.len() {
         0 => (start, 1e30),
         n => (sum / total, n as f64 / total),
     }

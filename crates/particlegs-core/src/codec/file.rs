@@ -110,7 +110,7 @@ impl CodedFile {
         })
     }
 
-    /// The file: metadata, certificate, network; layers with the first stage of each block; the further stages, those of
+    /// The file: metadata, certificate, network; layers with the first stage of each block; further stages, those of
     /// all blocks after each other; then what else belongs to blocks, by tag; then what belongs to none.
     pub(super) fn write(mut self, certificate: Option<&Certificate>) -> Result<Vec<u8>> {
         let masses = self.sort()?;
@@ -133,6 +133,7 @@ impl CodedFile {
                 number += 1;
             }
         }
+        // Stage by stage, so that any prefix of the file is a model of all blocks (docs/format.md, section 1).
         stages.sort_by_key(|&(stage, block, _)| (stage, block));
         out.extend(stages.into_iter().map(|(_, block, bytes)| Section::new(STAGE, Some(block), bytes)));
         attached.sort_by_key(|s: &Section<'_>| s.tag);
@@ -194,7 +195,7 @@ fn other_law(layer: &str, law: LawKind) -> String {
     format!("a block of layer `{layer}` does not follow the law {}", law.name())
 }
 
-/// What a network of the alpha-blend law adds to a file.
+/// Bytes that a network of the alpha-blend law adds to a file.
 pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
 
 /// Bytes that a coded block takes in a file: a section for each further stage, beside what [`size_without_blocks`]
@@ -221,8 +222,8 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
         }
         level => {
             let layer_ratios = LayerRatios::new(layers.len());
-            let like = Certificate { mass_power, sample, layer_ratios, ..Certificate::default() };
-            SECTION_BYTES + certificate::size(level, &like)
+            let layout = Certificate { mass_power, sample, layer_ratios, ..Certificate::default() };
+            SECTION_BYTES + certificate::size(level, &layout)
         }
     };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
@@ -235,7 +236,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
     HEAD_BYTES + SECTION_BYTES + metadata::write(metadata, &masses).len() + certificate + heads
 }
 
-/// What bounds a block sorts by: the lower corner, then the upper, in the order of numbers.
+/// Key that blocks are sorted by: the lower corner of the bounds, then the upper, in the order of numbers.
 pub(super) fn order_key(h: &BlockHeader) -> [u64; 6] {
     let ordered = |v: f64| {
         // -0 and 0 are one place; negative numbers count down.
@@ -300,12 +301,13 @@ impl From<&Section<'_>> for StoredSection {
 /// Reads all but the streams, and checks what the parts say of each other.
 pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let file = container::read(container::MODEL, bytes, place)?;
-    let corrupt = |what: String| Error::corrupt(place, what);
+    let corrupt = |message: String| Error::corrupt(place, message);
     let fault = |fault: SectionFault| match fault {
-        SectionFault::Corrupt(what) => corrupt(what),
-        SectionFault::Unknown(what) => Error::Compatibility { place: place.into(), what },
+        SectionFault::Corrupt(message) => corrupt(message),
+        SectionFault::Unknown(message) => Error::Compatibility { place: place.into(), what: message },
     };
     let known = |tag: Tag| matches!(tag, META | CERTIFICATE | VIZMAPPER | LAYER | BLOCK | STAGE);
+    // Sections of unknown tags may stand between any others, so they are set apart before the order is checked.
     let (sections, others): (Vec<_>, Vec<_>) = file.sections.into_iter().partition(|s| known(s.tag));
     let (attached, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|s| belongs_to_block(s.tag));
     let mut rest = sections.into_iter().peekable();
@@ -318,7 +320,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
         Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("the file has a VizMapper but another law".into())),
         Ok(network) => Ok((s.bytes, network)),
-        Err(what) => Err(fault(what)),
+        Err(error) => Err(fault(error)),
     });
     let network = network.transpose()?;
     let mut layers: Vec<(String, usize, Vec<BlockPart<'a>>)> = Vec::new();
@@ -329,7 +331,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
         }
         let mut blocks: Vec<BlockPart<'a>> = Vec::new();
         while let Some(Section { offset, bytes, .. }) = rest.next_if(|s| s.tag == BLOCK) {
-            let at = |what: String| corrupt(format!("block at byte {offset}: {what}"));
+            let at = |message: String| corrupt(format!("block at byte {offset}: {message}"));
             let header = BlockHeader::read(bytes).map_err(at)?;
             blocks.push(BlockPart { header, offset, bytes: bytes.into(), stages: 1, sections: Vec::new() });
         }
@@ -337,10 +339,11 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     }
     let number_of = |blocks: &[&mut BlockPart<'a>], s: &Section<'_>| {
         let number = s.block.map_or(usize::MAX, |b| b as usize);
-        let message =
+        let error =
             || corrupt(format!("the section at byte {} refers to block {number}, which does not exist", s.offset));
-        if number < blocks.len() { Ok(number) } else { Err(message()) }
+        if number < blocks.len() { Ok(number) } else { Err(error()) }
     };
+    // Blocks are numbered through all layers, so their further sections are handed out when all layers are read.
     let mut blocks: Vec<&mut BlockPart<'a>> = layers.iter_mut().flat_map(|l| &mut l.2).collect();
     let mut before = None;
     for section in rest {
@@ -363,16 +366,17 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
         blocks[number].sections.push(section);
     }
     for block in &mut blocks {
-        let at = |what: String| corrupt(format!("block at byte {}: {what}", block.offset));
+        let at = |message: String| corrupt(format!("block at byte {}: {message}", block.offset));
         // Sections are the stages that its table has; a block of one stage alone need not be taken apart.
         let cuts = block.header.cuts.len();
-        let there = if cuts == 0 { 1 } else { streams::stages(&block.header, &block.bytes).map_err(at)?.len() };
-        if there != block.stages {
-            return Err(at(format!("{} sections but {there} stages", block.stages)));
+        let stage_count = if cuts == 0 { 1 } else { streams::stages(&block.header, &block.bytes).map_err(at)?.len() };
+        if stage_count != block.stages {
+            return Err(at(format!("{} sections but {stage_count} stages", block.stages)));
         }
     }
     // Stages come after all blocks: where there is one, no block is missing.
     check_blocks(&layers, file.open && before.is_none()).map_err(corrupt)?;
+    // An open file leaves out a layer that it ends before, and the masses of its metadata go with it.
     layers.retain(|l| !l.2.is_empty());
     let wrong = || corrupt("the number of masses differs from the number of layers".into());
     let masses = metadata::of_layers(&masses, layers.len(), file.open).ok_or_else(wrong)?;
@@ -382,10 +386,10 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     if file.open {
         // What is there may be less than the whole: the rest of the file speaks of what is there.
         let headers = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.header));
-        let there = headers().fold(0u64, |sum, h| sum.saturating_add(h.count));
-        missing_particles = metadata.count.saturating_sub(there);
+        let particles = headers().fold(0u64, |sum, h| sum.saturating_add(h.count));
+        missing_particles = metadata.count.saturating_sub(particles);
         if missing_particles > 0 {
-            (metadata.count, metadata.mass) = (there, compensated(&headers().map(|h| h.mass).collect::<Vec<_>>()));
+            (metadata.count, metadata.mass) = (particles, compensated(&headers().map(|h| h.mass).collect::<Vec<_>>()));
         }
     }
     agree(&metadata, &layers).map_err(corrupt)?;
@@ -396,7 +400,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     Ok(FileParts { metadata, certificate, network, layers, sections: others, missing_particles })
 }
 
-/// Are there the blocks that each layer says, in order? The last ones of an open file may be missing.
+/// Checks that the blocks that each layer says are there, in order. The last ones of an open file may be missing.
 fn check_blocks(layers: &[(String, usize, Vec<BlockPart<'_>>)], open: bool) -> std::result::Result<(), String> {
     for (i, (name, count, blocks)) in layers.iter().enumerate() {
         let cut = open && i + 1 == layers.len() && blocks.len() < *count;
@@ -439,8 +443,8 @@ fn agree(m: &Metadata, layers: &[LayerPart<'_>]) -> std::result::Result<(), Stri
     let blocks = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.header));
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {
-        let held = count.map_or_else(|| "too many".into(), |n| n.to_string());
-        return Err(format!("the blocks have {held} particles, but the metadata says {}", m.count));
+        let particles = count.map_or_else(|| "too many".into(), |n| n.to_string());
+        return Err(format!("the blocks have {particles} particles, but the metadata says {}", m.count));
     }
     let shaded = m.law == LawKind::AlphaBlend;
     if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.header.shaded != shaded)) {

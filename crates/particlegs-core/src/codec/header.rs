@@ -17,17 +17,17 @@ pub(crate) struct BlockHeader {
     pub mass: f64,
     pub gaussians: u32,
     pub weighted: bool,
-    /// Is it of the alpha-blend law: opacities for counts, grey levels for masses?
+    /// Whether it is of the alpha-blend law: opacities for counts, grey levels for masses.
     pub shaded: bool,
     /// Plain low bits of the residuals of size, count, mass and shape.
     pub low: [u8; 4],
     /// Steps of position, size, count, shape and mass.
     pub steps: [f32; 5],
-    /// How strongly the step falls with count / size, and where it is 1.
+    /// Power by which the step falls with count / size, and ln (count / size) where its factor is 1.
     pub importance: f32,
     pub centre: f32,
     pub size: Predictor,
-    /// How much more several Gaussians hold than one beside them, as log counts in whole steps.
+    /// Surplus of several Gaussians over one beside them, as log counts in whole steps.
     pub surplus: i16,
     /// Mean spreads of what is left of sizes and of differences of log counts in steps, and of shape numbers in half
     /// steps of a middling Gaussian.
@@ -114,7 +114,7 @@ impl BlockHeader {
         Ok(header)
     }
 
-    /// Is a whole block of `bytes` bytes large enough to justify memory for its Gaussians?
+    /// Checks that a whole block of `bytes` bytes is large enough to justify memory for its Gaussians.
     pub(crate) fn check_length(&self, bytes: u64) -> Result<(), String> {
         match u64::from(self.gaussians) <= bytes * GAUSSIANS_A_BYTE {
             true => Ok(()),
@@ -164,7 +164,7 @@ impl BlockHeader {
         0.5 * f64::from(self.steps[2]) * f64::from(m)
     }
 
-    /// Is a number coded for each Gaussian beside its count: its mass, or its grey level?
+    /// Whether a number is coded for each Gaussian beside its count: its mass, or its grey level.
     #[inline(always)]
     pub(crate) fn has_w(&self) -> bool {
         self.weighted || self.shaded
@@ -190,7 +190,7 @@ impl BlockHeader {
         exp(if self.shaded { -b } else { b } * self.log_size(t))
     }
 
-    /// What [`Self::step_factor`] is 1 at, of one Gaussian: its mean is the centre.
+    /// The centre at which [`Self::step_factor`] of one Gaussian is 1; the block's centre is the mean.
     pub(crate) fn log_importance(&self, t: i32, m: i32) -> f64 {
         let size = self.log_size(t);
         self.log_count(m) - if self.shaded { -size } else { size }

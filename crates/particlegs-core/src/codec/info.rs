@@ -6,12 +6,12 @@ use super::file::{BlockPart, FileParts, parts};
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, SharedSpecies, VizMapper};
 
-/// How finely a frame is coded as a model of its own ([`super::SeriesDecoder::extract`]): its steps add next to nothing to the errors
-/// of the series.
+/// Factor on the steps of a frame that is coded as a model of its own ([`super::SeriesDecoder::extract`]): they add
+/// next to nothing to the errors of the series.
 pub(super) const EXTRACTED: f64 = 0.25;
 
-/// What a file says without its Gaussians being decoded. Of a file that lacks something ([`FileInfo::missing`]) nothing
-/// was measured: it has no certificate.
+/// Information about a file without its Gaussians being decoded. Of a file that lacks something
+/// ([`FileInfo::missing`]) nothing was measured: it has no certificate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileInfo {
     /// Version of the format: major, minor.
@@ -30,9 +30,9 @@ pub struct FileInfo {
     pub missing_particles: u64,
     /// Bytes of the shares of species that share Gaussians.
     pub share_bytes: u64,
-    /// What there is of each of the metadata's fields.
+    /// Sizes of each of the metadata's fields.
     pub fields: Vec<FieldInfo>,
-    /// What is lacking of these, a sentence each; nothing is said of a file that lacks more.
+    /// Gaps of these, a sentence each; none are listed of a file that lacks more.
     pub lacking_fields: Vec<String>,
     /// Bytes of correlations between fields.
     pub correlation_bytes: u64,
@@ -59,7 +59,7 @@ pub struct BlockInfo {
     pub precision: Precision,
 }
 
-/// What a layer holds.
+/// Sums over a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayerSum {
     /// Particles.
@@ -108,11 +108,11 @@ impl FileInfo {
     /// The compression ratio in words; with fields also that of positions and masses alone, which targets speak of.
     pub fn describe_ratio(&self) -> String {
         let coded = self.fields.iter().map(|f| f.bytes).fold(self.correlation_bytes, u64::saturating_add);
-        let alone = (self.raw_bytes() - self.raw_field_bytes()) as f64 / self.bytes.saturating_sub(coded).max(1) as f64;
+        let ratio = (self.raw_bytes() - self.raw_field_bytes()) as f64 / self.bytes.saturating_sub(coded).max(1) as f64;
         match self.fields.is_empty() {
             true => format!("ratio {:.1}", self.compression_ratio()),
             false => {
-                format!("ratio {:.1} with fields ({alone:.1} of positions and masses alone)", self.compression_ratio())
+                format!("ratio {:.1} with fields ({ratio:.1} of positions and masses alone)", self.compression_ratio())
             }
         }
     }
@@ -131,13 +131,13 @@ impl FileInfo {
         fields.chain(correlations).collect()
     }
 
-    /// What the file lacks, in words: blocks that it ends before, stages of blocks. `None`: nothing.
+    /// Gaps of the file, in words: blocks that it ends before, stages of blocks. `None`: it is whole.
     pub fn missing(&self) -> Option<String> {
         let blocks = || self.layers.iter().flat_map(|l| &l.content);
         let (all, coarse) = (blocks().count(), blocks().filter(|b| b.stages[0] < b.stages[1]).count());
         let particles = (self.missing_particles > 0).then(|| {
-            let there = self.metadata.count;
-            format!("the file ends early: it has {there} of {} particles", there.saturating_add(self.missing_particles))
+            let count = self.metadata.count;
+            format!("the file ends early: it has {count} of {} particles", count.saturating_add(self.missing_particles))
         });
         let stages =
             (coarse > 0).then(|| format!("{coarse} of {all} blocks end early and so have fewer, larger Gaussians"));
@@ -145,23 +145,23 @@ impl FileInfo {
         (!both.is_empty()).then(|| both.join("; "))
     }
 
-    /// Its sections that this program does not know, in words, which a command leaves out that changes what they belong to.
+    /// Its sections that this program does not know, in words; a command that changes what they belong to drops them.
     /// `None`: it has none.
     pub fn left_out(&self) -> Option<String> {
         let words: Vec<String> = self.other_sections.iter().map(|(tag, n)| format!("`{tag}` ({n} bytes)")).collect();
         (!words.is_empty()).then(|| format!("unknown sections are dropped: {}", words.join(", ")))
     }
 
-    /// Are its blocks as fine as those of a frame of a series that was extracted?
+    /// Whether its blocks are as fine as those of a frame of a series that was extracted.
     pub fn is_extracted(&self) -> bool {
         let Precision { position, size, shape, count, .. } = Precision::BALANCED.scaled(EXTRACTED);
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b;
-        let own = |p: &Precision| {
+        let has_extracted_steps = |p: &Precision| {
             [(p.position, position), (p.size, size), (p.shape, shape), (p.count, count)]
                 .iter()
                 .all(|(a, b)| near(*a, *b))
         };
-        self.layers.iter().flat_map(|l| &l.content).all(|b| own(&b.precision))
+        self.layers.iter().flat_map(|l| &l.content).all(|b| has_extracted_steps(&b.precision))
     }
 
     /// Number of Gaussians.

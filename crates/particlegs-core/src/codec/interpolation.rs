@@ -16,8 +16,8 @@ impl TrackedModel {
     /// not whole, and the source has no hash.
     pub fn between(&self, next: &TrackedModel, share: f64) -> Model {
         let share = share.clamp(0.0, 1.0);
-        let (own, other) = (&self.metadata, &next.metadata);
-        let cell = own.cell.zip(other.cell).map(|(a, b)| between_cells(&a, &b, share)).or(own.cell);
+        let (before, after) = (&self.metadata, &next.metadata);
+        let cell = before.cell.zip(after.cell).map(|(a, b)| between_cells(&a, &b, share)).or(before.cell);
         let frames = [self, next].map(|frame| FrameMap::new(frame.metadata.cell, cell));
         let elapsed = next.time - self.time;
         let classes = |all: &[Quantity], q: &Quantity| -> Vec<Quantity> {
@@ -26,37 +26,39 @@ impl TrackedModel {
             all.iter().filter(alike).cloned().collect()
         };
         // A category is there with all its classes, or not at all.
-        let both = |q: &&Quantity| other.fields.contains(q) && classes(&own.fields, q) == classes(&other.fields, q);
-        let fields: Vec<Quantity> = own.fields.iter().filter(both).cloned().collect();
-        let at = |from: &TrackedBlock, to: &TrackedBlock| {
+        let both = |q: &&Quantity| after.fields.contains(q) && classes(&before.fields, q) == classes(&after.fields, q);
+        let fields: Vec<Quantity> = before.fields.iter().filter(both).cloned().collect();
+        let block_between = |from: &TrackedBlock, to: &TrackedBlock| {
             BlockPair { from, to, frames: &frames, elapsed, fields: &fields }.at(share)
         };
         // Keyframes may have other numbers of blocks.
-        let pairs = |a: &[TrackedBlock], b: &[TrackedBlock]| -> Vec<Block> {
-            let both = a.iter().zip(b).map(|(from, to)| at(from, to));
-            let old = a.iter().skip(b.len()).map(|from| at(from, &without_gaussians(from)));
-            let new = b.iter().skip(a.len()).map(|to| at(&without_gaussians(to), to));
+        let blocks_between = |a: &[TrackedBlock], b: &[TrackedBlock]| -> Vec<Block> {
+            let both = a.iter().zip(b).map(|(from, to)| block_between(from, to));
+            let old = a.iter().skip(b.len()).map(|from| block_between(from, &without_gaussians(from)));
+            let new = b.iter().skip(a.len()).map(|to| block_between(&without_gaussians(to), to));
             both.chain(old).chain(new).collect()
         };
         let layers = self.layers.iter().map(|a| {
             let b = next.layers.iter().find(|b| b.name == a.name);
-            a.with(pairs(&a.content, b.map_or(&[], |b| &b.content)))
+            a.with(blocks_between(&a.content, b.map_or(&[], |b| &b.content)))
         });
+        // Layers of the next frame alone are paired with no blocks, so that they fade in.
         let new = next.layers.iter().filter(|b| self.layers.iter().all(|a| a.name != b.name));
-        let new = new.map(|b| b.with(pairs(&[], &b.content)));
+        let new = new.map(|b| b.with(blocks_between(&[], &b.content)));
         let layers: Vec<Layer<Vec<Block>>> = layers.chain(new).collect();
         let all = || layers.iter().flat_map(|l| &l.content);
+        // A model between two frames is of no snapshot, which the hash of zeros says.
         let metadata = Metadata {
             count: all().map(|b| b.count).sum(),
             mass: compensated(&all().map(|b| b.mass).collect::<Vec<_>>()),
-            bounds: between_bounds(&own.bounds, &other.bounds, share),
+            bounds: between_bounds(&before.bounds, &after.bounds, share),
             cell,
-            default_radius: mix(own.default_radius, other.default_radius, share),
-            source: format!("between {} and {}", own.source, other.source),
+            default_radius: mix(before.default_radius, after.default_radius, share),
+            source: format!("between {} and {}", before.source, after.source),
             source_hash: [0; 32],
-            epoch: between_epochs(&own.epoch, &other.epoch, share),
+            epoch: between_epochs(&before.epoch, &after.epoch, share),
             fields,
-            ..own.clone()
+            ..before.clone()
         };
         Model { metadata, layers, certificate: None }
     }
@@ -85,8 +87,8 @@ impl BlockPair<'_> {
         let [old, new] = [&a.gaussians, &b.gaussians];
         let weighted = old.masses().is_some();
         let mut gaussians = Mixture::new(weighted);
-        let there = |q: &&Quantity| old.fields.get(&q.name).is_some() && new.fields.get(&q.name).is_some();
-        let names: Vec<&str> = self.fields.iter().filter(there).map(|q| &q.name[..]).collect();
+        let in_both = |q: &&Quantity| old.fields.get(&q.name).is_some() && new.fields.get(&q.name).is_some();
+        let names: Vec<&str> = self.fields.iter().filter(in_both).map(|q| &q.name[..]).collect();
         for &name in &names {
             let [a, b] = [old, new].map(|m| m.fields.get(name));
             let (Some(a), Some(b)) = (a, b) else { continue };
@@ -100,37 +102,42 @@ impl BlockPair<'_> {
         let add_fields = |to: &mut Mixture, from: [(&Mixture, usize); 2]| {
             for &name in &names {
                 let [a, b] = from.map(|(m, i)| m.fields.get(name).map(|f| (f, i)));
-                if let (Some(a), Some(b), Some(own)) = (a, b, to.fields.get_mut(name)) {
-                    own.push_between([a, b], share);
+                if let (Some(a), Some(b), Some(moments)) = (a, b, to.fields.get_mut(name)) {
+                    moments.push_between([a, b], share);
                 }
             }
         };
-        let mut goes = vec![true; old.len()];
-        let [out, back] = self.frames;
+        let mut fades = vec![true; old.len()];
+        let [from_old, from_new] = self.frames;
         for (j, origin) in self.to.origin.iter().enumerate() {
-            let end = back.carried(new.mean_of(j));
+            let end = from_new.carried(new.mean_of(j));
             let Some(i) = origin.map(|i| i as usize).filter(|&i| i < old.len()) else {
-                gaussians.push(out.image(end), new.cov_of(j), new.count[j] * share, new.mass_of(j) * share);
+                // Nothing is known of its motion before its first frame, so it fades in where it is.
+                gaussians.push(from_old.image(end), new.cov_of(j), new.count[j] * share, new.mass_of(j) * share);
                 add_fields(&mut gaussians, [(new, j); 2]);
                 continue;
             };
-            goes[i] = false;
-            let start = out.carried(old.mean_of(i));
-            let way = out.nearest(each_axis(|k| end[k] - start[k]));
-            let speeds = [self.from.velocity(i), self.to.velocity(j)];
-            let [first, last] = speeds.map(|v| v.map_or(way, |v| each_axis(|k| v[k] * self.elapsed)));
-            let curved = share * (1.0 - share);
-            let bent = |k: usize| curved * ((1.0 - share) * (first[k] - way[k]) - share * (last[k] - way[k]));
-            let mean = each_axis(|k| start[k] + share * way[k] + bent(k));
+            fades[i] = false;
+            let start = from_old.carried(old.mean_of(i));
+            // The shortest way, through a face of the cell where that is nearer.
+            let chord = from_old.nearest(each_axis(|k| end[k] - start[k]));
+            let velocities = [self.from.velocity(i), self.to.velocity(j)];
+            // An unknown velocity is taken along the chord: where neither is known the curve is straight.
+            let [first, last] = velocities.map(|v| v.map_or(chord, |v| each_axis(|k| v[k] * self.elapsed)));
+            // The cubic Hermite curve: its derivatives at both ends are the two velocities.
+            let weight = share * (1.0 - share);
+            let deviation = |k: usize| weight * ((1.0 - share) * (first[k] - chord[k]) - share * (last[k] - chord[k]));
+            let mean = each_axis(|k| start[k] + share * chord[k] + deviation(k));
             let cov = between_shapes(&old.cov_of(i), &new.cov_of(j), share);
             let count = mix(old.count[i], new.count[j], share);
-            gaussians.push(out.image(mean), cov, count, mix(old.mass_of(i), new.mass_of(j), share));
+            gaussians.push(from_old.image(mean), cov, count, mix(old.mass_of(i), new.mass_of(j), share));
             add_fields(&mut gaussians, [(old, i), (new, j)]);
         }
-        for i in (0..old.len()).filter(|&i| goes[i]) {
-            let moved = self.from.velocity(i).unwrap_or_default();
-            let carried = out.carried(old.mean_of(i));
-            let mean = out.image(each_axis(|k| carried[k] + moved[k] * self.elapsed * share));
+        for i in (0..old.len()).filter(|&i| fades[i]) {
+            // A Gaussian that goes keeps its last velocity while it fades.
+            let velocity = self.from.velocity(i).unwrap_or_default();
+            let carried = from_old.carried(old.mean_of(i));
+            let mean = from_old.image(each_axis(|k| carried[k] + velocity[k] * self.elapsed * share));
             gaussians.push(mean, old.cov_of(i), old.count[i] * (1.0 - share), old.mass_of(i) * (1.0 - share));
             add_fields(&mut gaussians, [(old, i); 2]);
         }
@@ -219,12 +226,13 @@ mod tests {
         let before = tracked(frames.pop().unwrap(), 3.0);
         let model = before.between(&last, 0.5);
         let truth = block(3.25);
-        let found = &model.layers[0].content[0].gaussians;
+        let gaussians = &model.layers[0].content[0].gaussians;
         for i in 0..50 {
-            let off = each_axis(|k| (found.mean[k][i] - truth.gaussians.mean[k][i] + 5.0).rem_euclid(10.0) - 5.0);
+            let offset =
+                each_axis(|k| (gaussians.mean[k][i] - truth.gaussians.mean[k][i] + 5.0).rem_euclid(10.0) - 5.0);
             // A straight line is off by 0.06.
-            assert!(off.iter().all(|d| d.abs() < 0.02), "{off:?}");
-            assert!((found.cov[0][i] / truth.gaussians.cov[0][i] - 1.0).abs() < 0.03);
+            assert!(offset.iter().all(|d| d.abs() < 0.02), "{offset:?}");
+            assert!((gaussians.cov[0][i] / truth.gaussians.cov[0][i] - 1.0).abs() < 0.03);
         }
         assert_eq!((model.metadata.count, model.metadata.mass), (5000, 5000.0));
     }

@@ -13,7 +13,7 @@ use super::tree::{SplitNode, TreeCell};
 pub(crate) const LEVELS: usize = 256;
 /// Levels to a factor of e in a node's weight.
 const LEVELS_TO_E: f64 = 6.0;
-/// What a halving of a cell adds to the logarithm of a node's weight: of equal counts the smaller cell comes first.
+/// Gain of the logarithm of a node's weight by a halving of its cell: of equal counts the smaller cell comes first.
 const HALVING: f64 = 0.16;
 /// Magnitude of whole steps of a Gaussian's numbers at most, and of a node's.
 pub(crate) const MOST_STEPS: i32 = 1 << 20;
@@ -22,8 +22,8 @@ const MOST_NODE_STEPS: i32 = 1 << 22;
 const ROOT_BITS: u32 = 24;
 /// Classes of how many Gaussians a node's count stands for, by octaves.
 const CLASSES: usize = 12;
-/// What models of halves start from, by class, for the symbols of [`NodeHalves`]: heavy nodes hold several Gaussians in
-/// either half, light ones single ones (frequencies of an N-body box of 2 M particles at ratio 300).
+/// First weights of the models of halves, by class, for the symbols of [`NodeHalves`]: heavy nodes hold several
+/// Gaussians in either half, light ones single ones (frequencies of an N-body box of 2 M particles at ratio 300).
 const HALVES: [[u32; 4]; 9] = [
     [18, 12, 1, 1],
     [18, 12, 1, 1],
@@ -38,21 +38,21 @@ const HALVES: [[u32; 4]; 9] = [
 /// Bits at most that say where a Gaussian lies along an axis of its cell, before its shape is known.
 const MOST_PLACE_BITS: u32 = 6;
 
-/// How the Gaussians of a node fall into its halves.
+/// Division of a node's Gaussians among its halves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum NodeHalves {
-    /// All into one; is it the upper?
+    /// All into one; whether it is the upper.
     One(bool),
     /// One Gaussian into each.
     #[default]
     Singles,
-    /// One Gaussian into one half and several into the other; are they in the upper?
+    /// One Gaussian into one half and several into the other; whether these are in the upper.
     Single(bool),
     /// Several into each.
     Several,
 }
 
-/// What the encoder says of a node; where two halves hold Gaussians, the lower one's log count and mean log mass minus
+/// The encoder's numbers of a node; where two halves hold Gaussians, the lower one's log count and mean log mass minus
 /// the upper one's, whole steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Division {
@@ -70,18 +70,18 @@ pub(crate) struct LeafGaussian {
 }
 
 impl LeafGaussian {
-    /// What the decoder has in its place.
+    /// Placeholder of the decoder.
     pub const NONE: LeafGaussian = LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] };
 }
 
-/// What the encoder knows of the nodes, numbered as the walk numbers them; the decoder knows nothing.
+/// The encoder's knowledge of the nodes, numbered as the walk numbers them; the decoder has none.
 pub(crate) trait NodeSource {
     /// Log count and mean log mass of a root, whole steps.
     fn root(&mut self, _node: usize) -> [i32; 2] {
         [0; 2]
     }
 
-    /// How a node of several Gaussians falls apart. Where both halves hold some, they are numbered next, the lower one
+    /// Division of a node of several Gaussians. Where both halves hold some, they are numbered next, the lower one
     /// first; a half that holds all keeps the node's number.
     fn division(&mut self, _node: usize) -> Division {
         Division::default()
@@ -119,7 +119,7 @@ pub(crate) struct TreeNode {
     /// Log count of the node that it is a half of.
     parent: i32,
     root: u32,
-    /// Does it hold all Gaussians of the cell that its own is a half of?
+    /// Whether it holds all Gaussians of the cell that its own is a half of.
     whole: bool,
 }
 
@@ -213,11 +213,11 @@ impl<'a> LevelWalk<'a> {
             };
             self.done += 1;
             let node = node as usize;
-            let went_on = match self.nodes[node].below {
+            let is_coded = match self.nodes[node].below {
                 NodeContent::Several => self.divide(c, source, node)?,
                 _ => self.resolve(c, source, node)?,
             };
-            if !went_on {
+            if !is_coded {
                 return Ok(false);
             }
         }
@@ -251,15 +251,16 @@ impl<'a> LevelWalk<'a> {
     fn divide(&mut self, c: &mut impl Coder, source: &mut impl NodeSource, number: usize) -> Result<bool, OutOfRange> {
         let node = self.nodes[number];
         let axis = node.cell.axis(self.extent);
-        let given = source.division(number);
+        let division = source.division(number);
         let class = self.class(&node);
-        let halves = self.models.halves[class].code(c, given.halves.symbol());
-        let halves = NodeHalves::from_symbol(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
+        let halves = self.models.halves[class].code(c, division.halves.symbol());
+        let halves = NodeHalves::from_symbol(halves, |upper| c.bits(1, u32::from(upper)) == 1, division.halves);
         let halves_of = |side: u64| axis.map_or(node.cell, |axis| node.cell.half(axis, side));
         if let NodeHalves::One(upper) = halves {
             if c.exhausted() {
                 return Ok(false);
             }
+            // Without an axis the node would come back as it is, which the format forbids (docs/format.md, section 6).
             if axis.is_none() {
                 return Err(OutOfRange);
             }
@@ -270,11 +271,11 @@ impl<'a> LevelWalk<'a> {
         }
         // One number for two counts: their sum is the node's, which is known.
         let [count_a, count_b] = {
-            let difference = self.count(c, halves, given.count);
+            let difference = self.count(c, halves, division.count);
             self.sums.parts(node.count, difference)
         };
         let [mass_a, mass_b] = if self.header.has_w() {
-            let difference = self.models.mass.code(c, u32::from(self.header.low[2]), given.mass);
+            let difference = self.models.mass.code(c, u32::from(self.header.low[2]), division.mass);
             // The node's is the mean of the two, rounded down: what the halving loses the difference gives back.
             let mass = node.mass.saturating_sub(difference >> 1);
             [mass.saturating_add(difference), mass]
@@ -291,13 +292,15 @@ impl<'a> LevelWalk<'a> {
             NodeHalves::Several => (NodeContent::Several, NodeContent::Several),
             _ => (NodeContent::Single, NodeContent::Single),
         };
-        let extremes = [count_a, count_b, mass_a, mass_b];
+        let numbers = [count_a, count_b, mass_a, mass_b];
         self.least += least(&below_a) + least(&below_b) - least(&NodeContent::Several);
-        if extremes.iter().any(|v| v.unsigned_abs() > MOST_NODE_STEPS as u32) || self.least > self.most {
+        // Checked before nodes are added: a stream must not claim more Gaussians than its bytes earn.
+        if numbers.iter().any(|v| v.unsigned_abs() > MOST_NODE_STEPS as u32) || self.least > self.most {
             return Err(OutOfRange);
         }
         let first = self.nodes.len() as u32;
         self.nodes[number].below = NodeContent::Halves([first, first + 1]);
+        // The lower half first, as the nodes of a level are coded in the order in which they joined it (section 6).
         for (side, count, mass, below) in [(0, count_a, mass_a, below_a), (1, count_b, mass_b, below_b)] {
             let cell = halves_of(side);
             let next = self.nodes.len();
@@ -327,15 +330,15 @@ impl<'a> LevelWalk<'a> {
     #[inline(always)]
     fn resolve(&mut self, c: &mut impl Coder, source: &mut impl NodeSource, number: usize) -> Result<bool, OutOfRange> {
         let node = self.nodes[number];
-        let given = source.single(number);
+        let leaf = source.single(number);
         let h = self.header;
         let predicted = h.predict_size(node.cell.level(), node.count, node.parent);
-        let size = self.models.size.code(c, u32::from(h.low[0]), given.size.saturating_sub(predicted));
+        let size = self.models.size.code(c, u32::from(h.low[0]), leaf.size.saturating_sub(predicted));
         let size = size.saturating_add(predicted);
         let bits = self.place_bits(&node, size);
         let mut place = [0; 3];
         for k in 0..3 {
-            let part = (given.place[k] << bits[k]) / (4 * given.levels[k]);
+            let part = (leaf.place[k] << bits[k]) / (4 * leaf.levels[k]);
             place[k] = c.bits(u32::from(bits[k]), part as u32) as u8;
         }
         if c.exhausted() {
@@ -379,9 +382,9 @@ impl<'a> LevelWalk<'a> {
 
     /// Puts a node off to its level, this one at the earliest.
     fn wait(&mut self, node: usize) {
-        let behind = (self.top - self.log_weight(node)) * LEVELS_TO_E;
+        let level_distance = (self.top - self.log_weight(node)) * LEVELS_TO_E;
         // A half may weigh more than what is being done now: it is not put back to a level that is over.
-        let level = (behind as usize).clamp(self.level, LEVELS - 1);
+        let level = (level_distance as usize).clamp(self.level, LEVELS - 1);
         self.waiting[level].push(node as u32);
     }
 }
@@ -410,8 +413,8 @@ impl NodeHalves {
     }
 
     /// From its symbol; `upper` codes which half, if it must be said.
-    fn from_symbol(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
-        let mut side = || upper(matches!(given, NodeHalves::One(true) | NodeHalves::Single(true)));
+    fn from_symbol(symbol: usize, mut upper: impl FnMut(bool) -> bool, encoded: NodeHalves) -> NodeHalves {
+        let mut side = || upper(matches!(encoded, NodeHalves::One(true) | NodeHalves::Single(true)));
         match symbol {
             0 => NodeHalves::One(side()),
             1 => NodeHalves::Singles,
@@ -436,7 +439,7 @@ fn plain(c: &mut impl Coder, value: i32) -> Result<i32, OutOfRange> {
 /// Log counts of nodes from those of their halves, whole steps.
 pub(crate) struct CountSums {
     step: f64,
-    /// What two halves hold more than the larger one, by the difference of their log counts.
+    /// Excess of two halves over the larger one, by the difference of their log counts.
     excess: [i32; TABLED],
 }
 

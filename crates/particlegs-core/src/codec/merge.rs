@@ -25,7 +25,7 @@ const SEVERAL: char = '*';
 pub struct Merge {
     /// Names of the fields that are kept; `None` = all, which every part must have.
     fields: Option<Vec<String>>,
-    /// What all parts so far say, combined; and the first part's place, for refusals.
+    /// Metadata of all parts so far, combined; and the first part's place, for refusals.
     known: Option<(Metadata, String)>,
     layers: BTreeMap<String, MergedLayer>,
     /// The first block so far and the network of the part that holds it.
@@ -35,7 +35,7 @@ pub struct Merge {
     bytes: u64,
 }
 
-/// What decides which block is the first of a file: its layer's name, its bounds, its bytes.
+/// Key that says which block is the first of a file: its layer's name, its bounds, its bytes.
 type FirstBlockKey = (String, [u64; 6], Vec<u8>);
 
 struct MergedLayer {
@@ -61,9 +61,10 @@ impl Merge {
         if let Some(names) = &self.fields {
             keep_fields(names, &mut metadata.fields, &mut layers, place)?;
         }
-        let (kept, lost): (Vec<_>, Vec<_>) = sections.into_iter().partition(|s| survives_merging(s.tag));
-        self.sections.extend(kept);
-        lost.iter()
+        let (survivors, others): (Vec<_>, Vec<_>) = sections.into_iter().partition(|s| survives_merging(s.tag));
+        self.sections.extend(survivors);
+        others
+            .iter()
             .for_each(|s| context.message(&format!("note: {place}: section `{}` is dropped", s.tag.escape_ascii())));
         metadata.recipe = metadata.recipe.merged();
         self.known = Some(match self.known.take() {
@@ -74,7 +75,7 @@ impl Merge {
             }
         });
         if let Some(first) = first_block(&layers, place)?
-            && self.network.as_ref().is_none_or(|there| first < there.0)
+            && self.network.as_ref().is_none_or(|network| first < network.0)
         {
             self.network = Some((first, network));
         }
@@ -82,23 +83,23 @@ impl Merge {
     }
 
     fn add_layer(&mut self, layer: CodedLayer, place: &str) -> Result<()> {
-        let Some(there) = self.layers.get_mut(&layer.name) else {
+        let Some(entry) = self.layers.get_mut(&layer.name) else {
             let name = layer.name.clone();
             self.layers.insert(name, MergedLayer { coded: layer, place: place.to_string() });
             return Ok(());
         };
         let mass = |m: Option<f64>| m.map_or_else(|| "unknown".to_string(), |m| m.to_string());
-        let said = |weighted: bool| if weighted { "individual masses" } else { "no individual masses" };
-        let (a, b) = (there.coded.mass, layer.mass);
-        let what = if a.is_weighted() != b.is_weighted() {
-            format!("have {}, but those in {} have {}", said(b.is_weighted()), there.place, said(a.is_weighted()))
+        let words = |weighted: bool| if weighted { "individual masses" } else { "no individual masses" };
+        let (a, b) = (entry.coded.mass, layer.mass);
+        let difference = if a.is_weighted() != b.is_weighted() {
+            format!("have {}, but those in {} have {}", words(b.is_weighted()), entry.place, words(a.is_weighted()))
         } else if a.unit().map(f64::to_bits) != b.unit().map(f64::to_bits) {
-            format!("have a mass of {}, but those in {} have {}", mass(b.unit()), there.place, mass(a.unit()))
+            format!("have a mass of {}, but those in {} have {}", mass(b.unit()), entry.place, mass(a.unit()))
         } else {
-            there.coded.content.extend(layer.content);
+            entry.coded.content.extend(layer.content);
             return Ok(());
         };
-        let message = format!("particles of layer `{}` {what}: they cannot form one layer", layer.name);
+        let message = format!("particles of layer `{}` {difference}: they cannot form one layer", layer.name);
         Err(Error::input(place, message))
     }
 
@@ -127,10 +128,10 @@ impl Merge {
 
 /// Keeps the fields of these names, in their order.
 fn keep_fields(names: &[String], fields: &mut Vec<Quantity>, layers: &mut [CodedLayer], place: &str) -> Result<()> {
-    let mut kept: Vec<usize> = Vec::new();
+    let mut kept_numbers: Vec<usize> = Vec::new();
     for name in names {
-        let found: Vec<usize> = (0..fields.len()).filter(|&n| fields[n].is_called(name)).collect();
-        let Some(first) = found.first() else {
+        let matches: Vec<usize> = (0..fields.len()).filter(|&n| fields[n].is_called(name)).collect();
+        let Some(first) = matches.first() else {
             let hint = match fields.is_empty() {
                 true => "it has none".to_string(),
                 false => format!("its fields: {}", list(fields.iter())),
@@ -138,25 +139,25 @@ fn keep_fields(names: &[String], fields: &mut Vec<Quantity>, layers: &mut [Coded
             return Err(Error::input_with(place, format!("the model has no field `{name}`"), hint));
         };
         // The shares of a category go together.
-        let category = fields[*first].class().map(|(own, _)| own.to_string());
-        let same = |q: &Quantity| q.class().map(|(own, _)| own) == category.as_deref();
+        let category = fields[*first].class().map(|(name, _)| name.to_string());
+        let same = |q: &Quantity| q.class().map(|(name, _)| name) == category.as_deref();
         let all = (0..fields.len()).filter(|&n| if category.is_some() { same(&fields[n]) } else { n == *first });
         all.for_each(|number| {
-            if !kept.contains(&number) {
-                kept.push(number);
+            if !kept_numbers.contains(&number) {
+                kept_numbers.push(number);
             }
         });
     }
-    *fields = kept.iter().map(|&number| fields[number].clone()).collect();
+    *fields = kept_numbers.iter().map(|&number| fields[number].clone()).collect();
     // A section of a field begins with its number, one of a correlation with two.
-    let numbers = |tag: [u8; 4]| [FIELD, CORRELATION].iter().position(|t| *t == tag).map_or(0, |place| place + 1);
-    let place_of = |number: &u8| kept.iter().position(|k| *k == usize::from(*number));
+    let number_count = |tag: [u8; 4]| [FIELD, CORRELATION].iter().position(|t| *t == tag).map_or(0, |place| place + 1);
+    let place_of = |number: &u8| kept_numbers.iter().position(|k| *k == usize::from(*number));
     for block in layers.iter_mut().flat_map(|l| &mut l.content) {
         block.sections.retain_mut(|s| {
-            let own = s.bytes.iter_mut().take(numbers(s.tag));
-            own.map(|n| place_of(n).map(|place| *n = place as u8)).all(|found| found.is_some())
+            let field_numbers = s.bytes.iter_mut().take(number_count(s.tag));
+            field_numbers.map(|n| place_of(n).map(|place| *n = place as u8)).all(|place| place.is_some())
         });
-        block.sections.sort_by_key(|s| (s.tag, s.bytes.iter().take(numbers(s.tag)).copied().collect::<Vec<_>>()));
+        block.sections.sort_by_key(|s| (s.tag, s.bytes.iter().take(number_count(s.tag)).copied().collect::<Vec<_>>()));
     }
     Ok(())
 }
@@ -167,7 +168,7 @@ fn list<'a>(fields: impl Iterator<Item = &'a Quantity>) -> String {
 
 /// Parts must have the same fields.
 fn refuse_other_fields(a: &[Quantity], b: &[Quantity], first: &str, place: &str) -> Result<()> {
-    let lacks = |own: &[Quantity], q: &Quantity| own.iter().all(|o| o.name != q.name);
+    let lacks = |fields: &[Quantity], q: &Quantity| fields.iter().all(|o| o.name != q.name);
     let common: Vec<&Quantity> = a.iter().filter(|q| b.contains(q)).collect();
     let hint = match common.is_empty() {
         true => Hint::from("merge them without fields by ").option("fields", "none"),
@@ -176,13 +177,13 @@ fn refuse_other_fields(a: &[Quantity], b: &[Quantity], first: &str, place: &str)
     };
     let unit = |q: &Quantity| q.unit.as_ref().map_or("no unit".to_string(), |u| format!("unit `{}`", u.text));
     let weights = |q: &Quantity| if q.by_mass { "mass" } else { "number" };
-    let said = |q: &Quantity| format!("a {} with {}, weighted by {}", q.kind.name(), unit(q), weights(q));
+    let describe = |q: &Quantity| format!("a {} with {}, weighted by {}", q.kind.name(), unit(q), weights(q));
     let message = if let Some(q) = a.iter().find(|q| lacks(b, q)) {
         format!("the model has no field `{}`, which {first} has", q.name)
     } else if let Some(q) = b.iter().find(|q| lacks(a, q)) {
         format!("the model has the field `{}`, which {first} lacks", q.name)
     } else if let Some((p, q)) = a.iter().find_map(|p| b.iter().find(|q| p.name == q.name && p != *q).map(|q| (p, q))) {
-        format!("field `{}` is {}, but in {first} it is {}", q.name, said(q), said(p))
+        format!("field `{}` is {}, but in {first} it is {}", q.name, describe(q), describe(p))
     } else if a != b {
         format!("the fields are in another order than in {first}")
     } else {
@@ -194,7 +195,7 @@ fn refuse_other_fields(a: &[Quantity], b: &[Quantity], first: &str, place: &str)
 /// The first block of a file: they come in order.
 fn first_block(layers: &[CodedLayer], place: &str) -> Result<Option<FirstBlockKey>> {
     let Some((layer, block)) = layers.first().and_then(|l| Some((l, l.content.first()?))) else { return Ok(None) };
-    let header = BlockHeader::read(&block.bytes).map_err(|what| Error::corrupt(place, what))?;
+    let header = BlockHeader::read(&block.bytes).map_err(|message| Error::corrupt(place, message))?;
     Ok(Some((layer.name.clone(), order_key(&header), block.bytes.clone())))
 }
 
@@ -272,8 +273,8 @@ fn first(a: Option<Unit>, b: &Option<Unit>) -> Option<Unit> {
     if b.as_ref().map(|u| &u.text) < a.as_ref().map(|u| &u.text) { b.clone() } else { a }
 }
 
-/// What both texts begin with, then `*`; the text itself where they are the same. A `*` at an end is one that this put
-/// there.
+/// The common beginning of both texts, then `*`; the text itself where they are the same. A `*` at an end is one that
+/// this put there.
 fn common(a: &str, b: &str) -> String {
     if a == b {
         return a.to_string();
@@ -285,13 +286,14 @@ fn common(a: &str, b: &str) -> String {
 
 /// Names and masses of the species that share Gaussians.
 fn species(m: &Metadata) -> Option<String> {
-    let said = |s: &SharedSpecies| format!("{} (mass {})", s.name, s.mass.map_or("unknown".into(), |m| m.to_string()));
-    let all: Vec<String> = m.shared_species.iter().map(said).collect();
+    let describe =
+        |s: &SharedSpecies| format!("{} (mass {})", s.name, s.mass.map_or("unknown".into(), |m| m.to_string()));
+    let all: Vec<String> = m.shared_species.iter().map(describe).collect();
     (!all.is_empty()).then(|| all.join(", "))
 }
 
-/// What metadata says of the source's space and time, by name: what is compared of two files, and in words. Two texts of
-/// one size are one unit.
+/// Statements of metadata on the source's space and time, by name: for the comparison of two files, and in words. Two
+/// texts of one size are one unit.
 pub fn source_statements(m: &Metadata) -> Vec<(&'static str, [String; 2])> {
     fn said<T: ToString>(v: Option<T>) -> String {
         v.map_or_else(|| "not stated".to_string(), |v| v.to_string())
@@ -416,9 +418,9 @@ mod tests {
             let (a, b) = (merge(a).unwrap(), merge(b).unwrap());
             prop_assert_eq!(&merge(&[&b, &a]).unwrap(), &whole);
             prop_assert_eq!(&merge(&[&whole]).unwrap(), &whole);
-            let mut back = all.clone();
-            back.reverse();
-            prop_assert_eq!(merge(&back).unwrap(), whole);
+            let mut reversed = all.clone();
+            reversed.reverse();
+            prop_assert_eq!(merge(&reversed).unwrap(), whole);
         }
 
         #[test]
@@ -450,15 +452,15 @@ mod tests {
         let files = [model("dm", 3.0, 10, None), model("dm", 9.0, 20, None), model("gas", 5.0, 5, Some(2.5))]
             .map(|m| coded(&m));
         let merged = merge(&[&files[2], &files[0], &files[1]]).unwrap();
-        let back = decode(&merged, "merged").unwrap();
-        let m = &back.metadata;
+        let merged_model = decode(&merged, "merged").unwrap();
+        let m = &merged_model.metadata;
         assert_eq!((m.count, m.mass), (35, 32.5));
         assert_eq!((m.bounds.min, m.bounds.max), ([2.0; 3], [10.0; 3]));
         assert_eq!(m.default_radius, m.bounds.default_radius(35));
-        let made = "merge of: compress --target * --effort default --seed 0 --blocks *";
-        assert_eq!((&m.source[..], &m.recipe.to_string()[..]), ("snap.*", made));
+        let recipe_text = "merge of: compress --target * --effort default --seed 0 --blocks *";
+        assert_eq!((&m.source[..], &m.recipe.to_string()[..]), ("snap.*", recipe_text));
         assert_eq!(
-            back.layers.iter().map(|l| (&l.name[..], l.content.len())).collect::<Vec<_>>(),
+            merged_model.layers.iter().map(|l| (&l.name[..], l.content.len())).collect::<Vec<_>>(),
             [("dm", 2), ("gas", 1)]
         );
         assert_eq!(m.source_hash, blocks_hash(&crate::codec::coded_layers(&merged, "merged").unwrap()));
@@ -466,8 +468,8 @@ mod tests {
         let mut one = [model("dm", 3.0, 10, None), model("dm", 9.0, 20, None)];
         one[1].metadata.source_hash = one[0].metadata.source_hash;
         let [a, b] = one.each_ref().map(coded);
-        let kept = decode(&merge(&[&a, &b]).unwrap(), "merged").unwrap().metadata.source_hash;
-        assert_eq!(kept, one[0].metadata.source_hash);
+        let merged_hash = decode(&merge(&[&a, &b]).unwrap(), "merged").unwrap().metadata.source_hash;
+        assert_eq!(merged_hash, one[0].metadata.source_hash);
     }
 
     #[test]

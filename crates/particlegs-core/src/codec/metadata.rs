@@ -36,7 +36,7 @@ const SCALE_FACTOR: u8 = 25;
 const TIME: u8 = 26;
 const FRAME: u8 = 27;
 const STEP: u8 = 28;
-/// How fields are weighed.
+/// Traits of fields: weighted by mass, logarithmic, sums.
 const TRAITS: u8 = 32;
 const SPECIES: u8 = 33;
 const RECIPE: u8 = 40;
@@ -104,6 +104,7 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
         .iter()
         .map(|q| u8::from(q.by_mass) | u8::from(q.logarithmic) << 1 | u8::from(q.extensive) << 2)
         .collect();
+    // Fields of defaults are left out: a reader takes 0 for all where there are no traits (docs/format.md, section 2).
     if traits.iter().any(|t| *t > 0) {
         field(TRAITS, &traits);
     }
@@ -112,9 +113,10 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     }
     field(RECIPE, &recipe_text(&m.recipe));
     field(TOOL, text(&m.tool_version, TEXT));
+    // One entry stands for all layers where these agree (field 128).
     let alike = layers.windows(2).all(|w| w[0] == w[1]);
-    let told = if alike { &layers[..layers.len().min(1)] } else { layers };
-    field(MASSES, &told.iter().flat_map(mass_bytes).collect::<Vec<u8>>());
+    let masses = if alike { &layers[..layers.len().min(1)] } else { layers };
+    field(MASSES, &masses.iter().flat_map(mass_bytes).collect::<Vec<u8>>());
     out
 }
 
@@ -166,19 +168,22 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> 
     {
         return Err(SectionFault::Corrupt("count, mass, radius or opacity out of range".into()));
     }
-    let (all, own) = (quantities(need(QUANTITIES)?, &m.units)?, m.quantities(masses.iter().any(|m| m.is_weighted())));
-    if !all.starts_with(&own) {
+    // The list repeats positions and masses, which other fields imply; what follows these are the model's fields.
+    let (all, required) =
+        (quantities(need(QUANTITIES)?, &m.units)?, m.quantities(masses.iter().any(|m| m.is_weighted())));
+    if !all.starts_with(&required) {
         return Err(SectionFault::Corrupt(
             "the list of stored fields does not start with positions and, if there are any, masses".into(),
         ));
     }
-    m.fields = all[own.len()..].to_vec();
+    m.fields = all[required.len()..].to_vec();
     if let Some(traits) = get(TRAITS) {
         if traits.len() != m.fields.len() {
             let message = format!("the traits of {} fields are given, but there are {}", traits.len(), m.fields.len());
             return Err(SectionFault::Corrupt(message));
         }
         for (field, v) in m.fields.iter_mut().zip(traits) {
+            // Only scalars may be logarithmic or sums (section 2, field 32).
             if *v > 7 || (*v > 1 && matches!(field.kind, QuantityKind::Vector | QuantityKind::Category)) {
                 return Err(SectionFault::Corrupt(format!("the traits {v} of field `{}` are not known", field.name)));
             }
@@ -293,7 +298,7 @@ fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
     Ok(out)
 }
 
-/// Are the classes of categories called so, and side by side, 2 to 16 of each?
+/// Checks that the classes of categories are called so, and side by side, 2 to 16 of each.
 fn check_classes(all: &[Quantity]) -> Result<(), String> {
     let category = |q: &Quantity| q.class().map(|(category, _)| category.to_string());
     let mut before: Vec<String> = Vec::new();
@@ -388,11 +393,11 @@ pub(crate) fn difference(key: &[u8], frame: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// The fields of a frame: those that are given, and the keyframe's others.
-pub(crate) fn changed(key: &[u8], given: &[u8]) -> Result<Vec<u8>, SectionFault> {
-    let given = fields(given)?;
+pub(crate) fn changed(key: &[u8], change: &[u8]) -> Result<Vec<u8>, SectionFault> {
+    let changes = fields(change)?;
     let mut all = fields(key)?;
-    all.retain(|f| given.iter().all(|g| g.0 != f.0));
-    all.extend(given);
+    all.retain(|f| changes.iter().all(|g| g.0 != f.0));
+    all.extend(changes);
     all.sort_by_key(|f| f.0);
     Ok(joined(all.into_iter()))
 }
@@ -627,16 +632,16 @@ mod tests {
             recipe,
             ..Metadata::new(LawKind::OpticalDepth, 8, Bounds { min: [0.0; 3], max: [1.0; 3] })
         };
-        let back = |section: &[u8]| read(section).ok().unwrap().0.recipe;
+        let recipe_of = |section: &[u8]| read(section).ok().unwrap().0.recipe;
         let some = Recipe { target: Target::Ratio(0.1), seed: u64::MAX, ..Recipe::default() };
         let long = Recipe { read: [("species".into(), "x".repeat(RECIPE_TEXT))].into(), ..some.clone() };
         for (recipe, expected) in [(some.clone(), some.clone()), (long, Recipe::unknown())] {
-            assert_eq!(back(&write(&with(recipe), &[Mass::Unknown])), expected);
+            assert_eq!(recipe_of(&write(&with(recipe), &[Mass::Unknown])), expected);
         }
         let mut section = write(&with(some), &[Mass::Unknown]);
         let at = section.windows(7).position(|w| w == b"default").unwrap();
         section[at] = b'D';
-        assert_eq!(back(&section), Recipe::unknown());
+        assert_eq!(recipe_of(&section), Recipe::unknown());
     }
 
     #[test]

@@ -29,7 +29,7 @@ pub(super) struct ChangeModels {
     numbers: Vec<Residual<16>>,
 }
 
-/// What a number's model follows from.
+/// Context that a number's model follows from.
 #[derive(Clone, Copy)]
 pub(super) struct NumberContext {
     /// Steps of other numbers.
@@ -66,8 +66,8 @@ impl ChangeModels {
     }
 }
 
-/// What is left of a value, in steps that lead no further than `most`: values next to none are none, as they cost more than
-/// they gain.
+/// A value in whole steps that lead no further than `most`: values next to none are none, as they cost more than they
+/// gain.
 pub(super) fn in_steps(value: f64, step: f64, most: f64) -> i32 {
     const DEAD: f64 = 0.2;
     let v = value / step;

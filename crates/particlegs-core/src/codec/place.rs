@@ -25,7 +25,7 @@ struct TrellisPath {
     error: [f64; 3],
 }
 
-/// How a state was reached: the state before, and the index.
+/// Steps into each state: the state before, and the index.
 type TrellisStep = [(u8, i64); STATES];
 
 /// Levels, and quarter levels of the places of least total error (Viterbi).
@@ -35,21 +35,21 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> PlacementT
     let mut steps: Vec<TrellisStep> = Vec::with_capacity(3 * WINDOW.min(count));
     for start in (0..count).step_by(WINDOW) {
         let end = count.min(start + WINDOW);
-        let mut ways = [TrellisPath { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
-        ways[state.number()].cost = 0.0;
+        let mut paths = [TrellisPath { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
+        paths[state.number()].cost = 0.0;
         steps.clear();
         for i in start..end {
             let target = target(i);
             out[i][0] = target.levels;
             for axis in 0..3 {
                 if target.levels[axis] > 1 {
-                    steps.push(choose(&mut ways, &target, axis));
+                    steps.push(choose(&mut paths, &target, axis));
                 } else {
-                    ways.iter_mut().for_each(|way| way.add(axis, &target, 0.5));
+                    paths.iter_mut().for_each(|path| path.add(axis, &target, 0.5));
                 }
             }
         }
-        let best = (0..STATES).min_by(|&a, &b| ways[a].cost.total_cmp(&ways[b].cost)).unwrap_or(0);
+        let best = (0..STATES).min_by(|&a, &b| paths[a].cost.total_cmp(&paths[b].cost)).unwrap_or(0);
         state = TrellisState::from_number(best);
         let mut s = best;
         for i in (start..end).rev() {
@@ -66,29 +66,29 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> PlacementT
 }
 
 /// Codes one axis: the cheapest way into each state.
-fn choose(ways: &mut [TrellisPath; STATES], target: &PlacementTarget, axis: usize) -> TrellisStep {
+fn choose(paths: &mut [TrellisPath; STATES], target: &PlacementTarget, axis: usize) -> TrellisStep {
     let mut next = [TrellisPath { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
     let mut step: TrellisStep = [(0, 0); STATES];
     let range = [0, target.levels[axis] as i64 - 1];
     for s in 0..STATES {
-        let way = ways[s];
-        if way.cost == f64::INFINITY {
+        let path = paths[s];
+        if path.cost == f64::INFINITY {
             continue;
         }
         let lattice = 0.25 + 0.5 * (s & 1) as f64;
-        let wanted = way.wanted(axis, target);
+        let wanted = path.wanted(axis, target);
         for parity in 0..2 {
             let Some(index) = nearest(wanted - lattice, parity, range) else { continue };
-            let mut through = way;
-            through.add(axis, target, index as f64 + lattice);
+            let mut candidate = path;
+            candidate.add(axis, target, index as f64 + lattice);
             let to = usize::from(NEXT[s][parity as usize]);
-            if through.cost < next[to].cost {
-                next[to] = through;
+            if candidate.cost < next[to].cost {
+                next[to] = candidate;
                 step[to] = (s as u8, index);
             }
         }
     }
-    *ways = next;
+    *paths = next;
     step
 }
 
@@ -96,12 +96,12 @@ impl TrellisPath {
     /// The place on an axis that leaves no error in the widths of the Gaussian, those of earlier axes given.
     fn wanted(&self, axis: usize, target: &PlacementTarget) -> f64 {
         let [a, b, _] = self.error;
-        let moved = match axis {
+        let shift = match axis {
             0 => 0.0,
             1 => target.moves[0] * a,
             _ => target.moves[1] * a + target.moves[2] * b,
         };
-        target.place[axis] + moved
+        target.place[axis] + shift
     }
 
     fn add(&mut self, axis: usize, target: &PlacementTarget, place: f64) {

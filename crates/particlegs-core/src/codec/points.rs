@@ -31,22 +31,23 @@ impl CodedPoints {
     pub fn new(points: &[Vec<f64>; 3], bounds: &Bounds, step: f64) -> CodedPoints {
         let tree = Tree::build(points, bounds);
         let lattice = Lattice { bounds, extent: bounds.extent(), step };
-        let mut above = RansWriter::default();
+        let mut trunk_writer = RansWriter::default();
         let (mut splits, mut lows) = (Splits::new(), tree.trunk.iter());
         let trunk = segments(tree.order.len() as u32, lattice.extent, |node, _, _| {
-            splits.code(&mut above, node, lows.next().copied().unwrap_or(0))
+            splits.code(&mut trunk_writer, node, lows.next().copied().unwrap_or(0))
         });
         debug_assert!(trunk.is_ok(), "splits are those of the tree");
         let starts = tree.lengths().into_iter().scan(0, |next, n| Some(std::mem::replace(next, *next + n)));
         let parts = parallel::map(tree.segments.iter().zip(starts), |(segment, start)| {
-            let mut recorder = RansWriter::default();
+            let mut writer = RansWriter::default();
             let mut position: [Vec<f64>; 3] = Default::default();
-            let of = |at: usize| each_axis(|k| points[k][tree.order[start + at] as usize]);
-            let walked = lattice.walk(&mut recorder, segment, of, |p| (0..3).for_each(|k| position[k].push(p[k])));
-            debug_assert!(walked.is_ok(), "splits are those of the tree");
-            (recorder.finish().len(), position)
+            let point_of = |at: usize| each_axis(|k| points[k][tree.order[start + at] as usize]);
+            let walk_result =
+                lattice.walk(&mut writer, segment, point_of, |p| (0..3).for_each(|k| position[k].push(p[k])));
+            debug_assert!(walk_result.is_ok(), "splits are those of the tree");
+            (writer.finish().len(), position)
         });
-        let bytes = HEAD_BYTES + above.finish().len() + parts.iter().map(|p| LENGTH_BYTES + p.0).sum::<usize>();
+        let bytes = HEAD_BYTES + trunk_writer.finish().len() + parts.iter().map(|p| LENGTH_BYTES + p.0).sum::<usize>();
         let mut position: [Vec<f64>; 3] = Default::default();
         for (_, part) in parts {
             position.iter_mut().zip(part).for_each(|(all, part)| all.extend(part));
@@ -62,8 +63,8 @@ struct Lattice<'a> {
 }
 
 impl Lattice<'_> {
-    /// A segment's splits and places; `sink` gets each point as a reader has it. What a reader reads, a writer takes
-    /// from the segment's splits and from `point`.
+    /// A segment's splits and places; `sink` gets each point as a reader has it. A writer takes from the segment's
+    /// splits and from `point` what a reader reads.
     fn walk(
         &self,
         c: &mut impl Coder,
@@ -127,8 +128,8 @@ mod tests {
             assert_eq!(coded.position[2].len(), points[2].len());
             for (at, &i) in tree.order.iter().enumerate() {
                 for k in 0..3 {
-                    let off = (coded.position[k][at] - points[k][i as usize]).abs();
-                    assert!(off <= 0.5 * step * (1.0 + 1e-9), "{off}");
+                    let difference = (coded.position[k][at] - points[k][i as usize]).abs();
+                    assert!(difference <= 0.5 * step * (1.0 + 1e-9), "{difference}");
                 }
             }
         }
@@ -140,15 +141,15 @@ mod tests {
         let (points, bounds) = (clumps(5000), Bounds { min: [0.0; 3], max: [50.0; 3] });
         let tree = Tree::build(&points, &bounds);
         let lattice = Lattice { bounds: &bounds, extent: bounds.extent(), step: 0.04 };
-        let mut recorder = RansWriter::default();
+        let mut writer = RansWriter::default();
         let mut written = Vec::new();
-        let of = |at: usize| each_axis(|k| points[k][tree.order[at] as usize]);
-        assert!(lattice.walk(&mut recorder, &tree.segments[0], of, |p| written.push(p)).is_ok());
-        let stream = recorder.finish();
+        let point_of = |at: usize| each_axis(|k| points[k][tree.order[at] as usize]);
+        assert!(lattice.walk(&mut writer, &tree.segments[0], point_of, |p| written.push(p)).is_ok());
+        let stream = writer.finish();
         let blank = Segment { nodes: vec![SplitNode::root(5000)], splits: Vec::new() };
-        let (mut player, mut read) = (RansReader::new(&stream).unwrap(), Vec::new());
-        assert!(lattice.walk(&mut player, &blank, |_| [0.0; 3], |p| read.push(p)).is_ok());
-        assert!(player.finished() && read == written);
+        let (mut reader, mut decoded) = (RansReader::new(&stream).unwrap(), Vec::new());
+        assert!(lattice.walk(&mut reader, &blank, |_| [0.0; 3], |p| decoded.push(p)).is_ok());
+        assert!(reader.finished() && decoded == written);
         // Less than evenly spread points of that precision take: log2(cells / n) + log2(e) bits.
         let even = (1250f64.powi(3) / 5000.0).log2() + std::f64::consts::LOG2_E;
         let bits = 8.0 * stream.len() as f64 / 5000.0;

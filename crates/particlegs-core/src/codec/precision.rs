@@ -1,4 +1,4 @@
-//! How finely a block's numbers are kept.
+//! The precision of a block's numbers.
 
 /// Quantisation steps; rate control scales them together ([`Precision::scaled`]).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -13,7 +13,7 @@ pub struct Precision {
     pub count: f64,
     /// Step of ln (mass / count), where particles have weights; of ln grey in the alpha-blend law.
     pub mass: f64,
-    /// How steeply the steps of position and shape fall with count / radius: a Gaussian's step is
+    /// Power by which the steps of position and shape fall with count / radius: a Gaussian's step is
     /// the above times (count / radius)^-importance, 1 for a middling Gaussian; in the alpha-blend
     /// law times (depth radius)^-importance.
     pub importance: f64,

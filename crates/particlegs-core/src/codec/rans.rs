@@ -1,19 +1,19 @@
 //! The entropy coder: rANS with 32-bit states, 16-bit words, 15-bit probabilities, two states in
-//! turn (docs/format.md, section 7).
+//! turn (docs/format.md, section 8).
 
 pub(crate) const PROBABILITY_BITS: u32 = 15;
 const LOW: u32 = 1 << 16;
 
-/// What a value is coded with: the encoder records, the decoder reads. One walk over the content
+/// An encoder or decoder of values: the encoder records, the decoder reads. One walk over the content
 /// serves both, so that they cannot differ.
 pub(crate) trait Coder {
-    /// What the decoder's next interval holds; the encoder has its value instead.
+    /// The slot that the decoder's next interval holds; the encoder has its value instead.
     fn slot(&self) -> Option<u32>;
 
     /// Codes the interval from `start` of `size`; the decoder's holds its slot.
     fn interval(&mut self, start: u32, size: u32);
 
-    /// Has more been read than there is? (What is written has no end.)
+    /// Whether more has been read than there is. (A writer has no end.)
     fn exhausted(&self) -> bool {
         false
     }
@@ -84,7 +84,7 @@ fn inverse(n: u32) -> u64 {
 #[derive(Default)]
 pub(crate) struct RansWriter {
     intervals: Vec<(u16, u16)>,
-    /// Where each level of a walk ends.
+    /// Ends of the levels of a walk, in intervals.
     levels: Vec<usize>,
 }
 
@@ -112,7 +112,7 @@ impl RansWriter {
         self.intervals.iter().map(|i| f64::from(PROBABILITY_BITS) - libm::log2(f64::from(i.1))).sum()
     }
 
-    /// How much was recorded by the end of each level.
+    /// Number of intervals that were recorded by the end of each level.
     pub(crate) fn levels(&self) -> &[usize] {
         &self.levels
     }
@@ -167,12 +167,12 @@ impl<'a> RansReader<'a> {
         sound.then_some(RansReader { words, next: 0, states })
     }
 
-    /// Are both states where the encoder began?
+    /// Whether both states are where the encoder began.
     pub(crate) fn finished(&self) -> bool {
         !self.exhausted() && self.states == [LOW; 2]
     }
 
-    /// What has not been read.
+    /// The rest, which has not been read.
     pub(crate) fn rest(&self) -> &'a [u8] {
         self.words.get(self.next..).unwrap_or(&[])
     }
@@ -228,25 +228,25 @@ mod tests {
                 (n, (r.uniform() * f64::from(n)) as u32)
             })
             .collect();
-        let mut recorder = RansWriter::default();
-        walk(&mut recorder, &values);
+        let mut writer = RansWriter::default();
+        walk(&mut writer, &values);
         let entropy: f64 = values.iter().map(|v| f64::from(v.0).log2()).sum::<f64>() / 8.0;
-        let stream = recorder.finish();
+        let stream = writer.finish();
         assert!((stream.len() as f64) < entropy * 1.002 + 16.0, "{} bytes for {entropy}", stream.len());
-        let mut player = RansReader::new(&stream).unwrap();
+        let mut reader = RansReader::new(&stream).unwrap();
         let blank: Vec<(u32, u32)> = values.iter().map(|v| (v.0, 0)).collect();
-        assert_eq!(walk(&mut player, &blank), values.iter().map(|v| v.1).collect::<Vec<_>>());
-        assert!(player.finished() && player.rest().is_empty());
+        assert_eq!(walk(&mut reader, &blank), values.iter().map(|v| v.1).collect::<Vec<_>>());
+        assert!(reader.finished() && reader.rest().is_empty());
     }
 
     #[test]
     fn a_short_stream_is_noticed() {
-        let mut recorder = RansWriter::default();
-        walk(&mut recorder, &[(1000, 7); 500]);
-        let stream = recorder.finish();
-        let mut player = RansReader::new(&stream[..stream.len() - 2]).unwrap();
-        walk(&mut player, &[(1000, 0); 500]);
-        assert!(player.exhausted() && !player.finished());
+        let mut writer = RansWriter::default();
+        walk(&mut writer, &[(1000, 7); 500]);
+        let stream = writer.finish();
+        let mut reader = RansReader::new(&stream[..stream.len() - 2]).unwrap();
+        walk(&mut reader, &[(1000, 0); 500]);
+        assert!(reader.exhausted() && !reader.finished());
         assert!(RansReader::new(&stream[..7]).is_none() && RansReader::new(&[0; 8]).is_none());
     }
 }

@@ -1,4 +1,4 @@
-//! What a file keeps that its reader does not know, and what is read of one that ends early.
+//! Sections that a file keeps though its reader does not know them, and files that end early.
 
 use super::container::{self, BLOCK, LAYER, META, STAGE, Section, Tag};
 use super::{
@@ -99,16 +99,16 @@ fn unknown_sections_in_every_place_are_read_and_survive_merging() {
             let info = read_info(&other, "m").unwrap();
             assert_eq!(info.other_sections, [(tag.escape_ascii().to_string(), 15)]);
             let merged = merged(&[&other]);
-            let kept: Vec<_> = sections(&merged).into_iter().filter(|s| s.tag == tag).collect();
-            assert_eq!(kept.len(), 1, "{at}");
-            assert_eq!((kept[0].block, kept[0].bytes), (block, &b"what is to come"[..]));
+            let copies: Vec<_> = sections(&merged).into_iter().filter(|s| s.tag == tag).collect();
+            assert_eq!(copies.len(), 1, "{at}");
+            assert_eq!((copies[0].block, copies[0].bytes), (block, &b"what is to come"[..]));
         }
     }
 }
 
 #[test]
 fn sections_move_with_their_blocks_when_files_are_merged() {
-    let of = |corner: f64, content: &[u8]| {
+    let file_at = |corner: f64, content: &[u8]| {
         let block = block(30, corner, false);
         let metadata = Metadata::new(LawKind::OpticalDepth, block.count, block.bounds);
         let coded = Encoder::new(&block).unwrap().encode(&Precision::BALANCED);
@@ -117,7 +117,7 @@ fn sections_move_with_their_blocks_when_files_are_merged() {
             Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![StoredBlock { bytes: coded, sections }] };
         assemble(&metadata, None, vec![layer]).unwrap()
     };
-    let (a, b) = (of(50.0, b"right"), of(0.0, b"left"));
+    let (a, b) = (file_at(50.0, b"right"), file_at(0.0, b"left"));
     let merged_file = merged(&[&a, &b]);
     assert_eq!(merged_file, merged(&[&b, &a]));
     let layers = coded_layers(&merged_file, "m").unwrap();
@@ -209,8 +209,8 @@ fn an_open_file_is_read_up_to_its_last_whole_section() {
     let mut particles = 0;
     for window in ends.windows(2) {
         let cut = &opened[..window[0]];
-        let there = sections(cut);
-        let blocks = there.iter().filter(|s| s.tag == BLOCK).count();
+        let cut_sections = sections(cut);
+        let blocks = cut_sections.iter().filter(|s| s.tag == BLOCK).count();
         if blocks == 0 {
             assert!(matches!(decode(cut, "m"), Err(Error::Corrupt { .. })));
             continue;
@@ -243,10 +243,10 @@ fn a_block_cut_anywhere_is_a_mixture_of_all_its_particles() {
         let coded = Encoder::new(&block).unwrap().encode(&Precision::BALANCED);
         let whole = decode_block(&coded, "b").unwrap();
         let step = coded.len() / 400 + 1;
-        let (mut least, mut read) = (1, 0);
+        let (mut least, mut decoded_parts) = (1, 0);
         for n in (0..coded.len()).step_by(step) {
             let Ok(part) = decode_prefix(&coded[..n], "b") else { continue };
-            read += 1;
+            decoded_parts += 1;
             assert_eq!(part.gaussians.count.iter().sum::<f64>(), block.count as f64);
             if let Some(mass) = part.gaussians.masses() {
                 assert!((mass.iter().sum::<f64>() / block.mass - 1.0).abs() < 1e-12);
@@ -254,7 +254,7 @@ fn a_block_cut_anywhere_is_a_mixture_of_all_its_particles() {
             assert!(part.gaussians.len() >= least, "{n}");
             least = part.gaussians.len();
         }
-        assert!(read > 300, "{read}");
+        assert!(decoded_parts > 300, "{decoded_parts}");
         assert_eq!(least, block.gaussians.len());
         assert_eq!(decode_prefix(&coded, "b").unwrap(), whole);
     }

@@ -1,4 +1,4 @@
-//! Series of models: an index, then a file for each frame: a model, or what changes from the frame before
+//! Series of models: an index, then a file for each frame: a model, or the changes from the frame before
 //! (docs/format.md, section 16).
 
 use super::change::{FrameStep, TrackedBlock};
@@ -34,23 +34,23 @@ pub const INDEX_FROM: usize = HEAD_BYTES + SECTION_BYTES;
 /// Bytes of the recipe at most.
 const RECIPE_TEXT: usize = 16_384;
 
-/// What there is of a frame.
+/// The coding of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameCoding {
     /// Nothing: a gap.
     Missing,
     /// A model.
     Keyframe,
-    /// What changes from the frame before.
+    /// Changes from the frame before.
     Change,
 }
 
 /// A frame of a series that is put together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodedFrame {
-    /// What the clock shows.
+    /// Reading of the clock.
     pub time: f64,
-    /// A keyframe?
+    /// Whether it is a keyframe.
     pub keyframe: bool,
     /// A model file, or what [`TrackedModel::change_file`] gives.
     pub bytes: Vec<u8>,
@@ -59,9 +59,9 @@ pub struct CodedFrame {
 /// A frame in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameEntry {
-    /// What there is of it.
+    /// Its coding.
     pub kind: FrameCoding,
-    /// What the clock shows; 0 of a gap.
+    /// Reading of the clock; 0 of a gap.
     pub time: f64,
     /// Its bytes in the file.
     pub place: Range<usize>,
@@ -80,38 +80,38 @@ pub struct SeriesFile<'a> {
     place: String,
     /// The frames' own bytes; `None` of gaps, and of frames that are not loaded.
     files: Vec<Option<Cow<'a, [u8]>>>,
-    /// What the clock tells.
+    /// The clock.
     pub clock: SeriesClock,
     /// The frames.
     pub frames: Vec<FrameEntry>,
-    /// How the series was made, as JSON; empty where that is not known.
+    /// The recipe of the series, as JSON; empty where that is not known.
     pub recipe: String,
 }
 
-/// What the recipe of a series says of its frames; other programs may say less.
+/// Statements of a series' recipe on its frames; other programs may say less.
 #[derive(serde::Deserialize)]
 struct SeriesRecipe {
     model: Option<Recipe>,
     keyframe_interval: Option<usize>,
     certificate: Option<String>,
-    /// Are the frames those of one trajectory, whose numbers rise?
+    /// Whether the frames are those of one trajectory, whose numbers rise.
     #[serde(default)]
     trajectory: bool,
 }
 
 impl SeriesRecipe {
-    /// Is the frame made so, as number `group` from its keyframe on, which is the first?
+    /// Checks that the frame was made so, as number `group` from its keyframe on, which is the first.
     fn check(&self, frame: &TrackedModel, group: usize) -> std::result::Result<(), String> {
         // Blocks are as a frame needs them, and species of a series never share Gaussians.
-        let asked = |recipe: &Recipe| {
-            let mut asked = Recipe { blocks: 1, ..recipe.clone() };
-            asked.read.remove("share-gaussians");
-            asked
+        let comparable = |recipe: &Recipe| {
+            let mut copy = Recipe { blocks: 1, ..recipe.clone() };
+            copy.read.remove("share-gaussians");
+            copy
         };
-        let made = asked(&frame.metadata.recipe);
-        let model = self.model.as_ref().map(asked).filter(|model| *model != made && made.differing.is_empty());
+        let recipe = comparable(&frame.metadata.recipe);
+        let model = self.model.as_ref().map(comparable).filter(|model| *model != recipe && recipe.differing.is_empty());
         if let Some(model) = model {
-            return Err(format!("it was made by `{made}`, but the series says `{model}`"));
+            return Err(format!("it was made by `{recipe}`, but the series says `{model}`"));
         }
         if let Some(interval) = self.keyframe_interval.filter(|interval| group > *interval) {
             return Err(format!("it is frame {group} from its keyframe on, but the series has one every {interval}"));
@@ -128,7 +128,7 @@ impl SeriesRecipe {
 /// A decoded frame with what is known of its Gaussians' motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackedModel {
-    /// What the clock shows.
+    /// Reading of the clock.
     pub time: f64,
     /// Metadata.
     pub metadata: Metadata,
@@ -175,14 +175,14 @@ pub fn assemble_series(clock: SeriesClock, recipe: &str, frames: &[Option<CodedF
 impl<'a> SeriesFile<'a> {
     /// Reads the index, and checks it and every checksum.
     pub fn read(bytes: &'a [u8], place: &str) -> Result<SeriesFile<'a>> {
-        let corrupt = |what: String| Error::corrupt(place, what);
+        let corrupt = |message: String| Error::corrupt(place, message);
         let sections = container::read(SERIES, bytes, place)?.sections;
         let mut sections = sections.into_iter();
         let index = sections.next().filter(|s| s.tag == FRAME_INDEX);
         let index = index.ok_or_else(|| corrupt("the file does not begin with an index of frames".into()))?;
         let (clock, frames) = frame_entries(index.bytes).map_err(corrupt)?;
         let mut recipe = String::new();
-        let mut there = frames.iter().filter(|f| f.kind != FrameCoding::Missing);
+        let mut present_frames = frames.iter().filter(|f| f.kind != FrameCoding::Missing);
         for section in sections {
             match section.tag {
                 SERIES_RECIPE if section.bytes.len() > RECIPE_TEXT || !recipe.is_empty() => {
@@ -191,15 +191,15 @@ impl<'a> SeriesFile<'a> {
                 SERIES_RECIPE => recipe = String::from_utf8_lossy(section.bytes).into_owned(),
                 FRAME => {
                     let start = section.offset + SECTION_BYTES;
-                    let own = start..start + section.bytes.len();
-                    if there.next().map(|f| &f.place) != Some(&own) {
+                    let range = start..start + section.bytes.len();
+                    if present_frames.next().map(|f| &f.place) != Some(&range) {
                         return Err(corrupt("the index of frames does not match the frames".into()));
                     }
                 }
                 _ => {}
             }
         }
-        if there.next().is_some() {
+        if present_frames.next().is_some() {
             return Err(corrupt("a frame of the index is missing".into()));
         }
         let files = frames.iter().map(|f| f.there().and_then(|place| bytes.get(place)).map(Cow::Borrowed)).collect();
@@ -213,7 +213,7 @@ impl<'a> SeriesFile<'a> {
         SeriesFile { place, files, clock, frames, recipe }
     }
 
-    /// Where the index of a series ends that begins with `head`, of at least [`INDEX_FROM`] bytes.
+    /// End of the index of a series that begins with `head`, of at least [`INDEX_FROM`] bytes.
     pub fn index_end(head: &[u8], place: &str) -> Result<usize> {
         container::promised_length(head, place)?;
         let end = head.get(..INDEX_FROM).and_then(|head| container::section_end(head, HEAD_BYTES));
@@ -226,14 +226,14 @@ impl<'a> SeriesFile<'a> {
     /// Reads the index from the first bytes of a file, up to [`SeriesFile::index_end`] or more, and takes the frames that
     /// lie whole among them. The others come by [`SeriesFile::add_frame`]. The recipe is left out.
     pub fn read_start(bytes: &[u8], place: &str) -> Result<SeriesFile<'static>> {
-        let corrupt = |what: String| Error::corrupt(place, what);
+        let corrupt = |message: String| Error::corrupt(place, message);
         SeriesFile::index_end(bytes, place)?;
         let index = container::section(bytes, HEAD_BYTES).map_err(corrupt)?;
         if index.tag != FRAME_INDEX {
             return Err(corrupt("the file does not begin with an index of frames".into()));
         }
         let (clock, frames) = frame_entries(index.bytes).map_err(corrupt)?;
-        let file = |f: &FrameEntry| bytes.get(f.there()?).map(|own| Cow::Owned(own.to_vec()));
+        let file = |f: &FrameEntry| bytes.get(f.there()?).map(|part| Cow::Owned(part.to_vec()));
         Ok(SeriesFile {
             place: place.into(),
             files: frames.iter().map(file).collect(),
@@ -273,14 +273,15 @@ impl<'a> SeriesFile<'a> {
         }
     }
 
-    /// What was measured of a frame, if it was.
+    /// The certificate of a frame, if it was measured.
     pub fn certificate(&self, frame: usize) -> Result<Option<Certificate>> {
         let bytes = self.frame_bytes(frame)?;
         let kind = if self.frames[frame].kind == FrameCoding::Keyframe { container::MODEL } else { CHANGE };
         let sections = container::read(kind, bytes, &self.name(frame))?.sections;
-        let own = sections.iter().find(|s| s.tag == CERTIFICATE);
-        let read = own.map(|s| certificate::read(s.bytes).map_err(|what| Error::corrupt(self.name(frame), what)));
-        read.transpose()
+        let section = sections.iter().find(|s| s.tag == CERTIFICATE);
+        let certificate =
+            section.map(|s| certificate::read(s.bytes).map_err(|message| Error::corrupt(self.name(frame), message)));
+        certificate.transpose()
     }
 
     /// The keyframe that a frame is decoded from.
@@ -333,10 +334,11 @@ impl<'a> SeriesFile<'a> {
         for number in self.there() {
             context.check()?;
             let entry = &self.frames[number];
-            let wrong = |what: String| Error::corrupt(self.name(number), what);
+            let wrong = |message: String| Error::corrupt(self.name(number), message);
             let frame = decoder.frame(number, context)?;
             let metadata = &frame.metadata;
             let stated = SeriesClock::of(metadata);
+            // The first frame decides on the clock; of later ones it is enough that they have its number.
             if before.is_none() && stated != self.clock {
                 let [index, stated] = [self.clock, stated].map(SeriesClock::name);
                 return Err(wrong(format!(
@@ -354,6 +356,7 @@ impl<'a> SeriesFile<'a> {
                 if let Some(difference) = before.difference_to_next(metadata) {
                     return Err(wrong(difference));
                 }
+                // Numbers of frames rise only where all are of one trajectory.
                 let by_number = recipe.as_ref().is_some_and(|r| r.trajectory);
                 let [then, now] = [before, metadata].map(|m| m.epoch.frame.filter(|_| by_number));
                 if let Some((then, now)) = then.zip(now).filter(|(then, now)| now <= then) {
@@ -371,11 +374,11 @@ impl<'a> SeriesFile<'a> {
 
     /// The recipe, where there is one.
     fn series_recipe(&self) -> Result<Option<SeriesRecipe>> {
-        let read = |text: &str| {
+        let parse = |text: &str| {
             let wrong = |e: serde_json::Error| Error::corrupt(&self.place, format!("the recipe of the series: {e}"));
             serde_json::from_str(text).map_err(wrong)
         };
-        Some(&self.recipe[..]).filter(|text| !text.is_empty()).map(read).transpose()
+        Some(&self.recipe[..]).filter(|text| !text.is_empty()).map(parse).transpose()
     }
 
     /// The number of its first frame, which is a keyframe.
@@ -401,7 +404,7 @@ impl<'a> SeriesFile<'a> {
         self.clock.moment(text, &units, &cosmology)
     }
 
-    /// What the clock shows at a time, as text that says whether a model is interpolated there.
+    /// Reading of the clock at a time, as text that says whether a model is interpolated there.
     pub fn moment_text(&self, time: f64, units: &Units) -> String {
         let between = if self.frame_at(time).is_some() { "" } else { " (interpolated)" };
         self.clock.text(time, units) + between
@@ -409,8 +412,8 @@ impl<'a> SeriesFile<'a> {
 
     /// The frame of a time of the clock, which may differ by a millionth.
     pub fn frame_at(&self, time: f64) -> Option<usize> {
-        let off = |i: &usize| (self.frames[*i].time - time).abs();
-        self.there().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|i| off(i) <= 1e-6 * time.abs())
+        let distance = |i: &usize| (self.frames[*i].time - time).abs();
+        self.there().min_by(|a, b| distance(a).total_cmp(&distance(b))).filter(|i| distance(i) <= 1e-6 * time.abs())
     }
 }
 
@@ -460,8 +463,8 @@ impl<'a> SeriesDecoder<'a> {
     fn decoded(&self, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
         let series = &self.series;
         let key = series.keyframe(frame)?;
-        let lately = self.last.iter().filter(|(number, _)| (key..frame).contains(number)).max_by_key(|l| l.0);
-        let (from, mut model) = match lately {
+        let last_decoded = self.last.iter().filter(|(number, _)| (key..frame).contains(number)).max_by_key(|l| l.0);
+        let (from, mut model) = match last_decoded {
             Some((number, model)) => (*number, model.clone()),
             None => {
                 let time = series.frames[key].time;
@@ -481,11 +484,11 @@ impl<'a> SeriesDecoder<'a> {
         if let Some(frame) = series.frame_at(time) {
             return Ok(self.frame(frame, context)?.clone().into_model());
         }
-        let there = |f: &FrameEntry| f.kind != FrameCoding::Missing;
-        let before = series.frames.iter().rposition(|f| there(f) && f.time < time);
-        let after = series.frames.iter().position(|f| there(f) && f.time > time);
+        let is_present = |f: &FrameEntry| f.kind != FrameCoding::Missing;
+        let before = series.frames.iter().rposition(|f| is_present(f) && f.time < time);
+        let after = series.frames.iter().position(|f| is_present(f) && f.time > time);
         let (Some(before), Some(after)) = (before, after) else {
-            let times: Vec<f64> = series.frames.iter().filter(|f| there(f)).map(|f| f.time).collect();
+            let times: Vec<f64> = series.frames.iter().filter(|f| is_present(f)).map(|f| f.time).collect();
             let [first, last] = [times.first(), times.last()].map(|t| t.copied().unwrap_or_default());
             let clock = series.clock.name();
             let message = format!("{clock} {time} is not within the series, which goes from {first} to {last}");
@@ -638,21 +641,22 @@ impl TrackedModel {
         sections.extend(certificate.iter().map(|c| Section::new(CERTIFICATE, None, c)));
         let numbered = || blocks.iter().zip(0u32..);
         sections.extend(numbered().map(|((bytes, _), number)| Section::new(BLOCK_CHANGE, Some(number), bytes)));
-        for ((_, own), number) in numbered() {
-            sections.extend(own.iter().map(|s| Section::new(s.tag, Some(number), &s.bytes)));
+        for ((_, attached), number) in numbered() {
+            sections.extend(attached.iter().map(|s| Section::new(s.tag, Some(number), &s.bytes)));
         }
         Some(container::write(CHANGE, &sections, false))
     }
 
     /// The next frame, of a file of changes.
     pub fn next(&self, bytes: &[u8], time: f64, place: &str) -> Result<TrackedModel> {
-        let corrupt = |what: String| Error::corrupt(place, what);
+        let corrupt = |message: String| Error::corrupt(place, message);
         let fault = |fault: SectionFault| match fault {
-            SectionFault::Corrupt(what) => corrupt(what),
-            SectionFault::Unknown(what) => Error::Compatibility { place: place.into(), what },
+            SectionFault::Corrupt(message) => corrupt(message),
+            SectionFault::Unknown(message) => Error::Compatibility { place: place.into(), what: message },
         };
         let sections = container::read(CHANGE, bytes, place)?.sections;
         let first = sections.first().ok_or_else(|| corrupt("a frame has no metadata".into()))?;
+        // A change has the fields that differ from the keyframe's, not from those of the frame before (section 16).
         let whole = metadata::changed(&self.key, first.bytes).map_err(fault)?;
         let (metadata, masses) = metadata::read(&whole).map_err(fault)?;
         let certificate = sections.iter().find(|s| s.tag == CERTIFICATE);
@@ -660,7 +664,8 @@ impl TrackedModel {
         let masses = metadata::of_layers(&masses, self.layers.len(), false)
             .ok_or_else(|| corrupt("the number of masses differs from the number of layers".into()))?;
         let step = FrameStep { cells: [self.metadata.cell, metadata.cell], elapsed: time - self.time };
-        let at = |number: u32, what: String| corrupt(format!("block {number}: {what}"));
+        let at = |number: u32, message: String| corrupt(format!("block {number}: {message}"));
+        // Every block has one change, in the order of the keyframe, even where nothing in it moves.
         let mut changes = sections.iter().filter(|s| s.tag == BLOCK_CHANGE);
         let blocks = self.layers.iter().flat_map(|l| &l.content).zip(0u32..).map(|(block, number)| {
             let change = changes.next().filter(|s| s.block == Some(number));
@@ -668,20 +673,27 @@ impl TrackedModel {
             Ok((block, number, change.bytes))
         });
         let blocks = blocks.collect::<Result<Vec<_>>>()?;
-        if changes.next().is_some() {
-            return Err(corrupt("a frame has changes of a block that does not exist".into()));
+        // Also fields and correlations belong to blocks that exist, and there is one certificate at most (section 16).
+        let mut numbers = sections.iter().filter_map(|s| s.block);
+        if changes.next().is_some() || numbers.any(|number| number as usize >= blocks.len()) {
+            return Err(corrupt("a frame has sections of a block that does not exist".into()));
+        }
+        if sections.iter().filter(|s| s.tag == CERTIFICATE).count() > 1 {
+            return Err(corrupt("a frame has two certificates".into()));
         }
         let decoded = parallel::try_map(blocks, |(block, number, change)| {
-            let at = |what: String| at(number, what);
+            let at = |message: String| at(number, message);
             let mut next = block.decode(change, &step).map_err(at)?;
-            let own = || sections.iter().filter(|s| s.block == Some(number));
-            let fields = own().filter(|s| [FIELD, FIELD_CHANGE].contains(&s.tag));
+            // Fields are predicted from the Gaussians of this frame, and correlations need their fields.
+            let block_sections = || sections.iter().filter(|s| s.block == Some(number));
+            let fields = block_sections().filter(|s| [FIELD, FIELD_CHANGE].contains(&s.tag));
             let fields: Vec<StoredSection> = fields.map(StoredSection::from).collect();
-            let TrackedBlock { block: own_block, origin, unrest, .. } = &mut next;
+            let TrackedBlock { block: next_block, origin, unrest, .. } = &mut next;
             let (origin, unrest) = (&origin[..], &unrest[..]);
-            let had = |q: &Quantity| self.metadata.fields.contains(q).then(|| block.field(&q.name, origin, unrest))?;
-            fields_of(own_block, &fields, &metadata, false, &had).map_err(at)?;
-            for section in own().filter(|s| s.tag == CORRELATION) {
+            let before =
+                |q: &Quantity| self.metadata.fields.contains(q).then(|| block.field(&q.name, origin, unrest))?;
+            fields_of(next_block, &fields, &metadata, false, &before).map_err(at)?;
+            for section in block_sections().filter(|s| s.tag == CORRELATION) {
                 correlation_of(&mut next.block, section.bytes, &metadata.fields).map_err(at)?;
             }
             Ok::<_, Error>(next)
@@ -695,22 +707,23 @@ impl TrackedModel {
         let all = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.block));
         let count = all().fold(0u64, |sum, b| sum.saturating_add(b.count));
         let mass = compensated(&all().map(|b| b.mass).collect::<Vec<_>>());
+        // Counts agree exactly, masses up to the rounding of sums (docs/format.md, section 1).
         if count != metadata.count || (mass - metadata.mass).abs() > 1e-9 * metadata.mass {
             return Err(corrupt("the blocks and the metadata disagree about particles or mass".into()));
         }
         Ok(TrackedModel { time, metadata, certificate, layers, key: self.key.clone() })
     }
 
-    /// What the Gaussians of a block of the `next` frame had of a quantity in this one; `None` where the block did not have
-    /// it.
+    /// The moments of a quantity that the Gaussians of a block of the `next` frame had in this one; `None` where the
+    /// block did not have it.
     pub fn field_before<'a>(
         &'a self,
         next: &'a TrackedModel,
         [layer, block]: [usize; 2],
         quantity: &Quantity,
     ) -> Option<PreviousField<'a>> {
-        let [own, next] = [self, next].map(|frame| frame.layers.get(layer)?.content.get(block));
-        self.metadata.fields.contains(quantity).then(|| own?.field(&quantity.name, &next?.origin, &next?.unrest))?
+        let [current, next] = [self, next].map(|frame| frame.layers.get(layer)?.content.get(block));
+        self.metadata.fields.contains(quantity).then(|| current?.field(&quantity.name, &next?.origin, &next?.unrest))?
     }
 
     /// As [`Metadata::lacking_fields`].

@@ -1,4 +1,4 @@
-//! What the clock of a series shows.
+//! The clock of a series.
 
 use crate::model::{Cosmology, Metadata, Units};
 use crate::picture::journal_unit;
@@ -17,7 +17,7 @@ const SECONDS: [(&str, f64); 9] = [
     ("s", 1.0),
 ];
 
-/// What the clock of a series tells. Motions are proportional to it.
+/// The quantity that the clock of a series shows. Motions are proportional to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesClock {
     /// The number of the frame.
@@ -34,7 +34,7 @@ impl SeriesClock {
     pub(super) const ALL: [SeriesClock; 4] =
         [SeriesClock::Frame, SeriesClock::ScaleFactor, SeriesClock::Time, SeriesClock::Step];
 
-    /// What it shows for a frame of some metadata; `None` where these do not say.
+    /// Its reading for a frame of some metadata; `None` where these do not say.
     pub fn time(self, frame: usize, metadata: &Metadata) -> Option<f64> {
         let epoch = &metadata.epoch;
         match self {
@@ -45,7 +45,7 @@ impl SeriesClock {
         }
     }
 
-    /// What it tells, in words.
+    /// Its quantity, in words.
     pub fn name(self) -> &'static str {
         match self {
             SeriesClock::Frame => "frame",
@@ -55,7 +55,7 @@ impl SeriesClock {
         }
     }
 
-    /// What it shows, as it is written into a picture: `z = 0.500`, `t = 12.5 ps`, `step 1000` or `frame 12`.
+    /// Its reading, as it is written into a picture: `z = 0.500`, `t = 12.5 ps`, `step 1000` or `frame 12`.
     pub fn text(self, time: f64, units: &Units) -> String {
         match self {
             SeriesClock::ScaleFactor => {
@@ -71,8 +71,8 @@ impl SeriesClock {
         }
     }
 
-    /// What it shows at a moment that a user names: `a=0.5`, `z=1`, `step=1000`, or a time such as `500ps`, which takes the
-    /// `units` of the series, or `5Gyr` after the big bang, which takes its cosmology where the clock is the scale factor.
+    /// Its reading at a moment that a user names: `a=0.5`, `z=1`, `step=1000`, a time such as `500ps`, which takes the
+    /// `units` of the series, or `5Gyr` after the big bang, which takes its cosmology if the clock is the scale factor.
     ///
     /// # Errors
     /// [`Error::Argument`]: the text names no moment, one of another clock, or a time where units or cosmology are not
@@ -96,10 +96,10 @@ impl SeriesClock {
                 );
                 return cosmology.scale_factor_at(seconds).ok_or_else(|| Error::argument(message));
             }
-            let own = units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0);
-            let own =
-                own.ok_or_else(|| Error::argument(format!("time {text}: the series does not state its unit of time")));
-            (SeriesClock::Time, if self == SeriesClock::Time { seconds / own?.factor } else { seconds })
+            let si = units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0);
+            let si =
+                si.ok_or_else(|| Error::argument(format!("time {text}: the series does not state its unit of time")));
+            (SeriesClock::Time, if self == SeriesClock::Time { seconds / si?.factor } else { seconds })
         };
         if clock != self {
             let message =
@@ -156,26 +156,26 @@ mod tests {
 
     #[test]
     fn ages_are_those_of_universes_with_and_without_a_cosmological_constant() {
-        let of = |matter, lambda, ages: f64| {
+        let factor = |matter, lambda, ages: f64| {
             let (omega_matter, omega_lambda) = (Some(matter), Some(lambda));
             let c = Cosmology { hubble: Some(0.5), omega_matter, omega_lambda, omega_baryon: None };
             c.scale_factor_at(ages / (0.5 * 3.240_779_289e-18))
         };
-        let near = |found: Option<f64>, wanted: f64| assert!((found.unwrap() / wanted - 1.0).abs() < 1e-9, "{found:?}");
+        let near = |value: Option<f64>, wanted: f64| assert!((value.unwrap() / wanted - 1.0).abs() < 1e-9, "{value:?}");
         // Einstein and de Sitter's, at two thirds of the Hubble time and at an eighth of that.
-        near(of(1.0, 0.0, 2.0 / 3.0), 1.0);
-        near(of(1.0, 0.0, 1.0 / 12.0), 0.25);
+        near(factor(1.0, 0.0, 2.0 / 3.0), 1.0);
+        near(factor(1.0, 0.0, 1.0 / 12.0), 0.25);
         // Open and closed ones of matter: a = 0.5 and 1, where cosh and cos of the development angle are 3 and 0.
-        near(of(0.5, 0.0, (8f64.sqrt() - 3f64.acosh()) * 0.5 / (2.0 * 0.5f64.powf(1.5))), 1.0);
-        near(of(2.0, 0.0, PI / 2.0 - 1.0), 1.0);
+        near(factor(0.5, 0.0, (8f64.sqrt() - 3f64.acosh()) * 0.5 / (2.0 * 0.5f64.powf(1.5))), 1.0);
+        near(factor(2.0, 0.0, PI / 2.0 - 1.0), 1.0);
         assert_eq!(
-            (of(2.0, 0.0, 4.0), of(0.0, 1.0, 1.0), of(0.3, 0.7, -1.0), of(1.0, 0.0, 0.0)),
+            (factor(2.0, 0.0, 4.0), factor(0.0, 1.0, 1.0), factor(0.3, 0.7, -1.0), factor(1.0, 0.0, 0.0)),
             (None, None, None, None)
         );
-        near(of(0.0, 0.0, 0.7), 0.7);
+        near(factor(0.0, 0.0, 0.7), 0.7);
         // The flat one's closed form, from both sides of where it is used.
-        let flat = of(0.3, 0.7, 0.9).unwrap();
-        assert!((of(0.3, 0.6989, 0.9).unwrap() / flat - 1.0).abs() < 1e-3);
+        let flat = factor(0.3, 0.7, 0.9).unwrap();
+        assert!((factor(0.3, 0.6989, 0.9).unwrap() / flat - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -56,8 +56,8 @@ impl Logs {
     }
 }
 
-/// In which pairs of axes, xy, xz and yz, a block is flat. Rounding turns a shape by some hundredths: along a flat block that
-/// is many times its thickness. So Gaussians that lie along it do so exactly.
+/// Pairs of axes, xy, xz and yz, in which a block is flat. Rounding turns a shape by some hundredths: along a flat
+/// block that is many times its thickness. So Gaussians that lie along it do so exactly.
 pub(crate) struct FlatPairs([bool; 3]);
 
 impl FlatPairs {
@@ -66,14 +66,14 @@ impl FlatPairs {
         FlatPairs([[x, y], [x, z], [y, z]].map(|[a, b]| a.max(b) > FLAT * a.min(b)))
     }
 
-    /// Is this shape number of the five, of this value, one that says a Gaussian lies along the block?
+    /// Whether this shape number of the five, of this value, says that a Gaussian lies along the block.
     pub(crate) fn is_along(&self, number: usize, value: f64) -> bool {
         number >= 2 && self.0[number - 2] && value == 0.0
     }
 
     /// A covariance with what lies along the block exactly so.
-    fn level(&self, given: Sym3) -> Sym3 {
-        let mut cov = given;
+    fn level(&self, original: Sym3) -> Sym3 {
+        let mut cov = original;
         for (flat, [a, covariance, b]) in self.0.into_iter().zip([[0, 1, 3], [0, 2, 5], [3, 4, 5]]) {
             let [a, b] = [cov.0[a], cov.0[b]];
             if flat && a.max(b) > ALONG * ALONG * a.min(b) {
@@ -81,7 +81,7 @@ impl FlatPairs {
             }
         }
         // Two axes that both go with the third go with each other.
-        if cov != given && cov.det() < 0.0 {
+        if cov != original && cov.det() < 0.0 {
             cov = Sym3([cov.0[0], 0.0, 0.0, cov.0[3], 0.0, cov.0[5]]);
         }
         cov

@@ -4,7 +4,7 @@ use super::sums::whole_counts;
 use crate::math::{Sym3, each_axis};
 use crate::model::{Block, FieldMoments, Layer, Mass, Mixture, Model, SharedSpecies};
 
-/// How far the particles of a species may lie from a Gaussian's mean, in its deviations along the way.
+/// Distance at most of a species' mean from a Gaussian's, in its deviations along the way.
 const FARTHEST: f64 = 0.9;
 
 /// The model with a layer for each species of those that share Gaussians, in the place of their layer.
@@ -41,14 +41,16 @@ fn block_of_species(block: &Block, all: &[SharedSpecies]) -> Vec<Block> {
     let mut left = block.count;
     let mut blocks = Vec::with_capacity(all.len());
     for (place, species) in all.iter().enumerate() {
-        let own = g.fields.get(&species.field_name());
-        let share = |i: usize| own.map_or(species.count as f64 / total, |f| f.mean[0][i]);
+        let moments = g.fields.get(&species.field_name());
+        // A block that lacks stages has no shares: the species' part of all particles stands for them (section 15).
+        let share = |i: usize| moments.map_or(species.count as f64 / total, |f| f.mean[0][i]);
         let mut counts: Vec<f64> = (0..g.len()).map(|i| g.count[i] * share(i)).collect();
         let sum = super::sums::compensated(&counts).round() as u64;
+        // The last species gets what is left, so that the counts of all sum to the block's (section 15).
         let count = if place + 1 == all.len() { left } else { sum.min(left) };
         left -= count;
         whole_counts(&mut counts, count);
-        let gaussians = mixture_of_species(g, own, &counts, all);
+        let gaussians = mixture_of_species(g, moments, &counts, all);
         blocks.push(Block { bounds: block.bounds, count, mass: count as f64, gaussians });
     }
     blocks
@@ -61,11 +63,12 @@ fn mixture_of_species(g: &Mixture, shares: Option<&FieldMoments>, counts: &[f64]
     out.fields.retain(|name| all.iter().all(|s| s.field_name() != name));
     for i in (0..g.len()).filter(|&i| counts[i] > 0.0) {
         let (mean, cov) = (g.mean_of(i), g.cov_of(i));
-        let moved = shares.map_or([0.0; 3], |shares| offset(shares, i, &cov));
-        let cov = cov.add(&Sym3::outer(moved).scale(-1.0));
-        out.push(each_axis(|k| mean[k] + moved[k]), cov, counts[i], 0.0);
-        for (name, own) in out.fields.iter_mut() {
-            g.fields.get(name).into_iter().for_each(|all| own.push_moved(all, i, moved));
+        let shift = shares.map_or([0.0; 3], |shares| offset(shares, i, &cov));
+        // Particles weighed by a share that is linear in place have this mean and the covariance C - d d' (section 15).
+        let cov = cov.add(&Sym3::outer(shift).scale(-1.0));
+        out.push(each_axis(|k| mean[k] + shift[k]), cov, counts[i], 0.0);
+        for (name, moments) in out.fields.iter_mut() {
+            g.fields.get(name).into_iter().for_each(|all| moments.push_moved(all, i, shift));
         }
     }
     out
@@ -78,6 +81,7 @@ fn offset(shares: &FieldMoments, i: usize, cov: &Sym3) -> [f64; 3] {
     if !(far > 0.0 && far.is_finite()) {
         return [0.0; 3];
     }
+    // From q = 1 on C - d d' would have no positive variance along d, so d is shortened before that.
     let factor = if far > FARTHEST { FARTHEST / far } else { 1.0 };
     let along = cov.apply(slope);
     each_axis(|k| along[k] / share * factor)

@@ -7,7 +7,7 @@ use super::tree::{SplitNode, TreeCell};
 #[derive(Clone, Copy, Debug)]
 enum Fork {
     Leaf(u32),
-    /// All in one half (the upper one?): the node that it is.
+    /// All in one half (whether it is the upper one): the node that it is.
     One(bool, u32),
     Two([u32; 2]),
 }

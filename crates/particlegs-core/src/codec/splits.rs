@@ -1,4 +1,4 @@
-//! How the Gaussians of large nodes, and points, fall into the halves of a cell (docs/format.md, section 5).
+//! Splits of the Gaussians of large nodes, and of points, into the halves of a cell (docs/format.md, section 5).
 
 use super::OutOfRange;
 use super::header::BlockHeader;

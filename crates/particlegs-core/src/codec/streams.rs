@@ -1,4 +1,4 @@
-//! What follows a block's header: a table of lengths, and the streams of a block stage by stage (docs/format.md,
+//! A block behind its header: a table of lengths, and the streams of the block stage by stage (docs/format.md,
 //! section 4).
 
 use super::header::BlockHeader;
@@ -9,7 +9,7 @@ use std::ops::Range;
 /// Shares of what is coded level by level after which a stage ends.
 pub(super) const STAGES: [f64; 2] = [0.12, 0.45];
 
-/// Where the streams of a block lie in its bytes, whether these go that far or not.
+/// Places of the streams of a block in its bytes, whether these go that far or not.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Streams {
     /// Of the tree above the segments; `None` for a block of one segment.
@@ -17,11 +17,11 @@ pub(crate) struct Streams {
     /// For each stage, the stream of each segment. Without a table the padding is still at the end of the only one.
     pub stages: Vec<Vec<Range<usize>>>,
     pub segments: usize,
-    /// Is there a table of lengths?
+    /// Whether there is a table of lengths.
     pub table: bool,
 }
 
-/// Is a block with this many Gaussians split into segments?
+/// Whether a block with this many Gaussians is split into segments.
 pub(crate) fn has_segments(gaussians: u32) -> bool {
     gaussians > SEGMENT
 }

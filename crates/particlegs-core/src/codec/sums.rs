@@ -23,21 +23,21 @@ pub fn whole_counts(weights: &mut [f64], total: u64) {
     }
     let sum = compensated(weights);
     let mut remainders: Vec<(f64, u32)> = Vec::with_capacity(weights.len());
-    let mut given = 0u64;
+    let mut floor_sum = 0u64;
     for (i, w) in weights.iter_mut().enumerate() {
         let share = *w / sum * total as f64;
         let whole = share.floor();
         remainders.push((share - whole, i as u32));
         *w = whole;
-        given += whole as u64;
+        floor_sum += whole as u64;
     }
     let by_size = |a: &(f64, u32), b: &(f64, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
-    if given > total {
+    if floor_sum > total {
         // Rounding of very large counts may give too much: the largest pay it back.
-        take_back(weights, given - total);
+        take_back(weights, floor_sum - total);
         return;
     }
-    let mut rest = total - given;
+    let mut rest = total - floor_sum;
     while rest > 0 {
         let n = (rest.min(weights.len() as u64)) as usize;
         if n < remainders.len() {

@@ -151,29 +151,29 @@ mod tests {
     #[test]
     fn coded_size_is_the_models_entropy() {
         let values: Vec<i32> = (0..50_000).map(|i| (Random::new(3, 0, i).normal() * 2.5).round() as i32).collect();
-        let mut recorder = RansWriter::default();
-        walk(&mut recorder, &values, 0);
-        let entropy = recorder.entropy_bits() / 8.0;
-        let stream = recorder.finish();
+        let mut writer = RansWriter::default();
+        walk(&mut writer, &values, 0);
+        let entropy = writer.entropy_bits() / 8.0;
+        let stream = writer.finish();
         assert!((stream.len() as f64) < entropy * 1.005, "{} bytes, entropy {entropy}", stream.len());
         // And the model itself is close to the law of the values: H(normal, 2.5) = 3.369 bits.
         let bits = stream.len() as f64 * 8.0 / values.len() as f64;
         assert!(bits < 3.369 * 1.03, "{bits} bits");
-        let mut player = RansReader::new(&stream).unwrap();
-        assert_eq!(walk(&mut player, &vec![0; values.len()], 0), values);
-        assert!(player.finished());
+        let mut reader = RansReader::new(&stream).unwrap();
+        assert_eq!(walk(&mut reader, &vec![0; values.len()], 0), values);
+        assert!(reader.finished());
     }
 
     #[test]
     fn far_residuals_escape() {
         for low in [0, 3] {
             let values = [0, -1, 15, 16, -16, 17, -1000, 1 << 20, -(1 << 20), 5, (1 << 21) + 14];
-            let mut recorder = RansWriter::default();
-            walk(&mut recorder, &values, low);
-            let stream = recorder.finish();
-            let mut player = RansReader::new(&stream).unwrap();
-            assert_eq!(walk(&mut player, &[0; 11], low), values);
-            assert!(player.finished());
+            let mut writer = RansWriter::default();
+            walk(&mut writer, &values, low);
+            let stream = writer.finish();
+            let mut reader = RansReader::new(&stream).unwrap();
+            assert_eq!(walk(&mut reader, &[0; 11], low), values);
+            assert!(reader.finished());
         }
     }
 }

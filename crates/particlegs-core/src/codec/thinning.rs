@@ -45,34 +45,34 @@ impl Thinning<'_> {
         let mut order = RandomOrder::new(n, self.seed);
         let mut best: Option<(usize, CodedPoints)> = None;
         let bytes = self.bytes as f64;
-        let mut kept = share_of(n, 8.0 * bytes / FIRST_GUESS);
+        let mut number = share_of(n, 8.0 * bytes / FIRST_GUESS);
         // What is known to be too many.
-        let mut above = n + 1;
+        let mut upper_bound = n + 1;
         for _ in 0..TRIALS {
             context.check()?;
-            let coded = self.coded(order.first(kept), &place);
+            let coded = self.coded(order.first(number), &place);
             let used = coded.bytes as f64;
             if coded.bytes as u64 <= self.bytes {
-                best = Some((kept, coded));
+                best = Some((number, coded));
             } else {
-                above = kept;
+                upper_bound = number;
             }
-            let below = best.as_ref().map_or(0, |b| b.0);
+            let lower_bound = best.as_ref().map_or(0, |b| b.0);
             let full = best.as_ref().is_some_and(|b| b.1.bytes as f64 >= (1.0 - CLOSE_ENOUGH) * bytes);
-            if full || below + 1 >= above {
+            if full || lower_bound + 1 >= upper_bound {
                 break;
             }
             // The coded size is nearly proportional to the number; a little less is aimed at than fits.
-            let next = share_of(n, kept as f64 * (1.0 - 0.3 * CLOSE_ENOUGH) * bytes / used);
-            kept = next.clamp(below + 1, above - 1);
+            let next = share_of(n, number as f64 * (1.0 - 0.3 * CLOSE_ENOUGH) * bytes / used);
+            number = next.clamp(lower_bound + 1, upper_bound - 1);
         }
         context.end();
         Ok(best.map(|b| b.1))
     }
 
-    fn coded(&self, chosen: &[usize], place: impl Fn(usize) -> [f64; 3]) -> CodedPoints {
+    fn coded(&self, indices: &[usize], place: impl Fn(usize) -> [f64; 3]) -> CodedPoints {
         let mut points: [Vec<f64>; 3] = Default::default();
-        for &i in chosen {
+        for &i in indices {
             let p = place(i);
             (0..3).for_each(|k| points[k].push(p[k]));
         }

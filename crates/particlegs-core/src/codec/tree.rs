@@ -151,7 +151,7 @@ pub(crate) struct Tree {
     pub order: Vec<u32>,
     /// The leaf of each Gaussian, in `order`.
     pub cells: Vec<TreeCell>,
-    /// How many of each node's fall into its lower half, of the nodes above the segments.
+    /// Count of each node's Gaussians that fall into its lower half, of the nodes above the segments.
     pub trunk: Vec<u32>,
     pub segments: Vec<Segment>,
 }
@@ -159,7 +159,7 @@ pub(crate) struct Tree {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Segment {
     pub nodes: Vec<SplitNode>,
-    /// How many of each node's fall into its lower half, nodes in the order of the walk.
+    /// Count of each node's Gaussians that fall into its lower half, nodes in the order of the walk.
     pub splits: Vec<u32>,
 }
 

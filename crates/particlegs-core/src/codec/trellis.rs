@@ -1,5 +1,5 @@
 //! Trellis-coded quantisation: two interleaved lattices, and eight states that say which one the
-//! next number lies on (docs/format.md, section 6). At the same rate the mean squared error is 1.06 dB
+//! next number lies on (docs/format.md, section 7). At the same rate the mean squared error is 1.06 dB
 //! below that of rounding.
 
 pub(super) const STATES: usize = 8;
@@ -76,25 +76,25 @@ pub(super) fn nearest(x: f64, parity: i64, range: [i64; 2]) -> Option<i64> {
 pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> TrellisSample) -> Vec<i64> {
     let mut out = Vec::with_capacity(count);
     let mut state = TrellisState::default();
-    let mut back: Vec<[u8; 8]> = Vec::with_capacity(WINDOW.min(count));
+    let mut predecessors: Vec<[u8; 8]> = Vec::with_capacity(WINDOW.min(count));
     while out.len() < count {
         let start = out.len();
         let end = count.min(start + WINDOW);
         let mut cost = [f64::INFINITY; 8];
         cost[state.0 as usize] = 0.0;
-        back.clear();
+        predecessors.clear();
         for i in start..end {
-            back.push(advance(&mut cost, sample(i)));
+            predecessors.push(advance(&mut cost, sample(i)));
         }
         // A window's best end is final: what follows goes on from there.
         let mut s = (0..8).min_by(|&a, &b| cost[a].total_cmp(&cost[b])).unwrap_or(0);
         state = TrellisState(s as u8);
         out.resize(end, 0);
         for i in (start..end).rev() {
-            let (from, parity) = (back[i - start][s] >> 1, i64::from(back[i - start][s] & 1));
-            let given = sample(i);
-            let x = given.value - 0.5 * f64::from(from & 1);
-            out[i] = nearest(x, parity, given.range).unwrap_or(given.range[0]);
+            let (from, parity) = (predecessors[i - start][s] >> 1, i64::from(predecessors[i - start][s] & 1));
+            let target = sample(i);
+            let x = target.value - 0.5 * f64::from(from & 1);
+            out[i] = nearest(x, parity, target.range).unwrap_or(target.range[0]);
             s = from as usize;
         }
     }
@@ -105,7 +105,7 @@ pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> TrellisSample) ->
 #[inline]
 fn advance(cost: &mut [f64; 8], sample: TrellisSample) -> [u8; 8] {
     // Both lattices, both parities.
-    let price: [[f64; 2]; 2] = std::array::from_fn(|lattice| {
+    let step_cost: [[f64; 2]; 2] = std::array::from_fn(|lattice| {
         let x = sample.value - 0.5 * lattice as f64;
         std::array::from_fn(|parity| match nearest(x, parity as i64, sample.range) {
             Some(k) => {
@@ -119,7 +119,7 @@ fn advance(cost: &mut [f64; 8], sample: TrellisSample) -> [u8; 8] {
     let mut from = [0u8; 8];
     for s in 0..8 {
         for parity in 0..2 {
-            let total = cost[s] + price[s & 1][parity];
+            let total = cost[s] + step_cost[s & 1][parity];
             let to = NEXT[s][parity] as usize;
             if total < next[to] {
                 next[to] = total;

@@ -79,8 +79,8 @@ pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, SectionFault> {
 
 /// Scales stay positive, opacities keep a positive factor.
 fn check_ranges(r: &VizRanges) -> std::result::Result<(), String> {
-    let good = (0.0..1.0).contains(&r.scale) && (0.0..=16.0).contains(&r.opacity) && r.floor > 0.0 && r.floor <= 1.0;
-    if good {
+    let valid = (0.0..1.0).contains(&r.scale) && (0.0..=16.0).contains(&r.opacity) && r.floor > 0.0 && r.floor <= 1.0;
+    if valid {
         Ok(())
     } else {
         let VizRanges { scale, opacity, floor } = r;

@@ -7,7 +7,7 @@ pub(crate) struct WireReader<'a> {
 
 type WireResult<T> = Result<T, String>;
 
-/// Why a section cannot be read.
+/// Fault of a section that cannot be read.
 pub(crate) enum SectionFault {
     /// It contradicts the format.
     Corrupt(String),
@@ -16,8 +16,8 @@ pub(crate) enum SectionFault {
 }
 
 impl From<String> for SectionFault {
-    fn from(what: String) -> Self {
-        SectionFault::Corrupt(what)
+    fn from(message: String) -> Self {
+        SectionFault::Corrupt(message)
     }
 }
 

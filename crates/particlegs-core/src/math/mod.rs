@@ -13,14 +13,14 @@ pub use symmetric::{Eigen, Sym3};
 pub use vector::{Matrix, across, add_product, exp2};
 pub use vector3::{cross, dot, norm};
 
-/// What `of` makes of each axis: x, y and z are 0, 1 and 2. A plain array: `std::array::from_fn` takes the compiler
+/// A value for each axis: x, y and z are 0, 1 and 2. A plain array: `std::array::from_fn` takes the compiler
 /// six functions for every closure, and vectors of three are made in hundreds of places.
 #[inline(always)]
-pub fn each_axis<T>(mut of: impl FnMut(usize) -> T) -> [T; 3] {
-    [of(0), of(1), of(2)]
+pub fn each_axis<T>(mut value_of: impl FnMut(usize) -> T) -> [T; 3] {
+    [value_of(0), value_of(1), value_of(2)]
 }
 
-/// Does float32 hold numbers between two, each of which then is told from others that lie a thousandth of the range away?
+/// Whether float32 holds numbers between two so that each is told from those that lie a thousandth of the range away.
 pub fn float32_holds([least, largest]: [f64; 2]) -> bool {
     let size = least.abs().max(largest.abs());
     let (range, step) = (largest - least, size * f64::from(f32::EPSILON));

@@ -3,7 +3,7 @@
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
 
-/// What a stream of draws is for: streams of different purposes have nothing in common, whatever their
+/// Purposes of streams of draws: streams of different purposes have nothing in common, whatever their
 /// seed. Numbers are four letters, and never change: pictures and files follow from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
@@ -14,7 +14,7 @@ pub enum Purpose {
     VizMapperStart = u32::from_be_bytes(*b"vizm"),
     /// Particles drawn from a snapshot.
     ParticleSample = u32::from_be_bytes(*b"samp"),
-    /// Which particles of each cell a refinement looks at.
+    /// Particles of each cell that a refinement looks at.
     RefinementSample = u32::from_be_bytes(*b"ZMPL"),
     /// Particles drawn from a model.
     Recovery = u32::from_be_bytes(*b"reco"),
@@ -38,7 +38,7 @@ pub enum Purpose {
     CertificateTurn = u32::from_be_bytes(*b"cetu"),
     /// Particles of the subset that a certificate compares with.
     CertificateSubset = u32::from_be_bytes(*b"cesu"),
-    /// Which half of the particles a field is gathered from, to be compared with the other.
+    /// The half of the particles that a field is gathered from, to be compared with the other.
     FieldHalves = u32::from_be_bytes(*b"cefi"),
     /// Parts of a large box in which that is done.
     FieldRegions = u32::from_be_bytes(*b"cefr"),
@@ -52,9 +52,9 @@ pub enum Purpose {
     TrainingStep = u32::from_be_bytes(*b"trst"),
     /// Particles at which Gaussians of the alpha-blend law begin.
     AlphaStart = u32::from_be_bytes(*b"alsa"),
-    /// Where the pieces of a Gaussian that is split lie.
+    /// Places of the pieces of a Gaussian that is split.
     AlphaSplit = u32::from_be_bytes(*b"alsp"),
-    /// Where in their bins particles lie that a compressor with a bound decoded.
+    /// Places of particles in their bins, of a compressor with a bound.
     Jitter = u32::from_be_bytes(*b"jitt"),
 }
 

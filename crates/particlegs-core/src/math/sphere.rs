@@ -151,7 +151,7 @@ struct LocalDensity {
 
 impl LocalDensity {
     fn new(center: [f64; 3], deviation: [f64; 3]) -> Self {
-        let sum = |of: fn(f64, f64) -> f64| (0..3).map(|k| of(center[k], deviation[k])).sum::<f64>();
+        let sum = |term: fn(f64, f64) -> f64| (0..3).map(|k| term(center[k], deviation[k])).sum::<f64>();
         let slopes = sum(|c, s| {
             let v = c / (s * s);
             v * v
@@ -257,13 +257,13 @@ mod tests {
 
     /// A round Gaussian: Maxwell's distribution, and off its centre the noncentral one.
     fn round(s: f64, d: f64, r: f64) -> f64 {
-        let bell = |x: f64| (-0.5 * x * x).exp();
+        let gaussian = |x: f64| (-0.5 * x * x).exp();
         let (low, high) = ((r - d) / s, (r + d) / s);
         let root = 2.0f64.sqrt();
         if d == 0.0 {
-            return erf(high / root) - (2.0 / PI).sqrt() * high * bell(high);
+            return erf(high / root) - (2.0 / PI).sqrt() * high * gaussian(high);
         }
-        0.5 * (erf(high / root) + erf(low / root)) - s / (d * TAU.sqrt()) * (bell(low) - bell(high))
+        0.5 * (erf(high / root) + erf(low / root)) - s / (d * TAU.sqrt()) * (gaussian(low) - gaussian(high))
     }
 
     #[test]
@@ -273,9 +273,9 @@ mod tests {
                 for r in [0.02, 0.3, 1.0, 2.0] {
                     let expected = round(s, d, r);
                     for offset in [[d, 0.0, 0.0], [0.0, 0.0, -d], [0.6 * d, 0.0, 0.8 * d], [d / 3f64.sqrt(); 3]] {
-                        let found = within([s; 3], offset, r);
-                        let error = (found - expected).abs();
-                        assert!(error < 1e-4 + 1e-4 * expected, "{s} {d} {r}: {found} {expected}");
+                        let share = within([s; 3], offset, r);
+                        let error = (share - expected).abs();
+                        assert!(error < 1e-4 + 1e-4 * expected, "{s} {d} {r}: {share} {expected}");
                     }
                 }
             }
@@ -298,9 +298,9 @@ mod tests {
                         (0..3).map(|k| (x[k] * deviations[k] - offset[k]).powi(2)).sum::<f64>() <= r * r
                     };
                     let drawn = normals.iter().filter(inside).count() as f64 / n as f64;
-                    let found = within(deviations, offset, r);
+                    let share = within(deviations, offset, r);
                     let scatter = (drawn * (1.0 - drawn) / n as f64).sqrt();
-                    worst = worst.max((found - drawn).abs() - 3.0 * scatter);
+                    worst = worst.max((share - drawn).abs() - 3.0 * scatter);
                 }
             }
         }

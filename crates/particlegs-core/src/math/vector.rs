@@ -84,8 +84,8 @@ mod tests {
         let level = fearless_simd::Level::new();
         fearless_simd::dispatch!(level, simd => {
             let x: [f32; 16] = std::array::from_fn(|i| 3.7 * i as f32 - 30.1);
-            let found: [f32; 16] = exp2(simd, f32x16::from_slice(simd, &x)).into();
-            for (x, y) in x.iter().zip(found) {
+            let powers: [f32; 16] = exp2(simd, f32x16::from_slice(simd, &x)).into();
+            for (x, y) in x.iter().zip(powers) {
                 assert!((f64::from(y) / f64::from(*x).exp2() - 1.0).abs() < 4e-7);
             }
             let a: Vec<f32> = (0..15).map(|i| i as f32).collect();

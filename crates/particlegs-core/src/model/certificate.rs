@@ -1,4 +1,4 @@
-//! What was measured after decoding, when the file was made.
+//! The certificate: measurements after decoding, when the file was made.
 
 use super::metric::{MetricField, MetricVisitor, OptionalGroup, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
@@ -15,7 +15,7 @@ const ALL: &[CertificateLevel] = &[CertificateLevel::Quick, CertificateLevel::Fu
 const WHOLE: &[CertificateLevel] = &[CertificateLevel::Quick, CertificateLevel::Full];
 const FULL: &[CertificateLevel] = &[CertificateLevel::Full];
 const BLOCKS: &[CertificateLevel] = &[CertificateLevel::Blocks];
-/// What certificates have where the snapshot or the user asks for it.
+/// Of groups that certificates have where the snapshot or the user asks for them.
 const SOME: &[CertificateLevel] = &[];
 
 const fn group<F>(
@@ -43,7 +43,7 @@ record! {
         /// P(k) of mass, where particles' masses are known and differ or there are several layers.
         mass_power: Option<MassPower> =
             group(5, SOME, "P(k) by mass", "power spectrum by mass, of the mixture itself", "");
-        /// What distances, groups and halves are of where the snapshot is too large for all.
+        /// The region that distances, groups and halves are of where the snapshot is too large for all.
         sample: Option<Sample> = group(6, SOME, "region", "distances, groups and halves are of a region", "");
         spacing: Option<Spacing> = group(7, WHOLE, "nearest neighbour", "distance to the nearest neighbour", "");
         /// Groups matched by position, by class of size.
@@ -61,12 +61,12 @@ record! {
         /// not measured.
         blocks: Option<u32> = group(12, BLOCKS, "blocks", "sum over blocks, each measured on its own",
             Metric::new("blocks", Whole(4)).tolerance(Tolerance::Any));
-        /// What was asked for, and what the file reached.
+        /// The goal that was asked for, and what the file reached.
         goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, "goal", "asked for", "");
-        /// How layers go together, where there are several.
+        /// Ratios of layers' masses, where there are several.
         layer_ratios: Option<LayerRatios> = group(14, SOME,
             "layers", "ratio of masses to the first layer's from cell to cell, dex", "");
-        /// How far fields are those of particles that they were not gathered from.
+        /// Agreement of fields with those of particles that they were not gathered from.
         fields: Option<FieldAgreements> =
             group(15, SOME, "fields", "means of fields in cells, gathered from half the particles, of the other half", "");
     }
@@ -104,7 +104,7 @@ impl Certificate {
         Ok(())
     }
 
-    /// What a user should know of layers whose ratio stands out of the noise ([`LayerRatio::stands_out`]), a line each;
+    /// Notes to the user on layers whose ratio stands out of the noise ([`LayerRatio::stands_out`]), a line each;
     /// `unit` is that of length.
     pub fn differing_layers<T>(&self, layers: &[Layer<T>], unit: Option<&str>) -> Vec<String> {
         let ratios = self.layer_ratios.iter().flat_map(|r| r.to_first);
@@ -125,8 +125,8 @@ impl Certificate {
     /// Every group of figures in the order of the file; `None` where it was not measured.
     pub fn groups(&self) -> Vec<(MetricGroup, Option<Vec<MetricEntry>>)> {
         let mut list = FigureList::default();
-        let mut own = *self;
-        let Ok(()) = own.visit("", &mut list);
+        let mut certificate = *self;
+        let Ok(()) = certificate.visit("", &mut list);
         list.groups
     }
 }
@@ -140,9 +140,9 @@ struct FigureList {
 impl MetricVisitor for FigureList {
     type Error = Infallible;
 
-    fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Infallible> {
-        self.groups.push((*group, there.then(Vec::new)));
-        Ok(there)
+    fn begin(&mut self, group: &MetricGroup, is_present: bool) -> Result<bool, Infallible> {
+        self.groups.push((*group, is_present.then(Vec::new)));
+        Ok(is_present)
     }
 
     fn metric(&mut self, metric: &Metric, value: MetricValue) -> Result<MetricValue, Infallible> {

@@ -28,7 +28,7 @@ impl<T> Columns<T> {
     /// Adds a column, or replaces the one of that name.
     pub fn set(&mut self, name: &str, column: T) {
         match self.get_mut(name) {
-            Some(there) => *there = column,
+            Some(old_column) => *old_column = column,
             None => self.0.push((name.to_string(), column)),
         }
     }

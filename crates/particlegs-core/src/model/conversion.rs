@@ -10,7 +10,7 @@ const SAME: f64 = 1e-5;
 /// programs have different masses of the sun.
 const NAMED: f64 = 1e-3;
 
-/// What numbers are in, with the scale factor and h that their units contain.
+/// Units of numbers, with the scale factor and h that these contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitSystem<'a> {
     /// Units.
@@ -28,12 +28,12 @@ pub struct Conversion {
     pub length: f64,
     /// Masses are multiplied by this.
     pub mass: f64,
-    /// What one of the two does not state, and is therefore taken from the other, in words.
+    /// Statements that one of the two lacks, and that are therefore taken from the other, in words.
     pub unstated: Vec<String>,
 }
 
 impl Conversion {
-    /// Do numbers stay as they are?
+    /// Whether numbers stay as they are.
     pub fn is_identity(&self) -> bool {
         self.length == 1.0 && self.mass == 1.0
     }
@@ -50,7 +50,7 @@ impl Conversion {
 }
 
 impl Metadata {
-    /// What the numbers of the model are in.
+    /// The units of the model's numbers.
     pub fn unit_system(&self) -> UnitSystem<'_> {
         UnitSystem::new(&self.units, &self.epoch, &self.cosmology)
     }
@@ -62,15 +62,15 @@ impl<'a> UnitSystem<'a> {
         UnitSystem { units, scale_factor: epoch.scale_factor, hubble: cosmology.hubble }
     }
 
-    /// What takes numbers of this system to `to`. Comoving lengths stay comoving, whatever the two moments. What one
-    /// of the two does not state (a unit, or whether lengths are comoving) is taken to be as in the other.
+    /// The conversion of numbers of this system to `to`. Comoving lengths stay comoving, whatever the two moments. A
+    /// statement that one of the two lacks (a unit, or whether lengths are comoving) is taken to be as in the other.
     ///
     /// # Errors
     /// In words, for a unit without a size against another text, and where a or h is needed that is not known, or
     /// that the two state differently.
     pub fn conversion(&self, to: &UnitSystem<'_>) -> std::result::Result<Conversion, String> {
         let mut unstated = Vec::new();
-        let comoving = [(self, to), (to, self)].map(|(own, other)| own.units.comoving.or(other.units.comoving));
+        let comoving = [(self, to), (to, self)].map(|(system, other)| system.units.comoving.or(other.units.comoving));
         let both = self.units.length.is_some() && to.units.length.is_some();
         if both && self.units.comoving.is_some() != to.units.comoving.is_some() {
             let word = if comoving[0] == Some(true) { "comoving" } else { "physical" };
@@ -80,11 +80,11 @@ impl<'a> UnitSystem<'a> {
         let mut factor = |dimension: Dimension| {
             let [from, into] = [self.units, to.units].map(|u| u.of_dimension(dimension));
             let (Some(from), Some(into)) = (from, into) else {
-                let (of, stated) = (dimension.name(), from.or(into).map(|u| &u.text));
-                let own = from.is_some();
-                unstated.extend(stated.map(|text| match own {
-                    true => format!("its unit of {of} is {text}, but the other states no unit"),
-                    false => format!("it states no unit of {of} (assumed {text})"),
+                let (name, stated) = (dimension.name(), from.or(into).map(|u| &u.text));
+                let states_unit = from.is_some();
+                unstated.extend(stated.map(|text| match states_unit {
+                    true => format!("its unit of {name} is {text}, but the other states no unit"),
+                    false => format!("it states no unit of {name} (assumed {text})"),
                 }));
                 return Ok(1.0);
             };
@@ -97,17 +97,17 @@ impl<'a> UnitSystem<'a> {
 
     /// [`UnitSystem::conversion`] of the subject `name`, and in words what is converted and what is not stated.
     pub fn conversion_of(&self, name: &str, to: &UnitSystem<'_>) -> Result<(Conversion, Vec<String>)> {
-        let found = self.conversion(to).map_err(|what| Error::input(name, what))?;
-        let mut words: Vec<String> = found.unstated.iter().map(|what| format!("{name}: {what}")).collect();
-        for (of, factor, dimension) in
-            [("lengths", found.length, Dimension::Length), ("masses", found.mass, Dimension::Mass)]
+        let conversion = self.conversion(to).map_err(|message| Error::input(name, message))?;
+        let mut words: Vec<String> = conversion.unstated.iter().map(|message| format!("{name}: {message}")).collect();
+        for (plural, factor, dimension) in
+            [("lengths", conversion.length, Dimension::Length), ("masses", conversion.mass, Dimension::Mass)]
         {
             let text = |units: &Units| units.of_dimension(dimension).map_or(String::new(), |u| u.text.clone());
             if factor != 1.0 {
-                words.push(format!("{name}: {of} are converted from {} to {}", text(self.units), text(to.units)));
+                words.push(format!("{name}: {plural} are converted from {} to {}", text(self.units), text(to.units)));
             }
         }
-        Ok((found, words))
+        Ok((conversion, words))
     }
 
     /// The factor of two units, which are comoving or not where that is known.
@@ -134,17 +134,17 @@ impl<'a> UnitSystem<'a> {
         let a = f64::from(exponent(0, from)) - f64::from(exponent(1, into));
         let h = f64::from(from.h) - f64::from(into.h);
         let mut factor = from.factor / into.factor;
-        for (power, name, own, other) in
+        for (power, name, source, target) in
             [(a, "the scale factor", self.scale_factor, to.scale_factor), (h, "h", self.hubble, to.hubble)]
         {
             if power == 0.0 {
                 continue;
             }
-            let value = match (own, other) {
+            let value = match (source, target) {
                 (Some(x), Some(y)) if (x - y).abs() > SAME * y.abs() => {
                     return Err(format!("{}: {name} is {x} in one and {y} in the other", words()));
                 }
-                (own, other) => own.or(other).filter(|v| *v > 0.0),
+                (source, target) => source.or(target).filter(|v| *v > 0.0),
             };
             let Some(value) = value else { return Err(format!("{}: {name} is unknown", words())) };
             factor *= libm::pow(value, power);
@@ -155,11 +155,11 @@ impl<'a> UnitSystem<'a> {
     }
 }
 
-/// What a unit is in SI.
+/// The size of a unit in SI.
 fn size(unit: &Unit, dimension: Dimension) -> Option<Si> {
-    let (own, named) = (unit.si?, Unit::parse(&unit.text, dimension).si);
-    let factor = named.map(|n| n.factor).filter(|named| (own.factor / named - 1.0).abs() < NAMED);
-    Some(Si { factor: factor.unwrap_or(own.factor), ..own })
+    let (si, named) = (unit.si?, Unit::parse(&unit.text, dimension).si);
+    let factor = named.map(|n| n.factor).filter(|named| (si.factor / named - 1.0).abs() < NAMED);
+    Some(Si { factor: factor.unwrap_or(si.factor), ..si })
 }
 
 impl Model {
@@ -201,8 +201,8 @@ mod tests {
     }
 
     fn converted(from: (&str, Option<bool>), to: (&str, Option<bool>)) -> std::result::Result<Conversion, String> {
-        let of = |(text, comoving)| Units::new(Some(text), None, comoving);
-        let (from, to) = (of(from), of(to));
+        let units_of = |(text, comoving)| Units::new(Some(text), None, comoving);
+        let (from, to) = (units_of(from), units_of(to));
         system(&from, Some(0.5), Some(0.7)).conversion(&system(&to, None, None))
     }
 
@@ -222,12 +222,15 @@ mod tests {
             (("a label", c), ("a label", p), 0.5),
             (("kpc", None), ("kpc", c), 1.0),
         ] {
-            let found = converted(from, to).unwrap().length;
-            assert!((found / factor - 1.0).abs() < 1e-13, "{from:?} to {to:?}: {found}");
+            let ratio = converted(from, to).unwrap().length;
+            assert!((ratio / factor - 1.0).abs() < 1e-13, "{from:?} to {to:?}: {ratio}");
         }
         let (from, to) = (Units::new(None, Some("1e10 Msun/h"), None), Units::new(None, Some("g"), None));
-        let found = system(&from, None, Some(0.7)).conversion(&system(&to, None, None)).unwrap();
-        assert!((found.mass / (1.988_41e43 / 0.7) - 1.0).abs() < 1e-12 && found.length == 1.0, "{found:?}");
+        let conversion = system(&from, None, Some(0.7)).conversion(&system(&to, None, None)).unwrap();
+        assert!(
+            (conversion.mass / (1.988_41e43 / 0.7) - 1.0).abs() < 1e-12 && conversion.length == 1.0,
+            "{conversion:?}"
+        );
     }
 
     #[test]
@@ -240,9 +243,9 @@ mod tests {
             assert!(refused.starts_with(says), "{refused}");
         }
         let (by_h, without) = (Units::new(Some("kpc/h"), None, Some(true)), Units::new(Some("kpc"), None, Some(false)));
-        let says = |a: [Option<f64>; 2], h: [Option<f64>; 2], what: &str| {
+        let says = |a: [Option<f64>; 2], h: [Option<f64>; 2], text: &str| {
             let refused = system(&by_h, a[0], h[0]).conversion(&system(&without, a[1], h[1])).unwrap_err();
-            assert!(refused.contains(what) && refused.contains("comoving kpc/h"), "{refused}");
+            assert!(refused.contains(text) && refused.contains("comoving kpc/h"), "{refused}");
         };
         says([Some(1.0), None], [None, None], "h is unknown");
         says([None, None], [Some(0.7), None], "the scale factor is unknown");
@@ -256,8 +259,8 @@ mod tests {
         let comoving = converted(("kpc", None), ("Mpc", Some(true))).unwrap();
         assert_eq!(comoving.unstated, ["it does not say whether lengths are comoving (assumed comoving)"]);
         let (stated, silent) = (Units::new(Some("kpc"), Some("Msun"), Some(true)), Units::default());
-        let found = system(&silent, None, None).conversion(&system(&stated, Some(0.5), None)).unwrap();
-        assert!(found.is_identity());
+        let conversion = system(&silent, None, None).conversion(&system(&stated, Some(0.5), None)).unwrap();
+        assert!(conversion.is_identity());
         let sun = Units {
             mass: Some(Unit {
                 si: Some(Si { factor: 1.989e30, a: 0.0, h: 0.0 }),
@@ -267,7 +270,7 @@ mod tests {
         };
         assert_eq!(system(&stated, None, None).conversion(&system(&sun, None, None)).unwrap().mass, 1.0);
         assert_eq!(
-            found.unstated,
+            conversion.unstated,
             ["it states no unit of length (assumed kpc)", "it states no unit of mass (assumed Msun)"]
         );
     }

@@ -44,9 +44,9 @@ impl FieldMoments {
 
     /// Of the same kind, without Gaussians.
     pub fn same_kind(&self) -> Self {
-        let own =
+        let moments =
             if self.excess.is_some() { FieldMoments::logarithmic() } else { FieldMoments::new(self.components()) };
-        FieldMoments { correlations: self.correlations.map(|_| Vec::new()), ..own }
+        FieldMoments { correlations: self.correlations.map(|_| Vec::new()), ..moments }
     }
 
     /// Number of components.
@@ -59,7 +59,7 @@ impl FieldMoments {
         self.mean.first().map_or(0, Vec::len)
     }
 
-    /// No Gaussians?
+    /// Whether it has no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -67,14 +67,14 @@ impl FieldMoments {
     /// Adds all of another's, of the same number of components. Correlations that either lacks are left out.
     pub fn append(&mut self, other: &FieldMoments) {
         self.correlations.retain(|name| other.correlations.get(name).is_some());
-        for (name, own) in self.correlations.iter_mut() {
-            other.correlations.get(name).into_iter().for_each(|others| own.extend_from_slice(others));
+        for (name, column) in self.correlations.iter_mut() {
+            other.correlations.get(name).into_iter().for_each(|others| column.extend_from_slice(others));
         }
-        for (own, others) in self.columns_mut().zip(other.columns()) {
-            own.extend_from_slice(others);
+        for (column, others) in self.columns_mut().zip(other.columns()) {
+            column.extend_from_slice(others);
         }
-        for (own, others) in self.range.iter_mut().zip(&other.range) {
-            *own = [own[0].min(others[0]), own[1].max(others[1])];
+        for (range, others) in self.range.iter_mut().zip(&other.range) {
+            *range = [range[0].min(others[0]), range[1].max(others[1])];
         }
     }
 
@@ -85,26 +85,26 @@ impl FieldMoments {
 
     /// Adds Gaussian `i` of another's after its mean position changed by `moved`: the field follows its slope.
     pub fn push_moved(&mut self, other: &FieldMoments, i: usize, moved: [f64; 3]) {
-        for (own, others) in self.columns_mut().zip(other.columns()) {
-            own.push(others[i]);
+        for (column, others) in self.columns_mut().zip(other.columns()) {
+            column.push(others[i]);
         }
-        for (name, own) in self.correlations.iter_mut() {
-            own.push(other.correlations.get(name).map_or(0.0, |others| others[i]));
+        for (name, column) in self.correlations.iter_mut() {
+            column.push(other.correlations.get(name).map_or(0.0, |others| others[i]));
         }
-        for (c, own) in self.mean.iter_mut().enumerate() {
-            own.last_mut().into_iter().for_each(|mean| *mean = other.mean_at(c, i, moved));
+        for (c, means) in self.mean.iter_mut().enumerate() {
+            means.last_mut().into_iter().for_each(|mean| *mean = other.mean_at(c, i, moved));
         }
     }
 
     /// Adds what lies at `share` (0 to 1) of the way from Gaussian `i` to Gaussian `j` of another's of the same kind.
     pub fn push_between(&mut self, [from, to]: [(&FieldMoments, usize); 2], share: f64) {
         let ((a, i), (b, j)) = (from, to);
-        for (own, (a, b)) in self.columns_mut().zip(a.columns().zip(b.columns())) {
-            own.push(a[i] + share * (b[j] - a[i]));
+        for (column, (a, b)) in self.columns_mut().zip(a.columns().zip(b.columns())) {
+            column.push(a[i] + share * (b[j] - a[i]));
         }
-        for (name, own) in self.correlations.iter_mut() {
-            let of = |f: &FieldMoments, i: usize| f.correlations.get(name).map_or(0.0, |c| c[i]);
-            own.push(of(a, i) + share * (of(b, j) - of(a, i)));
+        for (name, column) in self.correlations.iter_mut() {
+            let correlation_of = |f: &FieldMoments, i: usize| f.correlations.get(name).map_or(0.0, |c| c[i]);
+            column.push(correlation_of(a, i) + share * (correlation_of(b, j) - correlation_of(a, i)));
         }
     }
 

@@ -1,11 +1,11 @@
-//! What a compression was asked to reach, in the terms of the data, and what its file reached.
+//! The goal of a compression, in the terms of the data, and what its file reached.
 
 use super::Metric;
 use super::metric::{enum_values, record};
 use super::unit::per_length;
 use crate::model::Coding::{F64, Name};
 
-/// Which figure a goal is of.
+/// The figure that a goal is of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GoalKind {
@@ -33,9 +33,9 @@ record! {
     #[derive(serde::Deserialize)]
     Goal {
         kind: GoalKind = Metric::new("figure", Name(GoalKind::NAMES));
-        /// What it is to be: a share (0.01 = 1 %) for the power spectrum and groups.
+        /// The value asked for: a share (0.01 = 1 %) for the power spectrum and groups.
         asked: f64 = Metric::new("asked for", F64);
-        /// Where: a wave number (one over the unit of length), an edge (units of length), particles; 0 for PSNR.
+        /// The place: a wave number (one over the unit of length), an edge (units of length), particles; 0 for PSNR.
         at: f64 = Metric::new("at", F64);
     }
 }
@@ -45,13 +45,13 @@ record! {
     GoalResult {
         #[serde(flatten)]
         goal: Goal = "";
-        /// What was reached, as [`Goal::asked`].
+        /// The value reached, as [`Goal::asked`].
         reached: f64 = Metric::new("reached", F64).signed();
     }
 }
 
 impl Goal {
-    /// Is `reached` as good as what is asked for, or better?
+    /// Whether `reached` is as good as what is asked for, or better.
     pub fn is_met(&self, reached: f64) -> bool {
         match self.kind {
             GoalKind::Psnr | GoalKind::Correlation => reached >= self.asked,
@@ -59,7 +59,7 @@ impl Goal {
         }
     }
 
-    /// What is asked for, in words; `unit` is the unit of length.
+    /// The goal in words; `unit` is the unit of length.
     pub fn describe(&self, unit: Option<&str>) -> String {
         let (value, at) = (self.describe_value(self.asked), self.at);
         match self.kind {

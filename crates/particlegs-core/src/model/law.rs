@@ -1,4 +1,4 @@
-//! How Gaussians become a picture, and what a law needs beside places and shapes.
+//! The laws by which Gaussians become a picture, and what these need beside places and shapes.
 
 use super::VizMapper;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ pub enum Law {
     AlphaBlend(AlphaBlend),
 }
 
-/// What the published law needs: opacities and grey levels, and the network that follows radius and
+/// Columns of the published law: opacities and grey levels, and the network that follows radius and
 /// opacity (paper sections III-A and III-B).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AlphaBlend {
@@ -31,7 +31,7 @@ impl AlphaBlend {
 }
 
 impl Law {
-    /// Which law it is.
+    /// The kind of law.
     pub fn kind(&self) -> LawKind {
         match self {
             Law::OpticalDepth => LawKind::OpticalDepth,
@@ -57,7 +57,7 @@ impl Law {
 }
 
 crate::named_values! {
-    /// Which law: [`Law`] without its columns.
+    /// The kind of law: [`Law`] without its columns.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "kebab-case")]
     pub enum LawKind {

@@ -23,7 +23,7 @@ impl Mass {
         }
     }
 
-    /// Have particles weights of their own?
+    /// Whether particles have weights of their own.
     pub fn is_weighted(self) -> bool {
         matches!(self, Mass::Weights(_))
     }
@@ -70,7 +70,7 @@ pub struct Layer<T> {
     pub name: String,
     /// Masses of its particles.
     pub mass: Mass,
-    /// What there is of it.
+    /// Its content.
     pub content: T,
 }
 

@@ -1,4 +1,4 @@
-//! How far something that a certificate measures holds.
+//! The limit up to which something that a certificate measures holds.
 
 use super::MetricValue;
 
@@ -20,7 +20,7 @@ impl Limit {
         place.map_or(Limit::Never, Limit::At)
     }
 
-    /// Does it hold up to further than another, both of one measurement?
+    /// Whether it holds further than `loose`, or only one of the two was measured.
     pub(super) fn reaches_beyond(self, loose: Limit) -> bool {
         match (self, loose) {
             (Limit::At(a), Limit::At(b)) => a > b,

@@ -1,4 +1,4 @@
-//! What a model file says about its snapshot and its making.
+//! Metadata: statements of a model file about its snapshot and its making.
 
 use super::{LawKind, Recipe, SharedSpecies, Unit, Units};
 use crate::space::{Bounds, Cell};
@@ -27,10 +27,10 @@ pub struct Metadata {
     pub default_opacity: f64,
     /// Source name, without its path.
     pub source: String,
-    /// What binds it to its source: BLAKE3 of its runs (docs/format.md).
+    /// Hash that binds it to its source: BLAKE3 of its runs (docs/format.md).
     #[serde(with = "crate::hash::hexadecimal")]
     pub source_hash: [u8; 32],
-    /// What numbers are in.
+    /// Units of its numbers.
     #[serde(flatten)]
     pub units: Units,
     /// Cosmology.
@@ -39,7 +39,7 @@ pub struct Metadata {
     /// The moment of the snapshot.
     #[serde(flatten)]
     pub epoch: Epoch,
-    /// What was kept of the snapshot beside positions and masses; see [`Metadata::quantities`].
+    /// Quantities kept of the snapshot beside positions and masses; see [`Metadata::quantities`].
     #[serde(default)]
     pub fields: Vec<Quantity>,
     /// Of a frame of a series: a hash of its fields' values, which tells whether a snapshot still has them (docs/format.md).
@@ -48,7 +48,7 @@ pub struct Metadata {
     /// Species that share the Gaussians of one layer, in the file's order. A decoded model has a layer for each, and no list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shared_species: Vec<SharedSpecies>,
-    /// What made the model.
+    /// The recipe of the model.
     pub recipe: Recipe,
     /// The program's version.
     pub tool_version: String,
@@ -130,24 +130,24 @@ impl Epoch {
     }
 }
 
-/// What was kept of each particle of a snapshot.
+/// A quantity that was kept of each particle of a snapshot.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Quantity {
     /// Name, at most 255 bytes in a file.
     pub name: String,
-    /// What its values are.
+    /// Kind of its values.
     pub kind: QuantityKind,
     /// Their unit, where it is known.
     pub unit: Option<Unit>,
     /// Bytes of it a particle, as the float32 or whole numbers that were compressed.
     pub bytes: u16,
-    /// Are its means weighted by the particles' masses? Else all particles count alike.
+    /// Whether its means are weighted by the particles' masses; else all particles count alike.
     #[serde(default)]
     pub by_mass: bool,
-    /// Do its moments describe the natural logarithm of its values, as those of a positive scalar over decades?
+    /// Whether its moments describe the natural logarithm of its values, as those of a positive scalar over decades.
     #[serde(default)]
     pub logarithmic: bool,
-    /// Is it a sum over particles, such as a charge? Its values then are those of a particle over its weight.
+    /// Whether it is a sum over particles, such as a charge; its values then are those of a particle over its weight.
     #[serde(default)]
     pub extensive: bool,
 }
@@ -164,9 +164,10 @@ impl Quantity {
         self.name.split_once('=').filter(|_| self.kind == QuantityKind::Category)
     }
 
-    /// Is it called `name`: is that its own name, or that of the category that it is a class of?
+    /// Whether `name` is its own name, or that of the category that it is a class of.
     pub fn is_called(&self, name: &str) -> bool {
-        self.name.eq_ignore_ascii_case(name) || self.class().is_some_and(|(own, _)| own.eq_ignore_ascii_case(name))
+        self.name.eq_ignore_ascii_case(name)
+            || self.class().is_some_and(|(category, _)| category.eq_ignore_ascii_case(name))
     }
 
     /// The names of its components: `velocity_x`, `velocity_y`, `velocity_z` of a vector, its own of what is one number.
@@ -179,10 +180,10 @@ impl Quantity {
 
     /// The unit of its mean at a place, by the unit of length; of a sum that of how much there is in a unit of volume.
     pub fn place_unit(&self, length: Option<&str>) -> Option<String> {
-        let own = self.unit.as_ref().map(|u| u.text.clone());
+        let unit_text = self.unit.as_ref().map(|u| u.text.clone());
         match self.extensive {
-            true => length.map(|length| format!("{} / ({length})^3", own.as_deref().unwrap_or("1"))),
-            false => own,
+            true => length.map(|length| format!("{} / ({length})^3", unit_text.as_deref().unwrap_or("1"))),
+            false => unit_text,
         }
     }
 
@@ -191,7 +192,7 @@ impl Quantity {
         if self.logarithmic { Some("dex".into()) } else { self.unit.as_ref().map(|u| u.text.clone()) }
     }
 
-    /// What its values are, in a word or two.
+    /// Kind of its values, in a word or two.
     pub fn describe_kind(&self) -> &'static str {
         match (self.extensive, self.logarithmic) {
             _ if self.class().is_some() => "share",
@@ -203,7 +204,7 @@ impl Quantity {
 }
 
 crate::named_values! {
-    /// What the values of a [`Quantity`] are, in the order of their numbers in a file, which begin at 1.
+    /// Kinds of the values of a [`Quantity`], in the order of their numbers in a file, which begin at 1.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum QuantityKind {
@@ -219,7 +220,7 @@ crate::named_values! {
 }
 
 impl Metadata {
-    /// How means and shapes of Gaussians weigh particles: all alike, whatever their masses, which are sums.
+    /// Weighting of particles in means and shapes of Gaussians: all alike, whatever their masses, which are sums.
     pub const WEIGHTING: &'static str = "count";
 
     /// Of a snapshot of `count` particles in `bounds` that says nothing else: masses of 1, the default radius and
@@ -252,31 +253,31 @@ impl Metadata {
         fields.chunk_by(move |a, b| category(a) == category(b)).filter(|classes| classes[0].class().is_some())
     }
 
-    /// Does a file store the moments of field `number`? Those of the last class of a category follow from the others'.
+    /// Whether a file stores the moments of field `number`: those of a category's last class follow from the others'.
     pub fn is_stored(fields: &[Quantity], number: usize) -> bool {
         let category = |n: usize| fields.get(n).and_then(Quantity::class).map(|(category, _)| category);
         category(number).is_none() || category(number) == category(number + 1)
     }
 
-    /// What is lacking of the listed fields, a sentence each: of layers of so many `blocks`, those of which `has` says by
-    /// layer, block and field whether they have it. A layer may lack a field, but not some of its blocks alone.
+    /// Gaps of the listed fields, a sentence each, in layers of so many `blocks`; `has` says by layer, block, name and
+    /// number of a field whether it is there. A layer may lack a field, but not some of its blocks alone.
     pub fn lacking_fields(&self, blocks: &[usize], has: &dyn Fn(usize, usize, &str, usize) -> bool) -> Vec<String> {
         let mut lacking = Vec::new();
         for (number, q) in self.fields.iter().enumerate().filter(|(n, _)| Self::is_stored(&self.fields, *n)) {
-            let there = |layer: usize| (0..blocks[layer]).filter(|&b| has(layer, b, &q.name, number)).count();
-            let of_layers: Vec<usize> = (0..blocks.len()).map(there).collect();
+            let blocks_with = |layer: usize| (0..blocks[layer]).filter(|&b| has(layer, b, &q.name, number)).count();
+            let of_layers: Vec<usize> = (0..blocks.len()).map(blocks_with).collect();
             let all = of_layers.iter().sum::<usize>();
-            let some = of_layers.iter().zip(blocks).find(|(there, all)| **there > 0 && there < all);
+            let some = of_layers.iter().zip(blocks).find(|(count, all)| **count > 0 && count < all);
             lacking.extend(match some {
                 None if all == 0 => Some(format!("the field `{}` is listed, but no block has it", q.name)),
-                Some((there, all)) => Some(format!("the field `{}` is in {there} of {all} blocks of a layer", q.name)),
+                Some((count, all)) => Some(format!("the field `{}` is in {count} of {all} blocks of a layer", q.name)),
                 None => None,
             });
         }
         lacking
     }
 
-    /// Where the `next` frame is not of the same run, as a sentence: it has other units, cosmology or periodic axes, in a
+    /// Difference of the `next` frame if it is not of the same run, as a sentence: other units, cosmology or axes, in a
     /// cosmological run another box, or other units of a field.
     pub fn difference_to_next(&self, next: &Metadata) -> Option<String> {
         let periodic_axes = |m: &Metadata| m.cell.map(|c| c.periodic);
@@ -285,8 +286,8 @@ impl Metadata {
             ("cosmology", self.cosmology != next.cosmology),
             ("periodic axes", periodic_axes(self) != periodic_axes(next)),
         ];
-        if let Some((what, _)) = differing.into_iter().find(|d| d.1) {
-            return Some(format!("its {what} are not those of the frame before"));
+        if let Some((subject, _)) = differing.into_iter().find(|d| d.1) {
+            return Some(format!("its {subject} are not those of the frame before"));
         }
         if !self.has_box_of(next) {
             let shown = |m: &Metadata| m.cell.map_or("not stated".into(), |c| c.to_string());

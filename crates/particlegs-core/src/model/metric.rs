@@ -1,11 +1,11 @@
-//! How the figures of a certificate are declared: each once, with its name, coding, range, unit and tolerance. What
-//! encodes, decodes, compares, prints and lists them passes over these declarations.
+//! Declarations of a certificate's figures: each once, with its name, coding, range, unit and tolerance. Coding,
+//! comparison, printing and lists all pass over these declarations.
 
 use super::unit::per_length;
 use std::fmt;
 
 crate::named_values! {
-    /// How much is measured of a decoded model.
+    /// Extent of the measurements of a decoded model.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum CertificateLevel {
@@ -18,7 +18,7 @@ crate::named_values! {
 }
 
 impl CertificateLevel {
-    /// Is anything measured?
+    /// Whether anything is measured.
     pub fn measures(self) -> bool {
         self != CertificateLevel::None
     }
@@ -33,7 +33,7 @@ pub struct PictureScore {
     pub ssim: f64,
 }
 
-/// What a figure says.
+/// The value of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MetricValue {
     /// There is no such number, or it was not measured.
@@ -48,7 +48,7 @@ pub enum MetricValue {
     Score(PictureScore),
 }
 
-/// How a figure lies in the file.
+/// The coding of a figure in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coding {
     /// A whole number of so many bytes.
@@ -70,7 +70,7 @@ pub enum Coding {
     Score,
 }
 
-/// What a figure is measured in.
+/// The unit of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MetricUnit {
     /// None, or one that its name says.
@@ -85,8 +85,8 @@ pub enum MetricUnit {
     Share,
 }
 
-/// How far apart a figure may be where it is measured again: the same program measures the same bits, another version
-/// may round otherwise.
+/// Tolerance of a figure that is measured again: the same program measures the same bits, another version may round
+/// otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
     /// Not at all.
@@ -106,13 +106,13 @@ pub enum Tolerance {
 pub struct Metric {
     /// In words.
     pub name: &'static str,
-    /// How it is coded.
+    /// Its coding.
     pub coding: Coding,
     /// Lowest and highest number; others are corrupt.
     pub range: [f64; 2],
-    /// What it is measured in.
+    /// Its unit.
     pub unit: MetricUnit,
-    /// How far apart two may be.
+    /// Tolerance between two measurements.
     pub tolerance: Tolerance,
 }
 
@@ -179,7 +179,7 @@ pub fn decimals(v: f64) -> String {
 }
 
 impl Tolerance {
-    /// Is what was measured further from what is stored? Not a number is never near.
+    /// Whether what was measured is further from what is stored. Not a number is never near.
     pub fn is_passed(self, stored: MetricValue, measured: MetricValue) -> bool {
         let near = |a: f64, b: f64, by: f64| (a - b).abs() <= by;
         let within = match (self, stored, measured) {
@@ -234,9 +234,9 @@ impl MetricGroup {
 
     /// The figures that are in no row, in one sentence; `unit` is the unit of length.
     pub fn describe(&self, entries: &[MetricEntry], unit: Option<&str>) -> String {
-        let alone = entries.iter().filter(|e| e.row.is_empty());
+        let without_row = entries.iter().filter(|e| e.row.is_empty());
         let words: Vec<String> =
-            alone.map(|e| format!("{} {}", e.metric.name, e.metric.describe(e.value, unit))).collect();
+            without_row.map(|e| format!("{} {}", e.metric.name, e.metric.describe(e.value, unit))).collect();
         format!("{}: {}", self.words, words.join(", ")).trim_end().to_string()
     }
 }
@@ -244,11 +244,11 @@ impl MetricGroup {
 /// A figure of a certificate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MetricEntry {
-    /// Which of several alike it is of (`mid paraview`); empty where there is but one.
+    /// The one of several alike that it is of (`mid paraview`); empty where there is but one.
     pub row: String,
-    /// Which.
+    /// The figure.
     pub metric: Metric,
-    /// What it says.
+    /// Its value.
     pub value: MetricValue,
 }
 
@@ -256,28 +256,28 @@ pub struct MetricEntry {
 pub(crate) trait MetricVisitor {
     type Error;
 
-    /// A group begins, and is `there`; is it to be there, and visited?
-    fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Self::Error>;
+    /// A group begins; `is_present`: the certificate has it. Whether it is to be there, and visited.
+    fn begin(&mut self, group: &MetricGroup, is_present: bool) -> Result<bool, Self::Error>;
     fn end(&mut self, _: &MetricGroup) -> Result<(), Self::Error> {
         Ok(())
     }
-    /// Is there another element in a list of any length? `there`: the certificate has it.
-    fn more(&mut self, there: bool) -> bool {
-        there
+    /// Whether there is another element in a list of any length. `is_present`: the certificate has it.
+    fn more(&mut self, is_present: bool) -> bool {
+        is_present
     }
-    /// A figure with its value, and what the value is to be.
+    /// A figure with its value; returns the value that it is to have.
     fn metric(&mut self, metric: &Metric, value: MetricValue) -> Result<MetricValue, Self::Error>;
-    /// What figures of one record say of each other.
+    /// Checks the figures of one record against each other.
     fn agree(&mut self, _: impl FnOnce() -> Result<(), String>) -> Result<(), Self::Error> {
         Ok(())
     }
-    /// What follows, up to `leave`, is of one of several alike.
+    /// The figures that follow, up to `leave`, are of one of several alike.
     fn enter(&mut self, _: &'static str) {}
     fn leave(&mut self) {}
 }
 
-/// What a visitor passes over, declared in the form `F`: [`Metric`] for a figure, a name for a record, names for a list
-/// of records.
+/// A part that a visitor passes over, declared in the form `F`: [`Metric`] for a figure, a name for a record, names for
+/// a list of records.
 pub(crate) trait MetricField<F> {
     fn visit<V: MetricVisitor>(&mut self, form: F, v: &mut V) -> Result<(), V::Error>;
 }

@@ -166,15 +166,15 @@ record! {
 impl MassPower {
     /// Of so many layers; nothing is measured.
     pub fn new(layers: usize) -> MassPower {
-        let own = if layers > 1 { layers.min(POWER_LAYERS) } else { 0 };
+        let layer_count = if layers > 1 { layers.min(POWER_LAYERS) } else { 0 };
         let mut power = MassPower::default();
-        power.layers[..own].fill(Some(PowerAgreement::default()));
+        power.layers[..layer_count].fill(Some(PowerAgreement::default()));
         power
     }
 }
 
 record! {
-    /// How far one P(k) is another's.
+    /// Agreement of one P(k) with another.
     PowerAgreement {
         /// Largest |P / P(particles) - 1| of any shell in which the particles have power above the scatter of their shot
         /// noise; `None` where there is no such shell.
@@ -185,8 +185,7 @@ record! {
 }
 
 record! {
-    /// How the masses of layers go together, from cell to cell: of species of one distribution their ratio is the same
-    /// everywhere.
+    /// Ratios of layers' masses, from cell to cell: of species of one distribution they are the same everywhere.
     LayerRatios {
         /// Of the second layer and those after it, in the file's order, against the first.
         to_first: [Option<LayerRatio>; POWER_LAYERS - 1] = RATIO_NAMES;
@@ -204,7 +203,7 @@ impl LayerRatios {
 }
 
 record! {
-    /// What fields that are gathered from a random half of the particles say of the other half.
+    /// Agreement of fields that are gathered from a random half of the particles with the other half.
     FieldAgreements {
         /// In the file's order.
         each: [Option<FieldAgreement>; CERTIFIED_FIELDS] = FIELD_NAMES;
@@ -245,13 +244,13 @@ record! {
         particles_scatter: f64 = Metric::new("the particles'", F32);
         /// Root mean square of the difference of the two.
         error: f64 = Metric::new("error", F32);
-        /// What sampling adds to the particles'.
+        /// The part that sampling adds to the particles'.
         noise: f64 = Metric::new("sampling noise", F32);
     }
 }
 
 impl LayerRatio {
-    /// Does the model differ by more than twice what sampling does?
+    /// Whether the model differs by more than twice what sampling does.
     pub fn stands_out(&self) -> bool {
         self.error > 2.0 * self.noise
     }
@@ -331,8 +330,8 @@ impl GroupClass {
 }
 
 record! {
-    /// What models of halves of the particles, made by the same method with as many particles a Gaussian, say of the
-    /// other halves: of the method at these settings, and not of the file's own Gaussians.
+    /// Models of halves of the particles, made by the same method with as many particles a Gaussian, against the other
+    /// halves: a test of the method at these settings, and not of the file's own Gaussians.
     CrossValidation {
         /// Mean log2(p / uniform) of particles, of both halves.
         bits: f64 = Metric::new("bits a particle above uniform", F32).signed();
@@ -373,8 +372,8 @@ impl CrossValidation {
     /// The wave number up to which every band's deviation, less its scatter, is within `share`; a scatter excuses no more
     /// than as much again.
     pub fn within(&self, share: f64) -> Option<f64> {
-        let good = |t: &&Transfer| t.deviation.is_none_or(|d| d.abs() - t.scatter.min(share) <= share);
-        let bands = self.transfer.iter().take_while(good).count();
+        let agrees = |t: &&Transfer| t.deviation.is_none_or(|d| d.abs() - t.scatter.min(share) <= share);
+        let bands = self.transfer.iter().take_while(agrees).count();
         let measured = self.transfer[..bands].iter().rposition(|t| t.deviation.is_some())?;
         Some(BANDS[measured] * self.k_max)
     }
@@ -405,7 +404,7 @@ record! {
         /// Particle radius, in default radii.
         radius: f64 = Metric::new("radius", F32).range(f32::MIN_POSITIVE as f64, f64::MAX);
         opacity: f64 = Metric::new("opacity", F32).range(f32::MIN_POSITIVE as f64, 1.0);
-        /// Are the views from within the particles, and not from the orbits?
+        /// Whether the views are from within the particles, and not from the orbits.
         close: bool = Metric::new("views", Name(&["orbits", "close up"]));
         paraview: LookSummary = "paraview";
         expected: LookSummary = "expected";
@@ -421,7 +420,7 @@ impl PictureSetting {
 record! {
     /// The scores of three views in one look.
     LookSummary {
-        /// Which view has the lowest masked PSNR of the model: 0, 1, 2 for far, mid, near, or in order of those from
+        /// The view with the lowest masked PSNR of the model: 0, 1, 2 for far, mid, near, or in order of those from
         /// close up.
         worst_view: u8 = Metric::new("worst view", Name(&["1 (far)", "2 (mid)", "3 (near)"]));
         /// Means of the views' decibels and SSIM; views without a value are left out.

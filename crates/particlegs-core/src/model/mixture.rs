@@ -44,7 +44,7 @@ impl Mixture {
         self.count.len()
     }
 
-    /// No Gaussians?
+    /// Whether it has no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.count.is_empty()
     }
@@ -90,10 +90,10 @@ impl Mixture {
 
     /// Keeps some Gaussians of the optical-depth law, by their numbers.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        let own = self.mean.iter_mut().chain(&mut self.cov).chain([&mut self.count]);
-        let own = own.chain(self.columns.iter_mut().map(|(_, column)| column));
+        let columns = self.mean.iter_mut().chain(&mut self.cov).chain([&mut self.count]);
+        let columns = columns.chain(self.columns.iter_mut().map(|(_, column)| column));
         let fields = self.fields.iter_mut().flat_map(|(_, moments)| moments.all_columns_mut());
-        for column in own.chain(fields) {
+        for column in columns.chain(fields) {
             let mut next = 0..;
             column.retain(|_| next.next().is_some_and(&keep));
         }
@@ -101,14 +101,14 @@ impl Mixture {
 
     /// Takes memory for so many Gaussians more, without their fields.
     pub fn reserve(&mut self, gaussians: usize) {
-        let own = self.mean.iter_mut().chain(&mut self.cov).chain([&mut self.count]);
-        own.chain(self.columns.get_mut(MASS)).for_each(|column| column.reserve(gaussians));
+        let columns = self.mean.iter_mut().chain(&mut self.cov).chain([&mut self.count]);
+        columns.chain(self.columns.get_mut(MASS)).for_each(|column| column.reserve(gaussians));
     }
 
     /// The correlations between what is left of two scalar fields, if they are known.
     pub fn correlation(&self, a: &str, b: &str) -> Option<&Vec<f64>> {
-        let of = |a: &str, b: &str| self.fields.get(a)?.correlations.get(b);
-        of(a, b).or_else(|| of(b, a))
+        let correlation_of = |a: &str, b: &str| self.fields.get(a)?.correlations.get(b);
+        correlation_of(a, b).or_else(|| correlation_of(b, a))
     }
 
     /// Adds all of another's, of the same law and with the same columns. Fields that either lacks are left out.
@@ -124,15 +124,15 @@ impl Mixture {
             self.cov[k].extend_from_slice(&other.cov[k]);
         }
         self.count.extend_from_slice(&other.count);
-        for (name, own) in self.columns.iter_mut() {
-            own.extend(other.columns.get(name).into_iter().flatten());
+        for (name, column) in self.columns.iter_mut() {
+            column.extend(other.columns.get(name).into_iter().flatten());
         }
-        for (name, own) in self.fields.iter_mut() {
-            other.fields.get(name).into_iter().for_each(|others| own.append(others));
+        for (name, moments) in self.fields.iter_mut() {
+            other.fields.get(name).into_iter().for_each(|others| moments.append(others));
         }
-        if let (Some(own), Some(others)) = (self.law.alpha_blend_mut(), other.law.alpha_blend()) {
-            own.opacity.extend_from_slice(&others.opacity);
-            own.grey.extend_from_slice(&others.grey);
+        if let (Some(columns), Some(others)) = (self.law.alpha_blend_mut(), other.law.alpha_blend()) {
+            columns.opacity.extend_from_slice(&others.opacity);
+            columns.grey.extend_from_slice(&others.grey);
         }
     }
 }
@@ -153,11 +153,11 @@ pub struct Block {
 /// A model file's whole content.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// What is known about the snapshot and the fit.
+    /// Statements about the snapshot and the fit.
     pub metadata: Metadata,
     /// Layers, at least one.
     pub layers: Vec<Layer<Vec<Block>>>,
-    /// What was measured after decoding.
+    /// Measurements after decoding.
     pub certificate: Option<Certificate>,
 }
 
@@ -183,14 +183,14 @@ impl Model {
         self.has_masses().then(|| self.layers.iter().map(mass).sum())
     }
 
-    /// Is the mass of particles known: do all layers have weights, or a particle mass?
+    /// Whether the mass of particles is known: all layers have weights, or a particle mass.
     pub fn has_masses(&self) -> bool {
         self.layers.iter().all(|l| l.mass != Mass::Unknown)
     }
 
     /// The same of other Gaussians, block by block; what is said of the particles stays.
-    pub fn with_gaussians(&self, of: impl Fn(&Mixture) -> Mixture) -> Self {
-        let block = |b: &Block| Block { gaussians: of(&b.gaussians), ..*b };
+    pub fn with_gaussians(&self, convert: impl Fn(&Mixture) -> Mixture) -> Self {
+        let block = |b: &Block| Block { gaussians: convert(&b.gaussians), ..*b };
         let layers = self.layers.iter().map(|l| l.with(l.content.iter().map(block).collect())).collect();
         Model { metadata: self.metadata.clone(), layers, certificate: self.certificate }
     }
@@ -207,15 +207,18 @@ impl Model {
         Ok(self)
     }
 
-    /// Which layers are meant by `names`: their own, or those of their species ([`is_species`]).
+    /// Whether each layer is meant by `names`: its own, or those of its species ([`is_species`]).
     pub fn which(&self, names: &[String]) -> crate::Result<Vec<bool>> {
-        let called = |name: &str, asked: &String| match self.layers.iter().any(|l| l.name == *asked) {
-            true => name == asked,
-            false => is_species(name, asked),
+        let called = |name: &str, query: &String| match self.layers.iter().any(|l| l.name == *query) {
+            true => name == query,
+            false => is_species(name, query),
         };
         if let Some(name) = names.iter().find(|n| !self.layers.iter().any(|l| called(&l.name, n))) {
-            let there: Vec<&str> = self.layers.iter().map(|l| &l.name[..]).collect();
-            return Err(crate::Error::argument(format!("no layer `{name}`; the layers are {}", there.join(", "))));
+            let layer_names: Vec<&str> = self.layers.iter().map(|l| &l.name[..]).collect();
+            return Err(crate::Error::argument(format!(
+                "no layer `{name}`; the layers are {}",
+                layer_names.join(", ")
+            )));
         }
         Ok(self.layers.iter().map(|l| names.iter().any(|n| called(&l.name, n))).collect())
     }
@@ -234,8 +237,8 @@ impl Model {
     /// more, and the fields.
     pub fn raw_bytes(&self) -> u64 {
         let of_fields = |b: &Block| {
-            let there = self.metadata.fields.iter().filter(|q| b.gaussians.fields.get(&q.name).is_some());
-            there.map(|q| u64::from(q.bytes)).sum::<u64>()
+            let fields = self.metadata.fields.iter().filter(|q| b.gaussians.fields.get(&q.name).is_some());
+            fields.map(|q| u64::from(q.bytes)).sum::<u64>()
         };
         let of_block =
             |l: &Layer<Vec<Block>>, b: &Block| b.count.saturating_mul(l.mass.particle_bytes() + of_fields(b));

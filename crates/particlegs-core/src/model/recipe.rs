@@ -1,12 +1,12 @@
-//! What made a model.
+//! The recipe of a model.
 
 use super::{LawKind, Target};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-/// What made a model: what was asked of the fit, what was read, and what was done to the model afterwards. Two models of
-/// one snapshot and one recipe are the same, if no limit of time ended their training.
+/// The recipe of a model: the demands on the fit, the options of reading, and the later steps. Two models of one
+/// snapshot and one recipe are the same, if no limit of time ended their training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Recipe {
@@ -17,13 +17,13 @@ pub struct Recipe {
     pub effort: Effort,
     /// Seed of the fit, of what it reads, and of the views.
     pub seed: u64,
-    /// How Gaussians become pictures.
+    /// The law by which Gaussians become pictures.
     #[serde(skip_serializing_if = "is_default")]
     pub law: LawKind,
-    /// How the fit was trained further; `None` = not.
+    /// Further training of the fit; `None` = there was none.
     #[serde(skip_serializing_if = "is_default")]
     pub training: Option<TrainingRecipe>,
-    /// What was read of the snapshot: the command's options by name, with their values (empty for a switch). The field
+    /// Options of reading the snapshot: those of the command by name, with their values (empty for a switch). The field
     /// of masses is `weights`.
     #[serde(skip_serializing_if = "is_default")]
     pub read: BTreeMap<String, String>,
@@ -35,7 +35,7 @@ pub struct Recipe {
     pub opacity: Option<f64>,
     /// Blocks that were fitted on their own.
     pub blocks: u32,
-    /// What was done to the model afterwards, in this order.
+    /// Later steps, in this order.
     #[serde(skip_serializing_if = "is_default")]
     pub steps: Vec<RecipeStep>,
     /// Fields in which the parts of a merge differ: they have the value of [`Recipe::default`], the steps are one merge.
@@ -43,7 +43,7 @@ pub struct Recipe {
     pub differing: BTreeSet<String>,
 }
 
-/// What is done to a model.
+/// A later step in the making of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RecipeStep {
@@ -57,12 +57,12 @@ pub enum RecipeStep {
         target: Target,
         /// Seed of the pictures.
         seed: u64,
-        /// How it was trained.
+        /// Its training.
         training: TrainingRecipe,
     },
 }
 
-/// What names the hyper-parameters of a training run.
+/// Names of the hyper-parameters of a training run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct TrainingRecipe {
@@ -72,13 +72,13 @@ pub struct TrainingRecipe {
     /// Steps in all, where they are another number than the preset's.
     #[serde(skip_serializing_if = "is_default")]
     pub iterations: Option<u64>,
-    /// Where they are none of the presets: the beginning of a hash of all of them.
+    /// The beginning of a hash of all of them, where they are none of the presets.
     #[serde(skip_serializing_if = "is_default")]
     pub config: Option<String>,
 }
 
 crate::named_values! {
-    /// How much time a fit spends.
+    /// Time that a fit spends.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Effort {
@@ -135,7 +135,7 @@ impl Recipe {
         if self.steps.last() == Some(&RecipeStep::Merge) { self } else { self.then(RecipeStep::Merge) }
     }
 
-    /// What two merged parts have in common. Associative and commutative, and takes a recipe with itself to itself.
+    /// The common recipe of two merged parts. Associative and commutative, and takes a recipe with itself to itself.
     pub fn joined(mut self, other: &Recipe) -> Self {
         let nothing = Recipe::default().merged();
         self.differing.extend(other.differing.iter().cloned());
@@ -151,7 +151,7 @@ impl Recipe {
         self
     }
 
-    /// Is a field known, and the same in all parts of a merge?
+    /// Whether a field is known, and the same in all parts of a merge.
     fn says(&self, field: &str) -> bool {
         !self.differing.contains(field) && !self.differing.contains(Self::ALL)
     }
@@ -159,8 +159,8 @@ impl Recipe {
     /// The effort of the fit, where the Gaussians are what it gave: neither trained nor reduced.
     pub fn fitted(&self) -> Option<Effort> {
         let fit = self.training.is_none() && self.steps.iter().all(|s| *s == RecipeStep::Merge);
-        let said = ["effort", "training", "steps"].iter().all(|field| self.says(field));
-        (fit && said).then_some(self.effort)
+        let known = ["effort", "training", "steps"].iter().all(|field| self.says(field));
+        (fit && known).then_some(self.effort)
     }
 }
 

@@ -1,10 +1,10 @@
-//! What statistics of a decoded model said when its file was made.
+//! Statistics of a decoded model from when its file was made.
 
 use super::metric::{enum_values, record};
 use super::{GROUP_CLASSES, Limit, Metric, MetricUnit};
 use crate::model::Coding::{F32, From as FromSize, Name, UpTo, Whole};
 
-/// What the statistics are of.
+/// The subject of the statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScienceSubject {

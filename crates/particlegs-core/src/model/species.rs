@@ -1,4 +1,4 @@
-//! What particle types are called: by files, as `PartType0`, and by people, as gas.
+//! Names of particle types: those of files, as `PartType0`, and those of people, as gas.
 
 use super::{Quantity, QuantityKind};
 
@@ -33,12 +33,12 @@ impl SharedSpecies {
         all.iter().map(|s| &s.name[..]).collect::<Vec<_>>().join("+")
     }
 
-    /// Do they share the Gaussians of the layer of this name?
+    /// Whether they share the Gaussians of the layer of this name.
     pub fn share_layer(all: &[SharedSpecies], name: &str) -> bool {
         !all.is_empty() && name == SharedSpecies::layer_name(all)
     }
 
-    /// What its shares are called among the fields of the layer's Gaussians.
+    /// Name of its shares among the fields of the layer's Gaussians.
     pub fn field_name(&self) -> String {
         format!("species={}", self.name)
     }
@@ -66,14 +66,16 @@ pub fn species_title(name: &str) -> String {
     }
 }
 
-/// Does `asked` mean the species or layer `name`? In capitals or not, with blanks or without: by its name, by another of
-/// its type's, by its type alone where the name goes on (`PartType1 m=2`), or by its number (of `type 1`).
-pub fn is_species(name: &str, asked: &str) -> bool {
+/// Whether `query` means the species or layer `name`, in capitals or not, with blanks or without: by its name, by
+/// another of its type's, by its type alone where the name goes on (`PartType1 m=2`), or by its number (of `type 1`).
+pub fn is_species(name: &str, query: &str) -> bool {
     let plain = |text: &str| text.to_lowercase().replace(' ', "");
     let (first, last) = (name.split(' ').next().unwrap_or(name), name.rsplit(' ').next().unwrap_or(name));
     let kind = kind_of(first);
-    let asked = plain(asked);
-    plain(name) == asked || kind.is_some() && kind == kind_of(&asked) || kind.is_none() && plain(last) == asked
+    let plain_query = plain(query);
+    plain(name) == plain_query
+        || kind.is_some() && kind == kind_of(&plain_query)
+        || kind.is_none() && plain(last) == plain_query
 }
 
 /// The type of a plain name.
@@ -94,12 +96,12 @@ mod tests {
         let titles =
             ["gas", "gas", "dark matter", "dark matter m=0.5", "PartType2", "stars", "type 1", "O", "particles"];
         assert_eq!(all.map(species_title), titles);
-        let called = |asked: &str| all.into_iter().filter(|name| is_species(name, asked)).collect::<Vec<_>>();
-        for asked in ["gas", "Gas", "0", "PartType0", "parttype0"] {
-            assert_eq!(called(asked), ["PartType0", "gas"], "{asked}");
+        let called = |query: &str| all.into_iter().filter(|name| is_species(name, query)).collect::<Vec<_>>();
+        for query in ["gas", "Gas", "0", "PartType0", "parttype0"] {
+            assert_eq!(called(query), ["PartType0", "gas"], "{query}");
         }
-        for asked in ["dm", "dark matter", "DarkMatter", "halo", "PartType1"] {
-            assert_eq!(called(asked), ["PartType1", "PartType1 m=0.5"], "{asked}");
+        for query in ["dm", "dark matter", "DarkMatter", "halo", "PartType1"] {
+            assert_eq!(called(query), ["PartType1", "PartType1 m=0.5"], "{query}");
         }
         assert_eq!(called("1"), ["PartType1", "PartType1 m=0.5", "type 1"]);
         assert_eq!(

@@ -1,4 +1,4 @@
-//! What a user may ask for: a ratio, a size, a number of Gaussians or a quality.
+//! Targets that a user may ask for: a ratio, a size, a number of Gaussians or a quality.
 
 use super::{GROUP_CLASSES, Goal, GoalKind};
 use crate::{Error, Result};
@@ -17,7 +17,7 @@ const FEW_BYTES: u64 = 10_240;
 const FEW_RATIO: f64 = 10.0;
 const BESIDE_GAUSSIANS: u64 = 1200;
 
-/// What the file is to meet.
+/// The target that the file is to meet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
@@ -62,7 +62,7 @@ impl Target {
         }
     }
 
-    /// What the default chose for particles of `raw_bytes`, and why, in one line; `None` for a target of
+    /// The choice of the default for particles of `raw_bytes`, and why, in one line; `None` for a target of
     /// the user's own.
     pub fn describe_choice(self, raw_bytes: u64) -> Option<String> {
         let bytes = (self == Target::Default).then(|| self.bytes(raw_bytes))??;
@@ -82,16 +82,16 @@ impl Target {
 
     /// Checks the number.
     pub fn check(self) -> Result<Self> {
-        let fine = match self {
+        let valid = match self {
             Target::Default => true,
             Target::Ratio(v) | Target::Psnr(v) => v > 0.0 && v.is_finite(),
             Target::Size(v) | Target::Gaussians(v) => v > 0,
             Target::Goal(goal) => return check_goal(goal).map(Target::Goal),
         };
-        if fine { Ok(self) } else { Err(Error::argument(format!("{} is not positive and finite", self.describe()))) }
+        if valid { Ok(self) } else { Err(Error::argument(format!("{} is not positive and finite", self.describe()))) }
     }
 
-    /// What is asked for, as people say it.
+    /// The target as people say it.
     fn describe(self) -> String {
         match self {
             Target::Default => "the default size".into(),
@@ -123,13 +123,13 @@ impl fmt::Display for Target {
     }
 }
 
-/// Can a goal be met at all? What these particles do not have is found when they are measured.
+/// Checks that a goal can be met at all; whether these particles can meet it is found when they are measured.
 fn check_goal(goal: Goal) -> Result<Goal> {
     let Goal { kind, asked, at } = goal;
-    let inside = asked > 0.0 && asked < if kind == GoalKind::Psnr { f64::INFINITY } else { 1.0 };
+    let in_range = asked > 0.0 && asked < if kind == GoalKind::Psnr { f64::INFINITY } else { 1.0 };
     let message = match kind {
-        _ if !inside && kind == GoalKind::Correlation => format!("the correlation {asked} is not between 0 and 1"),
-        _ if !inside => format!("{asked} is not a share between 0 and 1 (0 % and 100 %)"),
+        _ if !in_range && kind == GoalKind::Correlation => format!("the correlation {asked} is not between 0 and 1"),
+        _ if !in_range => format!("{asked} is not a share between 0 and 1 (0 % and 100 %)"),
         GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("{at} is not a positive wave number"),
         GoalKind::Correlation if !(at > 0.0 && at.is_finite()) => format!("{at} is not a positive cell size"),
         GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < (1u64 << 53) as f64) || at.fract() != 0.0 => {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Unit {
     /// As the source states it, e.g. `kpc/h`.
     pub text: String,
-    /// What it is in SI; `None` where that is not known, as of a unit of a reduced (LJ) system.
+    /// Its size in SI; `None` where that is not known, as of a unit of a reduced (LJ) system.
     pub si: Option<Si>,
 }
 
@@ -23,7 +23,7 @@ pub struct Si {
     pub h: f32,
 }
 
-/// What a unit measures, and the SI unit that factors are of.
+/// The dimension of a unit, and the SI unit that factors are of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// Length, in metres.
@@ -107,7 +107,7 @@ impl Dimension {
         }
     }
 
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         self.table().0
     }
@@ -128,17 +128,17 @@ impl Dimension {
     }
 }
 
-/// What a text says.
+/// A unit as its text states it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ParsedUnit {
     number: f64,
     /// The first of its names.
     name: &'static str,
-    /// What the name is in SI; [`REDUCED`] of a unit without a size.
+    /// Size of the name in SI; [`REDUCED`] of a unit without a size.
     size: f64,
     a: f32,
     h: f32,
-    /// Does the text say whether it is comoving?
+    /// Whether it is comoving, where the text says that.
     comoving: Option<bool>,
 }
 
@@ -149,7 +149,7 @@ impl Unit {
         Unit { text: text.trim().into(), si: si.map(|r| Si { factor: r.number * r.size, a: r.a, h: r.h }) }
     }
 
-    /// Is `text` a unit that is known by name, with or without a size?
+    /// Whether `text` is a unit that is known by name, with or without a size.
     pub fn is_known(text: &str, dimension: Dimension) -> bool {
         read(text, dimension).is_some()
     }
@@ -161,7 +161,7 @@ impl Unit {
         (size != REDUCED).then_some((number, name, size, a, h))
     }
 
-    /// What it is in SI: ` (3.0856776e19 m a h^-1)`; nothing where that is not known.
+    /// Its size in SI: ` (3.0856776e19 m a h^-1)`; nothing where that is not known.
     pub fn describe_size(&self, dimension: Dimension) -> String {
         let power = |name: &str, p: f32| match p {
             0.0 => String::new(),
@@ -175,7 +175,7 @@ impl Unit {
         })
     }
 
-    /// The text, and what it is in SI.
+    /// The text, and its size in SI.
     pub fn describe(&self, dimension: Dimension) -> String {
         self.text.clone() + &self.describe_size(dimension)
     }
@@ -185,6 +185,7 @@ impl Unit {
 /// `1e10 Msun/h`, `h^-1 Mpc`, `kpccm/h`, `kpc a h**-1`, `ckpc`, `comoving Mpc/h`, `g/mol`.
 fn read(text: &str, dimension: Dimension) -> Option<ParsedUnit> {
     let mut plain = text.trim().trim_matches(['[', ']', '(', ')']).replace(['{', '}', '$'], "");
+    // Each pair acts on what those before it left: `10**10 M_{\odot}` becomes `1e10 Msun` in four steps.
     for (written, meant) in [
         ("**", "^"),
         ("10^", "1e"),
@@ -200,43 +201,47 @@ fn read(text: &str, dimension: Dimension) -> Option<ParsedUnit> {
         plain = plain.replace(written, meant);
     }
     let spaced = plain.replace('/', " / ").replace(['*', '\u{d7}', '\u{b7}'], " ");
-    let mut found = ParsedUnit { number: 1.0, name: "", size: REDUCED, a: 0.0, h: 0.0, comoving: None };
+    let mut unit = ParsedUnit { number: 1.0, name: "", size: REDUCED, a: 0.0, h: 0.0, comoving: None };
     let mut below = false;
     for word in spaced.split_whitespace() {
         if word == "/" {
             below = true;
             continue;
         }
+        // A `/` is for the next word alone, as in `kpc/h a`.
         let sign = if std::mem::take(&mut below) { -1.0 } else { 1.0 };
         let (number, word) = number(word);
-        found.number *= if sign < 0.0 { 1.0 / number } else { number };
+        unit.number *= if sign < 0.0 { 1.0 / number } else { number };
         if word.is_empty() {
             continue;
         }
         let (name, power) = powered(word);
         match name {
-            "h" | "littleh" | "small_h" => found.h += sign * power,
-            "a" | "small_a" | "aexp" => found.a += sign * power,
-            "comoving" => found.comoving = Some(true),
-            "physical" | "proper" => found.comoving = Some(false),
-            _ if !found.name.is_empty() || sign * power != 1.0 => return None,
+            "h" | "littleh" | "small_h" => unit.h += sign * power,
+            "a" | "small_a" | "aexp" => unit.a += sign * power,
+            "comoving" => unit.comoving = Some(true),
+            "physical" | "proper" => unit.comoving = Some(false),
+            // A second unit, or a power of one as in `Mpc^2` and `1/Mpc`, makes another dimension.
+            _ if !unit.name.is_empty() || sign * power != 1.0 => return None,
             _ => {
                 let ((name, size), comoving) = lengths_apart(name, dimension)?;
-                (found.name, found.size) = (name, size);
-                found.comoving = comoving.or(found.comoving);
+                (unit.name, unit.size) = (name, size);
+                unit.comoving = comoving.or(unit.comoving);
             }
         }
     }
+    // A power of a says that a length is comoving, and the first power belongs to it (docs/format.md, section 2).
     if dimension == Dimension::Length {
-        match found.comoving {
-            Some(true) => found.a = 1.0,
-            None if found.a != 0.0 => found.comoving = Some(true),
+        match unit.comoving {
+            Some(true) => unit.a = 1.0,
+            None if unit.a != 0.0 => unit.comoving = Some(true),
             _ => {}
         }
     }
-    let size = found.number * if found.size == REDUCED { 1.0 } else { found.size };
-    let sound = [f64::from(found.a), f64::from(found.h), found.number, size].iter().all(|v| v.is_finite());
-    (!found.name.is_empty() && !below && sound && found.number > 0.0 && size > 0.0).then_some(found)
+    // A unit without a size is a unit all the same: then its number alone must be sound.
+    let size = unit.number * if unit.size == REDUCED { 1.0 } else { unit.size };
+    let sound = [f64::from(unit.a), f64::from(unit.h), unit.number, size].iter().all(|v| v.is_finite());
+    (!unit.name.is_empty() && !below && sound && unit.number > 0.0 && size > 0.0).then_some(unit)
 }
 
 /// A name's factor, and what its letters say of comoving: `ckpc`, `kpccm` and `pkpc` are lengths of cosmologists.
@@ -244,13 +249,13 @@ fn lengths_apart(name: &str, dimension: Dimension) -> Option<((&'static str, f64
     if let Some(unit) = dimension.named(name) {
         return Some((unit, None));
     }
-    let of = |rest: Option<&str>, comoving: bool| {
+    let named_length = |rest: Option<&str>, comoving: bool| {
         let rest = rest.filter(|r| dimension == Dimension::Length && r.to_lowercase().ends_with("pc"))?;
         Some((dimension.named(rest)?, Some(comoving)))
     };
-    of(name.strip_prefix('c'), true)
-        .or_else(|| of(name.strip_suffix("cm"), true))
-        .or_else(|| of(name.strip_prefix('p'), false))
+    named_length(name.strip_prefix('c'), true)
+        .or_else(|| named_length(name.strip_suffix("cm"), true))
+        .or_else(|| named_length(name.strip_prefix('p'), false))
 }
 
 /// The number that a word begins with, at most 32 characters, else 1; and the rest.
@@ -278,7 +283,7 @@ pub fn per_length(unit: &str) -> String {
     }
 }
 
-/// What the numbers of a snapshot are in. `None` = the source does not say.
+/// Units of the numbers of a snapshot. `None` = the source does not say.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "SerializedUnits", into = "SerializedUnits")]
 pub struct Units {
@@ -288,12 +293,12 @@ pub struct Units {
     pub mass: Option<Unit>,
     /// Unit of time.
     pub time: Option<Unit>,
-    /// Are lengths comoving? Where that is known the unit of length has the exponent of a that belongs to it.
+    /// Whether lengths are comoving. If that is known, the unit of length has the exponent of a that belongs to it.
     pub comoving: Option<bool>,
 }
 
 impl Units {
-    /// Units of length and mass from their texts. What the text of the length says of comoving goes before `comoving`.
+    /// Units of length and mass from their texts. A text of the length that says so goes before `comoving`.
     pub fn new(length: Option<&str>, mass: Option<&str>, comoving: Option<bool>) -> Self {
         let length = length.map(|text| Unit::parse(text, Dimension::Length));
         let mass = mass.map(|text| Unit::parse(text, Dimension::Mass));
@@ -483,15 +488,15 @@ mod tests {
 
     #[test]
     fn comoving_and_the_exponent_of_a_say_one_thing() {
-        let of = |text, comoving| {
+        let statements_of = |text, comoving| {
             let units = Units::new(Some(text), None, comoving);
             (units.comoving, units.length.unwrap().si.unwrap().a)
         };
-        assert_eq!(of("kpc/h", Some(true)), (Some(true), 1.0));
-        assert_eq!(of("kpc/h", Some(false)), (Some(false), 0.0));
-        assert_eq!(of("kpc/h", None), (None, 0.0));
-        assert_eq!(of("kpccm/h", None), (Some(true), 1.0));
-        assert_eq!(of("pkpc", Some(true)), (Some(false), 0.0));
+        assert_eq!(statements_of("kpc/h", Some(true)), (Some(true), 1.0));
+        assert_eq!(statements_of("kpc/h", Some(false)), (Some(false), 0.0));
+        assert_eq!(statements_of("kpc/h", None), (None, 0.0));
+        assert_eq!(statements_of("kpccm/h", None), (Some(true), 1.0));
+        assert_eq!(statements_of("pkpc", Some(true)), (Some(false), 0.0));
     }
 
     #[test]

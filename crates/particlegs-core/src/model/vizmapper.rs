@@ -6,7 +6,7 @@ pub const VIZMAPPER_SHAPE: [usize; 4] = [4, 64, 64, 2];
 /// Weights and biases of [`VizMapper`].
 pub const VIZMAPPER_PARAMETERS: usize = 4 * 64 + 64 + 64 * 64 + 64 + 64 * 2 + 2;
 
-/// How far [`VizMapper`] may go.
+/// Ranges of the corrections of [`VizMapper`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct VizRanges {
     /// Largest |delta_s|: scales change by at most this share.

@@ -1,9 +1,9 @@
-//! What a field of weights is: masses, something else that adds up over particles, or something that does not.
+//! Kinds of weights: masses, something else that adds up over particles, or something that does not.
 
 use super::{LawKind, Mass, Metadata, Model};
 use crate::{Error, Hint, Result};
 
-/// What a field is as weights, by its name.
+/// The kind of a field as weights, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WeightKind {
     /// Masses, or weights that nothing says more of.
@@ -58,9 +58,9 @@ impl WeightKind {
         let by_unit = INTENSIVE_UNITS.iter().find(|(_, units)| unit.is_some_and(|u| units.contains(&u.trim())));
         let is = |word: &str| word.strip_prefix('*').map_or(plain == word, |part| plain.contains(part));
         let by_name = INTENSIVE.iter().find(|(_, words)| words.split(' ').any(is));
-        let found = by_unit.map(|f| f.0).or_else(|| by_name.map(|f| f.0));
+        let intensive_name = by_unit.map(|f| f.0).or_else(|| by_name.map(|f| f.0));
         let of_haloes = plain.strip_prefix('m').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
-        match found {
+        match intensive_name {
             Some(values) => WeightKind::Intensive(values),
             None if of_haloes || plain.contains("mass") || MASS_NAMES.contains(&&plain[..]) => WeightKind::Mass,
             None => WeightKind::Additive,
@@ -68,7 +68,7 @@ impl WeightKind {
     }
 }
 
-/// What a density sums: `mass`, or `particles` where no mass is known, or weights that are not masses, by their name.
+/// The summand of a density: `mass`, or `particles` where no mass is known, or the name of weights that are not masses.
 pub fn density_of(has_masses: bool, weight_name: Option<&str>) -> &str {
     weight_name.unwrap_or(if has_masses { "mass" } else { "particles" })
 }
@@ -104,14 +104,14 @@ impl Model {
         Err(Error::argument_with(message, "choose only layers with masses, or only layers without"))
     }
 
-    /// What its density sums ([`density_of`]).
+    /// The summand of its density ([`density_of`]).
     pub fn density_of(&self) -> &str {
         density_of(self.has_masses(), self.metadata.weight_name())
     }
 }
 
 impl Metadata {
-    /// What weights are where they are not masses: the name of the field that they were read from.
+    /// Name of the weights where they are not masses: that of the field that they were read from.
     pub fn weight_name(&self) -> Option<&str> {
         let name = self.recipe.read.get("weights")?;
         (name != "none" && WeightKind::from_name(name, None) == WeightKind::Additive).then_some(name)

@@ -11,7 +11,7 @@ use std::str::FromStr;
 const TABLES: &[u8; 8 * 768] = include_bytes!("../../assets/colormaps.rgb");
 
 crate::named_values! {
-    /// How numbers become colours.
+    /// Maps from numbers to colours.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum Colormap {
         /// Blue to yellow.
@@ -61,7 +61,7 @@ pub struct DensityColors {
 }
 
 impl DensityColors {
-    /// Where the lowest density lies among the colours, from 0 to 1.
+    /// The place of the lowest density among the colours, from 0 to 1.
     pub const LOWEST: f32 = 0.2;
 
     /// Colours over a range of densities: of `map` on black; on white paper, of its reverse, which grows out of white.

@@ -58,8 +58,8 @@ impl Plane {
     /// The range of colours where all pixels are empty.
     pub const EMPTY_RANGE: [f64; 2] = [1.0, 10.0];
 
-    /// The range of colours of a density: from the 5th to the 99.5th percentile of its occupied pixels. What lies four
-    /// decades below that, as the tails of Gaussians do, does not count as occupied. `None` where every pixel is empty.
+    /// The range of colours of a density: from the 5th to the 99.5th percentile of its occupied pixels. Pixels four
+    /// decades below that, as in the tails of Gaussians, do not count as occupied. `None` where every pixel is empty.
     pub fn log_range(&self) -> Option<[f64; 2]> {
         let mut lit: Vec<f32> = self.data.iter().copied().filter(|v| *v > 0.0 && v.is_finite()).collect();
         let top = percentile(&mut lit, 99.5)?;
@@ -226,23 +226,23 @@ mod tests {
 
     #[test]
     fn a_range_is_of_occupied_pixels_without_tails() {
-        let of = |data: Vec<f32>| Plane { size: Size { width: data.len(), height: 1 }, data }.log_range();
+        let range_of = |data: Vec<f32>| Plane { size: Size { width: data.len(), height: 1 }, data }.log_range();
         let occupied: Vec<f32> = (1..=1000).map(|i| i as f32).collect();
-        assert_eq!(of(occupied.clone()), Some([50.0, 995.0]));
+        assert_eq!(range_of(occupied.clone()), Some([50.0, 995.0]));
         // Neither what is empty nor what a Gaussian's tail leaves moves it.
         let more = occupied.iter().copied().chain([0.0, f32::NAN, -3.0]).chain([1e-9; 3]).collect();
-        assert_eq!(of(more), Some([50.0, 995.0]));
-        assert_eq!(of(vec![0.0; 9]), None);
-        assert_eq!(of(vec![3.0; 9]), Some([2.0, 4.5]));
+        assert_eq!(range_of(more), Some([50.0, 995.0]));
+        assert_eq!(range_of(vec![0.0; 9]), None);
+        assert_eq!(range_of(vec![3.0; 9]), Some([2.0, 4.5]));
     }
 
     #[test]
     fn the_first_range_leaves_tails_out_and_shows_what_is_uniform_in_the_middle() {
-        let of = |data: Vec<f32>| Plane { size: Size { width: data.len(), height: 1 }, data }.first_range();
+        let range_of = |data: Vec<f32>| Plane { size: Size { width: data.len(), height: 1 }, data }.first_range();
         // A tail of many pixels and little mass, then four decades.
         let tail = (0..5000).map(|i| 1e-9 * (i + 1) as f32);
         let body = (0..10_000).map(|i| 10f32.powf(4.0 * i as f32 / 9999.0));
-        let [lo, hi] = of(tail.chain(body.clone()).collect()).unwrap();
+        let [lo, hi] = range_of(tail.chain(body.clone()).collect()).unwrap();
         // The lowest thousandth of the mass is four in ten of these pixels.
         let sorted: Vec<f32> = body.collect();
         let mass: f64 = sorted.iter().map(|v| f64::from(*v)).sum();
@@ -254,8 +254,8 @@ mod tests {
         let first = first.unwrap();
         let at = |share: f64| f64::from(sorted[first + ((sorted.len() - 1 - first) as f64 * share) as usize]);
         assert!((lo / at(0.05) - 1.0).abs() < 0.02 && (hi / at(0.995) - 1.0).abs() < 0.02, "{lo} {hi}");
-        let [lo, hi] = of(vec![7.0; 100]).unwrap();
+        let [lo, hi] = range_of(vec![7.0; 100]).unwrap();
         assert!((hi / lo - 100.0).abs() < 1e-9 && (lo * lo * hi / 343.0 - 1.0).abs() < 0.02, "{lo} {hi}");
-        assert_eq!([of(vec![0.0; 4]), of(vec![f32::NAN, f32::INFINITY])], [None, None]);
+        assert_eq!([range_of(vec![0.0; 4]), range_of(vec![f32::NAN, f32::INFINITY])], [None, None]);
     }
 }

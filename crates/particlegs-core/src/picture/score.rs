@@ -40,7 +40,7 @@ pub fn masked_psnr(a: &Gray8, b: &Gray8) -> Option<f64> {
     LevelSums::new(a, b).masked_psnr()
 }
 
-/// Is a pixel with these two levels counted in the masked PSNR?
+/// Whether a pixel with these two levels is counted in the masked PSNR.
 pub fn is_lit(a: u8, b: u8) -> bool {
     f64::from(a.max(b)) > MASK_LEVEL
 }

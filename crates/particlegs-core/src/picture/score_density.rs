@@ -71,14 +71,14 @@ struct DensityPairs<'a> {
 }
 
 impl DensityPairs<'_> {
-    /// Sums of what `of` makes of the logarithms of a pixel, and of whether it is empty; the same whatever the
+    /// Sums of `terms_of` the logarithms of a pixel and whether it is empty; the same whatever the
     /// threads.
-    fn sums(&self, of: impl Fn([f64; 2], bool) -> [f64; 4] + Sync) -> [f64; 4] {
+    fn sums(&self, terms_of: impl Fn([f64; 2], bool) -> [f64; 4] + Sync) -> [f64; 4] {
         let log = |v: f32| libm::log10(f64::from(v).max(self.floor));
         let run = |(density, truth): (&[f32], &[f32])| {
             let mut sums = [0.0; 4];
             for (d, t) in density.iter().zip(truth).filter(|(_, t)| **t > 0.0) {
-                let terms = of([log(*d), log(*t)], f64::from(*d) < self.floor);
+                let terms = terms_of([log(*d), log(*t)], f64::from(*d) < self.floor);
                 sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
             }
             sums

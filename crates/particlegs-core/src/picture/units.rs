@@ -53,9 +53,9 @@ impl UnitParser<'_> {
 
     fn while_is(&mut self, is: impl Fn(char) -> bool) -> String {
         let end = self.rest.find(|c| !is(c)).unwrap_or(self.rest.len());
-        let (found, rest) = self.rest.split_at(end);
+        let (word, rest) = self.rest.split_at(end);
         self.rest = rest;
-        found.to_string()
+        word.to_string()
     }
 
     /// `^-2`, `**2`, `⁻²`, or a digit behind a name: none is 1.

@@ -6,7 +6,7 @@ use super::plane::Plane;
 use crate::parallel;
 
 crate::named_values! {
-    /// How values lie along the colours.
+    /// Scales of values along the colours.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum ValueScale {
         Linear = "linear": "In equal steps",
@@ -24,11 +24,11 @@ const WIDE: f64 = 30.0;
 impl ValueScale {
     /// The scale that suits values whose sign matters or not.
     pub fn suited(plane: &Plane<f64>, signed: bool) -> ValueScale {
-        let there = || plane.data.iter().copied().filter(|v| v.is_finite());
-        let [lo, hi] = [1.0, 99.0].map(|p| percentile(there(), p));
+        let finite_values = || plane.data.iter().copied().filter(|v| v.is_finite());
+        let [lo, hi] = [1.0, 99.0].map(|p| percentile(finite_values(), p));
         match (signed, lo, hi) {
             (true, ..) => ValueScale::Signed,
-            (false, Some(lo), Some(hi)) if lo > 0.0 && hi > WIDE * lo && there().all(|v| v > 0.0) => {
+            (false, Some(lo), Some(hi)) if lo > 0.0 && hi > WIDE * lo && finite_values().all(|v| v > 0.0) => {
                 ValueScale::Logarithmic
             }
             _ => ValueScale::Linear,
@@ -37,15 +37,15 @@ impl ValueScale {
 
     /// From the 1st to the 99th percentile of the values, or as far as the 99th of their sizes on either side of zero.
     pub fn range(self, plane: &Plane<f64>) -> Option<[f64; 2]> {
-        let there = || plane.data.iter().copied().filter(|v| v.is_finite());
+        let finite_values = || plane.data.iter().copied().filter(|v| v.is_finite());
         let [lo, hi] = match self {
             ValueScale::Signed => {
-                let far = percentile(there().map(f64::abs), 99.0)?;
+                let far = percentile(finite_values().map(f64::abs), 99.0)?;
                 [-far, far]
             }
-            ValueScale::Linear => [percentile(there(), 1.0)?, percentile(there(), 99.0)?],
+            ValueScale::Linear => [percentile(finite_values(), 1.0)?, percentile(finite_values(), 99.0)?],
             ValueScale::Logarithmic => {
-                let positive = || there().filter(|v| *v > 0.0);
+                let positive = || finite_values().filter(|v| *v > 0.0);
                 [percentile(positive(), 1.0)?, percentile(positive(), 99.0)?]
             }
         };
@@ -62,7 +62,7 @@ impl ValueScale {
         all.unwrap_or(if self == ValueScale::Signed { [-1.0, 1.0] } else { [1.0, 10.0] })
     }
 
-    /// Is a range one that it can show?
+    /// Whether it can show a range.
     pub fn shows(self, [lo, hi]: [f64; 2]) -> bool {
         lo.is_finite() && hi.is_finite() && lo < hi && (self != ValueScale::Logarithmic || lo > 0.0)
     }
@@ -154,12 +154,12 @@ mod tests {
     #[test]
     fn places_without_mass_have_the_colour_of_the_background() {
         let colors = ValueColors { scale: ValueScale::Signed, range: [-2.0, 2.0], map: None };
-        let of = |shade| colors.image(&plane(vec![f64::NAN, -2.0, 0.0, 2.0]), shade, true).data;
-        let [empty, blue, middle, red] = of(None)[..] else { panic!("four pixels") };
+        let pixels = |shade| colors.image(&plane(vec![f64::NAN, -2.0, 0.0, 2.0]), shade, true).data;
+        let [empty, blue, middle, red] = pixels(None)[..] else { panic!("four pixels") };
         assert!(
             empty == [255; 3] && blue[2] > 180 && blue[0] < 80 && middle == [221; 3] && red[0] > 170 && red[2] < 50
         );
-        let shaded = of(Some(&plane(vec![1.0, 1e-9, 1.0, 10.0])));
+        let shaded = pixels(Some(&plane(vec![1.0, 1e-9, 1.0, 10.0])));
         assert!(shaded[1][0] > 230, "{:?}", shaded[1]);
     }
 }

@@ -97,13 +97,13 @@ impl<'a> Binner<'a> {
         }
         // A counting sort: stable, so that sums are added in the order of the Gaussians whatever the threads.
         let mut next = starts.clone();
-        let mut strokes = vec![RasterSplat::default(); self.found.len()];
-        for (band, stroke) in self.found {
+        let mut splats = vec![RasterSplat::default(); self.found.len()];
+        for (band, splat) in self.found {
             let place = &mut next[band as usize];
-            strokes[*place as usize] = stroke;
+            splats[*place as usize] = splat;
             *place += 1;
         }
-        StrokeBins { strokes, starts }
+        StrokeBins { strokes: splats, starts }
     }
 }
 
@@ -114,9 +114,9 @@ pub struct PlacedFootprint {
     pub level: usize,
     /// Its pixels over the picture's.
     pub scale: f64,
-    /// Is the sum over the pixel grid made exact, as that of small footprints is?
+    /// Whether the sum over the pixel grid is made exact, as that of small footprints is.
     pub small: bool,
-    /// What is drawn.
+    /// The stroke on that plane.
     pub stroke: RasterSplat,
 }
 
@@ -126,6 +126,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     // In f64: wide enough for every product, and pixel coordinates keep their digits on the way to the plane's.
     let ([xx, _, yy], across) = (f.cov(), f64::from(f.across));
     let ([at_x, at_y], sum) = (f.mean.map(f64::from), f64::from(f.sum));
+    // A generous look, before the plane and the cut are known; the exact one follows.
     let reach = FARTHEST_CUT.sqrt() + 3.0;
     let far = |at: f64, variance: f64, pixels: usize| {
         let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
@@ -148,6 +149,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     let (level, scale) = suited(levels, smaller);
     let shape = &levels[level];
     let pad = PAD as f64;
+    // Planes share their edges, not their pixel centres, which lie half a pixel inside.
     let x = (at_x + 0.5) * scale - 0.5 + pad;
     let y = (at_y + 0.5) * scale - 0.5 + pad;
     let (half_x, half_y) = (reach_x * scale, reach_y * scale);
@@ -161,13 +163,14 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     // What the cut takes away is put back; nearest cuts are the most frequent.
     let outside = if cut2 == NEAREST_CUT { NEAREST_SHARE } else { libm::exp(-0.5 * cut2) };
     let mut peak = peak / (1.0 - outside);
+    // Samples of wide footprints sum to 1 already: only small ones alias on the grid (docs/law/depth.md).
     let small = smaller < SMALL;
     if small {
         peak /= lattice_sum([at_x, at_y], f.cov());
     }
     const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
     let unscale2 = 1.0 / (scale * scale);
-    let stroke = RasterSplat {
+    let splat = RasterSplat {
         x: x as f32,
         y: y as f32,
         slope: f.lean,
@@ -177,7 +180,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
         peak: peak as f32,
         half: half_y as f32,
     };
-    Some(PlacedFootprint { level, scale, small, stroke })
+    Some(PlacedFootprint { level, scale, small, stroke: splat })
 }
 
 /// The coarsest plane that still shows a variance, and its scale.
@@ -200,7 +203,7 @@ const FREQUENCIES: [(f64, f64); 12] = [
     (2.0, 1.0), (2.0, -1.0), (1.0, 2.0), (1.0, -2.0), (2.0, 2.0), (2.0, -2.0),
 ];
 
-/// Where a footprint ends, in squared sigmas: where it fades below notice.
+/// The end of a footprint, in squared sigmas: where it fades below notice.
 #[inline]
 pub(super) fn cut(peak: f64, smaller: f64) -> f64 {
     if smaller < SMALL {

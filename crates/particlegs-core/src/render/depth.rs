@@ -48,11 +48,11 @@ pub fn optical_depth_into(
 }
 
 /// The picture of a scene in a look; a scene of the alpha-blend law has one look ([`Scene::tone`]).
-pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+pub fn draw(scene: &Scene, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
     let mut scratch = Scratch::default();
     let tau = depth(scene, view, size, &mut scratch, context)?;
     let mut out = Gray8 { size, data: filled("a picture", 0, size.pixels(), context)? };
-    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(look), &mut out.data);
+    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(style), &mut out.data);
     Ok(out)
 }
 
@@ -61,14 +61,14 @@ pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, context: &C
 pub fn draw_into(
     scene: &Scene,
     view: &View,
-    look: ToneStyle,
+    style: ToneStyle,
     out: Pixels<'_, u8>,
     scratch: &mut Scratch,
     context: &Context<'_>,
 ) -> Result<()> {
     let size = out.size();
     let tau = depth(scene, view, size, scratch, context)?;
-    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(look), out.into_data());
+    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(style), out.into_data());
     Ok(())
 }
 
@@ -144,8 +144,8 @@ pub(super) fn sum<'a>(
         // once waits, and is projected again.
         let (mut drawn, mut bins) = (0, Vec::with_capacity(projected.len()));
         for run in projected {
-            let (own, left): (StrokeBins, usize) = run?;
-            bins.push(own);
+            let (run_bins, left): (StrokeBins, usize) = run?;
+            bins.push(run_bins);
             match left {
                 0 => drawn += 1,
                 left => {

@@ -1,4 +1,5 @@
-//! What a slab along depth leaves of a Gaussian at a pixel, and of a logarithmic field there (docs/law/fields.md).
+//! The part of a Gaussian that a slab along depth leaves at a pixel, and that of a logarithmic field
+//! (docs/law/fields.md).
 
 use crate::splat::erf;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
@@ -6,7 +7,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 /// A slab that leaves less of a Gaussian at a pixel leaves nothing.
 const LEAST_SHARE: f64 = 1e-9;
 
-/// What turns a mean of logarithms into the mean of values.
+/// The step from a mean of logarithms to the mean of values.
 #[derive(Clone, Copy)]
 pub(super) struct LogExcess {
     /// Added to the logarithm of a log-normal distribution's mean.
@@ -57,8 +58,8 @@ impl DepthCut {
         [share, scale * shift, scale * scale * change]
     }
 
-    /// What the cut makes of the mean of exp(value): the share of the mass that is left where each depth weighs by it, over
-    /// [`DepthCut::at`]'s share.
+    /// The factor of the cut on the mean of exp(value): the share of the mass that is left where each depth weighs by
+    /// it, over [`DepthCut::at`]'s share.
     pub fn tilted(&self, from_center: [f64; 2], share: f64) -> f64 {
         self.moments(from_center, self.slope * self.deviation)[0] / share
     }

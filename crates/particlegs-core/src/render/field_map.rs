@@ -42,7 +42,7 @@ pub struct FieldMap {
 }
 
 impl FieldMap {
-    /// What a query asks for: the dispersion or the mean.
+    /// The plane that a query asks for: the dispersion or the mean.
     pub fn wanted(&self, query: &FieldQuery) -> &Plane<f64> {
         if query.dispersion { &self.dispersion } else { &self.mean }
     }
@@ -65,6 +65,7 @@ pub fn field_map(
     check_weighting(&all, query)?;
     let reference = overall_mean(&all, query);
     let largest = range[0].abs().max(range[1].abs());
+    // Planes are float32, which would not hold squares of very large or very small values.
     let [s, of_values] = [half_width, largest].map(float32_scale);
     let least = least_density(scene, &all, query, Lens::density(view, size, [0.0; 3])?.unit);
     let scene = Scene { parts: all, shifts: scene.shifts.clone(), ..*scene };
@@ -78,6 +79,7 @@ pub fn field_map(
     let mut folded = Vec::with_capacity(SUMS);
     let weighed = query.by.is_some();
     let last = [is_logarithmic.then_some(SUMS - 2), weighed.then_some(MASS_SUM)];
+    // One drawing gives all sums; `wrapped` folds one plane at a time, so the others wait in `sums`.
     for k in (0..3).chain(last.into_iter().flatten()) {
         let tails = |cell: &_| all_tails(&scene, view.camera.focal_point, cell);
         folded.push(view.wrapped(size, tails, |view, size| {
@@ -96,24 +98,29 @@ pub fn field_map(
         })?);
     }
     let mut rest = folded.split_off(3);
+    // Masses were folded last, if at all.
     let masses = weighed.then(|| rest.pop()).flatten();
     let values = rest.pop();
     let [density, first, second] = <[Plane; 3]>::try_from(folded).expect("three planes");
     let empty = || Plane { size: density.size, data: vec![f64::NAN; density.data.len()] };
     let (mut mean, mut dispersion) = (empty(), empty());
     for (i, &w) in density.data.iter().enumerate() {
-        let there = f64::from(masses.as_ref().map_or(w, |masses| masses.data[i]));
-        if there.is_nan() || there <= least || w <= 0.0 {
+        // Mass sets the threshold of an empty pixel, also where another field weighs (docs/law/fields.md).
+        let mass = f64::from(masses.as_ref().map_or(w, |masses| masses.data[i]));
+        if mass.is_nan() || mass <= least || w <= 0.0 {
             continue;
         }
         let w = f64::from(w);
-        let own = f64::from(first.data[i]) / w;
-        let variance = (f64::from(second.data[i]) / w - own * own).max(0.0);
+        let scaled_mean = f64::from(first.data[i]) / w;
+        // Rounding of the planes may leave a difference below zero.
+        let variance = (f64::from(second.data[i]) / w - scaled_mean * scaled_mean).max(0.0);
+        // Values of a logarithmic field have their own sum, and its dispersion is in dex.
         let (value, unit) = match &values {
             Some(values) => (f64::from(values.data[i]) / w / of_values, LN_10),
-            None => (reference + own / s, 1.0),
+            None => (reference + scaled_mean / s, 1.0),
         };
         dispersion.data[i] = (variance.sqrt() / s).min(half_width) / unit;
+        // Values are linear in the place, and would leave the particles' range in the tails of Gaussians.
         let value = value.clamp(range[0], range[1]);
         mean.data[i] = if query.per_area { w * value } else { value };
     }
@@ -152,7 +159,7 @@ fn least_density(scene: &Scene, parts: &[(&Mixture, f64)], query: &FieldQuery, p
     LEAST_DENSITY * weights.sum::<f64>() / particles.max(1.0) * pixels.min(1.0 / (PI * radius * radius))
 }
 
-/// Which values the number can have.
+/// Values that the number can have.
 struct FieldRange {
     /// The least and the largest.
     range: [f64; 2],
@@ -175,12 +182,14 @@ impl FieldRange {
         let joined = |ends: &mut dyn Iterator<Item = [f64; 2]>| {
             ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a), hi.max(b)])
         };
-        let of = |k: usize, shift: f64| joined(&mut fields.iter().map(|f| f.value_range(k).map(|v| v - shift)));
+        let shifted_range =
+            |k: usize, shift: f64| joined(&mut fields.iter().map(|f| f.value_range(k).map(|v| v - shift)));
         let range = match component {
-            MapComponent::Scalar => of(0, 0.0),
-            MapComponent::Axis(k) => of(*k, bulk[*k]),
+            MapComponent::Scalar => shifted_range(0, 0.0),
+            MapComponent::Axis(k) => shifted_range(*k, bulk[*k]),
             MapComponent::LineOfSight => {
-                let farthest: [f64; 3] = each_axis(|k| of(k, bulk[k]).map(f64::abs).into_iter().fold(0.0, f64::max));
+                let farthest: [f64; 3] =
+                    each_axis(|k| shifted_range(k, bulk[k]).map(f64::abs).into_iter().fold(0.0, f64::max));
                 [-norm(farthest), norm(farthest)]
             }
         };
@@ -189,7 +198,7 @@ impl FieldRange {
     }
 }
 
-/// What is subtracted before squares are added up: the mean of all, so that dispersions keep their digits.
+/// The number that is subtracted before squares are added up: the mean of all, so that dispersions keep their digits.
 fn overall_mean(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
     let column = match query.component {
         MapComponent::Scalar => 0,
@@ -232,7 +241,7 @@ struct FieldFootprint {
     variance: f64,
     /// Of a logarithmic field.
     excess: Option<LogExcess>,
-    /// What a slab leaves of an orthographic view's Gaussian.
+    /// The slab that cuts a Gaussian of an orthographic view.
     slab: Option<DepthCut>,
     /// Another field that weighs.
     by: Option<WeightFootprint>,
@@ -251,9 +260,9 @@ fn drawn(
     context.require_memory("a map of a field", 50 * size.pixels() as u64)?;
     let mut footprints = Vec::new();
     let per_mean = 1.0 / mean_weight(&scene.parts, query);
-    for own in view.copies(size, &scene.bounds, reach(scene))? {
+    for copy_shift in view.copies(size, &scene.bounds, reach(scene))? {
         for shift in &scene.shifts {
-            let lens = Lens::density(view, size, each_axis(|k| own[k] + shift[k]))?;
+            let lens = Lens::density(view, size, each_axis(|k| copy_shift[k] + shift[k]))?;
             for &(m, unit) in &scene.parts {
                 let Some(field) = m.fields.get(&query.name) else { continue };
                 let by = query
@@ -261,14 +270,15 @@ fn drawn(
                     .as_ref()
                     .and_then(|by| Some((m.fields.get(by)?, m.correlation(&query.name, by).map(|r| &r[..]))));
                 let part = FieldProjection { lens, mixture: m, field, by, per_mean, unit, query, reference };
-                let found = parallel::map_range(m.len(), |i| {
-                    let mut found = Vec::new();
-                    part.project(i, &mut found);
-                    found.retain(|f| touches(&f.footprint, size));
-                    found
+                let new_footprints = parallel::map_range(m.len(), |i| {
+                    let mut pieces = Vec::new();
+                    part.project(i, &mut pieces);
+                    pieces.retain(|f| touches(&f.footprint, size));
+                    pieces
                 });
                 context.check()?;
-                footprints.extend(found.into_iter().flatten());
+                // In the order of the Gaussians, as in every band: sums have the same bits for any number of threads.
+                footprints.extend(new_footprints.into_iter().flatten());
             }
         }
     }
@@ -281,15 +291,17 @@ fn drawn(
             band.push(number as u32);
         }
     }
-    let rows = parallel::try_map(bands.iter().enumerate(), |(band, own)| {
+    let rows = parallel::try_map(bands.iter().enumerate(), |(band, members)| {
         context.check()?;
         let rows = BAND.min(size.height - band * BAND);
+        // In f64 at full resolution, as quotients of sums would show what planes of halved resolution ripple.
         let mut sums = vec![[0.0f64; SUMS]; rows * size.width];
-        for &f in own {
+        for &f in members {
             draw(&footprints[f as usize], reference, band * BAND, size.width, &mut sums);
         }
         Ok::<_, Error>(sums)
     })?;
+    // Scaled in f64, as float32 would not hold them in any unit.
     let plane = |k: usize| Plane { size, data: rows.iter().flatten().map(|v| (v[k] * scales[k]) as f32).collect() };
     Ok((0..SUMS).map(plane).collect())
 }
@@ -307,7 +319,7 @@ fn touches(f: &Footprint, size: Size) -> bool {
         && inside(f.mean[1], yy, size.height)
 }
 
-/// What the Gaussians of one part are projected by.
+/// The lens, the part and the fields by which Gaussians are projected.
 struct FieldProjection<'a> {
     lens: Lens,
     mixture: &'a Mixture,
@@ -319,7 +331,7 @@ struct FieldProjection<'a> {
     /// Mass of a particle of weight 1.
     unit: f64,
     query: &'a FieldQuery,
-    /// What is subtracted from values.
+    /// The number that is subtracted from values.
     reference: f64,
 }
 
@@ -350,9 +362,10 @@ impl FieldProjection<'_> {
         let in_camera = |slope: [f64; 3]| lens.axes.map(|axis| dot(axis, slope) / dot(axis, axis));
         let slope = in_camera(number.slope);
         let by = self.by.map(|(field, r)| {
-            let own = FieldNumber::scalar(field, i);
-            let covariance = r.map_or(own.variance, |r| r[i] * (number.variance * own.variance).sqrt());
-            (in_camera(own.slope), own, covariance, field.range[0])
+            let weight = FieldNumber::scalar(field, i);
+            // `c = r sqrt(S_q S_w)`; of a field with itself it is the variance (docs/law/fields.md, "Two fields").
+            let covariance = r.map_or(weight.variance, |r| r[i] * (number.variance * weight.variance).sqrt());
+            (in_camera(weight.slope), weight, covariance, field.range[0])
         });
         let ([x, y, depth], along, rest) = (g.mean.map(f64::from), g.slope.map(f64::from), g.rest());
         let [_, depths] = g.depths();
@@ -360,11 +373,13 @@ impl FieldProjection<'_> {
         let mut add = |piece: DepthMoments| {
             let footprint = g.footprint(lens, &piece);
             // The piece as a Gaussian in the camera's axes.
+            // Moments are of 1 / z in perspective: to first order z has the variance var(1 / z) / mean^4.
             let (at, depths) = match lens.perspective {
                 true => (1.0 / piece.mean, piece.variance / (piece.mean * piece.mean * piece.mean * piece.mean)),
                 false => (piece.mean, piece.variance),
             };
             let offset = at - depth;
+            // x and y follow depth by regression (docs/law/depth.md): the rest is the same in every piece.
             let cov = Sym3([
                 rest[0] + along[0] * along[0] * depths,
                 rest[1] + along[0] * along[1] * depths,
@@ -382,6 +397,7 @@ impl FieldProjection<'_> {
                 false => [with[0] * lens.focal, with[1] * lens.focal],
             };
             let [xx, xy, yy] = footprint.cov();
+            // `A^-1` by the footprint's factors: `xx yy - xy^2` would cancel for needles.
             let det = f64::from(footprint.across) * yy;
             let tilt_of = |seen: [f64; 2]| [(yy * seen[0] - xy * seen[1]) / det, (xx * seen[1] - xy * seen[0]) / det];
             let explained = |tilt: [f64; 2], seen: [f64; 2]| tilt[0] * seen[0] + tilt[1] * seen[1];
@@ -394,6 +410,7 @@ impl FieldProjection<'_> {
             // In an orthographic view a slab truncates depth at each pixel; in perspective pieces stand for it.
             let with_depth = [cov.0[2], cov.0[4]].map(|c| c * lens.focal);
             let tilt_of_depth = tilt_of(with_depth);
+            // Where the place on the picture explains all of depth, a slab still needs a width to divide by.
             let left = (depths - explained(tilt_of_depth, with_depth)).max(1e-12 * depths);
             let with_depth_left = |with: [f64; 3], seen| (with[2] - explained(tilt_of_depth, seen)) / left;
             let slab = (is_cut && !lens.perspective && depths > 0.0).then(|| DepthCut {
@@ -404,18 +421,18 @@ impl FieldProjection<'_> {
                 slope: with_depth_left(with, seen),
             });
             let excess = number.excess.map(|added| LogExcess { added, range: self.field.range[0] });
-            let by = by.as_ref().map(|(slope, own, covariance, range)| {
-                let (own_with, with) = (with, cov.apply(*slope));
+            let by = by.as_ref().map(|(slope, weight, covariance, range)| {
+                let (mapped_with, with) = (with, cov.apply(*slope));
                 let by_seen = on_picture(with);
                 let by_tilt = tilt_of(by_seen);
                 WeightFootprint {
-                    value: own.mean + moved(*slope),
+                    value: weight.mean + moved(*slope),
                     tilt: by_tilt,
-                    variance: (own.variance + dot(*slope, with) - explained(by_tilt, by_seen)).max(0.0),
-                    covariance: covariance + dot(*slope, own_with) - explained(by_tilt, seen),
+                    variance: (weight.variance + dot(*slope, with) - explained(by_tilt, by_seen)).max(0.0),
+                    covariance: covariance + dot(*slope, mapped_with) - explained(by_tilt, seen),
                     range: *range,
                     per_mean: self.per_mean,
-                    excess: own.excess.map(|added| LogExcess { added, range: *range }),
+                    excess: weight.excess.map(|added| LogExcess { added, range: *range }),
                     slope: if slab.is_some() { with_depth_left(with, by_seen) } else { 0.0 },
                 }
             });
@@ -444,8 +461,8 @@ impl FieldProjection<'_> {
                 let length = norm(away).max(f64::MIN_POSITIVE);
                 let away = away.map(|v| v / length);
                 if lens.perspective {
-                    let (own, along) = (mean(query.bulk), dot(away, mean(query.bulk)));
-                    turn = each_axis(|k| (own[k] - along * away[k]) / length);
+                    let (vector, along) = (mean(query.bulk), dot(away, mean(query.bulk)));
+                    turn = each_axis(|k| (vector[k] - along * away[k]) / length);
                 }
                 away
             }
@@ -468,6 +485,7 @@ fn draw(f: &FieldFootprint, reference: f64, first: usize, width: usize, sums: &m
         [f.footprint.down, f.footprint.lean, f.footprint.across, f.footprint.sum].map(f64::from);
     let [xx, _, yy] = f.footprint.cov();
     let mut peak = sum / (2.0 * PI * (down * across).sqrt());
+    // Small footprints alias on the pixel grid: their sum over it is made exact (docs/law/depth.md).
     if across * down / (xx + yy) < SMALL {
         peak /= lattice_sum([at_x, at_y], f.footprint.cov());
     }
@@ -492,6 +510,7 @@ fn draw(f: &FieldFootprint, reference: f64, first: usize, width: usize, sums: &m
         for (i, pixel) in pixels[from as usize..=to as usize].iter_mut().enumerate() {
             let (mut weight_here, mut value_here, mut variance) = (weight, value, f.variance);
             let place = [from + i as f64 - at_x, dy];
+            // A slab changes share, mean and variance at each pixel (docs/law/fields.md, "Along a line of sight").
             let mut share = 1.0;
             if let Some(slab) = &f.slab {
                 let [left, shift, change] = slab.at(place);
@@ -499,17 +518,19 @@ fn draw(f: &FieldFootprint, reference: f64, first: usize, width: usize, sums: &m
                 (weight_here, value_here, variance) = (weight * share, value + shift, (variance + change).max(0.0));
             }
             if let Some(by) = &f.by {
+                // Moments under a weight are quotients by the share that a slab leaves.
                 if share > 0.0 {
                     let excess = f.excess.map(|e| (reference + e.added, e));
                     let q = PixelValue { mean: value, variance: f.variance, excess };
-                    let found = by.at(place, q, f.slab.as_ref());
+                    let weighted_value = by.at(place, q, f.slab.as_ref());
                     let weight_here = weight * share;
+                    // Mass without the other field's weight decides which pixels are empty.
                     pixel[MASS_SUM] += weight_here;
-                    let weight_here = weight_here * found.weight;
+                    let weight_here = weight_here * weighted_value.weight;
                     pixel[0] += weight_here;
-                    pixel[1] += weight_here * found.mean;
-                    pixel[2] += weight_here * (found.mean * found.mean + found.variance);
-                    pixel[3] += weight_here * found.value;
+                    pixel[1] += weight_here * weighted_value.mean;
+                    pixel[2] += weight_here * (weighted_value.mean * weighted_value.mean + weighted_value.variance);
+                    pixel[3] += weight_here * weighted_value.value;
                 }
                 weight *= quotient;
                 quotient *= change;
@@ -520,6 +541,7 @@ fn draw(f: &FieldFootprint, reference: f64, first: usize, width: usize, sums: &m
             pixel[1] += weight_here * value_here;
             pixel[2] += weight_here * (value_here * value_here + variance);
             if let Some(LogExcess { added, range: [least, largest] }) = f.excess.filter(|_| share > 0.0) {
+                // `E[q | d] = exp(q(d) + variance / 2 + c)` before the slab, times its factor (docs/law/fields.md).
                 let tilted = f.slab.as_ref().map_or(1.0, |s| s.tilted(place, share));
                 let mean = reference + value + 0.5 * f.variance + added + libm::log(tilted);
                 pixel[3] += weight_here * libm::exp(mean.clamp(least, largest));
@@ -559,8 +581,8 @@ mod tests {
                     field.mean[k].push(3.0 + 2.0 * r.normal());
                     (0..3).for_each(|a| field.slope[k][a].push(2.0 * r.normal()));
                 }
-                let own = Sym3::outer(vector(&mut r)).add(&Sym3::scaled_identity(0.2));
-                field.spread.iter_mut().enumerate().for_each(|(k, column)| column.push(own.0[k]));
+                let spread = Sym3::outer(vector(&mut r)).add(&Sym3::scaled_identity(0.2));
+                field.spread.iter_mut().enumerate().for_each(|(k, column)| column.push(spread.0[k]));
                 field.range.fill([-1e3, 1e3]);
             }
         }
@@ -580,11 +602,11 @@ mod tests {
         metals.mean[0].iter_mut().for_each(|v| *v += 60.0);
         metals.slope[0][1].reverse();
         metals.range = vec![[0.0, 1e3]];
-        let of = |k: f64| (0..m.len()).map(|i| (k * i as f64).sin()).collect::<Vec<f64>>();
-        heat.correlations.set("metals", of(1.7));
-        metals.correlations.set("scalar", of(0.3));
-        warmth.correlations.set("calm", of(1.1));
-        warmth.correlations.set("scalar", of(2.3));
+        let sines = |k: f64| (0..m.len()).map(|i| (k * i as f64).sin()).collect::<Vec<f64>>();
+        heat.correlations.set("metals", sines(1.7));
+        metals.correlations.set("scalar", sines(0.3));
+        warmth.correlations.set("calm", sines(1.1));
+        warmth.correlations.set("scalar", sines(2.3));
         m.fields.set("warmth", warmth);
         m.fields.set("calm", calm);
         m.fields.set("metals", metals);
@@ -653,11 +675,12 @@ mod tests {
                     let terms = match &q.by {
                         None => [1.0, mean, mean * mean + spread, field.value_at(0, i, d)],
                         Some(by) => {
-                            let own = m.fields.get(by).unwrap();
+                            let weight_field = m.fields.get(by).unwrap();
                             let r = m.correlation(&q.name, by).map_or(1.0, |r| r[i]);
-                            let (weight, shared) = (own.value_at(0, i, d), r * (spread * own.spread[0][i]).sqrt());
+                            let (weight, shared) =
+                                (weight_field.value_at(0, i, d), r * (spread * weight_field.spread[0][i]).sqrt());
                             let value = field.value_at(0, i, d);
-                            match own.excess {
+                            match weight_field.excess {
                                 None => [
                                     weight,
                                     weight * mean + shared,
@@ -734,12 +757,12 @@ mod tests {
                 assert!(off < 1e-4, "{name} by {by}, depths {range:?}: {off}");
             }
         }
-        let refused = |name: &str, by: &str, what: &str| {
+        let refused = |name: &str, by: &str, message: &str| {
             let (m, bounds) = (model(), Bounds { min: [-5.0; 3], max: [5.0; 3] });
             let weighed = FieldQuery { by: Some(by.into()), ..query(name, MapComponent::Scalar) };
             let scene = Scene::from_mixture(&m, bounds);
-            let found = field_map(&scene, &weighed, &view(flat, [0.0, 18.0]), SIZE, &Context::SILENT);
-            assert!(found.unwrap_err().to_string().contains(what), "{name} {by}");
+            let map = field_map(&scene, &weighed, &view(flat, [0.0, 18.0]), SIZE, &Context::SILENT);
+            assert!(map.unwrap_err().to_string().contains(message), "{name} {by}");
         };
         refused("metals", "scalar", "has negative values");
         refused("metals", "warmth", "no correlations of `metals` and `warmth`");
@@ -790,16 +813,16 @@ mod tests {
             extensive: false,
         };
         let fields = [quantity("velocity", QuantityKind::Vector), quantity("T", QuantityKind::Scalar)];
-        let of = |text: &str| FieldQuery::new(text, &fields).map(|q| (q.name, q.component, q.dispersion));
-        assert_eq!(of("t").unwrap(), ("T".into(), MapComponent::Scalar, false));
-        assert_eq!(of("velocity.los").unwrap(), ("velocity".into(), MapComponent::LineOfSight, false));
-        assert_eq!(of("dispersion.x").unwrap(), ("velocity".into(), MapComponent::Axis(0), true));
-        assert_eq!(of("dispersion.velocity.z").unwrap(), ("velocity".into(), MapComponent::Axis(2), true));
-        assert_eq!(of("dispersion.T").unwrap(), ("T".into(), MapComponent::Scalar, true));
+        let parse = |text: &str| FieldQuery::new(text, &fields).map(|q| (q.name, q.component, q.dispersion));
+        assert_eq!(parse("t").unwrap(), ("T".into(), MapComponent::Scalar, false));
+        assert_eq!(parse("velocity.los").unwrap(), ("velocity".into(), MapComponent::LineOfSight, false));
+        assert_eq!(parse("dispersion.x").unwrap(), ("velocity".into(), MapComponent::Axis(0), true));
+        assert_eq!(parse("dispersion.velocity.z").unwrap(), ("velocity".into(), MapComponent::Axis(2), true));
+        assert_eq!(parse("dispersion.T").unwrap(), ("T".into(), MapComponent::Scalar, true));
         for text in ["velocity", "T.x", "los", "dispersion", "dispersion.T.x", "velocity.w", ""] {
-            assert!(of(text).is_err(), "{text}");
+            assert!(parse(text).is_err(), "{text}");
         }
-        let bare = of("velocity").unwrap_err();
+        let bare = parse("velocity").unwrap_err();
         assert!(bare.hint().to_string().contains("velocity.los"), "{}", bare.hint());
     }
 }

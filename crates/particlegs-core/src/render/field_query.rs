@@ -1,10 +1,10 @@
-//! What a map of a field shows: `temperature`, `velocity.los`, `dispersion.los`.
+//! Names of maps of a field: `temperature`, `velocity.los`, `dispersion.los`.
 
 use crate::model::{Block, Layer, Mixture, Quantity, QuantityKind};
 use crate::picture::{Plane, Size, ValueScale};
 use crate::{Error, Hint, NamedValue, Result};
 
-/// Which number of a field is mapped.
+/// The number of a field that is mapped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MapComponent {
     /// The value of a scalar.
@@ -22,20 +22,20 @@ pub struct FieldQuery {
     pub name: String,
     /// The number of it.
     pub component: MapComponent,
-    /// Root mean square about the mean instead of the mean?
+    /// Whether the root mean square about the mean is mapped instead of the mean.
     pub dispersion: bool,
     /// A vector that is subtracted from a vector field, in its unit.
     pub bulk: [f64; 3],
-    /// Is the field a sum, of which a map shows how much lies on an area?
+    /// Whether the field is a sum, of which a map shows the amount per area.
     pub per_area: bool,
-    /// What means are weighted by along the line of sight.
+    /// The weight of means along the line of sight.
     pub weight: FieldWeight,
     /// A scalar field, by its name, that this is multiplied by.
     pub by: Option<String>,
 }
 
 crate::named_values! {
-    /// What a field's mean is weighted by along the line of sight. Within a Gaussian it is weighted as the file says.
+    /// Weights of a field's mean along the line of sight. Within a Gaussian it is weighted as the file says.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum FieldWeight {
         #[default]
@@ -96,10 +96,10 @@ impl FieldQuery {
                 _ => Ok(query(q, MapComponent::Scalar)),
             };
         }
-        let named = wanted.rsplit_once('.').and_then(|(name, of)| Some((field(name)?, component(of)?)));
-        let velocity = || component(wanted).filter(|_| dispersion).and_then(|of| Some((field(VELOCITY)?, of)));
+        let named = wanted.rsplit_once('.').and_then(|(name, suffix)| Some((field(name)?, component(suffix)?)));
+        let velocity = || component(wanted).filter(|_| dispersion).and_then(|number| Some((field(VELOCITY)?, number)));
         match named.or_else(velocity).filter(|(q, _)| q.kind == QuantityKind::Vector) {
-            Some((q, of)) => Ok(query(q, of)),
+            Some((q, number)) => Ok(query(q, number)),
             None if fields.is_empty() => {
                 let hint = Hint::from("compress the snapshot again with ").option("fields", "NAME");
                 Err(Error::argument_with("the model has no fields", hint))
@@ -141,7 +141,7 @@ impl FieldQuery {
     pub fn candidates(text: &str) -> Vec<String> {
         let wanted = text.strip_prefix(DISPERSION).unwrap_or(text);
         let is_component = |name: &str| COMPONENTS.iter().any(|c| c.0 == name);
-        let vector = wanted.rsplit_once('.').filter(|(_, of)| is_component(of)).map(|(name, _)| name);
+        let vector = wanted.rsplit_once('.').filter(|(_, suffix)| is_component(suffix)).map(|(name, _)| name);
         let velocity = is_component(wanted).then_some(VELOCITY);
         [Some(wanted), vector, velocity].into_iter().flatten().map(str::to_string).collect()
     }
@@ -149,21 +149,21 @@ impl FieldQuery {
     /// The names that [`FieldQuery::new`] takes for a field's means.
     pub fn names(q: &Quantity) -> Vec<String> {
         match q.kind {
-            QuantityKind::Vector => COMPONENTS.iter().map(|(of, _)| format!("{}.{of}", q.name)).collect(),
+            QuantityKind::Vector => COMPONENTS.iter().map(|(suffix, _)| format!("{}.{suffix}", q.name)).collect(),
             _ => vec![q.name.clone()],
         }
     }
 
-    /// What it is, for a legend: `velocity along the line of sight`.
+    /// The title for a legend: `velocity along the line of sight`.
     pub fn title(&self) -> String {
-        let of = match self.component {
+        let component = match self.component {
             MapComponent::Scalar => self.name.clone(),
             MapComponent::Axis(k) => format!("{} along {}", self.name, ["x", "y", "z"][k]),
             MapComponent::LineOfSight => format!("{} along the line of sight", self.name),
         };
-        let of = if self.per_area { format!("{of} per area") } else { of };
-        let of = self.by.as_ref().map_or(of.clone(), |by| format!("{of} weighted by {by}"));
-        if self.dispersion { format!("dispersion of {of}") } else { of }
+        let quantity = if self.per_area { format!("{component} per area") } else { component };
+        let title = self.by.as_ref().map_or(quantity.clone(), |by| format!("{quantity} weighted by {by}"));
+        if self.dispersion { format!("dispersion of {title}") } else { title }
     }
 
     /// The unit of what is mapped, by the unit of length: the field's, per area for a sum, and dex for the dispersion of a
@@ -172,15 +172,15 @@ impl FieldQuery {
         match fields.iter().find(|q| q.name == self.name) {
             Some(q) if q.logarithmic && self.dispersion => "dex".into(),
             Some(q) if q.extensive => {
-                let own = q.unit.as_ref().map_or("1", |u| &u.text[..]);
-                length.map_or(String::new(), |length| format!("{own} / ({length})^2"))
+                let unit = q.unit.as_ref().map_or("1", |u| &u.text[..]);
+                length.map_or(String::new(), |length| format!("{unit} / ({length})^2"))
             }
             Some(Quantity { unit: Some(unit), .. }) => unit.text.clone(),
             _ => String::new(),
         }
     }
 
-    /// Does it have a sign that a colour map should show?
+    /// Whether it has a sign that a colour map should show.
     pub fn is_signed(&self) -> bool {
         !self.dispersion && self.component != MapComponent::Scalar
     }

@@ -17,7 +17,7 @@ pub struct Lens {
     pub axes: [[f64; 3]; 3],
     /// The eye, world units.
     pub position: [f64; 3],
-    /// Does size fall with depth?
+    /// Whether size falls with depth.
     pub perspective: bool,
     /// Pixels for a unit of x/depth (perspective) or a unit.
     pub focal: f64,
@@ -27,7 +27,7 @@ pub struct Lens {
     pub range: [f64; 2],
     /// Variance added to every Gaussian: the particle radius squared.
     pub radius2: f64,
-    /// What one particle (or unit of mass) adds to the sum over pixels, times depth squared in
+    /// The sum over pixels of one particle (or unit of mass), times depth squared in
     /// perspective.
     pub unit: f64,
 }

@@ -12,8 +12,8 @@
 //! | [`tone`](tone()) | the sum | grey levels by a look's curve |
 //!
 //! Gaussians that the camera stands in, that cross the clipping range or that reach far in depth are cut along
-//! depth first ([`project::slices`]). What is a difference of large numbers (positions from the eye, what long
-//! Gaussians leave of their width) is found in f64 within a stage, and handed over where rounding no longer
+//! depth first ([`project::slices`]). Differences of large numbers (positions from the eye, what long
+//! Gaussians leave of their width) are found in f64 within a stage, and handed over where rounding no longer
 //! hurts. The same machinery with masses instead of counts gives the surface density. Maps of a field (`field_map`) are
 //! summed in f64 at full resolution, as quotients of sums would show what planes of halved resolution ripple.
 //!

@@ -38,7 +38,7 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size) -> Vec<f64> {
     tau
 }
 
-/// What has been drawn.
+/// A picture while Gaussians are added to it.
 struct PlainPicture {
     lens: Lens,
     /// Else the lines of sight are parallel.
@@ -58,6 +58,7 @@ impl PlainPicture {
             each_axis(|c| (0..3).map(|k| (0..3).map(|l| a[r][k] * cov[k][l] * a[c][l]).sum::<f64>()).sum())
         });
         let zz = s[2][2];
+        // A Gaussian without a spread of depth counts at one depth, as its regression on depth would divide by zero.
         let points: Vec<(f64, f64)> = if zz > 1e-14 * (s[0][0] + s[1][1]) {
             let sd = zz.sqrt();
             let (lo, hi) = ((m[2] - 8.0 * sd).max(lens.range[0]), (m[2] + 8.0 * sd).min(lens.range[1]));
@@ -76,8 +77,8 @@ impl PlainPicture {
             vec![(m[2], 1.0)]
         };
         // The pixel grid's own error is divided out, Gaussian by Gaussian, as the renderer does.
-        let mut own = vec![0.0; self.tau.len()];
-        let (mut wanted, mut found) = (0.0, 0.0);
+        let mut gaussian_depth = vec![0.0; self.tau.len()];
+        let (mut exact_sum, mut grid_sum) = (0.0, 0.0);
         for (depth, share) in points {
             if depth < lens.range[0] || depth > lens.range[1] || share < 1e-14 {
                 continue;
@@ -86,6 +87,7 @@ impl PlainPicture {
             let (x, y) = (m[0] + gx * (depth - m[2]), m[1] + gy * (depth - m[2]));
             let scale = if perspective { lens.focal / depth } else { lens.focal };
             let (tx, ty) = if perspective { (x / depth, y / depth) } else { (0.0, 0.0) };
+            // Splats grow towards the picture's corners (docs/law/splat.md, "Shape"); 1/12 is the pixel's own variance.
             let r2 = lens.radius2;
             let xx = scale * scale * (s[0][0] - gx * s[0][2] + r2 * (1.0 + tx * tx)) + 1.0 / 12.0;
             let xy = scale * scale * (s[0][1] - gx * s[1][2] + r2 * tx * ty);
@@ -94,22 +96,23 @@ impl PlainPicture {
             let det = xx * yy - xy * xy;
             let weight = count * share * lens.unit / if perspective { depth * depth } else { 1.0 };
             let peak = weight / (2.0 * std::f64::consts::PI * det.sqrt());
-            wanted += weight;
-            found += weight * lattice_sum([px, py], [xx, xy, yy]);
+            exact_sum += weight;
+            grid_sum += weight * lattice_sum([px, py], [xx, xy, yy]);
             for j in 0..size.height {
                 let dy = j as f64 - py;
+                // exp(-40) is below the last digit of the peak in f64.
                 if dy * dy > 80.0 * yy {
                     continue;
                 }
                 for i in 0..size.width {
                     let dx = i as f64 - px;
                     let q = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det;
-                    own[j * size.width + i] += peak * (-0.5 * q).exp();
+                    gaussian_depth[j * size.width + i] += peak * (-0.5 * q).exp();
                 }
             }
         }
-        if found > 0.0 {
-            self.tau.iter_mut().zip(&own).for_each(|(t, v)| *t += v * wanted / found);
+        if grid_sum > 0.0 {
+            self.tau.iter_mut().zip(&gaussian_depth).for_each(|(t, v)| *t += v * exact_sum / grid_sum);
         }
     }
 }
@@ -133,15 +136,15 @@ pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<PlainF
     let rows = a.map(|r| m.cov_of(i).apply(r));
     let cov: [[f64; 3]; 3] = a.map(|a| rows.map(|r| a[0] * r[0] + a[1] * r[1] + a[2] * r[2]));
     let (depth, variance) = (mean[2], cov[2][2]);
-    let mut found = Vec::new();
-    let mut add = |m: DepthMoments| found.push(footprint(lens, mean, &cov, lens.unit * weight, &m));
+    let mut footprints = Vec::new();
+    let mut add = |m: DepthMoments| footprints.push(footprint(lens, mean, &cov, lens.unit * weight, &m));
     match clip_class(lens, depth, variance) {
         ClipClass::Outside => {}
         ClipClass::Cut if CameraGaussian::from_mixture(lens, m, i, weight).is_some_and(|g| misses(lens, &g)) => {}
         ClipClass::Whole => add(whole(lens, depth, variance)),
         ClipClass::Cut => cut(lens, depth, variance, add),
     }
-    found
+    footprints
 }
 
 fn footprint(lens: &Lens, [x, y, d]: [f64; 3], cov: &[[f64; 3]; 3], weight: f64, m: &DepthMoments) -> PlainFootprint {
@@ -178,7 +181,7 @@ pub fn place(levels: &[Level], f: &PlainFootprint) -> PlacedFootprint {
     let lattice = if small { lattice_sum(f.mean, f.cov) } else { 1.0 };
     let half_log2 = 0.5 * std::f64::consts::LOG2_E;
     let [x, y] = f.mean.map(|v| ((v + 0.5) * scale - 0.5 + PAD as f64) as f32);
-    let stroke = RasterSplat {
+    let splat = RasterSplat {
         x,
         y,
         slope: (xy / yy) as f32,
@@ -188,5 +191,5 @@ pub fn place(levels: &[Level], f: &PlainFootprint) -> PlacedFootprint {
         peak: (peak / (1.0 - libm::exp(-0.5 * cut2)) / lattice) as f32,
         half: ((cut2 * yy).sqrt() * scale) as f32,
     };
-    PlacedFootprint { level, scale, small, stroke }
+    PlacedFootprint { level, scale, small, stroke: splat }
 }

@@ -1,4 +1,4 @@
-//! What draws.
+//! Renderers of scenes and of particles.
 
 use super::Scene;
 use crate::Result;
@@ -13,11 +13,11 @@ pub trait Renderer: Sync {
     ///
     /// # Errors
     /// For a view out of range, or of particles not in perspective; where the caller stops; those of the device.
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8>;
+    fn draw(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8>;
 
     /// The picture without shot noise, which scenes never have.
-    fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        self.draw(view, size, look, context)
+    fn response(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        self.draw(view, size, style, context)
     }
 
     /// The optical depth of each pixel, without shot noise; of an alpha-blend scene the depth that looks as bright.
@@ -25,8 +25,8 @@ pub trait Renderer: Sync {
 }
 
 impl Renderer for Scene<'_> {
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        super::draw(self, view, size, look, context)
+    fn draw(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        super::draw(self, view, size, style, context)
     }
 
     fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {

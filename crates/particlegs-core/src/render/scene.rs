@@ -1,4 +1,4 @@
-//! What is drawn: the Gaussians, borrowed, and the bounds that clip where a view does not say.
+//! Scenes to draw: the Gaussians, borrowed, and the bounds that clip where a view does not say.
 
 use super::alpha::Blend;
 use super::tone::Tones;
@@ -16,9 +16,9 @@ pub struct Scene<'a> {
     pub(super) parts: Vec<(&'a Mixture, f64)>,
     /// Bounds of the particles, world units.
     pub(super) bounds: Bounds,
-    /// What the alpha-blend law needs beside; `None` = the optical-depth law.
+    /// Settings of the alpha-blend law; `None` = the optical-depth law.
     pub(super) blend: Option<Blend<'a>>,
-    /// Where it is drawn, from where it is, world units.
+    /// Shifts at which it is drawn, from where it is, world units.
     pub(super) shifts: Vec<[f64; 3]>,
 }
 
@@ -38,10 +38,12 @@ impl<'a> Scene<'a> {
     /// The same, repeated at these `shifts` (world units) from where it is: a periodic box and its images. Bounds
     /// become those of all of them. Pictures of the optical-depth law alone are repeated.
     pub fn repeated(mut self, shifts: Vec<[f64; 3]>) -> Self {
-        let own = self.bounds;
-        let moved =
-            |s: &[f64; 3]| Bounds { min: each_axis(|k| own.min[k] + s[k]), max: each_axis(|k| own.max[k] + s[k]) };
-        self.bounds = shifts.iter().map(moved).reduce(|a, b| a.union(&b)).unwrap_or(own);
+        let bounds = self.bounds;
+        let moved = |s: &[f64; 3]| Bounds {
+            min: each_axis(|k| bounds.min[k] + s[k]),
+            max: each_axis(|k| bounds.max[k] + s[k]),
+        };
+        self.bounds = shifts.iter().map(moved).reduce(|a, b| a.union(&b)).unwrap_or(bounds);
         self.shifts = shifts;
         self
     }
@@ -56,7 +58,7 @@ impl<'a> Scene<'a> {
         self.parts.iter().map(|(m, _)| *m)
     }
 
-    /// Where it is drawn, from where it is, world units.
+    /// Shifts at which it is drawn, from where it is, world units.
     pub fn shifts(&self) -> &[[f64; 3]] {
         &self.shifts
     }
@@ -69,8 +71,8 @@ impl<'a> Scene<'a> {
     /// One mixture, to be drawn by its law, fitted to particles with these bounds, with default `radius`
     /// and `opacity`.
     pub fn from_law(mixture: &'a Mixture, bounds: Bounds, radius: f64, opacity: f64) -> Self {
-        let blend = |own: &'a AlphaBlend| Blend {
-            vizmapper: own.vizmapper.as_deref(),
+        let blend = |law: &'a AlphaBlend| Blend {
+            vizmapper: law.vizmapper.as_deref(),
             frame: Normalisation::new(&bounds),
             radius,
             opacity,
@@ -78,24 +80,24 @@ impl<'a> Scene<'a> {
         Scene { blend: mixture.law.alpha_blend().map(blend), ..Scene::from_mixture(mixture, bounds) }
     }
 
-    /// How its Gaussians become a picture.
+    /// The law by which its Gaussians become a picture.
     pub fn law(&self) -> LawKind {
         if self.blend.is_some() { LawKind::AlphaBlend } else { LawKind::OpticalDepth }
     }
 
-    /// What a scene of the alpha-blend law has beside its Gaussians; `None` = the optical-depth law.
+    /// Settings of the alpha-blend law; `None` = the optical-depth law.
     pub fn blend(&self) -> Option<Blend<'a>> {
         self.blend
     }
 
     /// Grey levels of its optical depth ([`super::optical_depth`]) in a look. A scene of the
     /// alpha-blend law has the one look that it was trained on, whichever is asked for.
-    pub fn tone(&self, tau: &Plane, look: ToneStyle, tones: &Tones) -> Gray8 {
-        tones.of(tau, self.look(look))
+    pub fn tone(&self, tau: &Plane, style: ToneStyle, tones: &Tones) -> Gray8 {
+        tones.of(tau, self.look(style))
     }
 
     /// The look that it is drawn in where this one is asked for.
-    pub(super) fn look(&self, asked: ToneStyle) -> ToneStyle {
-        if self.blend.is_some() { ToneStyle::Expected } else { asked }
+    pub(super) fn look(&self, style: ToneStyle) -> ToneStyle {
+        if self.blend.is_some() { ToneStyle::Expected } else { style }
     }
 }

@@ -4,8 +4,8 @@ use crate::Result;
 use crate::context::Context;
 use crate::memory::reserved;
 
-/// Working memory of the renderer, some 5.4 bytes a pixel of the largest picture drawn with it. What is in
-/// it does not matter: any picture may follow any other.
+/// Working memory of the renderer, some 5.4 bytes a pixel of the largest picture drawn with it. Its
+/// contents do not matter: any picture may follow any other.
 #[derive(Debug, Default)]
 pub struct Scratch {
     /// The planes of a picture, finest first.

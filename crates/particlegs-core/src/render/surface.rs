@@ -17,7 +17,7 @@ use std::borrow::Cow;
 
 /// Mass a world unit squared at every pixel, averaged over the pixel:
 /// `Sigma = sum m (f/z)^2 N2` in perspective, `sum m f^2 N2` in an orthographic view, whose periodic
-/// images are drawn as the view says. Where no mass is known the result counts particles.
+/// images are drawn as the view says. Without known masses the result counts particles.
 pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
     let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, context) };
     let parts: Vec<Cow<'_, Mixture>> = scene.parts.iter().map(|(m, _)| moved(m, &centered)).collect();
@@ -36,8 +36,8 @@ pub(super) fn moved<'a>(mixture: &'a Mixture, cell: &CenteredCell) -> Cow<'a, Mi
     for i in 0..mixture.len() {
         let shift = cell.shift(mixture.mean_of(i));
         if shift != [0.0; 3] {
-            let own = moved.to_mut();
-            (0..3).for_each(|k| own.mean[k][i] += shift[k]);
+            let copy = moved.to_mut();
+            (0..3).for_each(|k| copy.mean[k][i] += shift[k]);
         }
     }
     moved
@@ -47,17 +47,17 @@ fn drawn(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -
     let lenses = view
         .copies(size, &scene.bounds, reach(scene))?
         .into_iter()
-        .flat_map(|own| scene.shifts.iter().map(move |s| each_axis(|k| own[k] + s[k])))
+        .flat_map(|copy_shift| scene.shifts.iter().map(move |s| each_axis(|k| copy_shift[k] + s[k])))
         .map(|shift| Lens::density(view, size, shift))
         .collect::<Result<Vec<_>>>()?;
     let mut scratch = Scratch::default();
     let weight = |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i);
     let rows = sum(scene, &lenses, size, weight, &mut scratch, context)?;
     let all = |rows: &PlaneRows<'_>| -> f64 { (0..size.height).flat_map(|j| rows.row(j)).map(|v| f64::from(*v)).sum() };
-    let own = all(&rows);
+    let mass = all(&rows);
     let mut rows = clip(rows);
     // Clipped undershoot adds mass, which is taken from all pixels alike.
-    let share = (own / all(&rows)).max(1.0 - MOST_CLIPPED) as f32;
+    let share = (mass / all(&rows)).max(1.0 - MOST_CLIPPED) as f32;
     rows.each(|_, row| row.iter_mut().for_each(|v| *v *= share));
     rows.to_plane(context)
 }
@@ -68,8 +68,8 @@ const MOST_CLIPPED: f64 = 1e-3;
 /// Share of the mass that may lie beyond each pair of faces of a scene's extent.
 const BEYOND: f64 = 1e-6;
 
-/// What a map of a scene shows whole: the extent of its particles; where that repeats, as long as the tails of Gaussians
-/// that reach out of it want. An open scene has the window of its particles, so that both can be compared.
+/// The extent that a map of a scene shows whole: that of its particles; where that repeats, as long as the tails of
+/// Gaussians that reach out of it want. An open scene has the window of its particles, so that both can be compared.
 pub fn extent(scene: &Scene, cell: Option<&Cell>) -> Extent {
     let mut extent = Extent::new(&scene.bounds, cell);
     if extent.periodic == [false; 3] {
@@ -91,12 +91,12 @@ pub fn whole_view(name: &str, scene: &Scene, cell: Option<Cell>, size: Size) -> 
     DensityView::orthographic(name, &window, size, &scene.bounds, cell)
 }
 
-/// How much longer each edge of a cell about `center` becomes, over the edge.
+/// The length that tails add to each edge of a cell about `center`, over the edge.
 pub(super) fn all_tails(scene: &Scene, center: [f64; 3], cell: &Cell) -> [f64; 3] {
     cell.inverse().map_or([0.0; 3], |inverse| each_axis(|a| tails(scene, center, each_axis(|k| inverse[k][a]))))
 }
 
-/// How much longer an edge becomes, over the edge, whose fractions are counted from `center` by `row`.
+/// The length that tails add to an edge, over the edge, whose fractions are counted from `center` by `row`.
 fn tails(scene: &Scene, center: [f64; 3], row: [f64; 3]) -> f64 {
     let (mut total, mut near) = (0.0, Vec::new());
     for (m, unit) in &scene.parts {
@@ -106,6 +106,7 @@ fn tails(scene: &Scene, center: [f64; 3], row: [f64; 3]) -> f64 {
             let along = m.cov_of(i).apply(row);
             let sigma = (0..3).map(|k| row[k] * along[k]).sum::<f64>().max(0.0).sqrt();
             total += mass;
+            // A Gaussian that ends six deviations inside a face has 1e-9 of its mass beyond, far below `BEYOND`.
             if at + 6.0 * sigma > 0.5 {
                 near.push((at, sigma.max(f64::MIN_POSITIVE), mass));
             }
@@ -115,6 +116,7 @@ fn tails(scene: &Scene, center: [f64; 3], row: [f64; 3]) -> f64 {
         let tail = |x: f64| 0.5 * (1.0 - erf(x * std::f64::consts::FRAC_1_SQRT_2));
         near.iter().map(|(at, sigma, m)| m * (tail((0.5 + t - at) / sigma) + tail((0.5 + t + at) / sigma))).sum()
     };
+    // The mass beyond falls with t: doubling brackets the length, and 24 halvings give it to 6e-8 of that.
     let [mut low, mut high] = [0.0, 1.0];
     while beyond(high) > BEYOND * total && high < 1e6 {
         high *= 2.0;
@@ -123,6 +125,7 @@ fn tails(scene: &Scene, center: [f64; 3], row: [f64; 3]) -> f64 {
         let middle = 0.5 * (low + high);
         *(if beyond(middle) > BEYOND * total { &mut low } else { &mut high }) = middle;
     }
+    // An edge becomes longer at both of its faces.
     2.0 * high
 }
 

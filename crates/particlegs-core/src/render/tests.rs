@@ -67,7 +67,7 @@ fn small_gaussians_from_afar() {
     }
 }
 
-/// What is left is the skewness of single pieces, seen where one bright Gaussian stands alone.
+/// The rest is the skewness of single pieces, seen where one bright Gaussian stands alone.
 #[test]
 fn large_gaussians_and_a_camera_among_them() {
     for (seed, spread, position) in
@@ -91,7 +91,7 @@ fn the_clipping_range_cuts_gaussians() {
     }
 }
 
-/// What the stages hand over in f32 against f64 from end to end, drawn by the same raster.
+/// Stages that hand over f32 against f64 from end to end, drawn by the same raster.
 #[test]
 fn rounding_between_stages_does_not_show() {
     use super::bin::Binner;
@@ -117,17 +117,17 @@ fn rounding_between_stages_does_not_show() {
         }
         let mut exact = depth::paint(wide, &[binner.finish()], &mut Scratch::default(), &Context::SILENT).unwrap();
         depth::grow(&mut exact, &lens);
-        let found = optical_depth(&scene, &view, wide, &Context::SILENT).unwrap();
+        let tau = optical_depth(&scene, &view, wide, &Context::SILENT).unwrap();
         let bright = |p: &Plane| p.data.iter().map(|t| -f64::from(-t).exp_m1()).collect::<Vec<_>>();
-        let (a, b) = (bright(&exact), bright(&found));
+        let (a, b) = (bright(&exact), bright(&tau));
         let squares: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
         let decibels = -10.0 * (squares / wide.pixels() as f64).log10();
         assert!(a.iter().any(|v| *v > 0.1), "trial {trial}: nothing is seen");
         assert!(decibels > 95.0, "trial {trial}: {decibels:.1} dB");
-        for look in [ToneStyle::Expected, ToneStyle::Paraview, ToneStyle::ParaviewNoFxaa] {
+        for style in [ToneStyle::Expected, ToneStyle::Paraview, ToneStyle::ParaviewNoFxaa] {
             let tones = Tones::new(view.opacity, view.radius_pixels(wide));
-            let [a, b] = [&exact, &found].map(|p| scene.tone(p, look, &tones).data);
-            assert!(a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 1), "trial {trial}, {look:?}");
+            let [a, b] = [&exact, &tau].map(|p| scene.tone(p, style, &tones).data);
+            assert!(a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 1), "trial {trial}, {style:?}");
         }
     }
 }
@@ -221,18 +221,18 @@ fn periodic_windows_wrap() {
         let view = DensityView::orthographic("w", &window, size, &bounds(), cell).unwrap();
         surface_density(&Scene::from_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap().data
     };
-    let here = window([0.0; 3]);
-    let there = window([1.0, -0.5, 3.7]);
-    for plane in [&here, &there] {
+    let first = window([0.0; 3]);
+    let second = window([1.0, -0.5, 3.7]);
+    for plane in [&first, &second] {
         let mass = plane.iter().map(|v| f64::from(*v)).sum::<f64>() / 1600.0;
         assert!((mass / total - 1.0).abs() < 1e-5, "{mass} of {total}");
     }
     // The second window is the first, turned around by 40 and 20 pixels (y points up).
     // Gaussians that the slab cuts fall into other pieces there.
-    let highest = here.iter().fold(0.0f32, |a, b| a.max(*b));
+    let highest = first.iter().fold(0.0f32, |a, b| a.max(*b));
     for y in 0..80 {
         for x in 0..80 {
-            let (a, b) = (here[y * 80 + x], there[(y + 60) % 80 * 80 + (x + 40) % 80]);
+            let (a, b) = (first[y * 80 + x], second[(y + 60) % 80 * 80 + (x + 40) % 80]);
             assert!((a - b).abs() < 3e-2 * highest, "{x} {y}: {a} {b}");
         }
     }

@@ -11,8 +11,8 @@ use std::sync::OnceLock;
 /// `opacity` in (0, 1] and `radius_px`, the splat radius in pixels at the focal point, say how
 /// noisy ParaView's picture would be and so what its rounding and FXAA do to the mean.
 /// Results do not depend on the number of threads.
-pub fn tone(tau: &Plane, look: ToneStyle, opacity: f64, radius_px: f64) -> Gray8 {
-    Tones::new(opacity, radius_px).of(tau, look)
+pub fn tone(tau: &Plane, style: ToneStyle, opacity: f64, radius_px: f64) -> Gray8 {
+    Tones::new(opacity, radius_px).of(tau, style)
 }
 
 /// The tone curves of one opacity and splat radius: the response takes milliseconds, and is made once, where a
@@ -30,16 +30,16 @@ impl Tones {
     }
 
     /// [`tone`] in a look.
-    pub fn of(&self, tau: &Plane, look: ToneStyle) -> Gray8 {
+    pub fn of(&self, tau: &Plane, style: ToneStyle) -> Gray8 {
         let mut out = Gray8::black(tau.size);
-        self.rows(tau.clone().rows(), look, &mut out.data);
+        self.rows(tau.clone().rows(), style, &mut out.data);
         out
     }
 
     /// [`tone`] of rows, which are overwritten, into `out`.
-    pub(super) fn rows(&self, mut tau: PlaneRows<'_>, look: ToneStyle, out: &mut [u8]) {
+    pub(super) fn rows(&self, mut tau: PlaneRows<'_>, style: ToneStyle, out: &mut [u8]) {
         let response = || self.response.get_or_init(|| Response::new(self.opacity));
-        match look {
+        match style {
             ToneStyle::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
             ToneStyle::ParaviewNoFxaa => {
                 let response = response();

@@ -42,7 +42,7 @@ impl WeightFootprint {
     /// At a place, in pixels from the footprint's centre, where a slab leaves a share. Both fields and depth are normal
     /// together; a logarithmic field weighs by an exponential, which moves their means.
     pub fn at(&self, place: [f64; 2], q: PixelValue, slab: Option<&DepthCut>) -> WeightedValue {
-        let own = self.value + self.tilt[0] * place[0] + self.tilt[1] * place[1];
+        let weight_mean = self.value + self.tilt[0] * place[0] + self.tilt[1] * place[1];
         let moments = |tilt: f64| slab.map_or([1.0, 0.0, 0.0, 0.0], |s| s.moments(place, tilt));
         let [of_q, of_w] = slab.map_or([0.0; 2], |s| [s.slope, self.slope].map(|slope| slope * s.deviation));
         let [share, shift, change, skew] = moments(0.0);
@@ -53,12 +53,12 @@ impl WeightFootprint {
         match self.excess {
             None => {
                 let [least, largest] = self.range;
-                let weight = (own + of_w * shift).clamp(least, largest);
+                let weight = (weight_mean + of_w * shift).clamp(least, largest);
                 let mean = q.mean + of_q * shift;
                 let per = 1.0 / weight.max(f64::MIN_POSITIVE);
                 let moved = per * (self.covariance + of_q * of_w * change);
                 let value = q.excess.map_or(0.0, |(_, LogExcess { range, .. })| {
-                    let under = (own + left + of_w * (of_q + moments(of_q)[1])).clamp(least, largest);
+                    let under = (weight_mean + left + of_w * (of_q + moments(of_q)[1])).clamp(least, largest);
                     let mean = libm::exp(values(log_share(of_q)).clamp(range[0], range[1]));
                     mean * under * per
                 });
@@ -67,7 +67,7 @@ impl WeightFootprint {
             }
             Some(LogExcess { added, range: [least, largest] }) => {
                 let [_, shift, change, _] = moments(of_w);
-                let whole = own + 0.5 * self.variance + added;
+                let whole = weight_mean + 0.5 * self.variance + added;
                 let log = (whole + log_share(of_w)).clamp(least, largest);
                 let value = q.excess.map_or(0.0, |(_, LogExcess { range, .. })| {
                     let both = values(whole + self.covariance + log_share(of_q + of_w));

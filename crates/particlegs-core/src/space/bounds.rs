@@ -64,7 +64,7 @@ impl Bounds {
         e.map(|v| if v > 0.0 { v } else { stand_in })
     }
 
-    /// What float32 positions are taken about on each axis: 0 where that keeps a thousandth of the particle radius,
+    /// The origin of float32 positions on each axis: 0 where that keeps a thousandth of the particle radius,
     /// else the middle.
     pub fn float32_origin(&self, radius: f64) -> [f64; 3] {
         const ROUNDING: f64 = 0.5 * f32::EPSILON as f64;

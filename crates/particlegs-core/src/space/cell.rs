@@ -56,9 +56,9 @@ impl Cell {
     /// The cell that a file states: along vectors of zero nothing repeats (a slab). `None` where all are zero or they
     /// span no volume.
     pub fn stated(origin: [f64; 3], vectors: [[f64; 3]; 3], periodic: [bool; 3]) -> Option<Self> {
-        let there = vectors.map(|v| v != [0.0; 3]);
-        let cell = Cell { origin, vectors, periodic: each_axis(|k| periodic[k] && there[k]) };
-        (there.contains(&true) && cell.inverse().is_some()).then_some(cell)
+        let nonzero = vectors.map(|v| v != [0.0; 3]);
+        let cell = Cell { origin, vectors, periodic: each_axis(|k| periodic[k] && nonzero[k]) };
+        (nonzero.contains(&true) && cell.inverse().is_some()).then_some(cell)
     }
 
     /// The matrix that turns a world vector d into fractions of the cell vectors: fraction a is the
@@ -101,18 +101,18 @@ impl Cell {
         order.sort_by_key(|k| (!self.periodic[*k], self.vectors[*k] == [0.0; 3]));
         // At right angles to each other, as far as there are any.
         let mut taken: Vec<[f64; 3]> = Vec::with_capacity(3);
-        let mut found = [[0.0; 3]; 3];
+        let mut directions = [[0.0; 3]; 3];
         for k in order {
             let vector = self.vectors[k];
-            let mut own = across(vector, &taken);
-            if norm(own) <= ALONG * norm(vector) {
+            let mut perpendicular = across(vector, &taken);
+            if norm(perpendicular) <= ALONG * norm(vector) {
                 let axes = Cell::orthogonal([1.0; 3]).vectors.map(|v| across(v, &taken));
-                own = axes.into_iter().fold([0.0; 3], |a, b| if norm(b) > norm(a) + ALONG { b } else { a });
+                perpendicular = axes.into_iter().fold([0.0; 3], |a, b| if norm(b) > norm(a) + ALONG { b } else { a });
             }
-            taken.push(unit(own));
-            found[k] = if self.periodic[k] { unit(vector) } else { unit(own) };
+            taken.push(unit(perpendicular));
+            directions[k] = if self.periodic[k] { unit(vector) } else { unit(perpendicular) };
         }
-        found
+        directions
     }
 
     /// Takes the vectors that repeat to the shortest of their lattice.
@@ -121,18 +121,18 @@ impl Cell {
         for _ in 0..MOST_STEPS {
             let mut shortest = true;
             for &i in &repeats {
-                let (own, others) = (self.vectors[i], repeats.iter().filter(|j| **j != i).map(|j| self.vectors[*j]));
+                let (vector, others) = (self.vectors[i], repeats.iter().filter(|j| **j != i).map(|j| self.vectors[*j]));
                 let others: Vec<[f64; 3]> = others.collect();
                 let minus = |steps: f64, v: [f64; 3]| move |from: [f64; 3]| each_axis(|k| from[k] - steps * v[k]);
-                let mut found: Vec<[f64; 3]> =
-                    others.iter().map(|v| minus((dot(own, *v) / dot(*v, *v)).round(), *v)(own)).collect();
+                let mut candidates: Vec<[f64; 3]> =
+                    others.iter().map(|v| minus((dot(vector, *v) / dot(*v, *v)).round(), *v)(vector)).collect();
                 if let [a, b] = others[..] {
                     let signs = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
-                    found.extend(signs.map(|(s, t)| minus(t, b)(minus(s, a)(own))));
+                    candidates.extend(signs.map(|(s, t)| minus(t, b)(minus(s, a)(vector))));
                 }
                 let square = |v: &[f64; 3]| dot(*v, *v);
-                if let Some(best) = found.into_iter().min_by(|a, b| square(a).total_cmp(&square(b)))
-                    && square(&best) < SHORTER * square(&own)
+                if let Some(best) = candidates.into_iter().min_by(|a, b| square(a).total_cmp(&square(b)))
+                    && square(&best) < SHORTER * square(&vector)
                 {
                     (self.vectors[i], shortest) = (best, false);
                 }
@@ -157,7 +157,7 @@ impl Cell {
         ((0..3).all(|j| axes.contains(&j))).then_some(cell)
     }
 
-    /// Are the vectors that repeat those of one lattice, but for a share of `slack`?
+    /// Whether the vectors that repeat are those of one lattice, but for a share of `slack`.
     pub fn same_lattice(&self, other: &Cell, slack: f64) -> bool {
         let whole = |a: &Cell, b: &Cell| {
             b.inverse().is_some_and(|inverse| {

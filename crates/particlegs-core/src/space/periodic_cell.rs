@@ -1,4 +1,4 @@
-//! Where points lie in a cell that repeats.
+//! Places of points in a cell that repeats.
 
 use super::Cell;
 use crate::math::each_axis;
@@ -18,7 +18,7 @@ impl PeriodicCell {
         Some(PeriodicCell { cell, inverse })
     }
 
-    /// Where the point at `d` from the cell's corner lies, in lengths of the vectors; 0 along those that do not repeat.
+    /// The point at `d` from the cell's corner, in lengths of the vectors; 0 along those that do not repeat.
     pub(crate) fn fractions(&self, d: [f64; 3]) -> [f64; 3] {
         let fraction = |a: usize| (0..3).map(|k| d[k] * self.inverse[k][a]).sum();
         each_axis(|a| if self.cell.periodic[a] { fraction(a) } else { 0.0 })

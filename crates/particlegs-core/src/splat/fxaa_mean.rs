@@ -1,4 +1,4 @@
-//! What FXAA does to the mean of a noisy picture: on shot noise it is a noise filter that darkens
+//! FXAA's effect on the mean of a noisy picture: on shot noise it is a noise filter that darkens
 //! faint pictures (docs/law/fxaa.md).
 
 /// Opacities, splat radii (pixels) and optical depths of [`RATIO`].

@@ -17,7 +17,7 @@ const LAST_EXPONENT: i32 = 4;
 /// away, however many there are.
 const INVISIBLE_OPACITY: f64 = 0.5 / 255.0;
 
-/// How ParaView's blending turns optical depth into grey levels, for one opacity.
+/// ParaView's blending as a curve from optical depth to grey levels, for one opacity.
 #[derive(Clone, Debug)]
 pub struct Response {
     /// Mean level (0 to 255) at the table's depths, and at its end.

@@ -1,7 +1,7 @@
 //! The looks a picture can have.
 
 crate::named_values! {
-    /// How optical depth, or a snapshot, becomes grey levels; scores are given for all (docs/law/response.md, "Looks").
+    /// Grey levels of optical depth or of a snapshot; scores are given for all (docs/law/response.md, "Looks").
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "kebab-case")]
     pub enum ToneStyle {

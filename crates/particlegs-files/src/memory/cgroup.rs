@@ -1,4 +1,4 @@
-//! What control groups still allow: version 2 (`memory.max`) and version 1
+//! Memory that control groups still allow: version 2 (`memory.max`) and version 1
 //! (`memory.limit_in_bytes`), of this process's group and of all groups above it.
 
 use std::path::{Path, PathBuf};
@@ -54,8 +54,8 @@ impl Version {
         let limit = number(&read(self.limit)?).filter(|l| *l < 1 << 60)?;
         let used = number(&read(self.used)?)?;
         let stat = read("memory.stat").unwrap_or_default();
-        let of = |name: &str| stat.lines().find_map(|l| number(l.strip_prefix(name)?)).unwrap_or(0);
-        let droppable: u64 = self.files.iter().map(|name| of(name)).sum();
+        let bytes_of = |name: &str| stat.lines().find_map(|l| number(l.strip_prefix(name)?)).unwrap_or(0);
+        let droppable: u64 = self.files.iter().map(|name| bytes_of(name)).sum();
         Some(limit.saturating_sub(used.saturating_sub(droppable)))
     }
 }

@@ -1,4 +1,4 @@
-//! How much memory there is, so that a job that cannot fit says so before it starts.
+//! The memory that there is, so that a job that cannot fit says so before it starts.
 //!
 //! Three things bound it: what the machine has left, what the control group of a container or a batch
 //! job still allows (`cgroup`), and the limit on address space that a shell sets (`ulimit -v`).
@@ -21,7 +21,7 @@ fn machine_bytes(root: &Path) -> Option<u64> {
     kib_of(&std::fs::read_to_string(root.join("proc/meminfo")).ok()?, "MemAvailable:")
 }
 
-/// What is left of the limit on this process's address space, mapped files included; `None` without
+/// The rest of the limit on this process's address space, mapped files included; `None` without
 /// a limit.
 fn address_space_left(root: &Path) -> Option<u64> {
     let limits = std::fs::read_to_string(root.join("proc/self/limits")).ok()?;
@@ -39,8 +39,8 @@ fn kib_of(text: &str, name: &str) -> Option<u64> {
 }
 
 /// Asks for memory before it is taken, where there is no one else to ask.
-pub fn require(what: &str, need_bytes: u64) -> Result<()> {
-    Context::SILENT.with_memory(&available_bytes).require_memory(what, need_bytes)
+pub fn require(purpose: &str, need_bytes: u64) -> Result<()> {
+    Context::SILENT.with_memory(&available_bytes).require_memory(purpose, need_bytes)
 }
 
 #[cfg(test)]

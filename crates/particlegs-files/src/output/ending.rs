@@ -1,4 +1,4 @@
-//! What an output's name says that it is.
+//! The kind of an output by the ending of its name.
 
 use super::write::is_stream;
 use crate::{Error, Result};
@@ -47,17 +47,18 @@ mod tests {
     fn a_name_means_what_is_written_or_a_folder_or_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("there.jpg")).unwrap();
-        let of = |name: &str| ending(&folder.path().join(name), &["png", "svg"]).map_err(|e| e.hint().to_string());
+        let ending_of =
+            |name: &str| ending(&folder.path().join(name), &["png", "svg"]).map_err(|e| e.hint().to_string());
         for (name, is) in [("a.png", "png"), ("a.PNG", "png"), ("a.b.svg", "svg")] {
-            assert_eq!(of(name), Ok(Some(is)), "{name}");
+            assert_eq!(ending_of(name), Ok(Some(is)), "{name}");
         }
         for name in
             ["a", "run.2024", "out.v2", "snap_0.5", "a.jpg/", "there.jpg", ".hidden", "a.", "a.png.tmp", "a b.c d"]
         {
-            assert_eq!(of(name), Ok(None), "{name}");
+            assert_eq!(ending_of(name), Ok(None), "{name}");
         }
         for name in ["a.jpg", "a.JPG", "a.mp4", "a.png.h5", "a.xyzw", "a.größe"] {
-            assert_eq!(of(name), Err("possible endings: .png, .svg".into()), "{name}");
+            assert_eq!(ending_of(name), Err("possible endings: .png, .svg".into()), "{name}");
         }
         assert!(ending(Path::new("a.png"), &[]).unwrap_err().hint().to_string().contains("end its name in /"));
         assert_eq!(ending(Path::new("-"), &["png"]).unwrap(), None);

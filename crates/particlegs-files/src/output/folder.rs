@@ -16,7 +16,7 @@ pub struct WholeFolder {
     target: PathBuf,
     staged: TemporaryFolder,
     way: MoveMethod,
-    /// What is there, which alone may go.
+    /// The state of the target at the beginning, which alone may go.
     before: PathState,
 }
 
@@ -31,8 +31,8 @@ enum MoveMethod {
 }
 
 impl WholeFolder {
-    /// Tells whether `out` is a folder that holds files with the names `own`.
-    pub fn check(out: &Path, own: &[&str]) -> Result<bool> {
+    /// Tells whether `out` is a folder that holds files with these `names`.
+    pub fn check(out: &Path, names: &[&str]) -> Result<bool> {
         let OutputTarget::File(target) = OutputTarget::new(out)? else { return Err(no_folder(out)) };
         if target.is_file() {
             return Err(no_folder(out));
@@ -47,7 +47,7 @@ impl WholeFolder {
             if is_temporary(&name) {
                 continue;
             }
-            if !own.iter().any(|o| name == *o) || entry.file_type().is_ok_and(|t| t.is_dir()) {
+            if !names.iter().any(|o| name == *o) || entry.file_type().is_ok_and(|t| t.is_dir()) {
                 let message = format!("contains `{}`, which this command does not write", name.to_string_lossy());
                 return Err(Error::output(out, message, "name another or an empty folder"));
             }
@@ -56,12 +56,12 @@ impl WholeFolder {
         Ok(filled)
     }
 
-    /// Begins a folder for `out`, which may replace files with the names `own`.
-    pub fn create(out: &Path, own: &[&str]) -> Result<WholeFolder> {
+    /// Begins a folder for `out`, which may replace files with these `names`.
+    pub fn create(out: &Path, names: &[&str]) -> Result<WholeFolder> {
         let fail = |e| Error::io(out, e);
         let OutputTarget::File(target) = OutputTarget::new(out)? else { return Err(no_folder(out)) };
         let before = PathState::at(&target).map_err(fail)?;
-        let filled = WholeFolder::check(out, own)?;
+        let filled = WholeFolder::check(out, names)?;
         if PlannedOutput::find(out).is_some_and(|p| filled && before != p.state || target != p.target) {
             return Err(Error::output(out, CHANGED, "name another folder"));
         }
@@ -90,9 +90,9 @@ impl WholeFolder {
     }
 
     pub fn finish(mut self) -> Result<()> {
-        if let Ok(there) = self.target.metadata() {
+        if let Ok(metadata) = self.target.metadata() {
             // Who may use the folder stays as it is; where that cannot be, it is as any new folder.
-            let _ = std::fs::set_permissions(self.staged.path(), there.permissions());
+            let _ = std::fs::set_permissions(self.staged.path(), metadata.permissions());
         }
         let placed = match self.way {
             MoveMethod::Inside => self.move_files(),
@@ -135,7 +135,7 @@ impl WholeFolder {
         }
     }
 
-    /// Where two folders cannot be exchanged in one step, the old one waits under a name that says what it is.
+    /// If two folders cannot be exchanged in one step, the old one waits under a name that says what it is.
     fn put_aside(&mut self) -> std::io::Result<bool> {
         let mut name = self.target.as_os_str().to_os_string();
         name.push(format!(".replaced-{}", std::process::id()));
@@ -156,9 +156,9 @@ impl WholeFolder {
     /// Removes the old folder; where something has come into it even now, that stays, and is told.
     fn remove(&self, old: PathBuf) -> std::io::Result<bool> {
         self.before.remove(&old).map(|()| true).or_else(|_| {
-            let kept = free_name(&self.target, |path| rename_new(&old, path))?;
+            let remains = free_name(&self.target, |path| rename_new(&old, path))?;
             let message =
-                format!("the old folder was in use while it was replaced; its remains are in {}", kept.display());
+                format!("the old folder was in use while it was replaced; its remains are in {}", remains.display());
             Err(std::io::Error::other(message))
         })
     }
@@ -184,7 +184,7 @@ fn no_folder(out: &Path) -> Error {
     Error::output(out, "is a file, not a folder", "name a folder")
 }
 
-/// Do two folders lie on one disk, so that one can be renamed to the other?
+/// Whether two folders lie on one disk, so that one can be renamed to the other.
 fn same_disk(a: &Path, b: &Path) -> bool {
     match (Identity::from_path(a), Identity::from_path(b)) {
         (Identity::There(a, _), Identity::There(b, _)) => a == b,

@@ -1,4 +1,4 @@
-//! Which file a path is, whatever its spelling, links and letter case.
+//! The file that a path is, whatever its spelling, links and letter case.
 
 use super::place::{OutputTarget, folder_of};
 use std::path::{Component, Path, PathBuf};
@@ -26,15 +26,15 @@ impl Identity {
     /// Of a path; links are followed.
     pub fn from_path(path: &Path) -> Identity {
         #[cfg(unix)]
-        if let Ok(there) = std::fs::metadata(path) {
+        if let Ok(metadata) = std::fs::metadata(path) {
             use std::os::unix::fs::MetadataExt;
-            return Identity::There(there.dev(), there.ino());
+            return Identity::There(metadata.dev(), metadata.ino());
         }
         Identity::Free(spelled_out(path))
     }
 }
 
-/// Is this a named pipe, or the name of an open one?
+/// Whether this is a named pipe, or the name of an open one.
 pub(super) fn is_pipe(path: &Path) -> bool {
     #[cfg(unix)]
     return std::fs::metadata(path).is_ok_and(|m| std::os::unix::fs::FileTypeExt::is_fifo(&m.file_type()));
@@ -51,7 +51,7 @@ pub(super) fn spelled_out(path: &Path) -> PathBuf {
         return as_compared(path);
     }
     let folder = match folder_of(path) {
-        own if own == path => PathBuf::from("."),
+        folder if folder == path => PathBuf::from("."),
         folder => spelled_out(folder),
     };
     match path.components().next_back() {
@@ -61,7 +61,7 @@ pub(super) fn spelled_out(path: &Path) -> PathBuf {
     }
 }
 
-/// Where disks usually tell no upper from lower case, names that differ so alone are one.
+/// The path as names are compared: without upper case where disks usually tell none from lower case.
 fn as_compared(path: PathBuf) -> PathBuf {
     if cfg!(any(windows, target_os = "macos")) { path.to_string_lossy().to_lowercase().into() } else { path }
 }

@@ -1,4 +1,4 @@
-//! What an output holds, and so what it may replace.
+//! The kind of an output's content, and so of the files that it may replace.
 
 use std::fs::File;
 use std::io::Read;
@@ -7,19 +7,19 @@ use std::path::Path;
 /// Bytes that tell what a file holds.
 const HEAD: u64 = 1 << 16;
 
-/// What an output holds. A file that is there is replaced by one of its own kind only.
+/// The kind of an output's content. A file that is there is replaced by one of its own kind only.
 #[derive(Clone, Copy, Debug)]
 pub struct Kind {
-    /// What it is called, with its article: `a model file`.
+    /// Its name in messages, with its article: `a model file`.
     pub name: &'static str,
-    /// Is it kept unless replacing is asked for?
+    /// Whether it is kept unless replacing is asked for.
     pub kept: bool,
-    /// Does a file that begins with these bytes hold this?
+    /// Whether a file of this path that begins with these bytes holds this.
     pub is: fn(&Path, &[u8]) -> bool,
 }
 
 impl Kind {
-    /// May what is at `path`, a regular file, be replaced by this at all? An empty file always may.
+    /// Whether the regular file at `path` may be replaced by this at all. An empty file always may.
     pub(super) fn may_replace(&self, path: &Path) -> std::io::Result<bool> {
         let head = head(path)?;
         Ok(head.is_empty() || (self.is)(path, &head))

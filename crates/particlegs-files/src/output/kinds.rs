@@ -55,7 +55,7 @@ pub const PARTICLES: Kind = Kind { name: "a snapshot", kept: true, is: |_, _| tr
 /// A file that may only replace an empty one.
 pub(super) const UNKNOWN: Kind = replaced("made by this command", |_, _| false);
 
-/// Is the beginning of a file text? It may end inside a character.
+/// Whether the beginning of a file is text. It may end inside a character.
 fn is_text(head: &[u8]) -> bool {
     std::str::from_utf8(head).map_or_else(|e| e.error_len().is_none(), |_| true)
 }

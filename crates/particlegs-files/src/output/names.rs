@@ -10,7 +10,7 @@ use std::sync::{LazyLock, Mutex};
 const PREFIX: &str = ".particlegs-";
 const SUFFIX: &str = ".tmp";
 
-/// Is this the name of something on its way to its place?
+/// Whether this is the name of something on its way to its place.
 pub fn is_temporary(name: &std::ffi::OsStr) -> bool {
     name.to_str().is_some_and(|n| n.starts_with(PREFIX) && n.ends_with(SUFFIX))
 }
@@ -55,12 +55,12 @@ pub(super) fn sweep(folder: &Path) {
     }
 }
 
-/// Is this the name of something of this machine whose process is gone?
+/// Whether this is the name of something of this machine whose process is gone.
 fn is_left_over(name: &str, machine: &str) -> bool {
     let inner = name.strip_prefix(PREFIX).and_then(|n| n.strip_suffix(SUFFIX));
-    let Some((of, rest)) = inner.and_then(|n| n.split_once('-')) else { return false };
+    let Some((name_machine, rest)) = inner.and_then(|n| n.split_once('-')) else { return false };
     let Some(process) = rest.split('.').next().and_then(|p| p.parse::<i32>().ok()) else { return false };
-    of == machine && is_gone(process)
+    name_machine == machine && is_gone(process)
 }
 
 /// The number of this user; 0 where the system has none.
@@ -71,7 +71,7 @@ fn user() -> u32 {
     0
 }
 
-/// Is it a user's? Processes of others may be hidden from this one.
+/// Whether it is a user's. Processes of others may be hidden from this one.
 #[cfg_attr(not(unix), expect(unused_variables))]
 fn is_of(entry: &std::fs::DirEntry, user: u32) -> bool {
     #[cfg(unix)]
@@ -80,7 +80,7 @@ fn is_of(entry: &std::fs::DirEntry, user: u32) -> bool {
     true
 }
 
-/// Is there no process of this number? What another user's process answers is that it may not be signalled.
+/// Whether there is no process of this number. Another user's process answers that it may not be signalled.
 #[cfg(unix)]
 fn is_gone(process: i32) -> bool {
     use rustix::process::{Pid, test_kill_process};
@@ -114,9 +114,9 @@ mod tests {
             std::fs::write(folder.path().join(name), "x").unwrap();
         }
         drop(TemporaryFile::beside(&folder.path().join("a")).unwrap());
-        let there = |name: &String| folder.path().join(name).exists();
-        assert!(!there(&gone));
-        assert!([&alive, &elsewhere, &foreign].iter().all(|n| there(n)));
+        let exists = |name: &String| folder.path().join(name).exists();
+        assert!(!exists(&gone));
+        assert!([&alive, &elsewhere, &foreign].iter().all(|n| exists(n)));
         // Another user's stay, whose processes may be hidden.
         let entry = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap();
         assert!(is_of(&entry, user()) && (cfg!(not(unix)) || !is_of(&entry, user() + 1)));

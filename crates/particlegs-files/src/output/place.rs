@@ -1,4 +1,4 @@
-//! What a path that is to be written stands for: a regular file behind any links, or a stream.
+//! The target of a path that is to be written: a regular file behind any links, or a stream.
 
 use crate::{Error, Result};
 use std::fs::File;
@@ -32,13 +32,13 @@ impl OutputTarget {
                 Some(_) => return Ok(OutputTarget::Stream(at)),
                 None => {}
             }
-            let there = match std::fs::symlink_metadata(&at) {
-                Ok(there) => there,
+            let metadata = match std::fs::symlink_metadata(&at) {
+                Ok(metadata) => metadata,
                 Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(OutputTarget::File(at)),
                 Err(e) => return Err(Error::io(path, e)),
             };
-            if !there.is_symlink() {
-                return stands_for(path, at, &there);
+            if !metadata.is_symlink() {
+                return stands_for(path, at, &metadata);
             }
             let target = std::fs::read_link(&at).map_err(|e| Error::io(path, e))?;
             at = folder_of(&at).join(target);
@@ -54,13 +54,13 @@ impl OutputTarget {
     }
 }
 
-/// What is there, which is no link, as an output.
-fn stands_for(path: &Path, at: PathBuf, there: &std::fs::Metadata) -> Result<OutputTarget> {
+/// Something that is there, which is no link, as an output.
+fn stands_for(path: &Path, at: PathBuf, metadata: &std::fs::Metadata) -> Result<OutputTarget> {
     #[cfg(unix)]
-    if std::os::unix::fs::FileTypeExt::is_block_device(&there.file_type()) {
+    if std::os::unix::fs::FileTypeExt::is_block_device(&metadata.file_type()) {
         return Err(Error::output(path, "is a block device, whose data would be lost", "name a file"));
     }
-    let regular = there.is_file() || there.is_dir();
+    let regular = metadata.is_file() || metadata.is_dir();
     Ok(if regular { OutputTarget::File(at) } else { OutputTarget::Stream(at) })
 }
 

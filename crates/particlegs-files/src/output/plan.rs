@@ -1,5 +1,5 @@
-//! What a command reads and writes, known before the work: no output is an input, none is another's
-//! place, and what is there is replaced only where that was meant.
+//! Inputs and outputs of a command, known before the work: no output is an input, none is another's
+//! place, and an existing file is replaced only if that was meant.
 
 use super::ending::ending;
 use super::folder::WholeFolder;
@@ -28,7 +28,7 @@ pub enum Input {
     Whole(PathBuf),
 }
 
-/// What a command reads and writes. While it lives, named pipes stay open; when it goes, so do empty
+/// Inputs and outputs of a command. While it lives, named pipes stay open; when it goes, so do empty
 /// folders that it made.
 #[derive(Debug, Default)]
 pub struct Outputs {
@@ -78,7 +78,7 @@ impl Outputs {
     pub fn writes(&self, path: &Path, kind: &Kind, context: &Context<'_>) -> Result<bool> {
         let place = OutputTarget::new(path)?;
         self.take(path, &place)?;
-        let kept = match &place {
+        let is_kept = match &place {
             OutputTarget::StandardOutput => false,
             OutputTarget::Stream(pipe) => self.wait_for_reader(pipe, context).map(|()| false)?,
             OutputTarget::File(target) if target.is_file() => {
@@ -97,14 +97,14 @@ impl Outputs {
             }
         };
         lock(&self.files).push(path.to_path_buf());
-        Ok(self.keep(path, kept))
+        Ok(self.keep(path, is_kept))
     }
 
-    fn keep(&self, path: &Path, kept: bool) -> bool {
-        if kept {
+    fn keep(&self, path: &Path, is_kept: bool) -> bool {
+        if is_kept {
             lock(&self.kept).push(path.to_path_buf());
         }
-        kept
+        is_kept
     }
 
     /// Whether an output was declared.
@@ -114,10 +114,11 @@ impl Outputs {
 
     /// Whether a declared output exists and is kept.
     pub fn is_kept(&self, path: &Path) -> bool {
-        lock(&self.kept).iter().any(|kept| kept == path)
+        lock(&self.kept).iter().any(|kept_path| kept_path == path)
     }
 
-    /// Takes note of an input that is to be written anew, before it is read: of what has changed by then nothing is lost.
+    /// Takes note of an input that is to be written anew, before it is read: of what has changed by then nothing is
+    /// lost.
     pub fn rewrites(&self, path: &Path) -> Result<()> {
         if let OutputTarget::File(target) = OutputTarget::new(path)? { self.note(path, &target) } else { Ok(()) }
     }
@@ -128,9 +129,9 @@ impl Outputs {
         Ok(())
     }
 
-    /// Takes note of a folder that is to be written whole, of files with the names `own`, and tells
+    /// Takes note of a folder that is to be written whole, of files with these `names`, and tells
     /// whether such files are there and kept, as [`Outputs::writes`] does.
-    pub fn writes_folder(&self, path: &Path, own: &[&str]) -> Result<bool> {
+    pub fn writes_folder(&self, path: &Path, names: &[&str]) -> Result<bool> {
         let OutputTarget::File(target) = OutputTarget::new(path)? else {
             return Err(is_no_folder(path));
         };
@@ -141,7 +142,7 @@ impl Outputs {
             return Err(is_input(path));
         }
         lock(&self.files).push(path.to_path_buf());
-        let filled = WholeFolder::check(path, own)?;
+        let filled = WholeFolder::check(path, names)?;
         Ok(self.keep(path, filled && !self.replaces()))
     }
 
@@ -235,8 +236,8 @@ fn is_input(path: &Path) -> Error {
     Error::output(path, "is an input of this command or belongs to one", "name another output")
 }
 
-fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Input {
@@ -263,7 +264,7 @@ impl Input {
     }
 }
 
-/// Is it one of the files that are read of a folder and, so many levels deep, of those in it?
+/// Whether it is one of the files that are read of a folder and, so many levels deep, of those in it.
 fn in_folder(folder: &Path, levels: u32, is_read: fn(&Path) -> bool, file: &Identity) -> bool {
     levels > 0
         && std::fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| {
@@ -272,7 +273,7 @@ fn in_folder(folder: &Path, levels: u32, is_read: fn(&Path) -> bool, file: &Iden
         })
 }
 
-/// May this file of a folder that is read be data? Models, pictures and logs beside data are not.
+/// Whether this file of a folder that is read may be data. Models, pictures and logs beside data are not.
 fn is_data(path: &Path) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {
@@ -282,7 +283,7 @@ fn is_data(path: &Path) -> bool {
     }
 }
 
-/// Does it lie beside a file and belong to it: another part of the same snapshot, or what is said of it?
+/// Whether it lies beside a file and belongs to it: another part of the same snapshot, or its description.
 fn beside(path: &Path, file: &Identity) -> bool {
     let Some(name) = path.file_name().map(|n| n.to_string_lossy().into_owned()) else { return false };
     let entries = std::fs::read_dir(super::place::folder_of(path)).into_iter().flatten().flatten();

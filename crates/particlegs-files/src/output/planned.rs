@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 impl Outputs {
     /// Declares a model file; returns whether it exists and is kept.
     pub fn writes_model(&self, path: &Path, context: &Context<'_>) -> Result<bool> {
-        let kept = self.writes(path, &MODEL, context)?;
-        model_file::check_name(path).map(|()| kept)
+        let is_kept = self.writes(path, &MODEL, context)?;
+        model_file::check_name(path).map(|()| is_kept)
     }
 
     /// Declares an output; refuses an existing file that is kept.
@@ -97,7 +97,7 @@ impl Outputs {
     }
 }
 
-/// Are two files, or all files of two folders, equal?
+/// Whether two files, or all files of two folders, are equal.
 fn same_files(a: &Path, b: &Path) -> Result<bool> {
     let names = |folder: &Path| -> std::io::Result<BTreeSet<OsString>> {
         std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect()

@@ -1,4 +1,4 @@
-//! What lies at an output's place when its command begins: that alone may be replaced when it ends.
+//! The state of an output's place when its command begins: that alone may be replaced when it ends.
 
 use super::names::is_temporary;
 use crate::{Error, Result};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex, MutexGuard};
 use std::time::SystemTime;
 
-/// What is at a path, links not followed, and what tells that it is another by now.
+/// State of a path, links not followed, by which a later change is noticed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum PathState {
     Missing,
@@ -22,19 +22,19 @@ pub(super) enum PathState {
 
 impl PathState {
     pub fn at(path: &Path) -> std::io::Result<PathState> {
-        let there = match std::fs::symlink_metadata(path) {
+        let metadata = match std::fs::symlink_metadata(path) {
             Err(e) if e.kind() == NotFound => return Ok(PathState::Missing),
-            there => there?,
+            metadata => metadata?,
         };
-        if !there.is_dir() {
-            return Ok(PathState::from_metadata(&there));
+        if !metadata.is_dir() {
+            return Ok(PathState::from_metadata(&metadata));
         }
         let state = |e: std::fs::DirEntry| Ok((e.file_name(), PathState::from_metadata(&e.metadata()?)));
         std::fs::read_dir(path)?.map(|e| e.and_then(state)).collect::<std::io::Result<_>>().map(PathState::Folder)
     }
 
-    fn from_metadata(there: &Metadata) -> PathState {
-        PathState::File(number(there), there.len(), there.modified().ok())
+    fn from_metadata(metadata: &Metadata) -> PathState {
+        PathState::File(number(metadata), metadata.len(), metadata.modified().ok())
     }
 
     /// Removes from a folder what it held in this state, and the folder if nothing else is in it.
@@ -53,9 +53,9 @@ impl PathState {
 }
 
 #[cfg(unix)]
-fn number(there: &Metadata) -> [u64; 2] {
+fn number(metadata: &Metadata) -> [u64; 2] {
     use std::os::unix::fs::MetadataExt;
-    [there.dev(), there.ino()]
+    [metadata.dev(), metadata.ino()]
 }
 
 #[cfg(not(unix))]
@@ -90,7 +90,7 @@ impl PlannedOutput {
         Ok(name)
     }
 
-    /// What was noted of an output, where it was.
+    /// The note of an output, if there is one.
     pub fn find(path: &Path) -> Option<PlannedOutput> {
         planned().get(&whole(path)).cloned()
     }
@@ -99,7 +99,7 @@ impl PlannedOutput {
         planned().remove(name);
     }
 
-    /// What is at `target` now, if a file may take its place: what was there before, nothing, or an empty file.
+    /// The state of `target` now, if a file may take its place: as it was before, missing, or an empty file.
     pub fn replaceable(&self, target: &Path) -> std::io::Result<Option<PathState>> {
         let now = PathState::at(target)?;
         let empty =

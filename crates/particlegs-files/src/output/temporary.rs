@@ -13,7 +13,7 @@ pub(super) const BUFFER: usize = 1 << 20;
 
 pub(super) struct TemporaryFile {
     file: File,
-    /// Where it is, if it has a name.
+    /// Its path, if it has a name.
     name: Option<PathBuf>,
 }
 
@@ -43,8 +43,8 @@ impl TemporaryFile {
         Ok(TemporaryFile { file: File::open(&name)?, name: Some(name) })
     }
 
-    /// Moves it to `target`, which `out` stands for. Of an output that a command has planned nothing is replaced but what
-    /// was there then: else the file goes beside it.
+    /// Moves it to `target`, which `out` stands for. Of an output that a command has planned nothing is replaced but
+    /// what was there then: else the file goes beside it.
     pub fn place(mut self, out: &Path, target: &Path) -> Result<()> {
         let fail = |e| Error::io(out, e);
         let Some(planned) = PlannedOutput::find(out) else { return self.replace(target).map_err(fail) };
@@ -128,7 +128,7 @@ impl TemporaryFile {
 
 pub(super) fn is_same(file: &mut File, path: &Path) -> bool {
     let is_file = std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file());
-    is_file && File::open(path).and_then(|mut there| same_bytes(file, &mut there)).unwrap_or(false)
+    is_file && File::open(path).and_then(|mut other| same_bytes(file, &mut other)).unwrap_or(false)
 }
 
 fn same_bytes(a: &mut File, b: &mut File) -> std::io::Result<bool> {
@@ -175,7 +175,7 @@ pub(super) fn swap(_: &Path, _: &Path) -> std::io::Result<()> {
     Err(ErrorKind::Unsupported.into())
 }
 
-/// Can this disk not do that?
+/// Whether this disk cannot do that.
 pub(super) fn is_unsupported(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported)
 }
@@ -215,9 +215,9 @@ impl TemporaryFolder {
 
     /// Keeps what is in it under a free name beside `target`.
     pub fn keep_beside(&mut self, target: &Path) -> std::io::Result<PathBuf> {
-        let kept = free_name(target, |path| rename_new(self.path(), path))?;
+        let kept_path = free_name(target, |path| rename_new(self.path(), path))?;
         self.moved();
-        Ok(kept)
+        Ok(kept_path)
     }
 }
 

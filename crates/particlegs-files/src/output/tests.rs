@@ -110,14 +110,14 @@ fn made_folders_that_stay_empty_go() {
 #[test]
 fn folders_are_exchanged_whole() {
     let dir = tempfile::tempdir().unwrap();
-    let (out, own) = (dir.path().join("out"), ["a", "b"]);
+    let (out, own_names) = (dir.path().join("out"), ["a", "b"]);
     let make = |names: &[&str], text: &str| {
-        let folder = WholeFolder::create(&out, &own)?;
+        let folder = WholeFolder::create(&out, &own_names)?;
         names.iter().for_each(|n| fs::write(folder.path().join(n), text).unwrap());
         folder.finish()
     };
     make(&["a", "b"], "one").unwrap();
-    drop(WholeFolder::create(&out, &own).unwrap());
+    drop(WholeFolder::create(&out, &own_names).unwrap());
     make(&["a"], "two").unwrap();
     assert_eq!((listing(&out), fs::read(out.join("a")).unwrap()), (1, b"two".to_vec()));
     assert_eq!(listing(dir.path()), 1, "the old one is gone");
@@ -129,8 +129,8 @@ fn folders_are_exchanged_whole() {
     make(&["b"], "four").unwrap();
     assert_eq!(listing(&out), 1);
     // What another process has put there meanwhile is not lost.
-    let (late, own) = (dir.path().join("late"), ["a"]);
-    let folder = WholeFolder::create(&late, &own).unwrap();
+    let (late, own_names) = (dir.path().join("late"), ["a"]);
+    let folder = WholeFolder::create(&late, &own_names).unwrap();
     fs::create_dir(&late).unwrap();
     fs::write(late.join("a"), "theirs").unwrap();
     assert!(folder.finish().is_err());
@@ -233,7 +233,7 @@ fn a_set_appears_together() {
 #[test]
 fn folders_that_change_while_a_command_runs_stay_whole() {
     let dir = tempfile::tempdir().unwrap();
-    let (out, own) = (dir.path().join("out"), ["a", "b"]);
+    let (out, own_names) = (dir.path().join("out"), ["a", "b"]);
     type FolderChange<'a> = &'a dyn Fn();
     let within = |name: &str| out.join(name);
     let changes: [(&str, FolderChange); 6] = [
@@ -248,33 +248,33 @@ fn folders_that_change_while_a_command_runs_stay_whole() {
             fs::write(within("a"), "theirs").unwrap();
         }),
     ];
-    for (what, change) in changes {
+    for (case, change) in changes {
         for late in [false, true] {
             [&out, &dir.path().join("out-1")].iter().for_each(|f| drop(fs::remove_dir_all(f)));
             fs::create_dir(&out).unwrap();
             fs::write(within("a"), "before").unwrap();
             let o = Outputs::new(true);
-            o.writes_folder(&out, &own).unwrap();
+            o.writes_folder(&out, &own_names).unwrap();
             if !late {
                 change();
             }
-            let made = WholeFolder::create(&out, &own);
-            assert_eq!(made.is_ok(), late, "{what}");
-            if let Ok(folder) = made {
+            let new_folder = WholeFolder::create(&out, &own_names);
+            assert_eq!(new_folder.is_ok(), late, "{case}");
+            if let Ok(folder) = new_folder {
                 fs::write(folder.path().join("a"), "mine").unwrap();
                 change();
-                assert!(matches!(folder.finish(), Err(Error::Output { .. })), "{what}");
-                assert_eq!(fs::read_to_string(dir.path().join("out-1/a")).unwrap(), "mine", "{what}");
+                assert!(matches!(folder.finish(), Err(Error::Output { .. })), "{case}");
+                assert_eq!(fs::read_to_string(dir.path().join("out-1/a")).unwrap(), "mine", "{case}");
             }
             let text = fs::read_to_string(within("a")).unwrap();
-            assert!(text == "before" && listing(&out) == 2 || text == "theirs" && listing(&out) == 1, "{what}: {text}");
+            assert!(text == "before" && listing(&out) == 2 || text == "theirs" && listing(&out) == 1, "{case}: {text}");
         }
     }
     // An empty one that another command has filled meanwhile with files of the same names.
     fs::remove_dir_all(&out).unwrap();
     let o = Outputs::new(false);
-    assert!(!o.writes_folder(&out, &own).unwrap());
+    assert!(!o.writes_folder(&out, &own_names).unwrap());
     fs::create_dir(&out).unwrap();
     fs::write(within("a"), "theirs").unwrap();
-    assert!(matches!(WholeFolder::create(&out, &own), Err(Error::Output { .. })));
+    assert!(matches!(WholeFolder::create(&out, &own_names), Err(Error::Output { .. })));
 }

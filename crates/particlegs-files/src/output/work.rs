@@ -1,4 +1,4 @@
-//! What a long run keeps beside its output until that is whole.
+//! Files that a long run keeps beside its output until that is whole.
 
 use super::names::is_temporary;
 use super::place::OutputTarget;
@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 const LOCK: &str = "lock";
 
-/// The folder `OUTPUT.work`: files of one run's names, and no others. It is locked while it lives, follows no links, and
-/// takes away nothing but its own names.
+/// The folder `OUTPUT.work`: files of one run's names, and no others. It is locked while it lives, follows no links,
+/// and takes away nothing but its own names.
 #[derive(Debug)]
 pub struct WorkFolder {
     path: PathBuf,
@@ -22,8 +22,8 @@ pub struct WorkFolder {
 }
 
 impl WorkFolder {
-    /// Opens or makes the folder of an `output`, whose files have names that are `is_own`; none where the output is a device,
-    /// a pipe or standard output.
+    /// Opens or makes the folder of an `output`, whose files have names that are `is_own`; none where the output is a
+    /// device, a pipe or standard output.
     ///
     /// # Errors
     /// [`Error::Output`]: it is no folder, another run uses it, or it holds links, folders or names of others.
@@ -100,7 +100,7 @@ impl WorkFolder {
         temporary.replace(&path).map_err(fail)
     }
 
-    /// Removes its files. What others have put there stays.
+    /// Removes its files. Those that others have put there stay.
     ///
     /// # Errors
     /// As of [`WorkFolder::beside`]: nothing is removed then.
@@ -130,7 +130,7 @@ fn in_use(path: &Path) -> Error {
     Error::output(path, "another run of this command is making the same output", hint)
 }
 
-/// Is an open file the one that has this name?
+/// Whether an open file is the one that has this name.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;

@@ -61,7 +61,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
-/// Is `path` a device, a pipe or standard output, which nothing can lie beside?
+/// Whether `path` is a device, a pipe or standard output, which nothing can lie beside.
 pub fn is_stream(path: &Path) -> Result<bool> {
     Ok(!matches!(OutputTarget::new(path)?, OutputTarget::File(_)))
 }

@@ -21,7 +21,7 @@ const GRID: f64 = 512.0;
 /// Radius of [`Method::Ellipsoid`], in standard deviations.
 const REACH: f64 = 3.0;
 
-/// What all runs are drawn by.
+/// Settings that all runs are drawn by.
 pub(super) struct DrawRules {
     pub method: Method,
     /// Factor on standard deviations.
@@ -32,7 +32,7 @@ pub(super) struct DrawRules {
     /// Particles drawn in a unit of volume of the snapshot, for [`Method::Spaced`].
     pub mean_density: f64,
     pub wrap: Option<PeriodicWrap>,
-    /// Does the output have a column of weights?
+    /// Whether the output has a column of weights.
     pub weighted: bool,
     /// Names of fields that are sums, whose values are over weights.
     pub extensive: Vec<String>,
@@ -100,13 +100,13 @@ impl DrawRules {
         run: &mut Run,
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
-        let stretch = ParticleRun { layer, stream: self.stream(&layer.layer.name), first: range.start };
-        let mut random = Random::from_purpose(Purpose::Recovery, stretch.stream, number);
+        let particle_run = ParticleRun { layer, stream: self.stream(&layer.layer.name), first: range.start };
+        let mut random = Random::from_purpose(Purpose::Recovery, particle_run.stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
         run.columns[3].clear();
         for (gaussian, part) in layer.parts(range.clone()) {
-            self.place(&stretch, gaussian, part.clone(), scratch);
+            self.place(&particle_run, gaussian, part.clone(), scratch);
             if self.weighted {
                 let weight = layer.weights.get(gaussian).copied().unwrap_or(1.0);
                 run.columns[3].resize(part.end, weight);
@@ -115,27 +115,29 @@ impl DrawRules {
         run.fields.clear();
         // A field's numbers do not depend on which other fields there are, but for those that it correlates with.
         let random =
-            |name: &str| Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ stretch.stream, number);
+            |name: &str| Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ particle_run.stream, number);
         let joint = correlated_normals(
             &layer.layer.content,
             || layer.parts(range.clone()),
             |name| {
-                let mut own = vec![0.0; n];
-                scratch.draws.normals(self.simd, &mut random(name), &mut own);
-                own
+                let mut normals = vec![0.0; n];
+                scratch.draws.normals(self.simd, &mut random(name), &mut normals);
+                normals
             },
         );
         for (name, field) in layer.layer.content.fields.iter() {
             let category = self.categories.iter().find(|c| c.iter().any(|(class, _)| class == name));
+            // The first of a category's classes draws the column for all of them.
             if category.is_some_and(|c| c[0].0 != name) {
                 continue;
             }
             if let Some(category) = category {
-                run.fields.push(self.draw_category(category, &stretch, &mut random(name), scratch));
+                run.fields.push(self.draw_category(category, &particle_run, &mut random(name), scratch));
                 continue;
             }
-            self.draw_field((field, joint.get(name)), &stretch, &mut random(name), scratch, &mut run.fields);
-            if !self.extensive.iter().any(|own| own == name) {
+            self.draw_field((field, joint.get(name)), &particle_run, &mut random(name), scratch, &mut run.fields);
+            // Values of sums are stored over weights: a particle gets its weight times as much.
+            if !self.extensive.iter().any(|extensive_name| extensive_name == name) {
                 continue;
             }
             let Some(column) = run.fields.last_mut() else { continue };
@@ -169,9 +171,9 @@ impl DrawRules {
         }
     }
 
-    /// Places the particles `range` of a stretch, which belong to one Gaussian.
-    fn place(&self, stretch: &ParticleRun<'_>, gaussian: usize, range: Range<usize>, scratch: &mut DrawScratch) {
-        let &ParticleRun { layer, stream, first } = stretch;
+    /// Places the particles `range` of a run, which belong to one Gaussian.
+    fn place(&self, particle_run: &ParticleRun<'_>, gaussian: usize, range: Range<usize>, scratch: &mut DrawScratch) {
+        let &ParticleRun { layer, stream, first } = particle_run;
         let n = scratch.flat.len() / 3;
         let (x, rest) = scratch.flat.split_at_mut(n);
         let (y, z) = rest.split_at_mut(n);
@@ -182,32 +184,32 @@ impl DrawRules {
         // The Gaussian's name among all, and its first particle in the layer.
         let key = [stream, gaussian as u64];
         let begin = if gaussian == 0 { 0 } else { layer.ends[gaussian - 1] };
-        let placed = SampledGaussian::new(g.mean_of(gaussian), &g.cov_of(gaussian), self.scale);
+        let sampled_gaussian = SampledGaussian::new(g.mean_of(gaussian), &g.cov_of(gaussian), self.scale);
         match self.method {
             Method::Count | Method::Volume => {}
             Method::Ellipsoid => to_ball(&mut raw, &scratch.radii[range]),
-            Method::Grid => return in_cell(&self.bounds, placed.mean, &raw, out),
+            Method::Grid => return in_cell(&self.bounds, sampled_gaussian.mean, &raw, out),
             Method::Stratified => stratify(key, first + range.start as u64 - begin, &mut raw),
             Method::Spaced => {
                 let count = layer.ends[gaussian] - begin;
-                let density = count as f64 / (placed.volume() * self.mean_density);
+                let density = count as f64 / (sampled_gaussian.volume() * self.mean_density);
                 Cascade::new(key, count, density).apply(&mut raw);
             }
         }
-        placed.apply(raw, out);
+        sampled_gaussian.apply(raw, out);
     }
 
-    /// Appends a field's columns: its means at the particles' places, before these are wrapped, and a draw of its spread,
-    /// by `joint` normal numbers if the field correlates with others.
+    /// Appends a field's columns: its means at the particles' places, before these are wrapped, and a draw of its
+    /// spread, by `joint` normal numbers if the field correlates with others.
     fn draw_field(
         &self,
         (field, joint): (&FieldMoments, Option<&Vec<f64>>),
-        stretch: &ParticleRun<'_>,
+        particle_run: &ParticleRun<'_>,
         random: &mut Random,
         scratch: &mut DrawScratch,
         columns: &mut Vec<Vec<f64>>,
     ) {
-        let layer = stretch.layer;
+        let layer = particle_run.layer;
         let (n, components, first) = (scratch.position[0].len(), field.components(), columns.len());
         let DrawScratch { draws, position, left, .. } = scratch;
         // A draw from two phases takes two normal ones.
@@ -218,7 +220,7 @@ impl DrawRules {
         }
         columns.resize_with(first + components, || vec![0.0; n]);
         let g = &layer.layer.content;
-        for (gaussian, part) in layer.parts(stretch.first..stretch.first + n as u64) {
+        for (gaussian, part) in layer.parts(particle_run.first..particle_run.first + n as u64) {
             let mean = g.mean_of(gaussian);
             let spread = match components {
                 1 => Sym3([field.spread[0][gaussian], 0.0, 0.0, 0.0, 0.0, 0.0]),
@@ -234,6 +236,7 @@ impl DrawRules {
                     let [least, largest] = field.range[0];
                     let log = field.mean_at(0, gaussian, from_mean)
                         + if joint.is_some() { phases.quantile(z[0]) } else { phases.draw([z[0], z[1]]) };
+                    // Of libm, which gives the same bits on every machine.
                     columns[first][i] = libm::exp(log.max(least).min(largest));
                     continue;
                 }
@@ -249,28 +252,31 @@ impl DrawRules {
     fn draw_category(
         &self,
         classes: &[(String, f64)],
-        stretch: &ParticleRun<'_>,
+        particle_run: &ParticleRun<'_>,
         random: &mut Random,
         scratch: &mut DrawScratch,
     ) -> Vec<f64> {
-        let (layer, n) = (stretch.layer, scratch.position[0].len());
+        let (layer, n) = (particle_run.layer, scratch.position[0].len());
         let DrawScratch { draws, position, left, .. } = scratch;
         left.resize(n, 0.0);
         draws.uniforms(self.simd, random, left);
         let g = &layer.layer.content;
-        let own: Vec<_> = classes.iter().filter_map(|(name, value)| Some((g.fields.get(name)?, *value))).collect();
+        let class_fields: Vec<_> =
+            classes.iter().filter_map(|(name, value)| Some((g.fields.get(name)?, *value))).collect();
         let mut column = vec![0.0; n];
-        for (gaussian, part) in layer.parts(stretch.first..stretch.first + n as u64) {
+        for (gaussian, part) in layer.parts(particle_run.first..particle_run.first + n as u64) {
             let mean = g.mean_of(gaussian);
             for i in part {
                 let from_mean = [0, 1, 2].map(|k| position[k][i] - mean[k]);
                 let share = |field: &FieldMoments| field.mean_at(0, gaussian, from_mean).clamp(0.0, 1.0);
-                let mut rest = left[i] * own.iter().map(|(field, _)| share(field)).sum::<f64>();
-                let drawn = own.iter().find(|(field, _)| {
+                // Shares of a place need not sum to 1.
+                let mut rest = left[i] * class_fields.iter().map(|(field, _)| share(field)).sum::<f64>();
+                let drawn = class_fields.iter().find(|(field, _)| {
                     rest -= share(field);
                     rest <= 0.0
                 });
-                column[i] = drawn.or(own.last()).map_or(0.0, |(_, value)| *value);
+                // Rounding may leave a little beyond the last class.
+                column[i] = drawn.or(class_fields.last()).map_or(0.0, |(_, value)| *value);
             }
         }
         column

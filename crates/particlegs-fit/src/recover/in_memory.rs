@@ -14,8 +14,8 @@ use particlegs_particles::{Column, LayerFields, Number, Particles, Run, Snapshot
 const BATCH: u64 = 32;
 
 impl Options {
-    /// The particles that [`super::recover`] writes by these options, in memory: in the model's layers, with the weights
-    /// that these have.
+    /// The particles that [`super::recover`] writes by these options, in memory: in the model's layers, with the
+    /// weights that these have.
     pub fn draw(&self, mut model: Model, context: &Context<'_>) -> Result<Particles> {
         model.drop_fields();
         Ok(self.draw_with_fields(model, context)?.0)
@@ -58,10 +58,10 @@ impl Options {
         let mut meta = meta_of(&metadata, &layers);
         meta.fields = names;
         let layers: Vec<_> = layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
-        let of_layer = |(layer, own): (&LayerPlan, Vec<Vec<f64>>)| {
+        let of_layer = |(layer, layer_columns): (&LayerPlan, Vec<Vec<f64>>)| {
             let has = |q: &&Quantity| layer.layer.content.fields.iter().any(|(name, _)| belongs(name, &q.name));
             let fields = drawn.iter().zip(&numbers).filter(|(q, _)| has(q)).map(|(q, n)| source_field(q, *n));
-            LayerFields::from_columns(fields.collect(), own)
+            LayerFields::from_columns(fields.collect(), layer_columns)
         };
         let fields = plan.layers.iter().zip(values).map(of_layer).collect();
         Ok((Particles::from_column_list(columns, origin, meta, layers).with_layer_masses()?, fields))
@@ -101,20 +101,21 @@ fn columns(
     let mut columns: Vec<_> = (0..width).map(|_| Vec::with_capacity(plan.total as usize)).collect();
     context.begin("drawing particles", plan.total);
     let mut values: Vec<Vec<Vec<f64>>> = Vec::new();
-    let spaces = parallel::Scratch::<DrawScratch>::default();
+    let scratch_pool = parallel::Scratch::<DrawScratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
         let runs = parallel::try_map(first..plan.runs().min(first + BATCH), |id| {
             context.check()?;
             let (layer, number, range) = plan.run(id);
             let mut run = Run::default();
-            spaces.with(|scratch| rules.fill(layer, number, range, scratch, &mut run))?;
+            scratch_pool.with(|scratch| rules.fill(layer, number, range, scratch, &mut run))?;
             let unit = unit(layer.layer.mass) as f32;
             run.columns[3].iter_mut().for_each(|w| *w *= unit);
             context.advance(run.columns[0].len() as u64);
             Ok((number, run.columns, run.fields))
         })?;
-        for (number, own, fields) in runs {
-            columns.iter_mut().zip(&own).for_each(|(all, part)| all.extend_from_slice(part));
+        for (number, run_columns, fields) in runs {
+            columns.iter_mut().zip(&run_columns).for_each(|(all, part)| all.extend_from_slice(part));
+            // Run 0 is the first of a layer and begins its columns.
             match values.last_mut().filter(|_| number > 0) {
                 Some(layer) => layer.iter_mut().zip(&fields).for_each(|(all, part)| all.extend_from_slice(part)),
                 None => values.push(fields),

@@ -14,13 +14,13 @@ use particlegs_particles::{Number, RUN, RawForm, Run, SnapshotDescription, Snaps
 use std::path::Path;
 
 impl Options {
-    /// What particles drawn from `model` by these options are: the keys that meta.json has beside box and units.
+    /// Notes on particles drawn from `model` by these options: the keys that meta.json has beside box and units.
     pub fn notes(&self, model: &Model, model_hash: [u8; 32]) -> serde_json::Value {
         notes(&model.metadata, model.certificate.as_ref(), model_hash, self, self.total(model)).into()
     }
 
-    /// Are the particles that [`recover`] would draw from `model` by these options in the folder `out`, as far as
-    /// its meta.json and the length of its files say?
+    /// Whether the particles that [`recover`] would draw from `model` by these options are in the folder `out`, as far
+    /// as its meta.json and the length of its files say.
     pub fn is_there(&self, out: &Path, model: &Model, model_hash: [u8; 32]) -> Result<bool> {
         let total = self.total(model);
         let origin = origin_of(&model.metadata);
@@ -30,8 +30,8 @@ impl Options {
         let whole = match self.form {
             RawForm::Columns => {
                 let positions = ["xx.f32", "yy.f32", "zz.f32"].into_iter().map(|name| (name, 4));
-                let own = fields.iter().map(|(name, number)| (&name[..], number.bytes()));
-                positions.chain(own).all(|(name, bytes)| length(name) == bytes * total)
+                let field_columns = fields.iter().map(|(name, number)| (&name[..], number.bytes()));
+                positions.chain(field_columns).all(|(name, bytes)| length(name) == bytes * total)
             }
             RawForm::NpyFolder if is_far => length("positions.npy") == 24 * total + NPY_HEADER,
             RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
@@ -42,12 +42,12 @@ impl Options {
             Err(e @ Error::Io { .. }) => return Err(e),
             _ => return Ok(false),
         };
-        let there: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
-        let mut asked = notes(&model.metadata, model.certificate.as_ref(), model_hash, self, total);
+        let stored_notes: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+        let mut expected_notes = notes(&model.metadata, model.certificate.as_ref(), model_hash, self, total);
         if is_far && self.form == RawForm::Columns {
-            asked.insert("origin".into(), serde_json::json!(origin));
+            expected_notes.insert("origin".into(), serde_json::json!(origin));
         }
-        Ok(asked.iter().all(|(key, value)| there.get(key) == Some(value)))
+        Ok(expected_notes.iter().all(|(key, value)| stored_notes.get(key) == Some(value)))
     }
 }
 
@@ -101,15 +101,15 @@ fn has(layer: &Layer<Vec<Block>>, q: &Quantity) -> bool {
 }
 
 fn drawn(model: &Model, wanted: impl Fn(&Quantity) -> bool) -> Vec<Quantity> {
-    let mut drawn: Vec<Quantity> = Vec::new();
+    let mut quantities: Vec<Quantity> = Vec::new();
     for q in model.metadata.fields.iter().filter(|q| wanted(q)) {
         match q.class() {
-            None => drawn.push(q.clone()),
-            Some((category, _)) if drawn.last().is_some_and(|d| d.name == category) => {}
-            Some((category, _)) => drawn.push(Quantity::new(category, QuantityKind::Scalar)),
+            None => quantities.push(q.clone()),
+            Some((category, _)) if quantities.last().is_some_and(|d| d.name == category) => {}
+            Some((category, _)) => quantities.push(Quantity::new(category, QuantityKind::Scalar)),
         }
     }
-    drawn
+    quantities
 }
 
 /// A name with what some file systems refuse replaced.
@@ -131,17 +131,19 @@ pub fn recover(
     options.check()?;
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
     let fields = if options.form == RawForm::Columns { field_files(&model) } else { Vec::new() };
-    let drawn = common_fields(&model);
+    let common = common_fields(&model);
     let unit_of = |q: &Quantity| q.unit.as_ref().map(|u| u.text.clone());
     let of_columns = |q| Some((unit_of(q)?, column_names(q)));
-    let units = drawn.iter().filter_map(of_columns);
+    let units = common.iter().filter_map(of_columns);
     let field_units = units.flat_map(|(unit, names)| names.map(move |name| (name, unit.clone()))).collect();
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let origin = origin_of(&metadata);
+    // Drawn about an origin near them, as float32 may not hold the places themselves.
     let model = moved(model, origin);
     let local = model.metadata.clone();
     let mut plan = RecoveryPlan::new(model, options.particles, options.method)?;
-    plan.keep_fields(if options.form == RawForm::Columns { &drawn } else { &[] });
+    // Triples have no columns of fields.
+    plan.keep_fields(if options.form == RawForm::Columns { &common } else { &[] });
     let weighted = plan.weighted();
     let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, context.simd());
     let (form, count, wide) = (options.form, plan.total, origin != [0.0; 3]);
@@ -149,13 +151,14 @@ pub fn recover(
     let writer = SnapshotWriter::create(out, &layout)?;
     let bytes = writer.particle_bytes(weighted) * plan.total;
     context.begin("drawing particles", plan.total);
-    let spaces = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();
+    let scratch_pool = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();
     parallel::try_for_each(0..plan.runs(), |id| {
         context.check()?;
         let (layer, number, range) = plan.run(id);
         let (first, count) = (layer.first + range.start, range.end - range.start);
-        spaces.with(|(scratch, run, triples)| {
+        scratch_pool.with(|(scratch, run, triples)| {
             rules.fill(layer, number, range, scratch, run)?;
+            // Each run has its place in the files, in whatever order threads come to it.
             writer.write(first, run, triples)
         })?;
         context.advance(count);
@@ -179,7 +182,7 @@ pub fn recover(
 
 /// Bytes before the triples of a positions.npy.
 const NPY_HEADER: u64 = 128;
-/// What lies beside recovered particles.
+/// The file beside recovered particles.
 const META: Form =
     Form { title: "the notes of recovered particles", begins: Begins::Object, most: 16 << 20, expansion: 24 };
 
@@ -201,9 +204,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
         let number = options.total(&model);
-        let made = recover(model, [0; 32], options, &out, &Context::SILENT);
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
-        let bytes = made?;
+        let outcome = recover(model, [0; 32], options, &out, &Context::SILENT);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(outcome.is_ok()));
+        let bytes = outcome?;
         let files = ["xx.f32", "yy.f32", "zz.f32", "ww.f32"].map(|n| out.join(n)).into_iter().filter(|p| p.exists());
         let files: Vec<_> = files.collect();
         let p = Particles::open_raw(&files)?;

@@ -7,8 +7,8 @@ use std::ops::Range;
 /// Variance that is left to a field at least where the others are known.
 const LEAST_LEFT: f64 = 1e-6;
 
-/// For each scalar that correlates with another, numbers of a standard normal distribution for the particles that `parts`
-/// shares among the Gaussians: made of `normals`, numbers of the field's own.
+/// For each scalar that correlates with another, numbers of a standard normal distribution for the particles that
+/// `parts` shares among the Gaussians: made of `normals`, numbers of the field's own.
 pub(super) fn correlated_normals<P: Iterator<Item = (usize, Range<usize>)>>(
     g: &Mixture,
     parts: impl Fn() -> P,
@@ -16,27 +16,27 @@ pub(super) fn correlated_normals<P: Iterator<Item = (usize, Range<usize>)>>(
 ) -> Columns<Vec<f64>> {
     let is_joint = |a: &&str| g.fields.iter().any(|(b, _)| g.correlation(a, b).is_some());
     let names: Vec<&str> = g.fields.iter().map(|f| f.0).filter(is_joint).collect();
-    let mut own: Vec<Vec<f64>> = names.iter().copied().map(normals).collect();
+    let mut draws: Vec<Vec<f64>> = names.iter().copied().map(normals).collect();
     for (gaussian, part) in parts().filter(|_| !names.is_empty()) {
         let root = root(g, &names, gaussian);
         for i in part {
             // From the last to the first: each is made of those before it.
             for (k, row) in root.iter().enumerate().rev() {
-                own[k][i] = row.iter().enumerate().map(|(j, v)| v * own[j][i]).sum();
+                draws[k][i] = row.iter().enumerate().map(|(j, v)| v * draws[j][i]).sum();
             }
         }
     }
     let mut out = Columns::default();
-    names.iter().zip(own).for_each(|(name, numbers)| out.set(name, numbers));
+    names.iter().zip(draws).for_each(|(name, numbers)| out.set(name, numbers));
     out
 }
 
-/// The rows of a lower triangle whose product with its transpose has the correlations of a Gaussian's fields, as near as
-/// there are fields that have them.
+/// The rows of a lower triangle whose product with its transpose has the correlations of a Gaussian's fields, as near
+/// as there are fields that have them.
 fn root(g: &Mixture, names: &[&str], gaussian: usize) -> Vec<Vec<f64>> {
     let gain = |name: &&str| match g.fields.get(name) {
-        // Values that are not normal correlate less than what they are drawn by: to first order, so that pairs of skewed
-        // distributions that fall as the other rises still miss a third of it.
+        // Values that are not normal correlate less than what they are drawn by: to first order, so that pairs of
+        // skewed distributions that fall as the other rises still miss a third of it.
         Some(f) => f.excess.as_ref().map_or(1.0, |e| TwoNormals::new(f.spread[0][gaussian], e[gaussian]).gain()),
         None => 1.0,
     };
@@ -111,8 +111,8 @@ mod tests {
                 z.iter().map(|z| phases.quantile(*z)).collect()
             };
             for ((a, b), r) in [("a", "b"), ("a", "c"), ("b", "c")].into_iter().zip(pairs) {
-                let found = correlation(&value(a), &value(b));
-                assert!((found - r).abs() < slack, "{a} {b}: {found}, not {r}");
+                let drawn_correlation = correlation(&value(a), &value(b));
+                assert!((drawn_correlation - r).abs() < slack, "{a} {b}: {drawn_correlation}, not {r}");
             }
         }
         // Correlations that no fields can have give some that are numbers.

@@ -3,9 +3,9 @@
 //! A `plan` says how many particles each Gaussian gets (its own number, or a share of another
 //! total) and cuts each layer into runs of 65 536. A run's draws belong to (seed, layer, run), so
 //! that threads do not matter: `normals` makes standard normals many at once, `draw` places them
-//! by the [`Method`] and draws fields (`two_normals` those that are logarithms), `wrap` takes them into the periodic box. [`recover`] streams the runs to disk
-//! and writes beside them what they are: synthetic, of which file, and good for what (`notes`);
-//! [`Options::draw`] keeps them in memory.
+//! by the [`Method`] and draws fields (`two_normals` those that are logarithms), `wrap` takes them into the periodic
+//! box. [`recover`] streams the runs to disk and writes beside them what they are: synthetic, of which file, and good
+//! for what (`notes`); [`Options::draw`] keeps them in memory.
 
 mod draw;
 mod in_memory;

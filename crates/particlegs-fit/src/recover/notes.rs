@@ -1,4 +1,4 @@
-//! What meta.json says about recovered particles.
+//! Notes on recovered particles in meta.json.
 
 use super::options::Options;
 use particlegs_core::model::{Certificate, LawKind, Metadata, MetricGroup, hex};
@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 /// The first thing that a reader of meta.json should see.
 const SYNTHETIC: &str = "SYNTHETIC: drawn at random from a mixture of Gaussians that was fitted to a simulation. \
 No particle of it was simulated; there are no identifiers.";
-/// What no recovered particle can tell, whatever was measured.
+/// Analyses that no recovered particles support, whatever was measured.
 const NEVER: &str = "positions and velocities of individual particles; histories and merger trees; structure smaller \
 than the Gaussians that it was drawn from";
 
@@ -27,7 +27,7 @@ pub(super) fn notes(
     options: &Options,
     particles: u64,
 ) -> Map<String, Value> {
-    let own = particles == metadata.count;
+    let is_own_count = particles == metadata.count;
     let mut notes = Map::new();
     notes.insert("synthetic".into(), SYNTHETIC.into());
     notes.insert(
@@ -42,11 +42,11 @@ pub(super) fn notes(
             "method": options.method.name(),
             "scale": options.scale,
             "seed": options.seed,
-            "each_gaussian_has_its_own_count": own && !options.method.by_volume(metadata.law),
+            "each_gaussian_has_its_own_count": is_own_count && !options.method.by_volume(metadata.law),
             "program": concat!("particlegs ", env!("CARGO_PKG_VERSION")),
         }),
     );
-    let mut supports = supports(certificate, metadata.units.length_text(), options, own);
+    let mut supports = supports(certificate, metadata.units.length_text(), options, is_own_count);
     if metadata.law == LawKind::AlphaBlend {
         supports.push(BY_OPACITY.into());
     }
@@ -55,10 +55,15 @@ pub(super) fn notes(
     notes
 }
 
-/// Which analyses the file's measurements support.
-fn supports(certificate: Option<&Certificate>, unit: Option<&str>, options: &Options, own: bool) -> Vec<String> {
+/// Analyses that the file's measurements support.
+fn supports(
+    certificate: Option<&Certificate>,
+    unit: Option<&str>,
+    options: &Options,
+    is_own_count: bool,
+) -> Vec<String> {
     let Some(c) = certificate else {
-        return with_method(vec![NOTHING.into()], options, own);
+        return with_method(vec![NOTHING.into()], options, is_own_count);
     };
     let mut all = Vec::new();
     for (group, entries) in c.groups() {
@@ -76,11 +81,11 @@ fn supports(certificate: Option<&Certificate>, unit: Option<&str>, options: &Opt
             _ => {}
         }
     }
-    with_method(all, options, own)
+    with_method(all, options, is_own_count)
 }
 
 /// Adds what the method, the scale and the number of particles say.
-fn with_method(mut all: Vec<String>, options: &Options, own: bool) -> Vec<String> {
+fn with_method(mut all: Vec<String>, options: &Options, is_own_count: bool) -> Vec<String> {
     match options.method {
         super::Method::Count => {}
         super::Method::Spaced => all.push(
@@ -97,7 +102,7 @@ fn with_method(mut all: Vec<String>, options: &Options, own: bool) -> Vec<String
     if options.scale != 1.0 {
         all.push(format!("the Gaussians were scaled by {}: densities differ from the model's", options.scale));
     }
-    if !own {
+    if !is_own_count {
         all.push("the number of particles differs from the source's, so shot noise and spacing differ too".into());
     }
     all

@@ -1,11 +1,11 @@
-//! How particles are drawn (docs/law/published.md, "Recovery"; the published names in brackets).
+//! Options of drawing particles (docs/law/published.md, "Recovery"; the published names in brackets).
 
 use particlegs_core::model::{LawKind, Model};
 use particlegs_core::{Error, Result};
 use particlegs_particles::RawForm;
 
 particlegs_core::named_values! {
-    /// How many particles a Gaussian gets, and where they go.
+    /// The rule by which Gaussians get particles, and by which these are placed.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub enum Method {
         #[default]
@@ -19,18 +19,18 @@ particlegs_core::named_values! {
 }
 
 impl Method {
-    /// Are particles shared out by volume too, rather than by the Gaussians' own numbers alone?
+    /// Whether particles are shared out by volume too, rather than by the Gaussians' own numbers alone.
     pub(super) fn by_volume(self, law: LawKind) -> bool {
         self == Method::Volume || self == Method::Grid && law == LawKind::AlphaBlend
     }
 }
 
-/// How to draw.
+/// Options of drawing particles from a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Particles (`None`: as many as the model stands for).
     pub particles: Option<u64>,
-    /// How they are placed.
+    /// The rule by which they are shared out and placed.
     pub method: Method,
     /// Factor on the Gaussians' standard deviations (the published variants: 1.2 to 3).
     pub scale: f64,

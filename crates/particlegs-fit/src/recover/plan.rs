@@ -1,4 +1,4 @@
-//! Which particles belong to which Gaussian.
+//! The share of each Gaussian in the particles that are drawn.
 
 use super::options::Method;
 use particlegs_core::codec::whole_counts;
@@ -33,7 +33,7 @@ impl LayerPlan {
     }
 }
 
-/// What is to be drawn.
+/// Layers that are drawn, and the number of their particles.
 pub(super) struct RecoveryPlan {
     pub layers: Vec<LayerPlan>,
     pub total: u64,
@@ -41,17 +41,17 @@ pub(super) struct RecoveryPlan {
 
 impl RecoveryPlan {
     /// Shares `wanted` particles (`None`: as many as the model stands for) among the Gaussians.
-    /// Where that is the model's own number, each gets its own count, but for methods that go by
+    /// If that is the model's own number, each gets its own count, but for methods that go by
     /// volume. Other numbers of an alpha-blend model are shared by the opacities themselves, which
     /// rounding to whole counts would lose where Gaussians are many and particles few.
     pub fn new(model: Model, wanted: Option<u64>, method: Method) -> Result<RecoveryPlan> {
-        let own: u64 = model.layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
-        let total = wanted.unwrap_or(own);
+        let model_total: u64 = model.layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
+        let total = wanted.unwrap_or(model_total);
         if total == 0 || total > MOST {
             return Err(Error::argument(format!("the number of particles must be 1 to 2^53, not {total}")));
         }
         let by_volume = method.by_volume(model.metadata.law);
-        let shared = by_volume || total != own;
+        let shared = by_volume || total != model_total;
         let mut counts: Vec<f64> = Vec::with_capacity(model.gaussians());
         for block in model.blocks() {
             let (g, start) = (&block.gaussians, counts.len());
@@ -65,6 +65,7 @@ impl RecoveryPlan {
             }
         }
         if shared {
+            // Over all layers at once, so that they sum to `total`.
             whole_counts(&mut counts, total);
         }
         let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::new).collect();
@@ -84,13 +85,13 @@ impl RecoveryPlan {
         for layer in &mut self.layers {
             let all = std::mem::take(&mut layer.layer.content.fields);
             for q in drawn {
-                let own = all.iter().filter(|(name, _)| belongs(name, &q.name));
-                own.for_each(|(name, field)| layer.layer.content.fields.set(name, field.clone()));
+                let matching_fields = all.iter().filter(|(name, _)| belongs(name, &q.name));
+                matching_fields.for_each(|(name, field)| layer.layer.content.fields.set(name, field.clone()));
             }
         }
     }
 
-    /// Do any particles have weights of their own?
+    /// Whether any particles have weights of their own.
     pub fn weighted(&self) -> bool {
         self.layers.iter().any(|l| l.layer.mass.is_weighted())
     }
@@ -117,7 +118,7 @@ impl RecoveryPlan {
     }
 }
 
-/// Is `name` that of a field, or of a class of it?
+/// Whether `name` is that of a field, or of a class of it.
 pub(super) fn belongs(name: &str, field: &str) -> bool {
     name.strip_prefix(field).is_some_and(|rest| rest.is_empty() || rest.starts_with('='))
 }
@@ -133,7 +134,8 @@ impl LayerPlan {
         LayerPlan { layer, ends: Vec::new(), weights: Vec::new(), first: 0 }
     }
 
-    /// The Gaussians of the particles `range` of the layer, and which of these particles, counted from the first, are theirs.
+    /// The Gaussians of the particles `range` of the layer, and which of these particles, counted from the first, are
+    /// theirs.
     pub fn parts(&self, range: Range<u64>) -> impl Iterator<Item = (usize, Range<usize>)> {
         let first = self.ends.partition_point(|&end| end <= range.start);
         let n = (range.end - range.start) as usize;
@@ -161,16 +163,16 @@ impl LayerPlan {
         let g = &self.layer.content;
         if let Some(masses) = g.masses() {
             let mean = |i: usize| if g.count[i] > 0.0 { masses[i] / g.count[i] } else { 0.0 };
-            let there: f64 = masses.iter().sum();
+            let model_mass: f64 = masses.iter().sum();
             let drawn: f64 = counts.iter().enumerate().map(|(i, c)| c * mean(i)).sum();
-            let factor = if drawn > 0.0 { there / drawn } else { 1.0 };
+            let factor = if drawn > 0.0 { model_mass / drawn } else { 1.0 };
             // A weight is positive, though it be too small for f32.
             let weight = |i: usize| ((mean(i) * factor) as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
             self.weights = (0..g.len()).map(weight).collect();
         } else if let Mass::Each(mass) = &mut self.layer.mass {
-            let own: f64 = g.count.iter().sum();
-            if end > 0 && own != end as f64 {
-                *mass *= own / end as f64;
+            let model_count: f64 = g.count.iter().sum();
+            if end > 0 && model_count != end as f64 {
+                *mass *= model_count / end as f64;
             }
         }
     }
@@ -180,9 +182,9 @@ impl LayerPlan {
 /// were made whole.
 fn numbers(block: &Block) -> Vec<f64> {
     let g = &block.gaussians;
-    let Some(own) = g.law.alpha_blend() else { return g.count.clone() };
-    let sum: f64 = own.opacity.iter().sum();
-    own.opacity.iter().map(|o| o / sum * block.count as f64).collect()
+    let Some(alpha_blend) = g.law.alpha_blend() else { return g.count.clone() };
+    let sum: f64 = alpha_blend.opacity.iter().sum();
+    alpha_blend.opacity.iter().map(|o| o / sum * block.count as f64).collect()
 }
 
 /// Volume of an ellipsoid of one standard deviation, but for 4 pi / 3.
@@ -205,12 +207,12 @@ pub(super) fn moved(mut moved: Model, origin: [f64; 3]) -> Model {
     moved
 }
 
-/// What the particles of a model are written about: 0 unless float32 would not hold their places there.
+/// The origin that particles of a model are written about: 0 unless float32 would not hold their places there.
 pub(super) fn origin_of(metadata: &Metadata) -> [f64; 3] {
     metadata.bounds.float32_origin(metadata.default_radius)
 }
 
-/// What is known about particles drawn from a model, in these layers.
+/// Metadata of particles drawn from a model, in these layers.
 pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> SnapshotMeta {
     let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
     SnapshotMeta {
@@ -277,8 +279,8 @@ pub(super) mod tests {
             let gas: Vec<_> = counts.iter().map(|c| (c.0, Some(c.1))).collect();
             let model = model(&[("dm", &dm), ("gas", &gas)]);
             let masses: Vec<f64> = model.layers.iter().map(|l| l.mass.unit_or_one() * l.content[0].mass).collect();
-            let own = RecoveryPlan::new(model.clone(), None, Method::Count).unwrap();
-            for (layer, g) in own.layers.iter().zip([&dm, &gas]) {
+            let own_plan = RecoveryPlan::new(model.clone(), None, Method::Count).unwrap();
+            for (layer, g) in own_plan.layers.iter().zip([&dm, &gas]) {
                 let each: Vec<u64> = std::iter::once(0).chain(layer.ends.iter().copied()).collect();
                 prop_assert!(each.windows(2).zip(g).all(|(w, g)| w[1] - w[0] == g.0));
             }
@@ -313,7 +315,7 @@ pub(super) mod tests {
         m
     }
 
-    /// What docs/law/published.md, "Recovery", says of V0, V1, V4 and V6.
+    /// Shares of V0, V1, V4 and V6 as in docs/law/published.md, "Recovery".
     #[test]
     fn alpha_blend_models_are_shared_by_opacity() {
         let each = |count: u64, wanted: Option<u64>, method| {

@@ -57,7 +57,7 @@ impl Cascade {
         }
     }
 
-    /// Where particles of uniform numbers `u`, at most [`BLOCK`], come to lie: level by level, so that
+    /// Places of particles from uniform numbers `u`, at most [`BLOCK`]: level by level, so that
     /// one particle's chain of roots and divisions does not wait for another's.
     fn place(&self, u: [&mut [f64]; 3]) {
         let (mut low, mut width) = ([[0.0; BLOCK]; 3], [1.0; 3]);

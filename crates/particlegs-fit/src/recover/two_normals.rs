@@ -1,5 +1,5 @@
-//! Sums of two normal distributions, from which logarithms of a field are drawn so that the values themselves have the mean
-//! that the model states: gas of two phases has a mean far from that of log-normal values.
+//! Sums of two normal distributions, from which logarithms of a field are drawn so that the values themselves have the
+//! mean that the model states: gas of two phases has a mean far from that of log-normal values.
 
 use super::quantile::quantile;
 
@@ -27,8 +27,8 @@ pub(super) struct TwoNormals {
 }
 
 impl TwoNormals {
-    /// Of this variance, such that the logarithm of the mean of exp(draw) is `excess` above `variance / 2`, or as near as
-    /// the distribution comes.
+    /// Of this variance, such that the logarithm of the mean of exp(draw) is `excess` above `variance / 2`, or as near
+    /// as the distribution comes.
     pub fn new(variance: f64, excess: f64) -> TwoNormals {
         let between = (BETWEEN * excess.abs() / (0.5 * variance)).min(MOST_BETWEEN);
         if between.is_nan() || between <= 0.0 {
@@ -63,7 +63,8 @@ impl TwoNormals {
         self.means[usize::from(!is_upper)] + self.width * normals[1]
     }
 
-    /// The value below which as much lies as below `z` in a normal distribution: a draw, by one of that, which rises with it.
+    /// The value below which as much lies as below `z` in a normal distribution: a draw, by one of that, which rises
+    /// with it.
     pub fn quantile(&self, z: f64) -> f64 {
         let [upper, lower] = self.means;
         if upper == lower || self.width <= 0.0 {
@@ -135,12 +136,12 @@ mod tests {
                 let v = if i % 2 == 0 { distribution.draw(normals) } else { distribution.quantile(normals[0]) };
                 (sum, square, exponential) = (sum + v, square + v * v, exponential + v.exp());
             }
-            let of = |v: f64| v / f64::from(n);
-            assert!(of(sum).abs() < 0.01 * f64::sqrt(variance) + 1e-12, "{variance} {excess}: {}", of(sum));
-            assert!((of(square) - variance).abs() <= 0.1 * variance, "{variance} {excess}: {}", of(square));
-            let found = of(exponential).ln() - 0.5 * variance;
+            let mean_of = |v: f64| v / f64::from(n);
+            assert!(mean_of(sum).abs() < 0.01 * f64::sqrt(variance) + 1e-12, "{variance} {excess}: {}", mean_of(sum));
+            assert!((mean_of(square) - variance).abs() <= 0.1 * variance, "{variance} {excess}: {}", mean_of(square));
+            let measured_excess = mean_of(exponential).ln() - 0.5 * variance;
             if variance > 0.1 {
-                assert!((found - excess).abs() < 0.03, "{variance} {excess}: {found}");
+                assert!((measured_excess - excess).abs() < 0.03, "{variance} {excess}: {measured_excess}");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What Abacus says of its snapshots, and its packed positions and velocities, as abacusutils unpacks them: the same
+//! The headers of Abacus's snapshots, and its packed positions and velocities, as abacusutils unpacks them: the same
 //! steps in the same precision.
 
 use super::blocks::AsdfBlock;

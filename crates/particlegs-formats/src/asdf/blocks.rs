@@ -77,7 +77,7 @@ struct PackedChunk {
 pub struct AsdfBlock {
     place: String,
     bytes: Bytes,
-    /// Where the content lies in `bytes`, where there are no chunks.
+    /// First byte of the content in `bytes`, where there are no chunks.
     start: usize,
     size: u64,
     chunks: Vec<PackedChunk>,
@@ -95,7 +95,7 @@ impl AsdfBlock {
         sharers: usize,
     ) -> Result<AsdfBlock> {
         let place = format!("{}: block {number}", path.display());
-        let fault = |what: String| Error::input_with(&place, what, HINT);
+        let fault = |message: String| Error::input_with(&place, message, HINT);
         let AsdfBlockHeader { compression, packed, size } = header;
         let (mut bytes, mut start, mut size, mut all) = (file.clone(), packed.start, *size, Vec::new());
         match compression {
@@ -163,11 +163,11 @@ impl AsdfBlock {
             Some(blosc) => blosc.decode(packed, part),
             None => codecs::lz4(packed, chunk.length as usize),
         };
-        content.map_err(|what| self.fault(what))
+        content.map_err(|message| self.fault(message))
     }
 
-    pub fn fault(&self, what: String) -> Error {
-        Error::input_with(&self.place, what, HINT)
+    pub fn fault(&self, message: String) -> Error {
+        Error::input_with(&self.place, message, HINT)
     }
 }
 

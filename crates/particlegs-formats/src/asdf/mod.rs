@@ -114,7 +114,7 @@ fn number_type(name: &str) -> Option<NumberType> {
     })
 }
 
-/// Where a field's numbers come from.
+/// The source of a field's numbers.
 #[derive(Clone)]
 enum AsdfSource {
     Array(AsdfArray),
@@ -147,7 +147,7 @@ impl AsdfFile {
     fn open(path: &Path) -> Result<AsdfFile> {
         refuse(path, FORMAT.title)?;
         let bytes = Bytes::from_filled_file(path)?;
-        let fault = |what: String| Error::input_with(path, what, HINT);
+        let fault = |message: String| Error::input_with(path, message, HINT);
         let head = &bytes[..bytes.len().min(MOST_TREE)];
         let end = [&b"\n...\n"[..], b"\n...\r\n"].iter().filter_map(|end| memchr::memmem::find(head, end)).min();
         let end = end.ok_or_else(|| fault(format!("its tree has no end within {} bytes", head.len())))?;
@@ -157,7 +157,8 @@ impl AsdfFile {
         let data = tree.get("data").filter(|data| matches!(data, TreeValue::Map(_))).unwrap_or(&tree);
         if let TreeValue::Map(entries) = data {
             for (name, value) in entries {
-                let array = AsdfArray::read(value, &headers).map_err(|what| fault(format!("array {name}: {what}")))?;
+                let array =
+                    AsdfArray::read(value, &headers).map_err(|message| fault(format!("array {name}: {message}")))?;
                 arrays.extend(array.map(|array| (name.clone(), array)));
             }
         }
@@ -181,8 +182,8 @@ impl AsdfFile {
         if let Some(block) = &*slot {
             return Ok(block.clone());
         }
-        let own = self.arrays.iter().map(|(_, array)| array).filter(|array| array.source == number);
-        let needed = own.filter_map(AsdfArray::end).max().unwrap_or(0);
+        let block_arrays = self.arrays.iter().map(|(_, array)| array).filter(|array| array.source == number);
+        let needed = block_arrays.filter_map(AsdfArray::end).max().unwrap_or(0);
         let block = AsdfBlock::open(&self.path, &self.bytes, (number, needed), &self.headers[number], self.sharers)?;
         Ok(slot.insert(Arc::new(block)).clone())
     }
@@ -234,8 +235,8 @@ impl AsdfFile {
         let fields: Vec<SpeciesField> = self.arrays.iter().map(described).collect();
         let positions = positions_named(&fields);
         let first = positions.as_deref().and_then(|names| names.split(',').next());
-        let found = first.and_then(|first| self.arrays.iter().find(|a| a.0 == first)).or(self.arrays.first());
-        found.map_or(0, |a| a.1.rows)
+        let array = first.and_then(|first| self.arrays.iter().find(|a| a.0 == first)).or(self.arrays.first());
+        array.map_or(0, |a| a.1.rows)
     }
 }
 

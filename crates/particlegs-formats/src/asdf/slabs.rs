@@ -36,8 +36,8 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<AsdfFile>> {
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
         let path = first.with_file_name(entry.map_err(|e| Error::io(folder, e))?.file_name());
         let alike = numbered(&path).filter(|n| (n.0, n.1.len(), n.2) == (before, number.len(), after));
-        if let Some(found) = alike.and_then(|n| n.1.parse().ok()) {
-            beside.push((found, path));
+        if let Some(number) = alike.and_then(|n| n.1.parse().ok()) {
+            beside.push((number, path));
         }
     }
     if beside.len() > MOST_FILES {

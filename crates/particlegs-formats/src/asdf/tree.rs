@@ -62,9 +62,9 @@ impl TreeParser<'_> {
         self.text.get(self.at).copied()
     }
 
-    /// Does `what` come next, and behind it a blank or an end?
-    fn is_mark(&self, what: u8) -> bool {
-        self.peek() == Some(what) && self.text.get(self.at + 1).is_none_or(u8::is_ascii_whitespace)
+    /// Whether `mark` comes next, and behind it a blank or an end.
+    fn is_mark(&self, mark: u8) -> bool {
+        self.peek() == Some(mark) && self.text.get(self.at + 1).is_none_or(u8::is_ascii_whitespace)
     }
 
     /// Passes over blanks, ends of lines and comments.
@@ -160,7 +160,7 @@ impl TreeParser<'_> {
         if self.peek().is_some() && self.column() > column { Err(self.fault()) } else { Ok(TreeValue::Map(entries)) }
     }
 
-    /// Where the line has a colon that ends a key.
+    /// The place of the colon that ends a key in this line, if there is one.
     fn key_end(&self) -> Option<usize> {
         let line = self.line();
         let is_end = |&i: &usize| line[i] == b':' && line.get(i + 1).is_none_or(u8::is_ascii_whitespace);
@@ -282,7 +282,7 @@ impl TreeParser<'_> {
         }
     }
 
-    /// Is there another value in a list or map, which ends with `end`? Passes over what stands before it.
+    /// Whether a list or map, which ends with `end`, has another value; passes over what stands before it.
     fn goes_on(&mut self, end: u8, first: bool) -> TextResult<bool> {
         self.blanks();
         let wanted = if first { matches!(self.peek(), Some(b'[' | b'{')) } else { self.peek() == Some(b',') };

@@ -15,11 +15,11 @@ const FORM: Form = Form { title: "a list of centres", begins: Begins::Text, most
 /// A centre, and the radius stated with it.
 type Centre = ([f64; 3], Option<f64>);
 
-/// What radii are called, the most welcome first.
+/// Names of radii, the most welcome first.
 const RADII: &str =
     "radius r rvir rhalo r200 r200c r200m r200b r200crit r200mean rcrit200 rmean200 rtophat200 r500c r500";
 
-/// What the numbers of haloes are called.
+/// Names of the numbers of haloes.
 const IDS: [&str; 2] = ["id", "haloid"];
 
 /// Boxes whose sides differ by no more than this share are the same.
@@ -55,15 +55,15 @@ impl Catalogue {
     pub fn read(path: &Path, context: &Context<'_>) -> particlegs_core::Result<Catalogue> {
         let bytes = read_whole(path, FORM, context)?;
         let hint = "put names above the columns, such as `# id x y z radius`";
-        Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))
+        Catalogue::parse(&bytes).map_err(|message| Error::input_with(name_of(path), message, hint))
     }
 
     /// Reads a list from a file's bytes.
     ///
     /// # Errors
-    /// What is wrong, with the line where that is one; the columns, where they do not tell which are meant.
+    /// The fault, with the line where that is one; the columns, where they do not tell which are meant.
     pub fn parse(bytes: &[u8]) -> Result<Catalogue, String> {
-        let nothing = |what: String| if what == "there are no rows" { "there are no centres".into() } else { what };
+        let nothing = |text: String| if text == "there are no rows" { "there are no centres".into() } else { text };
         let guess = Guess::new(bytes, true).map_err(nothing)?;
         let lines = || bytes.split(|&b| b == b'\n').enumerate().skip(guess.rows_after as usize);
         let rows = || lines().filter(|(_, line)| guess.layout.is_row(line));
@@ -71,7 +71,7 @@ impl Catalogue {
         let chosen = chosen(&guess, &tokens(first, guess.layout.separator))?;
         let read = |(i, line): (usize, &[u8])| {
             let values = tokens(line, guess.layout.separator);
-            centre(&values, &chosen, guess.layout.comma).map_err(|what| format!("line {}: {what}", i + 1))
+            centre(&values, &chosen, guess.layout.comma).map_err(|message| format!("line {}: {message}", i + 1))
         };
         let centres = rows().map(read).collect::<Result<Vec<Centre>, String>>()?;
         let id = |(_, line): (usize, &[u8])| {
@@ -139,9 +139,9 @@ impl Catalogue {
             let units = Units::new(Some(unit), None, None);
             let stated = UnitSystem { units: &units, ..places }.conversion(to).map(|c| c.length * length);
             if stated.is_ok_and(|stated| sides.iter().any(|side| (side / stated - 1.0).abs() > SAME_BOX)) {
-                let own = to.units.length_text().map_or(String::new(), |text| format!(" {text}"));
+                let unit_text = to.units.length_text().map_or(String::new(), |text| format!(" {text}"));
                 let [x, y, z] = sides;
-                notes.push(format!("the header states a box of {length} {unit}, but the snapshot's box is {x} x {y} x {z}{own}: they may come from different runs"));
+                notes.push(format!("the header states a box of {length} {unit}, but the snapshot's box is {x} x {y} x {z}{unit_text}: they may come from different runs"));
             }
         }
         let radius = match to.units.length_text() {
@@ -192,12 +192,12 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     let from = guess.first_column;
     let position = [from, from + 1, from + 2];
     // The number of a halo may stand before its place; a fourth column alone is a radius.
-    let told = match columns {
+    let is_unambiguous = match columns {
         ..=3 => true,
         4 => !whole(from) || whole(from + 1),
         _ => !position.iter().any(|&c| whole(c)) || (from..from + columns).all(whole),
     };
-    if !told {
+    if !is_unambiguous {
         let values: Vec<String> = first.iter().take(8).map(|v| String::from_utf8_lossy(v).into_owned()).collect();
         return Err(format!(
             "the {columns} columns have no names ({}, ...): it is not clear which are x, y and z",
@@ -224,7 +224,7 @@ fn centre(values: &[&[u8]], chosen: &CentreColumns, comma: bool) -> Result<Centr
     Ok(([x?, y?, z?], radius))
 }
 
-/// What comments above the rows say.
+/// Content of the comments above the rows.
 #[derive(Default)]
 struct CatalogueHeader {
     positions: Option<String>,
@@ -285,8 +285,8 @@ fn length_in(line: &str) -> Option<String> {
         let (_, rest) = plain.split_once(open)?;
         Some(rest.split_once(close)?.0)
     };
-    let found = [behind(" in "), inside('[', ']'), inside('(', ')'), behind(":"), behind("=")];
-    found.into_iter().flatten().find_map(known_length)
+    let candidates = [behind(" in "), inside('[', ']'), inside('(', ')'), behind(":"), behind("=")];
+    candidates.into_iter().flatten().find_map(known_length)
 }
 
 /// A unit of length, without brackets and with no more blanks than it needs.
@@ -377,7 +377,7 @@ mod tests {
 
     #[test]
     fn what_is_no_list_is_refused_by_its_line() {
-        for (text, what) in [
+        for (text, message) in [
             ("", "no centres"),
             ("x,y,z\n", "no centres"),
             ("1,2,3\n1,2\n", "line 2: there are only 2 columns"),
@@ -390,7 +390,7 @@ mod tests {
             ("1 -1 1e12 35.0 1.0\n", "5 columns have no names"),
         ] {
             let refused = parsed(text).unwrap_err();
-            assert!(refused.contains(what), "{text}: {refused}");
+            assert!(refused.contains(message), "{text}: {refused}");
         }
     }
 }

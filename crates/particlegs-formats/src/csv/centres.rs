@@ -44,8 +44,9 @@ impl Catalogue {
         (to, cell): (UnitSystem<'_>, Option<Cell>),
         context: &Context<'_>,
     ) -> Result<Vec<([f64; 3], Option<f64>)>> {
-        let (centres, notes) =
-            self.convert(&to, cell.and_then(|c| c.lengths())).map_err(|what| Error::input(name_of(path), what))?;
+        let (centres, notes) = self
+            .convert(&to, cell.and_then(|c| c.lengths()))
+            .map_err(|message| Error::input(name_of(path), message))?;
         notes.iter().for_each(|note| context.message(&format!("note: {}: {note}", name_of(path))));
         let cell = cell.and_then(PeriodicCell::new);
         let is_far = |place: [f64; 3]| cell.is_some_and(|cell| cell.beyond(cell.offset(place)) > 1.0);

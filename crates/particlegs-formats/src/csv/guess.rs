@@ -1,4 +1,4 @@
-//! How a table is laid out, by its first lines.
+//! The layout of a table, guessed by its first lines.
 
 use super::names::{ColumnName, positions};
 use crate::text::lines::without_end;
@@ -13,13 +13,13 @@ pub struct Guess {
     pub layout: TableLayout,
     pub names: Vec<ColumnName>,
     pub rows_after: u64,
-    /// Do the columns have names of their own?
+    /// Whether the columns have names of their own.
     pub named: bool,
-    /// Where columns have no names: the first that may be a position, behind an index.
+    /// Of columns without names, the first that may be a position, behind an index.
     pub first_column: usize,
     /// Lines of comments before the first row.
     pub remarks: Vec<String>,
-    /// Does it look like a table of particles: most rows have as many columns, three of them numbers?
+    /// Whether it looks like a table of particles: most rows have as many columns, three of them numbers.
     pub is_likely: bool,
 }
 
@@ -30,6 +30,7 @@ impl Guess {
         let end = if whole { head.len() } else { memchr::memrchr(b'\n', head).map_or(0, |n| n + 1) };
         let head = &head[..end];
         check_text(head)?;
+        // Spreadsheets begin UTF-8 with a byte order mark.
         let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
         let all: Vec<&[u8]> =
             head.strip_suffix(b"\n").unwrap_or(head).split(|&b| b == b'\n').map(without_end).collect();
@@ -44,6 +45,7 @@ impl Guess {
             return Err(format!("rows have {columns} columns; at most {MOST_COLUMNS} are supported"));
         }
         let split: Vec<Vec<&[u8]>> = rows.iter().map(|row| tokens(row, separator)).collect();
+        // Decimal commas come first: names are told from numbers by them.
         let comma = has_decimal_commas(&split);
         let above = header_rows(&split, comma);
         let numbered = above == 1 && is_counted(&split);
@@ -52,6 +54,7 @@ impl Guess {
             0 => commented_names(comments, comment, separator, columns),
             _ => Some(names_of(rows[0], separator, columns)),
         };
+        // Rows of other lengths say nothing about the columns.
         let fitting: Vec<&Vec<&[u8]>> = split[above..].iter().filter(|row| row.len() == columns).collect();
         let is_text = |c: &usize| kind_of(fitting.iter().map(|row| row[*c]), comma) == "text";
         let is_words = |c: &usize| is_text(c) && fitting.iter().any(|row| !row[*c].is_empty());
@@ -115,7 +118,7 @@ fn separator_stated(line: &[u8]) -> Option<Separator> {
 /// numbers where there are data; what comes first in this list where several do.
 fn separator_of(rows: &[&[u8]], stated: Option<Separator>) -> Option<(Separator, usize)> {
     let candidates = [b',', b';', b'\t'].map(Separator::Byte).into_iter().chain([Separator::Blanks]);
-    let mut found: Option<(usize, Separator, usize)> = None;
+    let mut best_separator: Option<(usize, Separator, usize)> = None;
     for separator in stated.map_or(candidates.collect::<Vec<_>>(), |one| vec![one]) {
         let split: Vec<Vec<&[u8]>> = rows.iter().take(3).map(|row| tokens(row, separator)).collect();
         let numbers = |row: &Vec<&[u8]>| row.iter().filter(|v| number_with(v, true).is_some()).count();
@@ -126,14 +129,14 @@ fn separator_of(rows: &[&[u8]], stated: Option<Separator>) -> Option<(Separator,
         let split = &split[..split.len().min(looked_at)];
         let best = split.iter().map(numbers).max().unwrap_or(0).min(3);
         let columns = split.iter().rev().find(|row| numbers(row) >= best).map_or(0, Vec::len);
-        if columns >= 3 && found.as_ref().is_none_or(|(most, ..)| best > *most) {
-            found = Some((best, separator, columns));
+        if columns >= 3 && best_separator.as_ref().is_none_or(|(most, ..)| best > *most) {
+            best_separator = Some((best, separator, columns));
         }
     }
-    found.map(|(_, separator, columns)| (separator, columns))
+    best_separator.map(|(_, separator, columns)| (separator, columns))
 }
 
-/// Are there numbers with a decimal comma, and none with a point?
+/// Whether there are numbers with a decimal comma, and none with a point.
 fn has_decimal_commas(rows: &[Vec<&[u8]>]) -> bool {
     let values = || rows.iter().flatten();
     let comma = values().any(|v| number(v).is_none() && number_with(v, true).is_some());
@@ -157,8 +160,8 @@ fn header_rows(rows: &[Vec<&[u8]>], comma: bool) -> usize {
     }
 }
 
-/// Is the first row 0, 1, 2 ..., perhaps behind an index without a name, above rows of fractions? So tables begin whose
-/// columns have no names.
+/// Whether the first row is 0, 1, 2 ..., perhaps behind an index without a name, above rows of fractions. Tables whose
+/// columns have no names begin so.
 fn is_counted(rows: &[Vec<&[u8]>]) -> bool {
     let [first, rows @ ..] = rows else { return false };
     let from = usize::from(first[0].is_empty());

@@ -42,7 +42,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let mut lines = LineReader::open(&content, TextPosition::START, None)?;
     let first = lines.block()?.unwrap_or(&[]);
     let whole = first.len() < 1 << 16;
-    let guess = Guess::new(&first[..first.len().min(1 << 16)], whole).map_err(|what| Error::input(path, what))?;
+    let guess = Guess::new(&first[..first.len().min(1 << 16)], whole).map_err(|message| Error::input(path, message))?;
     lines.pass(guess.rows_after, |_, _| Ok(()))?;
     let mut builder = TableBuilder::new(&content, guess.layout.clone(), None, lines.place());
     lines.pass(u64::MAX, |place, block| builder.add(place, block))?;

@@ -1,4 +1,4 @@
-//! What the names of columns say.
+//! Names of columns and the units in them.
 
 /// A column name and its parts.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,7 +10,7 @@ pub struct ColumnName {
     pub unit: Option<String>,
 }
 
-/// What positions are called, before their axis, where they are called anything.
+/// Names of positions before their axis; the axis may stand alone, too.
 const POSITIONS: &str = "p pos position positions point points coord coords coordinate coordinates center";
 /// The same behind the axis, as in `x_pos`.
 const BEHIND: [&str; 9] = ["pos", "position", "coord", "coordinate", "center", "centre", "com", "cm", "c"];
@@ -47,8 +47,8 @@ pub fn positions(names: &[ColumnName]) -> Option<[usize; 3]> {
     for word in std::iter::once("").chain(POSITIONS.split(' ')) {
         let digits = (!word.is_empty()).then_some(["0", "1", "2"]);
         for axes in [Some(LETTERS), digits].into_iter().flatten() {
-            if let Some(found) = triple(axes, &|axis| format!("{word}{axis}")) {
-                return Some(found);
+            if let Some(axes_columns) = triple(axes, &|axis| format!("{word}{axis}")) {
+                return Some(axes_columns);
             }
         }
     }

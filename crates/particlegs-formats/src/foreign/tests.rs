@@ -5,7 +5,7 @@ fn head(name: &str, bytes: &[u8]) -> FileHead {
     FileHead::from_bytes(&PathBuf::from(name), bytes.len() as u64, bytes.to_vec()).unwrap()
 }
 
-/// What a file is said to be, and the command that converts it.
+/// The description of a file, and the command that converts it.
 fn describe(name: &str, bytes: &[u8]) -> (String, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
@@ -21,8 +21,11 @@ fn files_of_molecular_dynamics_are_named_with_their_converter() {
         ("a.cif", "data_x\n_cell_length_a 3\n_cell_length_b 3\n", "a CIF file", "-i cif"),
         ("b.cif", "data_x\nloop_\n_atom_site.Cartn_x\n1 2 3\n", "an mmCIF file", "ovito"),
     ] {
-        let (what, hint) = describe(name, text.as_bytes());
-        assert!(what.contains(title) && what.contains("which this program does not read"), "{name}: {what}");
+        let (description, hint) = describe(name, text.as_bytes());
+        assert!(
+            description.contains(title) && description.contains("which this program does not read"),
+            "{name}: {description}"
+        );
         assert!(hint.contains(command) && hint.contains("pip install"), "{name}: {hint}");
     }
 }
@@ -34,8 +37,8 @@ fn binary_files_are_named_with_their_converter() {
         ("a.nc", &netcdf[..], "AMBER trajectory (NetCDF)", "ovito"),
         ("a.fits", b"SIMPLE  =                    T", "a FITS file", "astropy"),
     ] {
-        let (what, hint) = describe(name, bytes);
-        assert!(what.contains(title), "{name}: {what}");
+        let (description, hint) = describe(name, bytes);
+        assert!(description.contains(title), "{name}: {description}");
         assert!(hint.contains(tool), "{name}: {hint}");
     }
 }
@@ -43,9 +46,9 @@ fn binary_files_are_named_with_their_converter() {
 #[test]
 fn names_that_a_shell_would_take_apart_are_left_to_the_user() {
     let foreign = foreign_of(&head("x", b"fxyz....")).unwrap();
-    let of = |name: &str| foreign.hint(Path::new(name)).to_string();
-    assert!(of("a b;rm.binpos").contains("`mdconvert FILE -o file_converted.dcd`"), "{}", of("a b;rm.binpos"));
-    assert!(of("run-1/a.binpos").contains("`mdconvert run-1/a.binpos -o a.dcd`"));
+    let hint = |name: &str| foreign.hint(Path::new(name)).to_string();
+    assert!(hint("a b;rm.binpos").contains("`mdconvert FILE -o file_converted.dcd`"), "{}", hint("a b;rm.binpos"));
+    assert!(hint("run-1/a.binpos").contains("`mdconvert run-1/a.binpos -o a.dcd`"));
 }
 
 #[test]

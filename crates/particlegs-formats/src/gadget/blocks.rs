@@ -22,7 +22,7 @@ pub struct GadgetFile {
     pub path: PathBuf,
     pub bytes: Bytes,
     pub big_endian: bool,
-    /// Do blocks have names (format 2)?
+    /// Whether blocks have names (format 2).
     pub named: bool,
     pub header: GadgetHeader,
     pub blocks: Vec<GadgetBlock>,
@@ -61,8 +61,8 @@ impl GadgetFile {
             Error::input_with(path, "not a Gadget binary snapshot", hint)
         })?;
         let records = Records { bytes: &bytes, big_endian };
-        let mut found = named_records(path, &records, named)?.into_iter();
-        let head = found.next().filter(|(name, r)| name == "HEAD" && r.length == HEADER as u64);
+        let mut block_records = named_records(path, &records, named)?.into_iter();
+        let head = block_records.next().filter(|(name, r)| name == "HEAD" && r.length == HEADER as u64);
         let (_, head) = head.ok_or_else(|| Error::input(path, "the first record is not a 256-byte Gadget header"))?;
         let header = GadgetHeader::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
         let (path, blocks, unknown) = (path.to_path_buf(), vec![], vec![]);
@@ -71,8 +71,8 @@ impl GadgetFile {
             true if !stated.is_empty() => {
                 return Err(Error::input(&part.path, "format 2 names its own blocks: give no names"));
             }
-            true => part.place_named(found)?,
-            false => part.place_plain(&found.map(|(_, record)| record).collect::<Vec<_>>(), stated)?,
+            true => part.place_named(block_records)?,
+            false => part.place_plain(&block_records.map(|(_, record)| record).collect::<Vec<_>>(), stated)?,
         }
         if part.header.particles() > 0 && part.block("POS").is_none() {
             return Err(part.cut("there is no block POS"));
@@ -84,7 +84,7 @@ impl GadgetFile {
         self.blocks.iter().find(|b| b.name == name)
     }
 
-    /// Where component `component` of a block's particles of type `t` lies.
+    /// The place of component `component` of a block's particles of type `t`.
     pub fn lane(&self, block: &GadgetBlock, t: usize, component: u32) -> StridedColumn {
         let size = block.kind.bytes();
         let row = size * u64::from(block.components);
@@ -93,8 +93,8 @@ impl GadgetFile {
         StridedColumn { offset, stride: row, kind: block.kind, big_endian: self.big_endian }
     }
 
-    fn cut(&self, what: impl Into<String>) -> Error {
-        Error::input_with(&self.path, what, CUT)
+    fn cut(&self, message: impl Into<String>) -> Error {
+        Error::input_with(&self.path, message, CUT)
     }
 
     fn place_named(&mut self, records: impl Iterator<Item = (String, GadgetRecord)>) -> Result<()> {
@@ -138,7 +138,7 @@ impl GadgetFile {
         Ok(())
     }
 
-    /// Which types a block holds and how: by what codes write under its name, and by its length.
+    /// The types that a block holds and its layout: by what codes write under its name, and by its length.
     fn place(&self, name: &str, record: GadgetRecord) -> Result<Option<GadgetBlock>> {
         let count = |types: &[bool; TYPES]| -> u64 {
             (0..TYPES).filter(|&t| types[t]).map(|t| u64::from(self.header.count[t])).sum()

@@ -33,7 +33,7 @@ pub struct GadgetHeader {
     pub omega_lambda: f64,
     /// Hubble constant in 100 km/s/Mpc.
     pub hubble: f64,
-    /// Was cooling on? It adds two blocks of gas to format 1.
+    /// Whether cooling was on, which adds two blocks of gas to format 1.
     pub cooling: bool,
 }
 
@@ -79,14 +79,14 @@ impl GadgetHeader {
         Ok(())
     }
 
-    /// A run in comoving coordinates, whose time is the scale factor? The header has no flag for it,
+    /// Whether the run has comoving coordinates, and its time is the scale factor. The header has no flag for it,
     /// but only then are Redshift and Time two names of one number.
     pub fn is_cosmological(&self) -> bool {
         let expected = 1.0 / self.time - 1.0;
         self.time > 0.0 && self.omega0 > 0.0 && (self.redshift - expected).abs() <= SAME_MOMENT * (1.0 + expected.abs())
     }
 
-    /// What holds for velocities and energies.
+    /// The convention of velocities and energies.
     pub fn convention(&self) -> VelocityConvention {
         let [time, redshift, matter, box_size] = [self.time, self.redshift, self.omega0, self.box_size].map(Some);
         let isolated = is_isolated(time, redshift, matter, box_size).then_some(false);

@@ -1,4 +1,4 @@
-//! Which block of format 1 is which: they have no names, and codes write more of them than Gadget did.
+//! Names for the blocks of format 1: they have none, and codes write more of them than Gadget did.
 
 use super::header::{GadgetHeader, TYPES};
 use super::records::{GadgetRecord, Records};
@@ -59,7 +59,7 @@ pub fn names(path: &Path, header: &GadgetHeader, file: Records<'_>, records: &[G
     Ok(order.names)
 }
 
-/// Does a record have so many numbers of 4 or 8 bytes?
+/// Whether a record has so many numbers of 4 or 8 bytes.
 fn fits(record: &GadgetRecord, numbers: u64) -> bool {
     numbers > 0 && [4, 8].iter().any(|&size| numbers.checked_mul(size) == Some(record.length))
 }
@@ -76,7 +76,7 @@ impl BlockOrder<'_> {
         }
     }
 
-    /// Can a record hold masses, by its length and values?
+    /// Whether a record can hold masses, by its length and values.
     fn is_mass(&self, record: &GadgetRecord, values: Values) -> bool {
         [self.massive, self.all].iter().any(|&n| fits(record, n) && self.values(record, n) == values)
     }
@@ -116,27 +116,27 @@ impl BlockOrder<'_> {
         Ok(())
     }
 
-    /// What the numbers of a record are, `count` of them.
+    /// The kind of a record's numbers, `count` of them.
     fn values(&self, record: &GadgetRecord, count: u64) -> Values {
         let (whole, real, least) = match record.length / count.max(1) {
             8 => (NumberType::U64, NumberType::F64, 1e-100),
             // Whole numbers up to 600 million are smaller than that.
             _ => (NumberType::U32, NumberType::F32, 1e-15),
         };
-        let mut found = Values::Zero;
+        let mut values = Values::Zero;
         let step = count.div_ceil(LOOKED_AT).max(1);
         for i in (0..count).step_by(step as usize) {
             let from = (record.offset + i * real.bytes()) as usize;
             let bytes = &self.file.bytes[from..from + real.bytes() as usize];
             let [whole, real] = [whole, real].map(|kind| kind.get(bytes, self.file.big_endian));
-            found = match found {
-                _ if whole == 0.0 => found,
+            values = match values {
+                _ if whole == 0.0 => values,
                 _ if !(real == 0.0 || real.is_finite() && real.abs() >= least) => return Values::Whole,
                 Values::Signed => Values::Signed,
                 _ if real < 0.0 => Values::Signed,
                 _ => Values::Real,
             };
         }
-        found
+        values
     }
 }

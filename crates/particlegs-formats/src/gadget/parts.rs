@@ -40,11 +40,11 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec
         check_alike(&given, &part)?;
         parts.push(part);
     }
-    for what in wrong_totals(&parts) {
+    for message in wrong_totals(&parts) {
         if options.strict {
-            return Err(Error::input_with(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
+            return Err(Error::input_with(&parts[0].path, message, "a file of the snapshot is missing or damaged"));
         }
-        notes.push(format!("{what}: using the particles found"));
+        notes.push(format!("{message}: using the particles found"));
     }
     Ok((parts, notes))
 }
@@ -78,8 +78,8 @@ fn check_alike(first: &GadgetFile, part: &GadgetFile) -> Result<()> {
     Err(Error::input_with(&part.path, message, "the files are of different snapshots"))
 }
 
-/// Where the headers count others than the files hold together. Codes that leave the totals 0 are believed, and the
-/// high words are not looked at: old codes leave what was in memory there.
+/// Notes of the types whose totals in the headers are not what the files hold together. Codes that leave the totals 0
+/// are believed, and the high words are not looked at: old codes leave what was in memory there.
 fn wrong_totals(parts: &[GadgetFile]) -> Vec<String> {
     let total = parts[0].header.total;
     let sum = |t: usize| parts.iter().map(|p| u64::from(p.header.count[t])).sum::<u64>();

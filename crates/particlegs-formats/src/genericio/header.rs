@@ -15,7 +15,7 @@ pub struct Variable {
     /// Type of its numbers; `None` for one that is not known.
     pub kind: Option<NumberType>,
     pub size: u64,
-    /// Is it this axis of the positions?
+    /// The axis of the positions that it is, if it is one.
     pub axis: Option<usize>,
 }
 
@@ -31,7 +31,7 @@ pub struct RankColumn {
     pub start: u64,
     /// Bytes, without the checksum.
     pub size: u64,
-    /// Compressed by blosc, behind 8 bytes with the checksum of what was compressed?
+    /// Whether it is compressed by blosc, behind 8 bytes with the checksum of what was compressed.
     pub blosc: bool,
 }
 
@@ -108,7 +108,7 @@ impl GenericIoFile {
         self.variables.iter().position(|v| v.name == name)
     }
 
-    /// Where variable `variable` of rank `rank` lies: within the file, with its checksum behind it.
+    /// The place of variable `variable` of rank `rank`: within the file, with its checksum behind it.
     pub fn column(&self, rank: usize, variable: usize) -> Result<RankColumn> {
         let Rank { count, start } = self.ranks[rank];
         let length = count.checked_mul(self.variables[variable].size);
@@ -184,8 +184,8 @@ fn checked_header<'a>(path: &'a Path, bytes: &'a [u8], big_endian: bool) -> Resu
 }
 
 impl HeaderBytes<'_> {
-    fn fault(&self, what: &str) -> Error {
-        Error::input_with(self.path, format!("damaged GenericIO header: {what}"), HINT)
+    fn fault(&self, message: &str) -> Error {
+        Error::input_with(self.path, format!("damaged GenericIO header: {message}"), HINT)
     }
 
     fn slice(&self, at: u64, n: usize) -> Result<&[u8]> {
@@ -211,18 +211,18 @@ impl HeaderBytes<'_> {
     }
 
     /// A table of `count` entries of `size` bytes, each at least `least`, within the header.
-    fn table(&self, what: &str, start: u64, size: u64, least: u64, count: u64) -> Result<()> {
-        let most = match what {
+    fn table(&self, table_name: &str, start: u64, size: u64, least: u64, count: u64) -> Result<()> {
+        let most = match table_name {
             "variables" => MOST_VARIABLES,
             "ranks" => MOST_RANKS,
             _ => u64::MAX,
         };
         if count > most {
-            return Err(self.fault(&format!("{count} {what}, at most {most} are supported")));
+            return Err(self.fault(&format!("{count} {table_name}, at most {most} are supported")));
         }
         let end = count.checked_mul(size).and_then(|n| n.checked_add(start));
         if size < least || end.is_none_or(|e| e > self.bytes.len() as u64) {
-            return Err(self.fault(&format!("the {count} {what} end beyond the file")));
+            return Err(self.fault(&format!("the {count} {table_name} end beyond the file")));
         }
         Ok(())
     }

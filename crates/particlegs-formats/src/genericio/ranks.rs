@@ -25,7 +25,7 @@ pub struct Ranks {
     columns: Vec<(usize, NumberType)>,
     /// Particles before each rank, and in all.
     starts: Vec<u64>,
-    /// Were a rank's checksums right?
+    /// Whether a rank's checksums were right, once they were checked.
     checked: Vec<OnceLock<bool>>,
     cache: ChunkCache,
 }
@@ -54,8 +54,8 @@ impl Ranks {
         Ok(Ranks { file, place, columns, starts, checked, cache: ChunkCache::new(cache) })
     }
 
-    fn fault(&self, rank: usize, variable: usize, what: &str) -> Error {
-        let message = format!("variable {} of rank {rank}: {what}", self.file.variables[variable].name);
+    fn fault(&self, rank: usize, variable: usize, reason: &str) -> Error {
+        let message = format!("variable {} of rank {rank}: {reason}", self.file.variables[variable].name);
         Error::input_with(&self.place, message, "the data are damaged: copy the file again from its source")
     }
 
@@ -99,7 +99,7 @@ impl Ranks {
         out: &mut Vec<f64>,
     ) -> Result<()> {
         let (variable, kind) = self.columns[index];
-        let fault = |what: String| self.fault(rank, variable, &what);
+        let fault = |message: String| self.fault(rank, variable, &message);
         let size = kind.bytes();
         // The chunk stands behind the checksum of what was compressed.
         let packed = self.file.bytes[column.start as usize..(column.start + column.size) as usize].get(CRC as usize..);
@@ -161,7 +161,7 @@ impl ParticlePiece for Ranks {
         Ok(())
     }
 
-    /// Where one rank has all, uncompressed, and its checksums are right.
+    /// The columns in the file, if one rank has all, uncompressed, and its checksums are right.
     fn in_place(&self) -> Option<InPlace> {
         let rank = self.only()?;
         self.check(rank).ok()?;

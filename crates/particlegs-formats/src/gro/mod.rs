@@ -44,7 +44,7 @@ fn width(line: &[u8]) -> Option<usize> {
     (third - second == width && (2..=40).contains(&width) && first < width).then_some(width)
 }
 
-/// What a frame says beside its atoms.
+/// A frame's content beside its atoms.
 struct GroFrameHead {
     time: Option<f64>,
     cell: Option<Cell>,
@@ -56,31 +56,31 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = crate::single_file::only(paths)?;
     let content = TextContent::open(path)?;
     let as_one = options.by_atoms();
-    let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted, as_one))?;
+    let scan = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted, as_one))?;
     let units = Units { time: Some(Unit::parse("ps", Dimension::Time)), ..Units::new(Some("nm"), None, None) };
     let meta = SnapshotMeta {
-        cell: found.head.cell,
+        cell: scan.head.cell,
         units,
-        epoch: Epoch { time: found.head.time, ..found.frames.epoch() },
+        epoch: Epoch { time: scan.head.time, ..scan.frames.epoch() },
         ..named(path)
     };
-    let columns = columns(&found.head, &found.table);
+    let columns = columns(&scan.head, &scan.table);
     let description = Description {
-        frames: Some(found.frames),
-        notes: found.notes,
+        frames: Some(scan.frames),
+        notes: scan.notes,
         ..Description::new(content.title(FORMAT.title), paths, meta)
     };
-    let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
-    Ok(Box::new(made.with_unwrapped(false, options)?))
+    let snapshot = TextSnapshot::new(description, scan.table, columns, "atoms", "");
+    Ok(Box::new(snapshot.with_unwrapped(false, options)?))
 }
 
 /// The atoms of a frame.
 pub fn topology(path: &Path, choice: &Choice) -> Result<Topology> {
     let content = TextContent::open(path)?;
-    let found = scan(&content, choice.frame, |lines, number, wanted| frame(&content, lines, number, wanted, true))?;
+    let scan = scan(&content, choice.frame, |lines, number, wanted| frame(&content, lines, number, wanted, true))?;
     let bytes = FixedColumns::new([[0, 5], [5, 10], [10, 15]]);
     let mut topology = Topology::new(path);
-    found.table.for_each_row(|line| {
+    scan.table.for_each_row(|line| {
         let [number, residue, name] = [0, 1, 2].map(|column| bytes.value(line, column).unwrap_or_default());
         let residue_number = std::str::from_utf8(number).ok().and_then(|text| text.parse().ok());
         topology.species.push(substance(residue));
@@ -113,7 +113,7 @@ fn frame<'c>(
     wanted: bool,
     as_one: bool,
 ) -> Result<Option<TextFrame<'c, GroFrameHead>>> {
-    let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
+    let error = |message: String| Error::input(content.path(), format!("frame {number}{message}"));
     let Some(title) = lines.line()?.map(<[u8]>::to_vec) else { return Ok(None) };
     let Some(second) = lines.line()?.map(<[u8]>::to_vec) else {
         return match title.trim_ascii().is_empty() {
@@ -131,13 +131,13 @@ fn frame<'c>(
     let velocity = first.get(BEFORE + 3 * width..BEFORE + 4 * width).unwrap_or_default();
     let has_velocities = has_atoms && !velocity.trim_ascii().is_empty();
     let mut rows = TableBuilder::new(content, layout(width, has_velocities), (!as_one).then_some(0), lines.place());
-    let found = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
+    let line_count = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
     let end = lines.place();
     let cell = lines.line()?.map(<[u8]>::to_vec);
-    let (true, Some(cell)) = (found == count, cell) else {
-        return Err(error(format!(" is cut off: it states {count} atoms, but only {found} lines follow")));
+    let (true, Some(cell)) = (line_count == count, cell) else {
+        return Err(error(format!(" is cut off: it states {count} atoms, but only {line_count} lines follow")));
     };
-    let cell = cell_of(&cell).map_err(|what| error(format!(", line {}: the cell: {what}", end.line)))?;
+    let cell = cell_of(&cell).map_err(|message| error(format!(", line {}: the cell: {message}", end.line)))?;
     let (time, step) = moment(&title);
     let head = GroFrameHead { time, cell, has_velocities, count };
     Ok(Some(TextFrame { head, rows: wanted.then(|| rows.until(end)), step }))

@@ -26,13 +26,13 @@ fn residues_are_species_with_velocities_and_numbers() {
     assert_eq!(d.meta.units.length_text(), Some("nm"));
     assert_eq!(d.meta.cell.unwrap().lengths(), Some([1.86206; 3]));
     assert_eq!(d.species.iter().map(|s| (&s.name[..], s.count)).collect::<Vec<_>>(), [("water", 2), ("NA", 1)]);
-    let of = |species, name: &str| {
+    let values_of = |species, name: &str| {
         let choice = Choice { positions: Some(name.into()), ..Choice::default() };
         read(&*snapshot, species, &choice).unwrap().positions
     };
-    assert_eq!(of(0, "pos")[1].map(|v| (v * 1e3).round()), [190.0, 1661.0, 1747.0]);
-    assert_eq!(of(1, "velocity")[0].map(|v| (v * 1e4).round()), [-9045.0, -26469.0, 13180.0]);
-    assert_eq!(of(1, "id,id,id")[0], [3.0; 3]);
+    assert_eq!(values_of(0, "pos")[1].map(|v| (v * 1e3).round()), [190.0, 1661.0, 1747.0]);
+    assert_eq!(values_of(1, "velocity")[0].map(|v| (v * 1e4).round()), [-9045.0, -26469.0, 13180.0]);
+    assert_eq!(values_of(1, "id,id,id")[0], [3.0; 3]);
 }
 
 #[test]

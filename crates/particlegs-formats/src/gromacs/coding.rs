@@ -17,7 +17,7 @@ const LARGEST: u32 = 0xff_ffff;
 /// Atoms that a byte may stand for at most: one has two bits, its position and whether others follow.
 pub const MOST_PER_BYTE: u64 = 4;
 
-/// What stands before the bits.
+/// The header of compressed positions, before the bits.
 pub struct PackedHead {
     pub precision: f32,
     pub least: [i32; 3],
@@ -41,13 +41,14 @@ impl FullPosition {
             let wrong = || format!("its coordinates range from {} to {}", head.least[k], head.most[k]);
             *size = u32::try_from(range).ok().filter(|&n| n > 0).ok_or_else(wrong)?;
         }
+        // One number of mixed radix for all three wastes at most a bit a position.
         let product: u128 = sizes.iter().map(|&n| u128::from(n)).product();
         let bits = sizes.iter().all(|&n| n <= LARGEST).then(|| 128 - product.leading_zeros());
         Ok(FullPosition { least: head.least, sizes, bits })
     }
 
     fn read(&self, bits: &mut PackedBits<'_>) -> Option<[i32; 3]> {
-        let found = match self.bits {
+        let offsets = match self.bits {
             Some(n) => bits.three(n, self.sizes)?,
             None => {
                 let mut each = [0; 3];
@@ -57,13 +58,13 @@ impl FullPosition {
                 each
             }
         };
-        Some([0, 1, 2].map(|k| found[k].wrapping_add(self.least[k])))
+        Some([0, 1, 2].map(|k| offsets[k].wrapping_add(self.least[k])))
     }
 }
 
 struct PackedBits<'a> {
     bytes: &'a [u8],
-    /// PackedBits that are read ahead: the last `waiting` ones of it.
+    /// Bits that are read ahead: the last `waiting` ones of it.
     ahead: u64,
     waiting: u32,
 }
@@ -93,6 +94,7 @@ impl PackedBits<'_> {
             read += step;
         }
         let [_, y, z] = sizes;
+        // Most positions fit 64 bits, whose division is faster.
         match u64::try_from(number) {
             Ok(number) => {
                 let (rest, z, y) = (number / u64::from(z), number % u64::from(z), u64::from(y));
@@ -127,11 +129,14 @@ pub fn unpack(head: &PackedHead, packed: &[u8], atoms: usize, out: &mut Vec<u8>)
     while done < atoms {
         let mut before = full.read(&mut bits).ok_or_else(short)?;
         let mut change = 0;
+        // A run's length holds until another is stated.
         if bits.take(1).ok_or_else(short)? == 1 {
             let stated = bits.take(5).ok_or_else(short)? as usize;
+            // Five bits: three times the length, and whether the small cube shrinks, stays or grows.
             change = (stated % 3) as isize - 1;
             run = stated / 3;
         }
+        // Checked before any is written, so that `out` never holds more than `atoms` positions.
         if run + 1 > atoms - done {
             return Err("its compressed positions are those of more atoms".into());
         }
@@ -141,6 +146,7 @@ pub fn unpack(head: &PackedHead, packed: &[u8], atoms: usize, out: &mut Vec<u8>)
         }
         for near in 0..run {
             let moved = bits.three(small as u32, [size; 3]).ok_or_else(short)?;
+            // Differences are stored above 0, half a small cube too large; damaged ones may wrap around.
             let position = [0, 1, 2].map(|k| moved[k].wrapping_add(before[k]).wrapping_sub(middle));
             if near == 0 {
                 // The first two stand the other way round: of water, hydrogens then lie near the oxygen.

@@ -54,8 +54,8 @@ impl XdrFile {
     }
 
     /// The error for frame `number`, which begins at byte `at`.
-    fn error(&self, number: u64, at: u64, what: &str) -> Error {
-        let message = format!("frame {number}, at byte {at}: {what}");
+    fn error(&self, number: u64, at: u64, reason: &str) -> Error {
+        let message = format!("frame {number}, at byte {at}: {reason}");
         Error::input_with(&self.path, message, "the file is damaged or cut short: copy it again")
     }
 

@@ -11,7 +11,7 @@ fn water(frame: u64, atom: u64) -> [f64; 3] {
     [0, 1, 2].map(|k| (centre[k] as i64 + offset[k] + 5 * frame as i64) as f64 / 1000.0)
 }
 
-/// What another program packed, in any order and in runs of neighbours.
+/// Positions that another program packed, in any order and in runs of neighbours.
 #[test]
 fn packed_positions_are_those_that_were_written() {
     for (chosen, frame) in [(Some(0), 0), (None, 1)] {

@@ -53,12 +53,14 @@ impl TrrFrame {
         let size = |n: i32| u64::try_from(n).map_err(|_| format!("a size of {n} bytes is invalid"));
         let (atoms, arrays) = (size(atoms)?, [size(x)?, size(v)?, size(f)?]);
         let all = arrays.iter().copied().find(|&bytes| bytes > 0);
+        // No field states the size of a number: that of the cell tells it, else that of an array.
         let real = if cell > 0 { size(cell)? / 9 } else { all.map_or(4, |all| all / (3 * atoms).max(1)) };
         let whole = |bytes: u64| bytes == 0 || bytes == 3 * atoms * real;
         if ![4, 8].contains(&real) || !arrays.into_iter().all(whole) || ![0, 9 * real].contains(&size(cell)?) {
             return Err(format!("{atoms} atoms do not fit arrays of {arrays:?} bytes"));
         }
         let mut number = || if real == 8 { numbers.double() } else { numbers.float() };
+        // Behind the time stands the lambda of free energies.
         let (time, _) = (number().ok_or_else(cut)?, number().ok_or_else(cut)?);
         let ahead = size(input)? + size(energy)?;
         let before = numbers.at as u64 + ahead;
@@ -75,7 +77,8 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let mut file = XdrFile::open(path)?;
     let (mut next, mut with_positions) = (0, None);
     let mut has: [Vec<bool>; 2] = Default::default();
-    let found = choose(path, choice.frame, |number, _| {
+    let chosen_frame = choose(path, choice.frame, |number, _| {
+        // A frame from the end is found in two passes, each of which begins at number 0.
         if number == 0 {
             (next, has) = (0, Default::default());
         }
@@ -83,23 +86,24 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
             return Ok(None);
         }
         let at = next;
-        let frame = TrrFrame::parse(file.head(at, MOST_BEFORE)?).map_err(|what| file.error(number, at, &what))?;
+        let frame = TrrFrame::parse(file.head(at, MOST_BEFORE)?).map_err(|message| file.error(number, at, &message))?;
         next = file.end(number, at, frame.before + frame.arrays.iter().sum::<u64>())?;
+        // Velocities and forces may be written at longer intervals than positions.
         (0..2).for_each(|k| has[k].push(frame.arrays[1 + k] > 0));
         with_positions = if frame.arrays[0] > 0 { Some(number) } else { with_positions };
         Ok(Some((frame, at)))
     })?;
-    let frames = found.frames(Some(found.frame.0.step.into()));
-    let (frame, at) = found.frame;
+    let frames = chosen_frame.frames(Some(chosen_frame.frame.0.step.into()));
+    let (frame, at) = chosen_frame.frame;
     if frame.arrays[0] == 0 && frame.atoms > 0 {
-        let message = format!("frame {} has no positions", found.number);
+        let message = format!("frame {} has no positions", chosen_frame.number);
         let last = with_positions.map(|n| Hint::default().option("frame", n).words(" reads one that has"));
         return Err(Error::input_with(path, message, last.unwrap_or_default()));
     }
     let missing = |k: &usize| frame.arrays[1 + k] == 0 && has[*k].contains(&true);
-    let absent = (0..2).filter(missing).map(|k| AbsentField::new(ARRAYS[1 + k].0, found.number, &has[k]));
+    let absent = (0..2).filter(missing).map(|k| AbsentField::new(ARRAYS[1 + k].0, chosen_frame.number, &has[k]));
     let absent: Vec<AbsentField> = absent.collect();
-    let mut notes = found.notes;
+    let mut notes = chosen_frame.notes;
     notes.push(NO_NAMES.into());
     notes.extend(absent.iter().map(|field| field.why.clone()));
     let meta = SnapshotMeta {
@@ -124,6 +128,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         start += bytes;
     }
     let atoms = AtomSpecies::all(fields, frame.atoms);
+    // Only headers were read so far: the arrays are numbers as they lie in the file.
     let snapshot = AtomSnapshot::new(description, Bytes::from_file(path)?, vec![atoms]);
     Ok(Box::new(snapshot.with_unwrapped(choice)?))
 }

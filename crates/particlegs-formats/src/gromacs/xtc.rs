@@ -34,9 +34,9 @@ struct XtcFrame {
     step: i32,
     time: f64,
     cell: Option<Cell>,
-    /// What positions are packed by; `None` where they are f32.
+    /// Header of the packed positions; `None` where they are f32.
     packed: Option<PackedHead>,
-    /// Where their bytes lie.
+    /// Their first byte in the frame, and the number of their bytes.
     start: u64,
     bytes: u64,
 }
@@ -70,6 +70,7 @@ impl XtcFrame {
             Some(head) if !(head.precision.is_normal() && head.precision > 0.0) => {
                 Err(format!("the precision {} is invalid", head.precision))
             }
+            // A damaged count of atoms must not claim more memory than so few bytes can fill.
             Some(_) if frame.atoms > frame.bytes.saturating_mul(MOST_PER_BYTE) => {
                 Err(format!("{} bytes cannot hold {} atoms", frame.bytes, frame.atoms))
             }
@@ -93,23 +94,25 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     refuse(path, FORMAT.title)?;
     let mut file = XdrFile::open(path)?;
     let mut next = 0;
-    let found = choose(path, choice.frame, |number, _| {
+    let chosen_frame = choose(path, choice.frame, |number, _| {
+        // A frame from the end is found in two passes, each of which begins at number 0.
         next = if number == 0 { 0 } else { next };
         if next >= file.length {
             return Ok(None);
         }
         let at = next;
-        let frame = XtcFrame::parse(file.head(at, MOST_BEFORE)?).map_err(|what| file.error(number, at, &what))?;
+        let frame = XtcFrame::parse(file.head(at, MOST_BEFORE)?).map_err(|message| file.error(number, at, &message))?;
+        // XDR pads opaque bytes to a multiple of four.
         let padded = frame.bytes.checked_next_multiple_of(4).and_then(|bytes| bytes.checked_add(frame.start));
         next = file.end(number, at, padded.unwrap_or(u64::MAX))?;
         Ok(Some((frame, at)))
     })?;
-    let frames = found.frames(Some(found.frame.0.step.into()));
-    let (frame, at) = found.frame;
+    let frames = chosen_frame.frames(Some(chosen_frame.frame.0.step.into()));
+    let (frame, at) = chosen_frame.frame;
     memory::require("the positions of this frame", 12 * frame.atoms + frame.bytes)?;
     let stored = file.bytes(at + frame.start, frame.bytes)?;
-    let positions = frame.positions(&stored).map_err(|what| file.error(found.number, at, &what))?;
-    let mut notes = found.notes;
+    let positions = frame.positions(&stored).map_err(|message| file.error(chosen_frame.number, at, &message))?;
+    let mut notes = chosen_frame.notes;
     if let Some(head) = &frame.packed {
         let grid = widened(1.0 / head.precision);
         notes.push(format!("the file stores positions rounded to {grid} nm"));

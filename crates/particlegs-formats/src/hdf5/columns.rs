@@ -49,8 +49,8 @@ pub struct DataSetColumns {
 }
 
 impl DataSetColumns {
-    /// Particles in `parts`, which have the same number of rows. `sampled`: may the reader look here
-    /// for where f64 positions lie?
+    /// Particles in `parts`, which have the same number of rows. `sampled`: the reader may look here for the
+    /// range of f64 positions.
     pub fn new(parts: Vec<DataSetPart>, cache: Arc<ChunkCache>, sampled: bool) -> Self {
         let rows = parts.first().map_or(0, DataSetPart::count);
         let flat = strided(&parts, rows);

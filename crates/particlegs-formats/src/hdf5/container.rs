@@ -41,7 +41,7 @@ pub struct DataSet {
     pub shape: Vec<u64>,
     /// Type of its numbers and whether they are big-endian; `None` where they are none.
     pub number: Option<(NumberType, bool)>,
-    /// Where the numbers' bits lie, where they do not fill their bytes; the type above has as many bytes then.
+    /// Layout of the numbers' bits, where they do not fill their bytes; the type above has as many bytes then.
     pub packed: Option<PackedNumber>,
     pub kind: String,
     pub attributes: Attributes,
@@ -231,7 +231,7 @@ fn describe(name: &str, set: &Dataset) -> DataSet {
     DataSet { name: name.to_string(), shape: set.shape().to_vec(), number, packed, kind, attributes }
 }
 
-/// What numbers of a type are, and its name.
+/// The type of numbers that a data type means, with whether they are big-endian, and its name.
 fn number_of(datatype: &Datatype) -> (Option<(NumberType, bool)>, String) {
     let (kind, order) = match datatype {
         Datatype::FloatingPoint { size, byte_order } => match NumberType::float((*size).into()) {

@@ -42,7 +42,7 @@ pub struct OutDataSet {
     pub attributes: Vec<Attribute>,
     /// Attributes of the source's that are one number.
     pub source: Vec<(String, f64)>,
-    /// Is there only a shape? Readers see 64-bit zeros; the file has no bytes for them.
+    /// Whether there is only a shape: readers see 64-bit zeros, and the file has no bytes for them.
     pub hollow: bool,
 }
 
@@ -310,14 +310,14 @@ fn tree(set: &OutDataSet, at: u64, data: u64) -> Vec<u8> {
         let here = at + out.len() as u64;
         let child_bytes = if level == 0 { set.chunk_bytes() } else { size };
         for node in 0..count {
-            let own = node * CHILDREN..children.min((node + 1) * CHILDREN);
+            let range = node * CHILDREN..children.min((node + 1) * CHILDREN);
             let left = if node == 0 { UNDEFINED } else { here + (node - 1) * size };
             let right = if node + 1 == count { UNDEFINED } else { here + (node + 1) * size };
-            let start = ByteWriter::default().raw(b"TREE").raw(&[1, level as u8]).u16(own.end - own.start);
-            let filled = own
+            let start = ByteWriter::default().raw(b"TREE").raw(&[1, level as u8]).u16(range.end - range.start);
+            let filled = range
                 .clone()
                 .fold(start.u64s(&[left, right]), |b, child| key(b, child * step).u64(below + child * child_bytes));
-            let mut bytes = key(filled, own.end * step).0;
+            let mut bytes = key(filled, range.end * step).0;
             bytes.resize(size as usize, 0);
             out.extend_from_slice(&bytes);
         }

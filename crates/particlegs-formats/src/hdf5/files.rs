@@ -17,7 +17,7 @@ fn numbered(path: &Path) -> Option<(String, u64, String)> {
     Some((format!("{}.", parts[..at].join(".")), number, rest))
 }
 
-/// Is a file, whose header is of a snapshot of `count` files, none of those by its name?
+/// Whether a file, whose header is of a snapshot of `count` files, is none of those by its name.
 pub fn stands_alone(path: &Path, count: u64) -> bool {
     count > 1 && numbered(path).is_none_or(|(_, number, _)| number >= count)
 }

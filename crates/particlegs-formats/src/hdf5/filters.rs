@@ -1,4 +1,4 @@
-//! What was done to a chunk before it was written, undone: gzip, shuffle, fletcher32, LZF and LZ4 here,
+//! Decoding of chunks by undoing the filters of their writer: gzip, shuffle, fletcher32, LZF and LZ4 here,
 //! because they are the common ones and must be fast; szip, N-bit and scale-offset by the library.
 
 use crate::{TextResult, codecs};
@@ -64,7 +64,7 @@ impl Pipeline {
         Ok(Pipeline { stages: filters.iter().map(stage).collect::<Result<_>>()?, element })
     }
 
-    /// Does it leave bytes as they are? `mask` has a bit for each filter that was not applied.
+    /// Whether it leaves bytes as they are; `mask` has a bit for each filter that was not applied.
     pub fn is_plain(&self, mask: u32) -> bool {
         (0..self.stages.len()).all(|i| skipped(mask, i))
     }
@@ -101,7 +101,7 @@ impl Pipeline {
         (0..self.stages.len()).find(|&i| !skipped(mask, i))
     }
 
-    /// Is the last step to undo a shuffle that [`Pipeline::undo`] leaves?
+    /// Whether the last step to undo is a shuffle that [`Pipeline::undo`] leaves.
     pub fn leaves_shuffled(&self, mask: u32) -> bool {
         self.first(mask).is_some_and(|i| matches!(self.stages[i], FilterStage::Shuffle))
     }
@@ -136,8 +136,8 @@ fn checked(mut bytes: Cow<'_, [u8]>) -> TextResult<Cow<'_, [u8]>> {
     let sum = u32::from_le_bytes([bytes[length], bytes[length + 1], bytes[length + 2], bytes[length + 3]]);
     // Big-endian machines once wrote the sum with each half's bytes swapped.
     let swapped = sum.swap_bytes().rotate_left(16);
-    let found = fletcher32(&bytes[..length]);
-    if found != sum && found != swapped {
+    let computed_sum = fletcher32(&bytes[..length]);
+    if computed_sum != sum && computed_sum != swapped {
         return Err("the fletcher32 checksum is wrong".into());
     }
     match &mut bytes {

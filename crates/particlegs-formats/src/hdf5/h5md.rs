@@ -30,12 +30,12 @@ const POSITION: &str = "position";
 /// An element of a group of particles.
 struct H5mdElement {
     name: String,
-    /// Where its data set lies: its group and its name.
+    /// Its data set's group and name.
     place: [String; 2],
     set: DataSet,
-    /// Has it arrays of frames?
+    /// Whether it has arrays of frames.
     varies: bool,
-    /// Which of these is the chosen frame's.
+    /// The array of the chosen frame among these.
     row: u64,
 }
 
@@ -117,10 +117,10 @@ impl H5mdGroup {
         let place = format!("{PARTICLES}/{}/{POSITION}", self.name);
         let positions = (&place[..], self.frames.unwrap_or(1));
         for element in self.elements.iter_mut().filter(|e| e.varies) {
-            let own = (&element.place[0][..], element.set.shape[0]);
-            match row_of(container, positions, own, frame)? {
+            let series = (&element.place[0][..], element.set.shape[0]);
+            match row_of(container, positions, series, frame)? {
                 Some(row) => element.row = row,
-                None => absent.push(AbsentField::new(&element.name, frame, &rows_of(container, positions, own)?)),
+                None => absent.push(AbsentField::new(&element.name, frame, &rows_of(container, positions, series)?)),
             }
         }
         self.elements.retain(|e| absent.iter().all(|a| a.name != e.name));
@@ -136,7 +136,7 @@ struct H5mdSnapshot {
     description: Description,
     container: Container,
     groups: Vec<H5mdGroup>,
-    /// Which group a species is of, and which of its rows are.
+    /// The group of each species, and its rows there.
     species: Vec<(usize, Option<Arc<[u32]>>)>,
     wraps: bool,
 }
@@ -147,7 +147,7 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
     let Some(group) = H5mdGroup::plain(&container) else { return Ok(None) };
     let count = group.frames.unwrap_or(1);
     let frame = frames::number(path, choice.frame, count)?;
-    let own = |name: &str| values(&container, [TOP, name], Some(frame)).ok();
+    let frame_values = |name: &str| values(&container, [TOP, name], Some(frame)).ok();
     let unit = |name: &str, names: [(&str, &str); 2]| {
         let set = container.data_set(TOP, name).ok()?;
         let text = set.attributes.text(&["units", "unit"])?;
@@ -156,7 +156,7 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
     let length = unit(&group.position, [("nanometers", "nm"), ("angstroms", "Angstrom")]);
     let time_unit = unit("time", [("picoseconds", "ps"), ("femtoseconds", "fs")]);
     let frames = TrajectoryFrames { count, chosen: frame, step: None };
-    let cell = match (own("cell_lengths").as_deref(), own("cell_angles").as_deref()) {
+    let cell = match (frame_values("cell_lengths").as_deref(), frame_values("cell_angles").as_deref()) {
         (Some(&[a, b, c]), Some(&[alpha, beta, gamma])) => cell_of([a, b, c], [alpha, beta, gamma]),
         _ => None,
     };
@@ -167,7 +167,7 @@ pub fn open_plain(path: &Path, choice: &Choice) -> Result<Option<Box<dyn Snapsho
             time: time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
             ..Units::new(length.as_deref(), None, None)
         },
-        epoch: Epoch { time: own("time").and_then(|t| t.first().copied()), ..frames.epoch() },
+        epoch: Epoch { time: frame_values("time").and_then(|t| t.first().copied()), ..frames.epoch() },
         ..named(path)
     };
     let description = Description {
@@ -247,40 +247,40 @@ fn numbers(container: &Container, group: &str, name: &str, frame: u64) -> Result
     Ok(values(container, [group, name], None)?.first().map(|step| offset + step * frame as f64))
 }
 
-/// What arrays of frames are told by, the surest first.
+/// Data sets that tell the moments of arrays, the surest first.
 const MOMENTS: [&str; 2] = ["step", "time"];
 
-/// Which array of an element is of the step, or else of the time, that frame `frame` of the positions has. Elements are
+/// The array of an element at the step, or else at the time, that frame `frame` of the positions has. Elements are
 /// groups and their numbers of arrays; of one without steps and times the frame's own.
 fn row_of(
     container: &Container,
     (positions, frames): (&str, u64),
-    (own, arrays): (&str, u64),
+    (element, arrays): (&str, u64),
     frame: u64,
 ) -> Result<Option<u64>> {
     let number = |group: &str| MOMENTS.map(|name| numbers(container, group, name, frame).ok().flatten());
-    let (wanted, at_same_place) = (number(positions), number(own));
+    let (wanted, at_same_place) = (number(positions), number(element));
     for (k, name) in MOMENTS.into_iter().enumerate() {
-        if container.data_set(own, name).is_err() {
+        if container.data_set(element, name).is_err() {
             continue;
         }
         let Some(moment) = wanted[k] else { continue };
         if frame < arrays && at_same_place[k] == Some(moment) {
             return Ok(Some(frame));
         }
-        return Ok(moments(container, own, name, arrays)?.iter().position(|m| *m == moment).map(|row| row as u64));
+        return Ok(moments(container, element, name, arrays)?.iter().position(|m| *m == moment).map(|row| row as u64));
     }
     Ok((arrays == frames).then_some(frame))
 }
 
-/// Has an element an array for each frame of the positions?
-fn rows_of(container: &Container, positions: (&str, u64), own: (&str, u64)) -> Result<Vec<bool>> {
+/// For each frame of the positions, whether an element has an array.
+fn rows_of(container: &Container, positions: (&str, u64), element: (&str, u64)) -> Result<Vec<bool>> {
     for name in MOMENTS {
         let has = |group: &str| container.data_set(group, name).is_ok();
-        if has(positions.0) && has(own.0) {
-            let of = |(group, count): (&str, u64)| moments(container, group, name, count);
-            let there: BTreeSet<u64> = of(own)?.into_iter().map(f64::to_bits).collect();
-            return Ok(of(positions)?.iter().map(|m| there.contains(&m.to_bits())).collect());
+        if has(positions.0) && has(element.0) {
+            let moments_of = |(group, count): (&str, u64)| moments(container, group, name, count);
+            let element_moments: BTreeSet<u64> = moments_of(element)?.into_iter().map(f64::to_bits).collect();
+            return Ok(moments_of(positions)?.iter().map(|m| element_moments.contains(&m.to_bits())).collect());
         }
     }
     Ok(Vec::new())
@@ -330,9 +330,9 @@ fn cell(
     let varying = format!("{group}/edges");
     let edges = match container.data_set(&varying, "value") {
         Ok(set) => {
-            let own = (&varying[..], set.shape.first().copied().unwrap_or(0));
-            let Some(row) = row_of(container, positions, own, frame)? else {
-                notes.push(AbsentField::new("box", frame, &rows_of(container, positions, own)?).why);
+            let series = (&varying[..], set.shape.first().copied().unwrap_or(0));
+            let Some(row) = row_of(container, positions, series, frame)? else {
+                notes.push(AbsentField::new("box", frame, &rows_of(container, positions, series)?).why);
                 return Ok(None);
             };
             values(container, [&varying, "value"], Some(row))?
@@ -380,11 +380,11 @@ impl H5mdSnapshot {
             let kinds: Vec<i64> = types.iter().copied().collect::<BTreeSet<i64>>().into_iter().collect();
             let names: Vec<_> = kinds.iter().map(|k| (format!("species {k}"), vec![k.to_string()])).collect();
             let types: Vec<u32> = types.iter().filter_map(|t| kinds.binary_search(t).ok()).map(|k| k as u32).collect();
-            let found = AtomSpecies::all(Vec::new(), all.count).by_type(&types, &names);
-            if found.len() > 1 {
+            let species_by_type = AtomSpecies::all(Vec::new(), all.count).by_type(&types, &names);
+            if species_by_type.len() > 1 {
                 (self.species, self.description.species) = Default::default();
-                for species in found {
-                    let count = species.own.as_ref().map_or(0, |own| own.len() as u64);
+                for species in species_by_type {
+                    let count = species.own.as_ref().map_or(0, |rows| rows.len() as u64);
                     let (name, aliases) = (species.name, species.aliases);
                     self.description.species.push(Species { name, aliases, count, ..all.clone() });
                     self.species.push((0, species.own));
@@ -418,30 +418,30 @@ impl Snapshot for H5mdSnapshot {
     }
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
-        let (Some(found), Some((group, own))) = (self.description.species.get(species), self.species.get(species))
+        let (Some(species), Some((group, rows))) = (self.description.species.get(species), self.species.get(species))
         else {
             return Err(Error::argument(format!("species {species} does not exist")));
         };
         let name = &self.description.meta.name;
-        let mut wanted = positions(found, name, choice.positions.as_deref().unwrap_or(&found.positions))?;
-        let weight = found.weight_field(name, &choice.weights)?;
+        let mut wanted = positions(species, name, choice.positions.as_deref().unwrap_or(&species.positions))?;
+        let weight = species.weight_field(name, &choice.weights)?;
         if let Some(name) = &weight {
             wanted.push((name.clone(), vec![ColumnTarget { component: 0, target: 3 }]));
         }
         let mut sets = DataSetSequence { choice, count: 0 };
         let mut columns = Vec::new();
         for (name, wants) in &wanted {
-            let missing = || found.missing(&self.container.place, name, [].into_iter());
+            let missing = || species.missing(&self.container.place, name, [].into_iter());
             let element = self.groups[*group].element(name).ok_or_else(missing)?;
             let [group, name] = &element.place;
             let frame = element.varies.then_some(element.row);
             columns.push(vec![sets.part(&self.container, [group, name], frame, wants)?]);
         }
-        let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == found.positions);
+        let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == species.positions);
         let cell = if moved { wrapping::cell(&self.description, choice)? } else { None };
-        let meta = self.description.meta_of(found);
+        let meta = self.description.meta_of(species);
         assemble(meta, side_by_side(columns)?, weight.is_some(), |inner| {
-            Box::new(OwnRows { inner, own: own.clone(), cell })
+            Box::new(OwnRows { inner, own: rows.clone(), cell })
         })
     }
 }

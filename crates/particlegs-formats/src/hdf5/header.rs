@@ -1,4 +1,4 @@
-//! What a snapshot's groups say about it: counts, box, masses, time, cosmology.
+//! Metadata from a snapshot's groups: counts, box, masses, time, cosmology.
 
 use super::attributes::Attributes;
 use super::container::Container;
@@ -115,8 +115,8 @@ impl Hdf5Header {
     pub fn cosmology(&self) -> Cosmology {
         let g = &self.groups;
         let number = |names: &[&str]| {
-            let found = [&g.header, &g.cosmology, &g.parameters].into_iter().find_map(|a| a.number(names));
-            found.filter(|v| v.is_finite())
+            let stated_number = [&g.header, &g.cosmology, &g.parameters].into_iter().find_map(|a| a.number(names));
+            stated_number.filter(|v| v.is_finite())
         };
         Cosmology {
             hubble: self.hubble(),
@@ -126,7 +126,7 @@ impl Hdf5Header {
         }
     }
 
-    /// Is it a cosmological run: do positions grow with the scale factor? `None` where nothing says.
+    /// Whether it is a cosmological run, whose positions grow with the scale factor; `None` where nothing says.
     pub fn cosmological(&self, notes: &mut Vec<String>) -> Option<bool> {
         let g = &self.groups;
         let said = [&g.parameters, &g.header, &g.config].into_iter().find_map(|a| a.number(&["ComovingIntegrationOn"]));
@@ -145,7 +145,7 @@ impl Hdf5Header {
         None
     }
 
-    /// What holds for velocities and energies without attributes: Gadget's rule, in all but SWIFT's files.
+    /// The convention of velocities and energies without attributes: Gadget's rule, in all but SWIFT's files.
     pub fn convention(&self, cosmological: Option<bool>) -> VelocityConvention {
         let h = &self.groups.header;
         let redshift = h.number(&["Redshift"]);

@@ -39,7 +39,7 @@ fn detect(head: &FileHead) -> bool {
     at.take_while(|&k| k < head.bytes.len()).any(|k| head.bytes[k..].starts_with(&container::SIGNATURE))
 }
 
-/// Is a file without any type of particles, such as a catalogue of groups?
+/// Whether a file has no type of particles, such as a catalogue of groups.
 pub fn is_catalogue(path: &Path) -> bool {
     let groups = container::Container::open(path).and_then(|c| c.groups());
     groups.is_ok_and(|groups| groups.iter().all(|g| snapshot::kind_of(&g.0).is_none()))

@@ -1,11 +1,11 @@
 //! Numbers that do not fill their bytes as the machine's do: N-bit integers, half floats, SWIFT's lossy floats.
 
-/// Where the bits of a number lie in its bytes.
+/// Layout of the bits of a number in its bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackedNumber {
     big_endian: bool,
     form: BitLayout,
-    /// Are whole numbers of more than 32 bits wanted as the bits of one of 64?
+    /// Whether whole numbers of more than 32 bits are wanted as the bits of one of 64.
     as_stored: bool,
 }
 

@@ -100,9 +100,9 @@ impl DataSetSequence<'_> {
                 || columns.end != set.components()
                 || rows.end.checked_sub(rows.start) != Some(stated)
             {
-                let there = format!("{} rows of {} numbers", part.table.rows, part.table.components);
+                let shape = format!("{} rows of {} numbers", part.table.rows, part.table.components);
                 let message =
-                    format!("it has {there}, but {} refers to {stated} rows of {}", container.place, set.components());
+                    format!("it has {shape}, but {} refers to {stated} rows of {}", container.place, set.components());
                 return Err(Error::input_with(part.place, message, "the two files may belong to different snapshots"));
             }
             part.rows = rows;
@@ -186,12 +186,12 @@ pub fn assemble(
     Ok(Box::new(if wide { inner.by_stretches((together * rows).div_ceil(RUN as u64)) } else { inner }))
 }
 
-/// Where positions are: a data set of three numbers a row, or three data sets `x,y,z`.
+/// Data sets of the positions: one of three numbers a row, or three, `x,y,z`.
 pub fn positions(species: &Species, place: &str, name: &str) -> Result<DataSetTargets> {
     let find = |name: &str, components: u32| -> Result<&SpeciesField> {
         species.fields.iter().find(|f| f.name == name && f.components == components).ok_or_else(|| {
-            let there = species.fields.iter().filter(|f| f.components == components).map(|f| &f.name[..]);
-            species.missing(place, name, there)
+            let field_names = species.fields.iter().filter(|f| f.components == components).map(|f| &f.name[..]);
+            species.missing(place, name, field_names)
         })
     };
     let names: Vec<&str> = name.split(',').map(str::trim).collect();

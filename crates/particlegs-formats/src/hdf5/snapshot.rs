@@ -33,11 +33,11 @@ impl Snapshot for Hdf5Snapshot {
     }
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
-        let (Some(kind), Some(found)) = (self.types.get(species), self.description.species.get(species)) else {
+        let (Some(kind), Some(species)) = (self.types.get(species), self.description.species.get(species)) else {
             return Err(Error::argument(format!("particle type {species} does not exist")));
         };
         let (group, description) = (&group_name(*kind)[..], &self.description);
-        let source = GroupSource { parts: &self.parts, kind: *kind, group, species: found, description };
+        let source = GroupSource { parts: &self.parts, kind: *kind, group, species, description };
         reader::reader(&source, choice)
     }
 
@@ -65,8 +65,8 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         if let Some(tables) = tables::open(path, &first, options, false)? {
             return Ok(tables);
         }
-        if let Some((what, hint)) = tables::foreign(path, &first) {
-            return Err(Error::input_with(path, format!("{what}, which this program does not read"), hint));
+        if let Some((description, hint)) = tables::foreign(path, &first) {
+            return Err(Error::input_with(path, format!("{description}, which this program does not read"), hint));
         }
         if let Some(frames) = h5md::open_plain(path, options)? {
             return Ok(frames);
@@ -75,9 +75,15 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
             return Ok(tables);
         }
     }
-    let (found, strict) = (Default::default(), options.strict);
-    let mut builder =
-        SnapshotBuilder { header, strict, found, notes: Vec::new(), parts: Vec::new(), sources: BTreeSet::new() };
+    let (type_groups, strict) = (Default::default(), options.strict);
+    let mut builder = SnapshotBuilder {
+        header,
+        strict,
+        found: type_groups,
+        notes: Vec::new(),
+        parts: Vec::new(),
+        sources: BTreeSet::new(),
+    };
     let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
         ([_], true) if !strict => {
             builder
@@ -105,14 +111,14 @@ impl TypeGroup {
         MASSES.into_iter().find(|n| self.sets.iter().any(|s| s.name == *n && s.components() == 1))
     }
 
-    /// Has it velocities whose attributes do not say how they become peculiar?
+    /// Whether it has velocities whose attributes do not say how they become peculiar.
     fn has_plain_velocities(&self) -> bool {
         let is_velocity =
             |s: &&DataSet| s.name != self.positions && SourceField::is_velocity(&s.name, s.components() as u32);
         self.sets.iter().filter(is_velocity).any(|s| units::a_power(&s.attributes).is_none())
     }
 
-    /// Do the positions' own attributes say whether they are comoving?
+    /// Whether the positions' own attributes say that they are comoving or not.
     fn says_comoving(&self) -> bool {
         self.sets.iter().any(|s| s.name == self.positions && units::a_power(&s.attributes).is_some())
     }
@@ -131,7 +137,7 @@ fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
 
 struct SnapshotBuilder {
     header: Hdf5Header,
-    /// Are counts in the header that are not those of the files refused?
+    /// Whether counts in the header that are not those of the files are refused.
     strict: bool,
     found: [Option<TypeGroup>; TYPES],
     notes: Vec<String>,
@@ -157,12 +163,12 @@ impl SnapshotBuilder {
     }
 
     /// A count in the header that is not that of the files.
-    fn doubt(&mut self, place: &str, what: String) -> Result<()> {
+    fn doubt(&mut self, place: &str, message: String) -> Result<()> {
         if self.strict {
             let hint = "the header belongs to another snapshot, or files are missing or incomplete";
-            return Err(Error::input_with(place, what, hint));
+            return Err(Error::input_with(place, message, hint));
         }
-        self.note(format!("{what}: using the particles found"));
+        self.note(format!("{message}: using the particles found"));
         Ok(())
     }
 
@@ -255,8 +261,8 @@ impl SnapshotBuilder {
         rows: &[u64; TYPES],
     ) -> Result<()> {
         for (kind, &stated) in header.here.iter().flatten().enumerate().filter(|(_, n)| **n > 0) {
-            let there = kind < TYPES && (rows[kind] > 0 || groups.iter().any(|g| g.0 == group_name(kind)));
-            if !there {
+            let is_present = kind < TYPES && (rows[kind] > 0 || groups.iter().any(|g| g.0 == group_name(kind)));
+            if !is_present {
                 self.note(format!(
                     "the header counts {stated} particles of type {kind}, but there is no group {}",
                     group_name(kind)
@@ -312,17 +318,17 @@ impl SnapshotBuilder {
         };
         let simulation = Simulation { groups: &self.header.groups, cosmological, hubble };
         let (mut species, mut types) = (Vec::new(), Vec::new());
-        for (kind, found) in self.found.iter().enumerate() {
-            let Some(found) = found else { continue };
-            let own = |name: &str| {
-                found.sets.iter().find(|s| s.name == name).map(|s| s.attributes.clone()).unwrap_or_default()
+        for (kind, slot) in self.found.iter().enumerate() {
+            let Some(type_group) = slot else { continue };
+            let attributes = |name: &str| {
+                type_group.sets.iter().find(|s| s.name == name).map(|s| s.attributes.clone()).unwrap_or_default()
             };
             let mut units = |name: &str, dimension| {
-                units::unit(&own(name), &own(&found.positions), &simulation, dimension, &mut notes)
+                units::unit(&attributes(name), &attributes(&type_group.positions), &simulation, dimension, &mut notes)
             };
-            let (length, comoving) = units(&found.positions, Dimension::Length);
-            let (mass, _) = units(found.masses().unwrap_or_default(), Dimension::Mass);
-            species.push(self.species(kind, found, counts[kind], [&length, &mass]));
+            let (length, comoving) = units(&type_group.positions, Dimension::Length);
+            let (mass, _) = units(type_group.masses().unwrap_or_default(), Dimension::Mass);
+            species.push(self.species(kind, type_group, counts[kind], [&length, &mass]));
             meta.units.length = meta.units.length.or(length);
             meta.units.mass = meta.units.mass.or(mass);
             meta.units.comoving = meta.units.comoving.or(comoving);
@@ -343,27 +349,27 @@ impl SnapshotBuilder {
     fn check_totals(&mut self, place: &str, counts: &[u64]) -> Result<()> {
         let Some(total) = self.header.total.clone() else { return Ok(()) };
         for (kind, &stated) in total.iter().enumerate().take(TYPES) {
-            let there = counts[kind];
-            let message = format!("NumPart_Total says {stated} particles of type {kind}, but the files have {there}");
+            let count = counts[kind];
+            let message = format!("NumPart_Total says {stated} particles of type {kind}, but the files have {count}");
             // Of one file, the same number has been compared with it already.
             let said =
                 self.header.files == 1 && self.header.here.as_ref().is_some_and(|h| h.get(kind) == Some(&stated));
-            if stated != there && !said {
+            if stated != count && !said {
                 self.doubt(place, message)?;
             }
         }
         Ok(())
     }
 
-    fn species(&self, kind: usize, found: &TypeGroup, count: u64, [length, mass]: [&Option<Unit>; 2]) -> Species {
-        let masses = found.masses();
+    fn species(&self, kind: usize, type_group: &TypeGroup, count: u64, [length, mass]: [&Option<Unit>; 2]) -> Species {
+        let masses = type_group.masses();
         let text = |unit: &Option<Unit>| unit.as_ref().map(|u| u.text.clone());
         let field = |set: &DataSet| SpeciesField {
             name: set.name.clone(),
             kind: set.kind.clone(),
             components: u32::try_from(set.components()).unwrap_or(u32::MAX),
             unit: match &set.name {
-                n if *n == found.positions => text(length),
+                n if *n == type_group.positions => text(length),
                 n if Some(&n[..]) == masses => text(mass),
                 _ => set
                     .attributes
@@ -372,9 +378,9 @@ impl SnapshotBuilder {
             },
         };
         let mut aliases = species_aliases(kind);
-        aliases.extend(found.aliases.iter().cloned());
+        aliases.extend(type_group.aliases.iter().cloned());
         Species {
-            name: found.group.clone(),
+            name: type_group.group.clone(),
             aliases,
             count,
             mass: match (masses, self.header.mass(kind)) {
@@ -382,8 +388,8 @@ impl SnapshotBuilder {
                 (None, Some(mass)) => SpeciesMass::Each(mass),
                 (None, None) => SpeciesMass::Unknown,
             },
-            positions: found.positions.clone(),
-            fields: found.sets.iter().map(field).collect(),
+            positions: type_group.positions.clone(),
+            fields: type_group.sets.iter().map(field).collect(),
         }
     }
 }

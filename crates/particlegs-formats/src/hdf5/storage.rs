@@ -1,4 +1,4 @@
-//! Where a data set's numbers lie: in one stretch of the file, in its description, or in chunks.
+//! Places of a data set's numbers: in one stretch of the file, in its description, or in chunks.
 
 use super::container::{Container, broken};
 use super::filters::Pipeline;
@@ -25,7 +25,7 @@ const MAX_CHUNK: u64 = 1 << 30;
 pub struct NumberTable {
     pub kind: NumberType,
     pub big_endian: bool,
-    /// Where their bits lie, where they do not fill their bytes.
+    /// Layout of their bits, where they do not fill their bytes.
     pub packed: Option<PackedNumber>,
     pub rows: u64,
     pub components: u64,
@@ -70,7 +70,7 @@ impl Chunks {
     }
 }
 
-/// Where a chunk lies in the file; checked to end within it.
+/// The place of a chunk in the file; checked to end within it.
 pub struct ChunkLocation {
     pub offset: u64,
     pub size: u64,
@@ -113,24 +113,28 @@ pub fn table(container: &Container, group: &str, name: &str, frame: Option<u64>)
             _ => {}
         }
     }
-    let found = Finder { container, data: &data, place: &place, shape: &set.shape, element: kind.bytes(), frame };
+    let finder = Finder { container, data: &data, place: &place, shape: &set.shape, element: kind.bytes(), frame };
     let storage = match layout {
         None => return Err(Error::input(&place, "damaged HDF5 file: the data set has no layout")),
         Some(DataLayout::Compact { data }) => {
             let start = frame.unwrap_or(0).saturating_mul(bytes);
-            let own = usize::try_from(start).ok().and_then(|start| data.get(start..)?.get(..bytes as usize));
-            let own = own.ok_or_else(|| found.short(start.saturating_add(bytes), data.len() as u64))?;
-            DataSetStorage::Compact(own.to_vec())
+            // Frames lie one behind the other, `bytes` bytes each.
+            let frame_slice = usize::try_from(start).ok().and_then(|start| data.get(start..)?.get(..bytes as usize));
+            let frame_bytes =
+                frame_slice.ok_or_else(|| finder.short(start.saturating_add(bytes), data.len() as u64))?;
+            DataSetStorage::Compact(frame_bytes.to_vec())
         }
-        Some(DataLayout::Contiguous { address, size }) => found.flat(*address, *size, bytes)?,
+        Some(DataLayout::Contiguous { address, size }) => finder.flat(*address, *size, bytes)?,
 
+        // A virtual layout comes as one of chunks (see `virtual_layout`): it is asked for before those.
         Some(layout) if is_virtual(layout) => {
             let hint = "copy it with h5py: `new[name] = old[name][:]`";
             return Err(Error::input_with(&place, "nested virtual data sets are not supported", hint));
         }
         Some(DataLayout::Chunked { address, dims, chunk_indexing, .. }) => {
             let pipeline = Pipeline::new(filters, kind.bytes() as usize, &place)?;
-            let chunks = found.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?;
+            let chunks = finder.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?;
+            // Plain chunks that follow each other are one stretch, which is read without decoding.
             chunks.stretch(components).map_or(DataSetStorage::Chunked(chunks), DataSetStorage::Flat)
         }
     };
@@ -152,8 +156,8 @@ impl Finder<'_> {
         Error::input_with(self.place, "the data set was never written: it has a shape but no data", hint)
     }
 
-    fn short(&self, wanted: u64, there: u64) -> Error {
-        Error::input_with(self.place, format!("it needs {wanted} bytes but has {there}"), "copy the file again")
+    fn short(&self, wanted: u64, available: u64) -> Error {
+        Error::input_with(self.place, format!("it needs {wanted} bytes but has {available}"), "copy the file again")
     }
 
     fn undefined(&self, address: u64) -> bool {
@@ -218,6 +222,7 @@ impl Finder<'_> {
         let before = self.frame.unwrap_or(0) % frames * rows * columns;
         let (bytes, is_shared, places) = (bytes as usize, frames > 1, Vec::new());
         let chunks = Chunks { rows, columns, across, bytes, before, is_shared, pipeline, places };
+        // An empty table has no index and lacks nothing.
         if count == Some(0) {
             return Ok(chunks);
         }
@@ -258,11 +263,13 @@ impl Finder<'_> {
         let (offsets, lengths) = (file.superblock().offset_size, file.superblock().length_size);
         let rank = dims.len();
         match indexing {
+            // Layouts before version 4 name no kind of index: theirs is a B-tree of version 1.
             None => {
                 let leaves =
                     collect_btree_v1_leaves_storage(storage, address, offsets, lengths, Some(rank as u32), dims, None)?;
                 let entry = |(key, address): (BTreeV1Key, u64)| match key {
                     BTreeV1Key::RawData { chunk_size, filter_mask, mut offsets } => {
+                        // Its keys have one offset more, that within an element.
                         offsets.truncate(rank);
                         Ok(ChunkEntry { address, size: u64::from(chunk_size), filter_mask, offsets })
                     }
@@ -317,6 +324,7 @@ impl Finder<'_> {
             }
             let plain = chunks.pipeline.is_plain(entry.filter_mask);
             let size = if plain { bytes } else { entry.size };
+            // Some kinds of index state no size of plain chunks.
             if plain && entry.size != 0 && entry.size != bytes {
                 return Err(self.short(bytes, entry.size));
             }
@@ -324,6 +332,7 @@ impl Finder<'_> {
                 let message = format!("the chunk at row {} ends beyond the file", at(0));
                 return Err(Error::input_with(self.place, message, "the file is cut short: copy it again"));
             };
+            // Chunks are numbered in the table's order: a gap or a repeat shows once they are sorted.
             let index = at(0) / rows * across + at(1) / columns;
             places.push((index, ChunkLocation { offset, size, mask: entry.filter_mask }));
         }

@@ -35,12 +35,12 @@ impl Snapshot for TableSnapshot {
         &self.description
     }
 
-    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
-        let (Some(group), Some(found)) = (self.groups.get(species), self.description.species.get(species)) else {
-            return Err(Error::argument(format!("species {species} does not exist")));
+    fn reader(&self, kind: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
+        let (Some(group), Some(species)) = (self.groups.get(kind), self.description.species.get(kind)) else {
+            return Err(Error::argument(format!("species {kind} does not exist")));
         };
         let description = &self.description;
-        reader::reader(&GroupSource { parts: &self.parts, kind: species, group, species: found, description }, choice)
+        reader::reader(&GroupSource { parts: &self.parts, kind, group, species, description }, choice)
     }
 
     /// Velocities of OpenCosmo are comoving or not as lengths are, whatever the text of their unit.
@@ -70,14 +70,15 @@ pub fn open(
     let mut groups: Vec<String> = container.groups()?.into_iter().map(|g| g.0).collect();
     if header.is_some() {
         // Collections have the columns of each kind in a group `data` of its own.
-        let own =
+        let data_group =
             |group: &String| container.names_in(group).iter().any(|n| n == DATA).then(|| format!("{group}/{DATA}"));
-        groups = groups.iter().filter(|g| *g == DATA).cloned().chain(groups.iter().filter_map(own)).collect();
+        groups = groups.iter().filter(|g| *g == DATA).cloned().chain(groups.iter().filter_map(data_group)).collect();
     } else {
         groups.insert(0, TOP.into());
     }
     let mut notes = Vec::new();
     let mut tables = of_groups(container, &groups, choice.positions.as_deref())?;
+    // Groups further down are searched only where those at the top hold nothing: there may be thousands.
     if tables.is_empty() && everywhere {
         groups.extend(container.groups_below(MOST_GROUPS)?);
         tables = of_groups(container, &groups, choice.positions.as_deref())?;
@@ -86,17 +87,20 @@ pub fn open(
         }
     }
     let frames = keep_frame(&mut tables, path, choice.frame, &mut notes)?;
+    // `FilePart` counts the rows of so many species.
     tables.truncate(TYPES);
     if let Some(header) = &header {
         tables.iter_mut().for_each(|table| header.name(table));
     }
     let Some(first) = tables.first() else { return Ok(None) };
     let top = container.attributes(TOP)?;
+    // The box of whatever stands nearest to the positions holds.
     let owners = [&first.positions, &container.attributes(&first.group)?, &top, &container.attributes("Header")?];
     let cell = owners.iter().find_map(|a| BOXES.iter().find_map(|name| a.numbers(name)));
     let cell = cell.map(|lengths| cell_of(lengths, &container.place)).transpose()?.flatten();
     let simulation = Simulation { groups: &HeaderGroups::default(), cosmological: None, hubble: None };
-    let mut unit = |own, dimension| units::unit(own, &first.positions, &simulation, dimension, &mut notes).0;
+    let mut unit =
+        |attributes, dimension| units::unit(attributes, &first.positions, &simulation, dimension, &mut notes).0;
     let units = Units {
         length: unit(&first.positions, Dimension::Length),
         mass: unit(&first.masses, Dimension::Mass),
@@ -107,6 +111,7 @@ pub fn open(
     if let Some(header) = &header {
         header.complete(&mut meta, &mut notes);
     }
+    // Velocities of OpenCosmo's other conventions are comoving: times a they are peculiar.
     let velocity_power = header.as_ref().map(|h| if h.convention == "physical" { 0.0 } else { 1.0 });
     let mut rows = [0; TYPES];
     rows.iter_mut().zip(&tables).for_each(|(rows, table)| *rows = table.species.count);
@@ -144,15 +149,15 @@ fn of_groups(container: &Container, groups: &[String], chosen: Option<&str>) -> 
 
 /// The only array of three columns, by whatever name; an error where there are several.
 fn of_only_array(container: &Container, groups: &[String], notes: &mut Vec<String>) -> Result<Vec<ParticleTable>> {
-    let mut found = Vec::new();
+    let mut arrays = Vec::new();
     for group in groups {
         let sets = container.members(group)?.sets.into_iter();
-        found.extend(
+        arrays.extend(
             sets.filter(|s| s.number.is_some() && matches!(s.shape[..], [n, 3] if n > 0)).map(|s| (group, s.name)),
         );
     }
-    let names: Vec<&str> = found.iter().map(|f| &f.1[..]).take(8).collect();
-    match &found[..] {
+    let names: Vec<&str> = arrays.iter().map(|f| &f.1[..]).take(8).collect();
+    match &arrays[..] {
         [(group, name)] => {
             notes.push(format!("the positions are taken to be `{name}`, the only array of three columns"));
             Ok(table(container, group, Some(name))?.into_iter().collect())
@@ -177,7 +182,7 @@ fn moment(group: &str) -> Option<i64> {
     })
 }
 
-/// Where all groups are moments, keeps those of one.
+/// Keeps the groups of one moment, where all groups are moments.
 fn keep_frame(
     tables: &mut Vec<ParticleTable>,
     path: &Path,
@@ -222,13 +227,14 @@ fn table(container: &Container, group: &str, chosen: Option<&str>) -> Result<Opt
     };
     let positions = positions_named(&all).or_else(|| chosen.filter(is_there).map(String::from));
     let Some(positions) = positions else { return Ok(None) };
-    let of = |name: &str| sets.iter().find(|s| s.name == name);
-    let first = positions.split(',').next().and_then(|name| axis_of(&all, name)).and_then(of);
+    let set_named = |name: &str| sets.iter().find(|s| s.name == name);
+    let first = positions.split(',').next().and_then(|name| axis_of(&all, name)).and_then(set_named);
     let Some(count) = first.map(|s| s.shape[0]).filter(|&n| n > 0) else { return Ok(None) };
+    // Data sets of other lengths are not of these particles.
     let fields: Vec<SpeciesField> = sets.iter().filter(tabular).filter(|s| s.shape[0] == count).map(field).collect();
     let mass = mass_named(&fields);
     let attributes = |set: Option<&DataSet>| set.map(|s| s.attributes.clone()).unwrap_or_default();
-    let masses = attributes(mass.as_deref().and_then(of));
+    let masses = attributes(mass.as_deref().and_then(set_named));
     let name = if group == TOP { "particles".to_string() } else { group.to_string() };
     let mass = mass.map_or(SpeciesMass::Unknown, SpeciesMass::Field);
     let positions_of = attributes(first);
@@ -236,11 +242,11 @@ fn table(container: &Container, group: &str, chosen: Option<&str>) -> Result<Opt
     Ok(Some(ParticleTable { group: group.into(), species, positions: positions_of, masses }))
 }
 
-/// The group of columns in files of OpenCosmo, and that of what they are.
+/// The group of columns in files of OpenCosmo, and that of their metadata.
 const DATA: &str = "data";
 const HEADER: &str = "header";
 
-/// What a file of OpenCosmo says: <https://opencosmo.readthedocs.io>.
+/// Metadata of a file of OpenCosmo: <https://opencosmo.readthedocs.io>.
 struct OpenCosmoHeader {
     kind: String,
     is_lightcone: bool,
@@ -325,7 +331,7 @@ fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
     }
 }
 
-/// What an HDF5 file without particles that are read is, where that is known, and what converts it.
+/// Title of an HDF5 file without particles that are read, where it is known, and the command that converts it.
 pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
     let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
     if container.attributes(TOP).is_ok_and(|a| a.has("openPMD")) {

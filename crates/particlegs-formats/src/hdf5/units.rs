@@ -8,32 +8,32 @@ use particlegs_core::model::{Dimension, Si, Unit};
 /// Names that lengths get, the smallest first.
 const LENGTHS: [&str; 9] = ["cm", "m", "km", "Rsun", "AU", "pc", "kpc", "Mpc", "Gpc"];
 
-/// How far a file's number may be from a named unit's: codes differ in the digits they keep.
+/// Relative difference of a file's number from a named unit's, at most: codes differ in the digits they keep.
 const TOLERANCE: f64 = 1e-3;
 
-/// What a file says of the simulation as a whole.
+/// Metadata of the simulation as a whole.
 pub struct Simulation<'a> {
     pub groups: &'a HeaderGroups,
     pub cosmological: Option<bool>,
     pub hubble: Option<f64>,
 }
 
-/// The unit of a data set with attributes `own`, and whether it grows with the scale factor. What they do not say
-/// about h, those of the `positions` may.
+/// The unit of a data set with these attributes, and whether it grows with the scale factor. The power of h, where they
+/// do not state it, may be stated by those of the `positions`.
 pub fn unit(
-    own: &Attributes,
+    attributes: &Attributes,
     positions: &Attributes,
     simulation: &Simulation<'_>,
     dimension: Dimension,
     notes: &mut Vec<String>,
 ) -> (Option<Unit>, Option<bool>) {
     let &Simulation { groups, cosmological, hubble } = simulation;
-    let comoving = comoving(own, cosmological);
-    if let Some(text) = own.text(&["unit", "units", "Units"]).filter(|t| !t.starts_with("arepo_")) {
+    let comoving = comoving(attributes, cosmological);
+    if let Some(text) = attributes.text(&["unit", "units", "Units"]).filter(|t| !t.starts_with("arepo_")) {
         return (Some(Unit::parse(text, dimension)), comoving);
     }
-    let Some(size) = in_si(own, groups, dimension) else { return (None, comoving) };
-    let stated = h_power(own, groups).or_else(|| h_power(positions, groups));
+    let Some(size) = in_si(attributes, groups, dimension) else { return (None, comoving) };
+    let stated = h_power(attributes, groups).or_else(|| h_power(positions, groups));
     let Some(power) = stated.or_else(|| h_power_by_rule(cosmological, hubble, notes)) else { return (None, comoving) };
     // GIZMO writes its unit with h in it: 4.4e21 cm is kpc/h where h is 0.7.
     let without = hubble.filter(|_| power == 0.0 && name(size, dimension).1).map(|h| size * h);
@@ -51,9 +51,9 @@ pub fn unit(
     (Some(Unit { text, si: Some(Si { factor, a, h: power as f32 }) }), comoving)
 }
 
-fn comoving(own: &Attributes, cosmological: Option<bool>) -> Option<bool> {
+fn comoving(attributes: &Attributes, cosmological: Option<bool>) -> Option<bool> {
     // AREPO writes its power of a for isolated runs, too: what the run says comes first.
-    match (cosmological, a_power(own)) {
+    match (cosmological, a_power(attributes)) {
         (Some(false), _) => Some(false),
         (_, Some(power)) => Some(power != 0.0),
         (said, None) => said,
@@ -61,22 +61,22 @@ fn comoving(own: &Attributes, cosmological: Option<bool>) -> Option<bool> {
 }
 
 /// The power of the scale factor that a data set's attributes state.
-pub fn a_power(own: &Attributes) -> Option<f64> {
-    own.number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"])
+pub fn a_power(attributes: &Attributes) -> Option<f64> {
+    attributes.number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"])
 }
 
 /// A unit in metres or kilograms: files have it in centimetres or grams.
-fn in_si(own: &Attributes, groups: &HeaderGroups, dimension: Dimension) -> Option<f64> {
+fn in_si(attributes: &Attributes, groups: &HeaderGroups, dimension: Dimension) -> Option<f64> {
     let named: &[&str] = match dimension {
         Dimension::Length => &["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"],
         Dimension::Mass => &["UnitMass_in_g", "UnitMass_In_CGS", "Unit mass in cgs (U_M)"],
         Dimension::Time => &[],
     };
     let sound = |v: &f64| (1e-200..1e200).contains(v);
-    let own = own.number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS]).filter(sound);
+    let set_cgs = attributes.number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS]).filter(sound);
     let elsewhere =
         [&groups.header, &groups.parameters, &groups.units].into_iter().find_map(|a| a.number(named).filter(sound));
-    own.or(elsewhere).map(|cgs| cgs / per_si(dimension))
+    set_cgs.or(elsewhere).map(|cgs| cgs / per_si(dimension))
 }
 
 /// The unit of velocity in cm/s: stated, or that of length over that of time.
@@ -105,10 +105,10 @@ pub fn time_unit(groups: &HeaderGroups) -> Option<Unit> {
     Some(Unit::parse(&format!("{seconds:e} s"), Dimension::Time))
 }
 
-fn h_power(own: &Attributes, groups: &HeaderGroups) -> Option<f64> {
-    let stated = own.number(&["h_scaling", "h-scale-exponent", "h-scale exponent"]);
+fn h_power(attributes: &Attributes, groups: &HeaderGroups) -> Option<f64> {
+    let stated = attributes.number(&["h_scaling", "h-scale-exponent", "h-scale exponent"]);
     // Paicos keeps units as formulas: `arepo_length small_a / small_h`.
-    let formula = own.text(&["unit"]).filter(|t| t.starts_with("arepo_"));
+    let formula = attributes.text(&["unit"]).filter(|t| t.starts_with("arepo_"));
     let formula = formula.map(|t| if t.split('/').skip(1).any(|d| d.trim() == "small_h") { -1.0 } else { 0.0 });
     // SWIFT has no h in any unit; GIZMO's names in capitals are for units that contain it.
     let swift = groups.units.has("Unit length in cgs (U_L)");
@@ -160,35 +160,35 @@ fn number(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn of(
-        own: &[(&str, f64)],
+    fn unit_of(
+        numbers: &[(&str, f64)],
         parameters: &[(&str, f64)],
         run: (Option<bool>, Option<f64>),
     ) -> (Option<Unit>, Option<bool>) {
         let groups = HeaderGroups { parameters: Attributes::from_numbers(parameters), ..HeaderGroups::default() };
         let simulation = Simulation { groups: &groups, cosmological: run.0, hubble: run.1 };
-        let own = Attributes::from_numbers(own);
-        unit(&own, &Attributes::default(), &simulation, Dimension::Length, &mut Vec::new())
+        let attributes = Attributes::from_numbers(numbers);
+        unit(&attributes, &Attributes::default(), &simulation, Dimension::Length, &mut Vec::new())
     }
 
-    fn text(found: (Option<Unit>, Option<bool>)) -> Option<String> {
-        found.0.map(|u| u.text)
+    fn text(unit_and_comoving: (Option<Unit>, Option<bool>)) -> Option<String> {
+        unit_and_comoving.0.map(|u| u.text)
     }
 
     #[test]
     fn units_are_named_as_the_file_says() {
         let kpc = [("UnitLength_in_cm", 3.085678e21)];
         let run = (Some(true), Some(0.7));
-        let scaled = of(&[("a_scaling", 1.0), ("h_scaling", -1.0), ("to_cgs", 3.085678e21)], &[], run);
+        let scaled = unit_of(&[("a_scaling", 1.0), ("h_scaling", -1.0), ("to_cgs", 3.085678e21)], &[], run);
         let si = Some(Si { factor: 3.085678e19, a: 1.0, h: -1.0 });
         assert_eq!(scaled, (Some(Unit { text: "kpc/h".into(), si }), Some(true)));
         let still = (Some(false), Some(1.0));
-        let plain = of(&[("a_scaling", 0.0), ("h_scaling", 0.0), ("to_cgs", 3.085678e24)], &[], still);
+        let plain = unit_of(&[("a_scaling", 0.0), ("h_scaling", 0.0), ("to_cgs", 3.085678e24)], &[], still);
         assert_eq!((text(plain.clone()).as_deref(), plain.1), (Some("Mpc"), Some(false)));
-        assert_eq!(text(of(&[], &kpc, run)).as_deref(), Some("kpc/h"));
-        assert_eq!(text(of(&[], &kpc, still)).as_deref(), Some("kpc"));
-        assert_eq!(of(&[], &kpc, (Some(false), Some(0.7))).0, None);
-        assert_eq!(of(&[], &[], run), (None, Some(true)));
+        assert_eq!(text(unit_of(&[], &kpc, run)).as_deref(), Some("kpc/h"));
+        assert_eq!(text(unit_of(&[], &kpc, still)).as_deref(), Some("kpc"));
+        assert_eq!(unit_of(&[], &kpc, (Some(false), Some(0.7))).0, None);
+        assert_eq!(unit_of(&[], &[], run), (None, Some(true)));
         let length = |cm: f64| name(cm / 1e2, Dimension::Length);
         let mass = |grams: f64| name(grams / 1e3, Dimension::Mass).0;
         assert_eq!(length(1.496e13).0, "AU");
@@ -199,7 +199,7 @@ mod tests {
             let si = Unit::parse(text, Dimension::Length).si.unwrap();
             assert_eq!(name(si.factor, Dimension::Length).0, text);
         }
-        let gizmo = |cm, h| of(&[], &[("UnitLength_In_CGS", cm)], (Some(true), Some(h))).0.unwrap();
+        let gizmo = |cm, h| unit_of(&[], &[("UnitLength_In_CGS", cm)], (Some(true), Some(h))).0.unwrap();
         let per_h = gizmo(3.085678e21 / 0.7, 0.7);
         assert_eq!((&per_h.text[..], per_h.si.map(|si| (si.a, si.h))), ("kpc/h", Some((1.0, -1.0))));
         assert_eq!(gizmo(3.085678e21, 0.7).text, "kpc");

@@ -52,7 +52,7 @@ fn rewritten(bytes: &[u8]) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// Is it what a virtual data set's layout was rewritten as?
+/// Whether it is a virtual data set's layout as rewritten here.
 pub fn is_virtual(layout: &DataLayout) -> bool {
     matches!(layout, DataLayout::Chunked { dims, .. } if dims.is_empty())
 }

@@ -37,17 +37,18 @@ impl VirtualSource {
     }
 }
 
-/// Where the rows of a virtual data set lie, in order and without gaps; `None` for one that is not virtual.
+/// The extents of a virtual data set's rows, in order and without gaps; `None` for one that is not virtual.
 pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Option<Vec<VirtualExtent>>> {
     let place = format!("{}: {group}/{}", container.place, set.name);
     let file = &container.file;
     let (_, data) = container.set(group, &set.name)?;
     let header = file.get_or_parse_header(data.address()).map_err(|e| broken(&place, &e))?;
-    let found = header.messages.iter().find_map(|message| match message {
+    let layout = header.messages.iter().find_map(|message| match message {
         HdfMessage::DataLayout(l) if is_virtual(&l.layout) => Some(&l.layout),
         _ => None,
     });
-    let Some(DataLayout::Chunked { address, .. }) = found else { return Ok(None) };
+    let Some(DataLayout::Chunked { address, .. }) = layout else { return Ok(None) };
+    // The rewritten layout's address is that of the heap and, in the last 16 bits, the number of its object.
     let list = list(container, address >> 16, (address & 0xffff) as u16).map_err(|e| broken(&place, &e))?;
     let Some(list) = list else {
         return Err(Error::input(&place, "damaged HDF5 file: no list of sources"));
@@ -60,6 +61,7 @@ pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Opti
     if extents.iter().any(|e| e.rows.end > rows) {
         return Err(Error::input_with(&place, "the sources of this virtual data set have more rows than it has", COPY));
     }
+    // The empty range at the end shows rows that no source provides behind the last one.
     for next in extents.iter().map(|e| e.rows.clone()).chain(std::iter::once(rows..rows)) {
         if next.start != end {
             let message = match next.start < end {
@@ -73,7 +75,7 @@ pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Opti
     Ok(Some(extents))
 }
 
-/// What helps where a virtual data set is of a kind that is not read.
+/// The hint where a virtual data set is of a kind that is not read.
 const COPY: &str = "copy it with h5py: `new[name] = old[name][:]`, or name its source files";
 
 /// An object of a global heap.
@@ -81,6 +83,7 @@ fn list(container: &Container, address: u64, index: u16) -> Hdf5Result<Option<Ve
     let (storage, block) = (container.file.storage(), container.file.superblock());
     let lengths = usize::from(block.length_size);
     let start = storage.read_range(address, 8 + lengths)?;
+    // The heap's own size is looked at before the heap is read whole.
     if Cursor::new(&start[8..]).read_length(block.length_size)? > MAX_LIST {
         return Ok(None);
     }
@@ -116,20 +119,21 @@ impl Entries<'_> {
         for _ in 0..count {
             let source = self.source(cursor, version, &sources)?;
             sources.push(source.clone());
-            let there = match selection(cursor).map_err(failed)? {
+            // The selection in the source stands before that in the virtual data set.
+            let source_block = match selection(cursor).map_err(failed)? {
                 ElementSelection::None => Some([0..0, 0..0]),
                 ElementSelection::All => None,
-                ElementSelection::Other(what) => return Err(self.refused(what)),
+                ElementSelection::Other(message) => return Err(self.refused(message)),
                 ElementSelection::Block(axes) => Some(self.table(axes)?),
             };
             let rows = match selection(cursor).map_err(failed)? {
                 ElementSelection::None => 0..0,
                 ElementSelection::All => 0..self.set.shape.first().copied().unwrap_or(0),
-                ElementSelection::Other(what) => return Err(self.refused(what)),
+                ElementSelection::Other(message) => return Err(self.refused(message)),
                 ElementSelection::Block(axes) => self.rows(axes)?,
             };
             if !rows.is_empty() {
-                extents.push(VirtualExtent { rows, source, there });
+                extents.push(VirtualExtent { rows, source, there: source_block });
             }
         }
         Ok(extents)
@@ -158,8 +162,8 @@ impl Entries<'_> {
         Ok(VirtualSource { file, set })
     }
 
-    fn refused(&self, what: &str) -> Error {
-        Error::input_with(self.place, format!("unsupported virtual data set: {what}"), COPY)
+    fn refused(&self, message: &str) -> Error {
+        Error::input_with(self.place, format!("unsupported virtual data set: {message}"), COPY)
     }
 
     /// A block of a table: rows, and numbers of a row.
@@ -212,6 +216,7 @@ impl Entries<'_> {
 fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
     const SEVERAL: ElementSelection = ElementSelection::Other("one source provides rows in several places");
     let (kind, version) = (cursor.read_u32_le()?, cursor.read_u32_le()?);
+    // HDF5's kinds: 0 is nothing, 1 single elements, 2 blocks (hyperslabs), 3 all.
     if kind != 2 {
         cursor.skip(8)?;
         return Ok(match kind {
@@ -220,6 +225,7 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
             _ => ElementSelection::Other("single elements are selected"),
         });
     }
+    // Version 1 lists corners of 32 bits; later ones may state start, stride, count and block instead.
     let (regular, width) = match version {
         1 => {
             cursor.skip(8)?;
@@ -243,6 +249,7 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
         return Ok(SEVERAL);
     }
     let mut axes = Vec::new();
+    // First corners, then last ones, which belong to the block.
     if !regular {
         let ends: Vec<u64> = (0..2 * rank).map(|_| cursor.read_uvar(width)).collect::<Hdf5Result<_>>()?;
         let (first, last) = ends.split_at(rank as usize);
@@ -252,6 +259,7 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
     if !matches!(width, 2 | 4 | 8) {
         return Ok(ElementSelection::Other("its list has a newer HDF5 version"));
     }
+    // Unlimited sizes have all bits of the number's width set.
     let unlimited = u64::MAX >> (64 - 8 * width);
     for _ in 0..rank {
         let [start, stride, count, block] = [(); 4].map(|()| cursor.read_uvar(width));
@@ -259,6 +267,7 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
         if count == unlimited || block == unlimited {
             return Ok(ElementSelection::Other("it grows with its sources (unlimited size)"));
         }
+        // Blocks that touch are one.
         if count != 1 && stride != block {
             return Ok(SEVERAL);
         }

@@ -16,24 +16,24 @@ use std::path::Path;
 const ORDER: [usize; 6] = [1, 2, 3, 4, 5, 0];
 
 /// Writes what is kept as a snapshot; tells its bytes. The file appears whole or not at all.
-pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
-    let layers = kept.layers();
+pub fn write(particles: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
+    let layers = particles.layers();
     let types = types(&layers, out)?;
-    let fields = fields(kept);
-    let plan = encode::plan(&groups(kept, &layers, &types, &fields, out)?);
+    let fields = fields(particles);
+    let plan = encode::plan(&groups(particles, &layers, &types, &fields, out)?);
     let file = PlacedFile::create(out, plan.length)?;
     file.write_at(&plan.metadata, 0)?;
-    context.begin("writing", kept.total());
+    context.begin("writing", particles.total());
     let scratch = parallel::Scratch::<Vec<u8>>::default();
-    kept.for_each_run(context, &|id, run| {
-        let index = kept.layer_of(id);
+    particles.for_each_run(context, &|id, run| {
+        let index = particles.layer_of(id);
         let count = run.columns[0].len() as u64;
         // A run that keeps nothing may belong to a layer that keeps nothing, which has no group.
         if let Some(layer) = layers.get(index).filter(|_| count > 0) {
-            let row = kept.first(id) - layer.content.start;
-            let own = fields.get(index).map_or(&[][..], |f| f);
-            let sets = LayerDataSets { file: &file, mass: layer.mass, fields: own, data: &plan.data[FIRST + index] };
-            scratch.with(|bytes| sets.write_run(row, (run, kept), bytes))?;
+            let row = particles.first(id) - layer.content.start;
+            let fields = fields.get(index).map_or(&[][..], |f| f);
+            let sets = LayerDataSets { file: &file, mass: layer.mass, fields, data: &plan.data[FIRST + index] };
+            scratch.with(|bytes| sets.write_run(row, (run, particles), bytes))?;
         }
         context.advance(count);
         Ok(())
@@ -50,16 +50,16 @@ struct LayerDataSets<'a> {
     file: &'a PlacedFile,
     mass: Mass,
     fields: &'a [OutField],
-    /// Where they begin: positions, masses where they are weights, fields.
+    /// First bytes of the data sets: positions, masses where they are weights, fields.
     data: &'a [u64],
 }
 
 impl LayerDataSets<'_> {
-    fn write_run(&self, row: u64, (run, kept): (&Run, &SelectedParticles<'_>), bytes: &mut Vec<u8>) -> Result<()> {
+    fn write_run(&self, row: u64, (run, particles): (&Run, &SelectedParticles<'_>), bytes: &mut Vec<u8>) -> Result<()> {
         let [x, y, z, w] = &run.columns;
         bytes.clear();
-        match kept.is_wide() {
-            true => bytes.extend((0..x.len()).flat_map(|i| run.wide(kept.origin(), i)).flat_map(f64::to_le_bytes)),
+        match particles.is_wide() {
+            true => bytes.extend((0..x.len()).flat_map(|i| run.wide(particles.origin(), i)).flat_map(f64::to_le_bytes)),
             false => bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes)),
         }
         let mut places = self.data.iter();
@@ -67,7 +67,7 @@ impl LayerDataSets<'_> {
             Some(place) => self.file.write_at(bytes, place + width * row),
             None => Ok(()),
         };
-        put(bytes, if kept.is_wide() { 24 } else { 12 })?;
+        put(bytes, if particles.is_wide() { 24 } else { 12 })?;
         if has_weights(self.mass, self.fields) {
             let unit = self.mass.unit_or_one();
             bytes.clear();
@@ -83,7 +83,7 @@ impl LayerDataSets<'_> {
     }
 }
 
-/// Are masses written from weights? Not where they are a field, which keeps its own type.
+/// Whether masses are written from weights: not where they are a field, which keeps its own type.
 fn has_weights(mass: Mass, fields: &[OutField]) -> bool {
     mass.is_weighted() && !fields.iter().any(|f| f.name == MASSES)
 }
@@ -91,7 +91,7 @@ fn has_weights(mass: Mass, fields: &[OutField]) -> bool {
 const MASSES: &str = "Masses";
 const IDS: &str = "ParticleIDs";
 
-/// What Gadget calls fields, and what others do.
+/// Gadget's names of fields, and those of others.
 const STANDARD: [StandardField; 9] = [
     (IDS, 1, &["ID", "id", "ids", "ParticleID", "particle_id", "pid"]),
     (VELOCITIES, 3, &["VEL", "Velocity", "velocities", "velocity", "velo", "vel", "v"]),
@@ -104,12 +104,12 @@ const STANDARD: [StandardField; 9] = [
     ("TimeStep", 1, &["TSTP"]),
 ];
 
-pub fn fields(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
+pub fn fields(particles: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let named = |field: &OutField| {
         !field.name.is_empty() && field.name.len() <= 200 && !field.name.contains('/') && field.name != "."
     };
-    let meta = kept.meta();
-    let of = |fields: &&[SourceField]| {
+    let meta = particles.meta();
+    let outputs_of = |fields: &&[SourceField]| {
         let mut all = outputs(fields, &STANDARD, &["Coordinates"]);
         all.retain(named);
         all.retain_mut(|field| match field.name == VELOCITIES || field.name == ENERGY {
@@ -118,13 +118,13 @@ pub fn fields(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
         });
         all
     };
-    kept.fields().iter().map(of).collect()
+    particles.fields().iter().map(outputs_of).collect()
 }
 
 const VELOCITIES: &str = "Velocities";
 const ENERGY: &str = "InternalEnergy";
 
-/// Is the file that of a cosmological run? What it holds may be physical: then a length's unit says so.
+/// Whether the file is that of a cosmological run. Its lengths may be physical: then their unit says so.
 fn is_cosmological(meta: &SnapshotMeta) -> bool {
     meta.epoch.scale_factor.is_some() && (meta.units.comoving != Some(false) || meta.units.length.is_some())
 }
@@ -159,12 +159,12 @@ fn make_gadgets(field: &mut OutField, meta: &SnapshotMeta) -> bool {
 /// The type of each layer: `PartTypeN` keeps its number, as do gas, dm and others of those names; the rest get free ones in
 /// order.
 fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
-    let own = |l: &Layer<Range<u64>>| {
+    let type_of = |l: &Layer<Range<u64>>| {
         let name = l.name.to_lowercase();
         let number = |t: &usize| name.strip_prefix("parttype") == Some(&t.to_string());
         ORDER.into_iter().find(|t| number(t) || species_aliases(*t)[1..].contains(&name))
     };
-    let mut types: Vec<Option<usize>> = layers.iter().map(own).collect();
+    let mut types: Vec<Option<usize>> = layers.iter().map(type_of).collect();
     for i in 0..types.len() {
         if types[i].is_none() || types[..i].contains(&types[i]) {
             types[i] = ORDER.into_iter().find(|t| !types.contains(&Some(*t)));
@@ -178,31 +178,31 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
 }
 
 fn groups(
-    kept: &SelectedParticles<'_>,
+    particles: &SelectedParticles<'_>,
     layers: &[Layer<Range<u64>>],
     types: &[usize],
     fields: &[Vec<OutField>],
     out: &Path,
 ) -> Result<Vec<OutGroup>> {
-    let meta = kept.meta();
+    let meta = particles.meta();
     let (length, mass) = (&meta.units.length, &meta.units.mass);
     let group = |name: &str, attributes| OutGroup { name: name.into(), attributes, sets: Vec::new() };
     let mut groups =
         vec![group("Header", header(meta, layers, types, out)?), group("Parameters", parameters(meta, fields))];
     for (index, (layer, kind)) in layers.iter().zip(types).enumerate() {
-        let own = fields.get(index).map_or(&[][..], |f| f);
+        let layer_fields = fields.get(index).map_or(&[][..], |f| f);
         let rows = layer.content.end - layer.content.start;
         let comoving = meta.units.comoving.map(|c| if c { 1.0 } else { 0.0 });
         let set = |name: &str, number, columns, attributes| {
             let (name, source) = (name.into(), Vec::new());
             OutDataSet { name, number, rows, columns, attributes, source, hollow: false }
         };
-        let number = if kept.is_wide() { Number::F64 } else { Number::F32 };
+        let number = if particles.is_wide() { Number::F64 } else { Number::F32 };
         let mut sets = vec![set("Coordinates", number, 3, scaling(length, comoving, Dimension::Length))];
-        if has_weights(layer.mass, own) {
+        if has_weights(layer.mass, layer_fields) {
             sets.push(set(MASSES, Number::F32, 1, scaling(mass, Some(0.0), Dimension::Mass)));
         }
-        for field in own {
+        for field in layer_fields {
             let attributes = match (&field.unit, field.name == MASSES) {
                 (_, true) => scaling(mass, Some(0.0), Dimension::Mass),
                 (Some(unit), _) => vec![("unit", OutValue::Text(unit.chars().take(200).collect()))],
@@ -213,7 +213,7 @@ fn groups(
             let columns = field.columns.len() as u64;
             sets.push(OutDataSet { source, ..set(&field.name, field.number, columns, attributes) });
         }
-        if own.iter().all(|f| f.name != IDS) {
+        if layer_fields.iter().all(|f| f.name != IDS) {
             // pynbody counts particles by their IDs. There are none here, and none are made up.
             let why = OutValue::Text("not known: nothing is stored, and 0 is read".into());
             sets.push(OutDataSet { hollow: true, ..set(IDS, Number::U64, 1, vec![("Description", why)]) });

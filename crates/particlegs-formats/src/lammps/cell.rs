@@ -8,7 +8,7 @@ use particlegs_core::space::Cell;
 pub struct LammpsBox {
     pub origin: [f64; 3],
     pub vectors: [[f64; 3]; 3],
-    /// Which of them repeat.
+    /// Whether each of them repeats.
     pub periodic: [bool; 3],
     pub notes: Vec<String>,
 }

@@ -88,7 +88,7 @@ struct LammpsData {
 }
 
 impl LammpsData {
-    /// What the first line of LAMMPS's own files says: `..., timestep = 100, units = metal`.
+    /// Takes step and units from the first line of LAMMPS's own files: `..., timestep = 100, units = metal`.
     fn title(&mut self, line: &[u8]) {
         let text = String::from_utf8_lossy(line);
         let behind = |name: &str| {
@@ -110,8 +110,8 @@ impl LammpsData {
                 self.atoms = count.ok_or_else(|| format!("{} is not a number of atoms", shown(n)))?;
             }
             [_, _, low, _] if axis(low).is_some() => {
-                let found = numbers(2)?;
-                self.sides[axis(low).unwrap_or(0)] = [found[0], found[1]];
+                let ends = numbers(2)?;
+                self.sides[axis(low).unwrap_or(0)] = [ends[0], ends[1]];
             }
             [_, _, _, b"xy", b"xz", b"yz"] => self.tilts = three(numbers(3)?),
             [_, _, _, b"avec"] => self.general[0] = Some(three(numbers(3)?)),
@@ -177,13 +177,14 @@ impl LammpsData {
                 Charge => self.charge.push(real(word)?),
                 Type => {
                     let name = String::from_utf8_lossy(word);
+                    // Successive rows are mostly of one type: comparing with the last one saves a search.
                     let last = self.kind.last().copied().filter(|&k| self.types[k as usize] == name);
-                    let found = last.or_else(|| self.types.iter().position(|t| *t == name).map(|k| k as u32));
-                    self.kind.push(found.unwrap_or(self.types.len() as u32));
+                    let index = last.or_else(|| self.types.iter().position(|t| *t == name).map(|k| k as u32));
+                    self.kind.push(index.unwrap_or(self.types.len() as u32));
                     // More than can be told apart are one species.
-                    if found.is_none() && self.types.len() <= MOST_SPECIES {
+                    if index.is_none() && self.types.len() <= MOST_SPECIES {
                         self.types.push(name.into_owned());
-                    } else if found.is_none() {
+                    } else if index.is_none() {
                         *self.kind.last_mut().ok_or("no atom")? = 0;
                     }
                 }
@@ -216,14 +217,15 @@ impl LammpsData {
         if self.velocities.is_empty() {
             return Ok(None);
         }
+        // LAMMPS writes velocities in the order of the atoms: no map of the numbers is needed then.
         let in_order =
             self.velocities.len() == self.id.len() && self.velocities.iter().zip(&self.id).all(|(v, id)| v.0 == *id);
         if in_order {
             return Ok(Some(self.velocities.iter().flat_map(|v| v.1).collect()));
         }
-        let of: HashMap<i64, [f64; 3]> = self.velocities.iter().copied().collect();
-        let own = |id: &i64| of.get(id).copied().ok_or_else(|| format!("atom {id} has no velocity"));
-        Ok(Some(self.id.iter().map(own).collect::<TextResult<Vec<_>>>()?.concat()))
+        let velocity_by_id: HashMap<i64, [f64; 3]> = self.velocities.iter().copied().collect();
+        let velocity = |id: &i64| velocity_by_id.get(id).copied().ok_or_else(|| format!("atom {id} has no velocity"));
+        Ok(Some(self.id.iter().map(velocity).collect::<TextResult<Vec<_>>>()?.concat()))
     }
 }
 
@@ -241,6 +243,7 @@ enum DataSection {
 fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
     let mut data = LammpsData::default();
     let mut lines = LineReader::open(content, TextPosition::START, None)?;
+    // LAMMPS skips the first line whatever it holds; its own writer states step and units there.
     if let Some(title) = lines.line()? {
         data.title(title);
     }
@@ -263,6 +266,7 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
                 [b"Atom", b"Type", b"Labels"] => DataSection::Labels,
                 [b"Atoms"] => DataSection::Atoms,
                 [b"Velocities"] => DataSection::Velocities,
+                // Sections that are not read end the one before: their rows would count as its own.
                 _ => DataSection::Skipped,
             };
             if section == DataSection::Atoms {
@@ -271,7 +275,7 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
             continue;
         }
         let text = |word: &[u8]| String::from_utf8_lossy(word).into_owned();
-        let found = match (section, &words[..]) {
+        let outcome = match (section, &words[..]) {
             (DataSection::Header, words) => data.header(words),
             (DataSection::Masses, [kind, mass, ..]) if data.masses.len() <= MOST_SPECIES => {
                 header_number(mass).map(|mass| {
@@ -283,9 +287,11 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
                 Ok(())
             }
             (DataSection::Atoms, row) => {
+                // By the rows that came: the header's count may be damaged.
                 if data.id.len().is_multiple_of(STEP) {
                     memory::require("the atoms of this file", ATOM * (data.id.len() + STEP) as u64)?;
                 }
+                // The first row tells the style where the section does not state it; it holds for all rows.
                 let style = match data.style {
                     Some(style) => Ok(style),
                     None => data.style(&stated, row),
@@ -298,7 +304,7 @@ fn read(path: &Path, content: &TextContent) -> Result<LammpsData> {
             (DataSection::Velocities, row) => data.velocity(row),
             _ => Ok(()),
         };
-        found.map_err(|what| Error::input(path, format!("line {at}: {what}")))?;
+        outcome.map_err(|message| Error::input(path, format!("line {at}: {message}")))?;
     }
     if data.id.len() as u64 != data.atoms {
         let message = format!("the header states {} atoms, but the section `Atoms` has {}", data.atoms, data.id.len());
@@ -312,7 +318,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let content = TextContent::open(path)?;
     let mut data = read(path, &content)?;
     let mut notes = std::mem::take(&mut data.notes);
-    let cell = data.cell().map_err(|what| Error::input(path, what))?;
+    let cell = data.cell().map_err(|message| Error::input(path, message))?;
     // The boundary is not in the file; LAMMPS's own default repeats all sides.
     let cell = LammpsBox { periodic: [true; 3], ..cell }.cell();
     notes.push("the file does not say which sides are periodic: assuming all, as LAMMPS does".into());
@@ -320,13 +326,14 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let mut buffer = FieldBuffer::default();
     buffer.add("pos", 3, length, &data.position);
     buffer.add_whole("id", &data.id);
+    // Columns that the style lacks are empty.
     if data.molecule.len() == data.id.len() {
         buffer.add_whole("mol", &data.molecule);
     }
     if data.charge.len() == data.id.len() {
         buffer.add("q", 1, None, &data.charge);
     }
-    if let Some(velocity) = data.sorted_velocities().map_err(|what| Error::input(path, what))? {
+    if let Some(velocity) = data.sorted_velocities().map_err(|message| Error::input(path, message))? {
         buffer.add("velocity", 3, None, &velocity);
     }
     let (bytes, fields) = buffer.finish();
@@ -338,6 +345,7 @@ fn open(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
         _ if choice.by_atoms() => vec![all],
         _ => all.by_type(&data.kind, &names),
     };
+    // Masses are stated by type: a species of all atoms gets none.
     for one in &mut species {
         let number = names.iter().position(|n| n.0 == one.name).map(|k| &data.types[k]);
         one.mass = number.and_then(|n| data.mass(n)).map_or(SpeciesMass::Unknown, SpeciesMass::Each);
@@ -380,7 +388,7 @@ pub fn topology(path: &Path, sorted: bool) -> Result<Topology> {
     Ok(topology)
 }
 
-/// What a type is called, and its other names: its number, and the label that the file has for it.
+/// The name of a type, and its other names: its number, and the label that the file has for it.
 fn type_names(name: &str, labels: &HashMap<String, String>) -> (String, Vec<String>) {
     let label = labels.get(name).map(|label| label.to_lowercase());
     let aliases = [format!("type{name}"), name.to_string()].into_iter().map(|a| a.to_lowercase()).chain(label);

@@ -12,7 +12,7 @@ use particlegs_core::{Error, Result};
 /// Most columns that an atom may have.
 const MOST_COLUMNS: usize = 1 << 10;
 
-/// What stands before a frame's atoms.
+/// A frame's content before its atoms.
 #[derive(Default)]
 pub struct LammpsFrameHead {
     step: Option<i64>,
@@ -29,7 +29,7 @@ impl LammpsFrameHead {
         find("type").or_else(|| find("element"))
     }
 
-    /// What a species is called, before its number or symbol.
+    /// The noun before a species' number or symbol.
     pub fn noun(&self) -> &'static str {
         if self.columns.iter().any(|c| c == "type") { "type " } else { "" }
     }
@@ -55,22 +55,22 @@ pub fn next<'c>(
     };
     let mut builder = TableBuilder::new(content, layout, head.key(), start);
     let count = head.count.unwrap_or(0);
-    let (mut found, mut left) = (0, count);
+    let (mut atom_lines, mut left) = (0, count);
     while left > 0 {
         let mut comments = 0;
         let passed = lines.pass(left, |place, block| {
-            let own = comments_in(block);
-            comments += own;
-            if own > 0 {
+            let block_comments = comments_in(block);
+            comments += block_comments;
+            if block_comments > 0 {
                 builder.has_comments(COMMENT);
             }
             if wanted { builder.add(place, block) } else { Ok(()) }
         })?;
-        found += passed - comments;
+        atom_lines += passed - comments;
         left = if passed < left { 0 } else { comments };
     }
-    if found < count {
-        let message = format!("frame {number} is cut off: it states {count} atoms, but only {found} lines follow");
+    if atom_lines < count {
+        let message = format!("frame {number} is cut off: it states {count} atoms, but only {atom_lines} lines follow");
         return Err(Error::input(content.path(), message));
     }
     let end = lines.place();
@@ -120,10 +120,10 @@ struct Sections<'a, 'c> {
 }
 
 impl Sections<'_, '_> {
-    fn error(&self, what: impl std::fmt::Display) -> Error {
+    fn error(&self, message: impl std::fmt::Display) -> Error {
         // The line that was read last.
         let line = self.lines.place().line.saturating_sub(1);
-        Error::input(self.content.path(), format!("frame {}, line {line}: {what}", self.number))
+        Error::input(self.content.path(), format!("frame {}, line {line}: {message}", self.number))
     }
 
     fn line(&mut self) -> Result<Vec<u8>> {
@@ -158,7 +158,7 @@ impl Sections<'_, '_> {
                 ["ITEM:", "BOX", "BOUNDS", words @ ..] => {
                     let rows = [self.line()?, self.line()?, self.line()?];
                     head.cell =
-                        LammpsBox::new(words, &rows).map_err(|what| self.error(format!("BOX BOUNDS: {what}")))?;
+                        LammpsBox::new(words, &rows).map_err(|message| self.error(format!("BOX BOUNDS: {message}")))?;
                     has_box = true;
                 }
                 ["ITEM:", "ATOMS", names @ ..] => {
@@ -200,6 +200,6 @@ impl Sections<'_, '_> {
 
     fn time(&mut self) -> Result<f64> {
         let line = self.line()?;
-        crate::text::snapshot::header_number(line.trim_ascii()).map_err(|what| self.error(what))
+        crate::text::snapshot::header_number(line.trim_ascii()).map_err(|message| self.error(message))
     }
 }

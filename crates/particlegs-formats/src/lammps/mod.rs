@@ -39,30 +39,30 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     };
     let content = TextContent::open(path)?;
     let mut units = None;
-    let found = scan(&content, options.frame, |lines, number, wanted| {
+    let scan = scan(&content, options.frame, |lines, number, wanted| {
         frame::next(&content, lines, &mut units, number, wanted)
     })?;
-    let mut notes = found.notes.clone();
-    notes.extend(found.head.cell.notes.clone());
-    let names = &found.table.layout.columns;
+    let mut notes = scan.notes.clone();
+    notes.extend(scan.head.cell.notes.clone());
+    let names = &scan.table.layout.columns;
     if names.iter().any(|n| n == "ix") && names.iter().any(|n| n == "x" || n == "xs") {
         notes.push("positions are inside the cell: image flags ix, iy, iz are not applied".into());
     }
-    let meta = meta(path, &found, units.as_deref(), &mut notes);
-    let columns = columns(&found.table.layout.columns, &kinds(&found.table), meta.units.length_text());
+    let meta = meta(path, &scan, units.as_deref(), &mut notes);
+    let columns = columns(&scan.table.layout.columns, &kinds(&scan.table), meta.units.length_text());
     let description =
-        Description { frames: Some(found.frames), notes, ..Description::new(content.title(FORMAT.title), paths, meta) };
-    let scaling = Scaling { origin: found.head.cell.origin, vectors: found.head.cell.vectors };
-    let noun = found.head.noun();
+        Description { frames: Some(scan.frames), notes, ..Description::new(content.title(FORMAT.title), paths, meta) };
+    let scaling = Scaling { origin: scan.head.cell.origin, vectors: scan.head.cell.vectors };
+    let noun = scan.head.noun();
     let positions = options.positions.as_ref().unwrap_or(&columns.positions);
     let unwrapped = positions.split(',').any(|name| UNWRAPPED.contains(&name.trim()));
-    let made = TextSnapshot::new(description, found.table, columns, "atoms", noun).with_scaled(SCALED, scaling);
-    Ok(Box::new(made.with_unwrapped(unwrapped, options)?))
+    let snapshot = TextSnapshot::new(description, scan.table, columns, "atoms", noun).with_scaled(SCALED, scaling);
+    Ok(Box::new(snapshot.with_unwrapped(unwrapped, options)?))
 }
 
 fn meta(
     path: &std::path::Path,
-    found: &FrameScan<LammpsFrameHead>,
+    scan: &FrameScan<LammpsFrameHead>,
     style: Option<&str>,
     notes: &mut Vec<String>,
 ) -> SnapshotMeta {
@@ -71,9 +71,9 @@ fn meta(
         notes.push(format!("unknown unit style `{style}`"));
     }
     SnapshotMeta {
-        cell: found.head.cell.cell(),
+        cell: scan.head.cell.cell(),
         units: Units { time: time.map(|text| Unit::parse(text, Dimension::Time)), ..Units::new(length, mass, None) },
-        epoch: Epoch { time: found.head.time, ..found.frames.epoch() },
+        epoch: Epoch { time: scan.head.time, ..scan.frames.epoch() },
         ..named(path)
     }
 }

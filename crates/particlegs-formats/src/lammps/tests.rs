@@ -58,10 +58,10 @@ fn comments_among_sections_and_atoms_are_passed_over() {
     let commented = format!("# by hand\n{}{atoms}", HEAD.replace("ITEM: BOX", "# the box\nITEM: BOX"));
     let got = all(&commented, &Choice::default()).unwrap();
     assert_eq!(got.iter().map(|g| g.positions.clone()).collect::<Vec<_>>(), [[[1.0, 2.0, 3.0]], [[4.0, 5.0, 6.0]]]);
-    let of = |path: &str, text: &str| {
+    let head_of = |path: &str, text: &str| {
         crate::format::FileHead::from_bytes(path.as_ref(), 9, text.as_bytes().to_vec()).unwrap()
     };
-    assert!((FORMAT.detect)(&of("a.dump", &commented)) && !(FORMAT.detect)(&of("a.txt", "# 1\n1 2 3\n")));
+    assert!((FORMAT.detect)(&head_of("a.dump", &commented)) && !(FORMAT.detect)(&head_of("a.txt", "# 1\n1 2 3\n")));
     // Without types, in several frames, and in a compressed file.
     let plain = format!("{HEAD}ITEM: ATOMS x y z\n1 2 3\n# c\n4 5 6\n#\n");
     let two = format!("{plain}{}", plain.replace("4 5 6", "7 8 9"));

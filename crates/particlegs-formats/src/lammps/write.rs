@@ -14,12 +14,12 @@ use std::path::Path;
 /// Runs formatted at once, at most: some MB of text each.
 const BATCH: usize = 8;
 
-/// Writes `kept` as one frame; bytes written. Numbers are the shortest text that gives the same bits
+/// Writes `particles` as one frame; gives the bytes written. Numbers are the shortest text that gives the same bits
 /// when it is read again. A particle's type is its layer's number, from 1; its mass stands in a
 /// column `mass` where all masses are known.
-pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
-    let frame = FrameOut::new(kept, context)?;
-    context.begin("writing", kept.total());
+pub fn write(particles: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
+    let frame = FrameOut::new(particles, context)?;
+    context.begin("writing", particles.total());
     let (mut bytes, mut failed) = (0, None);
     let done = output::write_atomic(out, |to| {
         let mut put = |text: &[u8]| {
@@ -47,19 +47,19 @@ struct FrameOut<'a> {
 }
 
 impl<'a> FrameOut<'a> {
-    fn new(kept: &'a SelectedParticles<'a>, context: &Context<'_>) -> Result<Self> {
-        let layers = kept.layers();
-        let fields = common(kept);
+    fn new(particles: &'a SelectedParticles<'a>, context: &Context<'_>) -> Result<Self> {
+        let layers = particles.layers();
+        let fields = common(particles);
         let known = !fields.iter().any(|f| f[0].name == "mass");
-        let known = known && (kept.weighted() || layers.iter().all(|l| l.mass.unit().is_some()));
+        let known = known && (particles.weighted() || layers.iter().all(|l| l.mass.unit().is_some()));
         // Beside layers with weights, the weights of others are their masses.
-        let unit = |mass: Mass| if kept.weighted() && !mass.is_weighted() { 1.0 } else { mass.unit_or_one() };
+        let unit = |mass: Mass| if particles.weighted() && !mass.is_weighted() { 1.0 } else { mass.unit_or_one() };
         let masses = known.then(|| layers.iter().map(|l| unit(l.mass)).collect());
-        let cell = match kept.meta().cell {
+        let cell = match particles.meta().cell {
             Some(cell) => cell,
-            None => bounds(kept, context)?,
+            None => bounds(particles, context)?,
         };
-        Ok(FrameOut { kept, cell, masses, fields })
+        Ok(FrameOut { kept: particles, cell, masses, fields })
     }
 
     fn header(&self) -> String {
@@ -157,15 +157,15 @@ impl<'a> FrameOut<'a> {
 }
 
 const OWN: [&str; 2] = ["id", "type"];
-/// What LAMMPS calls fields, and what others do.
+/// LAMMPS's names of fields, and those of others.
 const STANDARD: [StandardField; 2] = [
     ("id", 1, &["ParticleIDs", "ID", "ids", "ParticleID", "particle_id", "pid"]),
     ("mass", 1, &["Masses", "MASS", "Mass", "masses"]),
 ];
 const MOST_COLUMNS: usize = 1000;
 
-pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
-    let mut all = crate::fields::common(kept, &STANDARD, &["x", "y", "z"]);
+pub fn common(particles: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
+    let mut all = crate::fields::common(particles, &STANDARD, &["x", "y", "z"]);
     let is_whole = |f: &OutField| f.columns.len() == 1 && f.number.is_whole();
     all.retain(|f| !OWN.contains(&&f[0].name[..]) || is_whole(&f[0]));
     let mut columns = 0;
@@ -219,14 +219,14 @@ fn push_whole(mut value: u64, text: &mut Vec<u8>) {
 }
 
 /// The box around particles that have no cell; it repeats nowhere.
-fn bounds(kept: &SelectedParticles<'_>, context: &Context<'_>) -> Result<Cell> {
-    context.begin("finding the box", kept.total());
-    let ends = kept.map_runs(context, |id, run| {
-        kept.load(id, run)?;
+fn bounds(particles: &SelectedParticles<'_>, context: &Context<'_>) -> Result<Cell> {
+    context.begin("finding the box", particles.total());
+    let ends = particles.map_runs(context, |id, run| {
+        particles.load(id, run)?;
         context.advance(run.columns[0].len() as u64);
         Ok([0, 1, 2].map(|k| {
             let both = |(low, high): (f64, f64), v: f64| (low.min(v), high.max(v));
-            let all = (0..run.columns[0].len()).map(|i| run.wide(kept.origin(), i)[k]);
+            let all = (0..run.columns[0].len()).map(|i| run.wide(particles.origin(), i)[k]);
             all.fold((f64::INFINITY, f64::NEG_INFINITY), both)
         }))
     })?;
@@ -245,8 +245,8 @@ fn bounds(kept: &SelectedParticles<'_>, context: &Context<'_>) -> Result<Cell> {
 
 /// The style of units in which lengths and masses are what they are. Styles that share both are told
 /// apart by quantities that are not written.
-fn style_of(kept: &SelectedParticles<'_>) -> Option<&'static str> {
-    let meta = kept.meta();
+fn style_of(particles: &SelectedParticles<'_>) -> Option<&'static str> {
+    let meta = particles.meta();
     if meta.units.comoving == Some(true) {
         return None;
     }

@@ -1,4 +1,4 @@
-//! What an array's header says: types, order, shape, where the numbers begin.
+//! An array's header: types, order, shape, the first byte of the numbers.
 
 use super::literal::{Literal, parse};
 use crate::numbers::NumberType;
@@ -13,7 +13,7 @@ const MOST_FIELDS: usize = 4096;
 #[derive(Clone, Debug, PartialEq)]
 pub struct NpyHeader {
     pub element: NpyElement,
-    /// First index fastest?
+    /// Whether the first index runs fastest.
     pub fortran: bool,
     pub shape: Vec<u64>,
     pub data: u64,
@@ -236,15 +236,15 @@ mod tests {
 
     #[test]
     fn lies_are_refused() {
-        let of = |descr: &str, shape: &str| {
+        let header_of = |descr: &str, shape: &str| {
             header(&format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}"), 1)
         };
-        assert!(of("'<f4'", "(2, 3)").is_ok());
-        assert!(of("'|O'", "(2, 3)").unwrap_err().contains("pickle"));
-        assert!(of("'<f4'", "(18446744073709551615, 3)").unwrap_err().contains("larger"));
-        assert!(of("[('a', '<f4', (99999999999, 99999999999))]", "(2,)").is_err());
+        assert!(header_of("'<f4'", "(2, 3)").is_ok());
+        assert!(header_of("'|O'", "(2, 3)").unwrap_err().contains("pickle"));
+        assert!(header_of("'<f4'", "(18446744073709551615, 3)").unwrap_err().contains("larger"));
+        assert!(header_of("[('a', '<f4', (99999999999, 99999999999))]", "(2,)").is_err());
         for descr in ["'f4'", "'<'", "'<f'", "7", "[('a',)]", "'<x4'"] {
-            assert!(of(descr, "(2, 3)").is_err(), "{descr}");
+            assert!(header_of(descr, "(2, 3)").is_err(), "{descr}");
         }
         assert!(NpyHeader::read(&b"\x93NUMPY\x02\x00\xff\xff\xff\xff"[..]).unwrap_err().contains("too long"));
     }

@@ -26,7 +26,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
     let bytes = Bytes::from_filled_file(path)?;
-    let header = NpyHeader::read(&bytes[..]).map_err(|what| Error::input(path, what))?;
+    let header = NpyHeader::read(&bytes[..]).map_err(|message| Error::input(path, message))?;
     let length = bytes.len() as u64;
     if header.end() != Some(length) {
         let message = format!(

@@ -35,7 +35,7 @@ struct ArchiveArray {
 fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
-    let refuse = |what: String| Error::input(path, what);
+    let refuse = |message: String| Error::input(path, message);
     let mut notes = Vec::new();
     let (stored, arrays) = arrays(&Bytes::from_filled_file(path)?, &mut notes).map_err(refuse)?;
     let rows = rows(&place, &arrays)?;
@@ -56,8 +56,9 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     for array in &arrays {
         let name = array.name.to_ascii_lowercase();
         if CELLS.contains(&&name[..]) {
-            let values = small(array, &stored).map_err(|what| refuse(format!("member `{}`: {what}", array.name)))?;
-            meta.cell = cell(&values).map_err(|what| refuse(format!("member `{}`: {what}", array.name)))?;
+            let values =
+                small(array, &stored).map_err(|message| refuse(format!("member `{}`: {message}", array.name)))?;
+            meta.cell = cell(&values).map_err(|message| refuse(format!("member `{}`: {message}", array.name)))?;
         } else if species.mass == SpeciesMass::Unknown && ["mass", "masses"].contains(&&name[..]) {
             // One number: every particle's.
             if let Ok([mass]) = small(array, &stored).as_deref() {
@@ -92,7 +93,7 @@ fn arrays(bytes: &Bytes, notes: &mut Vec<String>) -> TextResult<(Vec<StoredBytes
                 arrays.push(ArchiveArray { name, stored: stored.len(), header });
                 stored.push(content);
             }
-            Err(what) => notes.push(format!("member `{}` is skipped: {what}", name.escape_debug())),
+            Err(message) => notes.push(format!("member `{}` is skipped: {message}", name.escape_debug())),
         }
     }
     if arrays.is_empty() {

@@ -5,15 +5,15 @@ use crate::numbers::Bytes;
 use crate::stored_bytes::{StoredBytes, StreamCoding};
 use rawzip::{CompressionMethod, ZipArchive, ZipFileHeaderRecord, ZipSliceArchive};
 
-/// How a ZIP archive begins, unless it is empty.
+/// First bytes of a ZIP archive, unless it is empty.
 pub const MAGIC: &[u8; 4] = b"PK\x03\x04";
-/// How an empty one begins.
+/// First bytes of an empty one.
 pub const MAGIC_EMPTY: &[u8; 4] = b"PK\x05\x06";
 const MOST_MEMBERS: u64 = 1 << 14;
 
 pub struct ZipMember {
     pub name: String,
-    /// What it holds; `Err` says why it cannot be read.
+    /// Its content; `Err` says why it cannot be read.
     pub content: TextResult<StoredBytes>,
 }
 
@@ -65,8 +65,8 @@ fn content(
             return Err(format!("its compression (ZIP method {method}) is not supported: use numpy.savez"));
         }
     };
-    let found =
+    let zip_entry =
         archive.get_entry(entry.wayfinder()).map_err(|_| "it starts at a wrong place or ends beyond the file")?;
-    let (start, end) = found.compressed_data_range();
+    let (start, end) = zip_entry.compressed_data_range();
     StoredBytes::new(bytes.clone(), start, end - start, entry.uncompressed_size_hint(), coding)
 }

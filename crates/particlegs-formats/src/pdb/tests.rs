@@ -64,8 +64,8 @@ fn each_model_has_its_cell_wherever_that_stands() {
         for (frame, cell) in cells.into_iter().enumerate() {
             for frame in [frame as i64, frame as i64 - 3] {
                 let snapshot = Choice { frame: Some(frame), ..Choice::default() }.open(&[file.path().into()]).unwrap();
-                let found = snapshot.description().meta.cell.and_then(|c| c.lengths()).map(|l| l[0]);
-                assert_eq!(found, cell, "frame {frame} of\n{text}");
+                let length = snapshot.description().meta.cell.and_then(|c| c.lengths()).map(|l| l[0]);
+                assert_eq!(length, cell, "frame {frame} of\n{text}");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What a PLY header says: elements, their properties, the encoding.
+//! A PLY header: elements, their properties, the encoding.
 
 use crate::numbers::NumberType;
 
@@ -42,7 +42,7 @@ impl PlyElement {
     }
 }
 
-/// Does a file that begins so have one?
+/// Whether a file that begins so has one.
 pub fn is_ply(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n")
 }
@@ -59,9 +59,9 @@ pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
         let line = String::from_utf8_lossy(&bytes[at..at + length]);
         at += length + 1;
         let words: Vec<&str> = line.split_ascii_whitespace().take(8).collect();
-        let bad = |what: &str| {
+        let bad = |message: &str| {
             let shown: String = line.trim_end().chars().take(60).collect();
-            format!("header line {number}, `{}`: {what}", shown.escape_debug())
+            format!("header line {number}, `{}`: {message}", shown.escape_debug())
         };
         match words[..] {
             [] | ["ply"] | ["comment" | "obj_info", ..] => {}
@@ -124,11 +124,11 @@ mod tests {
 
     #[test]
     fn broken_ones_name_the_line() {
-        let of = |lines: &str| parse(format!("ply\n{lines}").as_bytes()).unwrap_err();
-        assert!(of("format middle 1.0\n").contains("line 2"));
-        assert!(of("property float x\n").contains("no element"));
-        assert!(of("element vertex -3\n").contains("not a count"));
-        assert!(of("end_header\n").contains("format"));
-        assert!(of("format ascii 1.0\nelement vertex 3\n").contains("end_header"));
+        let error_of = |lines: &str| parse(format!("ply\n{lines}").as_bytes()).unwrap_err();
+        assert!(error_of("format middle 1.0\n").contains("line 2"));
+        assert!(error_of("property float x\n").contains("no element"));
+        assert!(error_of("element vertex -3\n").contains("not a count"));
+        assert!(error_of("end_header\n").contains("format"));
+        assert!(error_of("format ascii 1.0\nelement vertex 3\n").contains("end_header"));
     }
 }

@@ -30,12 +30,12 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         let message = format!("a PLY file compressed with {}, which this program does not read", compression.name());
         return Err(Error::input_with(path, message, "unpack it first"));
     }
-    let header = header::parse(&bytes).map_err(|what| Error::input(path, what))?;
+    let header = header::parse(&bytes).map_err(|message| Error::input(path, message))?;
     let number = vertices(&place, &header)?;
     let element = &header.elements[number];
     let fields = fields(element);
     let mut description = describe(path, &header, element, &fields)?;
-    let broken = |what: String| Error::input_with(path, what, "the file is cut short or damaged: copy it again");
+    let broken = |message: String| Error::input_with(path, message, "the file is cut short or damaged: copy it again");
     let start = start(&bytes, &header, number).map_err(broken)?;
     let format = RowFormat::new(header.encoding, element);
     let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.byte));
@@ -80,9 +80,9 @@ fn fields(element: &PlyElement) -> Vec<ColumnarField> {
     for property in &element.properties {
         if property.list.is_none() {
             let (name, kind) = (property.name.clone(), property.kind);
-            let own =
+            let field =
                 ColumnarField { name, kind_name: kind.name().into(), kind: Some(kind), ..ColumnarField::default() };
-            out.push(ColumnarField { components: 1, offset, ..own });
+            out.push(ColumnarField { components: 1, offset, ..field });
         }
         offset += property.kind.bytes();
     }
@@ -117,7 +117,7 @@ fn describe(path: &PathBuf, header: &PlyHeader, element: &PlyElement, fields: &[
     })
 }
 
-/// Where the vertices begin, the element of that number.
+/// The start of the vertices, the element of that number.
 fn start(bytes: &Bytes, header: &PlyHeader, vertices: usize) -> TextResult<VertexStart> {
     let mut at = header.data;
     let mut lines = 0u64;
@@ -161,8 +161,8 @@ impl Snapshot for VariableLengthPly {
         let species = self.description.species.get(species);
         let species = species.ok_or_else(|| Error::argument("the file has only one particle type"))?;
         let number = |name: &str| {
-            let found = self.element.properties.iter().position(|p| p.list.is_none() && p.name == name);
-            found.ok_or_else(|| species.missing(&self.place, name, [].into_iter()))
+            let index = self.element.properties.iter().position(|p| p.list.is_none() && p.name == name);
+            index.ok_or_else(|| species.missing(&self.place, name, [].into_iter()))
         };
         let columns = axes::columns(&self.place, species, choice)?;
         let columns: Vec<usize> = columns.iter().map(|c| number(&c.field)).collect::<Result<_>>()?;

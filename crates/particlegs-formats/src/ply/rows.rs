@@ -54,7 +54,7 @@ impl RowFormat {
         }
     }
 
-    /// Where the row at byte `at` begins, behind blank lines, and where it ends.
+    /// The bytes of the row at byte `at`, behind blank lines.
     pub fn row(&self, bytes: &[u8], at: u64) -> TextResult<Range<u64>> {
         match self.encoding {
             Encoding::Ascii => line(bytes, at),
@@ -176,12 +176,12 @@ impl VariableLengthRows {
         VariableLengthRows { bytes, place, format, start, count, columns, wanted, index }
     }
 
-    fn wrong(&self, row: u64, what: &str) -> Error {
+    fn wrong(&self, row: u64, message: &str) -> Error {
         let hint = "the file is cut short or damaged: copy it again";
-        Error::input_with(&self.place, format!("vertex {row}: {what}"), hint)
+        Error::input_with(&self.place, format!("vertex {row}: {message}"), hint)
     }
 
-    /// Where rows 0, STEP, 2 STEP, ... begin.
+    /// First bytes of rows 0, STEP, 2 STEP, ...
     fn index(&self) -> Result<&[u64]> {
         let find = || {
             let mut at = self.start.byte;
@@ -198,7 +198,7 @@ impl VariableLengthRows {
             Ok(index)
         };
         let hint = "the file is cut short or damaged: copy it again";
-        self.index.get_or_init(find).as_deref().map_err(|what| Error::input_with(&self.place, what, hint))
+        self.index.get_or_init(find).as_deref().map_err(|message| Error::input_with(&self.place, message, hint))
     }
 }
 

@@ -68,18 +68,18 @@ fn binary_with_lists_before_and_within() {
 #[test]
 fn lies_are_refused() {
     let xyz = "property float x\nproperty float y\nproperty float z\n";
-    let of = |elements: &str, data: &[u8]| {
+    let error = |elements: &str, data: &[u8]| {
         let mut bytes = header("binary_little_endian", elements);
         bytes.extend(data);
         rows(&bytes).err().unwrap().to_string()
     };
-    assert!(of(&format!("element vertex 1000000000000000\n{xyz}"), &[0; 24]).contains("but the file has only"));
-    assert!(of(&format!("element vertex 18446744073709551615\n{xyz}"), &[0; 24]).contains("but the file has only"));
-    assert!(of("element vertex 0\n", &[]).contains("no vertices"));
-    assert!(of("element point 1\nproperty float x\n", &[0; 4]).contains("no element `vertex`"));
-    assert!(of("element vertex 1\nproperty float x\n", &[0; 4]).contains("lack x, y and z"));
+    assert!(error(&format!("element vertex 1000000000000000\n{xyz}"), &[0; 24]).contains("but the file has only"));
+    assert!(error(&format!("element vertex 18446744073709551615\n{xyz}"), &[0; 24]).contains("but the file has only"));
+    assert!(error("element vertex 0\n", &[]).contains("no vertices"));
+    assert!(error("element point 1\nproperty float x\n", &[0; 4]).contains("no element `vertex`"));
+    assert!(error("element vertex 1\nproperty float x\n", &[0; 4]).contains("lack x, y and z"));
     let list = format!("element face 1\nproperty list uint int i\nelement vertex 1\n{xyz}");
-    assert!(of(&list, &[0xff; 16]).contains("4294967295 items"));
+    assert!(error(&list, &[0xff; 16]).contains("4294967295 items"));
     let list = format!("element face 1\nproperty list float int i\nelement vertex 1\n{xyz}");
-    assert!(of(&list, &[0xff; 16]).contains("NaN items"));
+    assert!(error(&list, &[0xff; 16]).contains("NaN items"));
 }

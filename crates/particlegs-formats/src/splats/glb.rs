@@ -38,7 +38,7 @@ struct Glb {
 
 pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
-    let refuse = |what: String| Error::input_with(path, what, "the file is damaged or holds no points");
+    let refuse = |message: String| Error::input_with(path, message, "the file is damaged or holds no points");
     let bytes = Bytes::from_filled_file(path)?;
     let (json, binary) = chunks(&bytes).map_err(refuse)?;
     let json = &bytes[json.start as usize..json.end as usize];

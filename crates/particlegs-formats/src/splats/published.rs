@@ -150,16 +150,16 @@ mod tests {
         let body = &file[file.len() - 200 * 68..];
         let frame = Normalisation::new(&m.metadata.bounds);
         let g = &m.layers[0].content[0].gaussians;
-        let own = g.law.alpha_blend().unwrap();
+        let blend = g.law.alpha_blend().unwrap();
         for (i, record) in body.chunks_exact(68).enumerate() {
             let v: Vec<f64> =
                 record.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
             for (k, sign) in [-1.0, -1.0, 1.0].into_iter().enumerate() {
                 let world = sign * v[k] / frame.scale + frame.center[k];
                 assert!((world - g.mean[k][i]).abs() < 1e-5 && v[3 + k] == 0.0);
-                assert!((0.5 + HARMONIC * v[6 + k] - own.grey[i]).abs() < 1e-6);
+                assert!((0.5 + HARMONIC * v[6 + k] - blend.grey[i]).abs() < 1e-6);
             }
-            assert!((1.0 / (1.0 + (-v[9]).exp()) - own.opacity[i]).abs() < 1e-6);
+            assert!((1.0 / (1.0 + (-v[9]).exp()) - blend.opacity[i]).abs() < 1e-6);
             let back = covariance([v[10], v[11], v[12]], [v[13], v[14], v[15], v[16]]);
             let mut want = g.cov_of(i).scale(frame.scale * frame.scale);
             // xz and yz.

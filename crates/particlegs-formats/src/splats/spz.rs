@@ -73,7 +73,7 @@ impl SpzHeader {
 pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let hint = "the file is damaged or cut short: copy it again";
-    let refuse = |what: String| Error::input_with(path, what, hint);
+    let refuse = |message: String| Error::input_with(path, message, hint);
     let (header, base, stored) = parts(Bytes::from_filled_file(path)?).map_err(refuse)?;
     let stride = header.position();
     let (kind, world) = match header.version {
@@ -124,7 +124,7 @@ fn parts(bytes: Bytes) -> TextResult<(SpzHeader, u64, StoredBytes)> {
         return Err(format!("{} splats need {size} bytes, but the file has {length}", header.count));
     }
     let stored = StoredBytes::new(bytes, 0, length, if packed { size } else { length }, coding);
-    let stored = stored.map_err(|what| format!("{} splats: {what}", header.count))?;
+    let stored = stored.map_err(|message| format!("{} splats: {message}", header.count))?;
     Ok((header, HEADER, stored))
 }
 

@@ -43,7 +43,7 @@ impl TextContent {
         &self.path
     }
 
-    /// Can it be read from any place?
+    /// Whether it can be read from any place.
     pub fn is_seekable(&self) -> bool {
         self.compression.is_none()
     }

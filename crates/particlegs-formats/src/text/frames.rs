@@ -17,7 +17,7 @@ pub struct TextFrame<'c, H> {
 pub struct FrameScan<H> {
     pub head: H,
     pub table: TextTable,
-    /// How many there are, and which is chosen.
+    /// Number of frames, and the one chosen.
     pub frames: TrajectoryFrames,
     pub notes: Vec<String>,
 }
@@ -32,17 +32,17 @@ pub fn scan<'c, H>(
 ) -> Result<FrameScan<H>> {
     let open = || LineReader::open(content, super::content::TextPosition::START, None);
     let mut lines = open()?;
-    let found = choose(content.path(), chosen, |number, is_wanted| {
+    let chosen_frame = choose(content.path(), chosen, |number, is_wanted| {
         if number == 0 {
             lines = open()?;
         }
         next(&mut lines, number, is_wanted)
     })?;
-    let frames = found.frames(found.frame.step);
-    let mut notes = found.notes;
+    let frames = chosen_frame.frames(chosen_frame.frame.step);
+    let mut notes = chosen_frame.notes;
     if lines.ends_open() {
         notes.push("the last line has no newline: the file may be cut off there".into());
     }
-    let rows = found.frame.rows.ok_or_else(|| Error::input(content.path(), "the file has no frames"))?;
-    Ok(FrameScan { head: found.frame.head, table: rows.finish()?, frames, notes })
+    let rows = chosen_frame.frame.rows.ok_or_else(|| Error::input(content.path(), "the file has no frames"))?;
+    Ok(FrameScan { head: chosen_frame.frame.head, table: rows.finish()?, frames, notes })
 }

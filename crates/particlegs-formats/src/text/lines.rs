@@ -19,7 +19,7 @@ pub struct LineReader<'a> {
     whole: usize,
     filled: usize,
     ended: bool,
-    /// Is the last line one without an end?
+    /// Whether the last line has no end.
     open: bool,
     place: TextPosition,
 }
@@ -35,7 +35,7 @@ impl<'a> LineReader<'a> {
         self.place
     }
 
-    /// Did the content end without a newline?
+    /// Whether the content ended without a newline.
     pub fn ends_open(&self) -> bool {
         self.open
     }
@@ -85,7 +85,7 @@ impl<'a> LineReader<'a> {
         Ok(())
     }
 
-    /// The first line ends in the window that begins at `from`, or with the content: is it too long?
+    /// Refuses a first line that is too long: it ends in the window that begins at `from`, or with the content.
     fn check(&self, from: usize) -> Result<()> {
         let first = memchr::memchr(b'\n', &self.buffer[from..self.filled]).map_or(self.filled, |n| from + n);
         if first > LINE_LIMIT {
@@ -94,8 +94,8 @@ impl<'a> LineReader<'a> {
         Ok(())
     }
 
-    fn error(&self, what: String) -> Error {
-        Error::input_with(self.content.path(), what, "this is not a table of particles, or its line ends are missing")
+    fn error(&self, text: String) -> Error {
+        Error::input_with(self.content.path(), text, "this is not a table of particles, or its line ends are missing")
     }
 
     fn take(&mut self, bytes: usize, lines: u64) -> &[u8] {

@@ -6,7 +6,7 @@ use super::split::{FixedColumns, Separator, first_byte, is_blank, number, number
 use crate::ascii::whole_bits;
 use particlegs_core::space::PeriodicCell;
 
-/// Which lines are rows.
+/// The lines that are rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowRule {
     All,
@@ -21,9 +21,9 @@ pub struct TableLayout {
     pub separator: Separator,
     pub columns: Vec<String>,
     pub rows: RowRule,
-    /// Does a comma stand for the decimal point?
+    /// Whether a comma stands for the decimal point.
     pub comma: bool,
-    /// What species a value of the key column means: itself, or a name for several.
+    /// The species that a value of the key column means: itself, or a name for several.
     pub species: fn(&[u8]) -> &[u8],
 }
 
@@ -33,7 +33,7 @@ pub fn itself(value: &[u8]) -> &[u8] {
 }
 
 impl TableLayout {
-    /// Does the line at the beginning of `text` hold a row?
+    /// Whether the line at the beginning of `text` holds a row.
     #[inline]
     pub fn is_row(&self, text: &[u8]) -> bool {
         match self.rows {
@@ -108,7 +108,7 @@ impl Scaling {
 pub struct RowPlan {
     /// The columns read, ascending, each once.
     wanted: Vec<usize>,
-    /// Which of them are x, y, z and the weight.
+    /// Indices among them of x, y, z and the weight.
     slots: [usize; 4],
     weighted: bool,
     scaling: Option<Scaling>,
@@ -171,7 +171,7 @@ fn whole(token: &[u8]) -> Option<u64> {
     whole_bits(std::str::from_utf8(token).ok()?)
 }
 
-/// Equal bytes? Keys are a byte or two: a call to compare them would cost more than they do.
+/// Whether bytes are equal. Keys are a byte or two: a call to compare them would cost more than they do.
 #[inline(always)]
 pub fn same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b)

@@ -1,4 +1,4 @@
-//! What formats of text have in common: a table, its columns as fields, species by a column.
+//! Snapshots of text formats: a table, its columns as fields, species by a column.
 
 use super::lines::of_block;
 use super::parse::{self, RowParser, RowPlan, Scaling};
@@ -40,8 +40,8 @@ impl TextSnapshot {
     ) -> Self {
         let mut kinds = kinds(&table).into_iter();
         for field in &mut columns.fields {
-            let own = kinds.by_ref().take(field.components as usize);
-            if own.filter(|kind| *kind == "u64").count() > 0 && field.kind == "i64" {
+            let column_kinds = kinds.by_ref().take(field.components as usize);
+            if column_kinds.filter(|kind| *kind == "u64").count() > 0 && field.kind == "i64" {
                 field.kind = "u64".into();
             }
         }

@@ -24,8 +24,8 @@ impl FixedColumns {
     /// Of bounds one after the other, at most 16: the first byte of each, and the one behind its last.
     pub fn new(bounds: impl IntoIterator<Item = [u16; 2]>) -> Self {
         let mut columns = FixedColumns::default();
-        for (own, bounds) in columns.bounds.iter_mut().zip(bounds) {
-            *own = bounds;
+        for (column_bounds, bounds) in columns.bounds.iter_mut().zip(bounds) {
+            *column_bounds = bounds;
             columns.count += 1;
         }
         columns
@@ -127,7 +127,7 @@ pub fn shown(token: &[u8]) -> String {
     }
 }
 
-/// What the values of a column are, as far as those seen tell: `i64`, `u64` where one is too large for that, `f64`, or
+/// The kind of a column's values, as far as those seen tell: `i64`, `u64` where one is too large for that, `f64`, or
 /// `text` where most of them are no numbers. A broken row among good ones is the reader's to refuse.
 /// `comma` as in [`number_with`].
 pub fn kind_of<'a>(values: impl Iterator<Item = &'a [u8]>, comma: bool) -> &'static str {

@@ -1,4 +1,4 @@
-//! Where the rows of a table lie in a file, and how many of each species there are.
+//! Places of a table's rows in a file, and the number of each species.
 
 use super::content::{TextContent, TextPosition};
 use super::lines::{LineReader, of_block};
@@ -87,9 +87,9 @@ impl RowTally {
 
     fn count(&mut self, value: &[u8], rows: u64) {
         if self.counts.get(self.last).is_none_or(|(v, _)| !same(v, value)) {
-            let found = self.counts.iter().position(|(v, _)| same(v, value));
-            self.last = found.unwrap_or(self.counts.len());
-            if found.is_none() {
+            let index = self.counts.iter().position(|(v, _)| same(v, value));
+            self.last = index.unwrap_or(self.counts.len());
+            if index.is_none() {
                 if self.counts.len() > MOST_SPECIES {
                     return; // Too many already; the rest is not needed.
                 }

@@ -24,7 +24,7 @@ pub const SITE: &str = "-";
 
 /// The symbol as it is usually spelled, if there is such an element.
 pub fn symbol(text: &str) -> Option<&'static str> {
-    ELEMENTS.split(' ').step_by(2).find(|own| own.eq_ignore_ascii_case(text))
+    ELEMENTS.split(' ').step_by(2).find(|symbol| symbol.eq_ignore_ascii_case(text))
 }
 
 pub fn mass(symbol: &str) -> Option<f64> {
@@ -32,7 +32,7 @@ pub fn mass(symbol: &str) -> Option<f64> {
     if symbol == SITE {
         return Some(0.0);
     }
-    words.find(|own| *own == symbol).and_then(|_| words.next()?.parse().ok())
+    words.find(|word| *word == symbol).and_then(|_| words.next()?.parse().ok())
 }
 
 /// The element of an atom by its name and that of its residue; `None` where they do not tell.
@@ -41,23 +41,23 @@ pub fn by_name(name: &[u8], residue: &[u8]) -> Option<&'static str> {
         let from = text.iter().skip_while(|b| b.is_ascii_digit());
         from.take_while(|b| b.is_ascii_alphabetic()).map(|&b| b.to_ascii_uppercase() as char).collect()
     };
-    let (own, residue_letters) = (letters(name), letters(residue));
-    let first = |known: &str| own.get(..1).filter(|first| known.contains(first)).and_then(symbol);
+    let (name_letters, residue_letters) = (letters(name), letters(residue));
+    let first = |known: &str| name_letters.get(..1).filter(|first| known.contains(first)).and_then(symbol);
     match substance(residue) {
-        b"water" => first("HO").or_else(|| SITES.contains(&&own[..]).then_some(SITE)),
+        b"water" => first("HO").or_else(|| SITES.contains(&&name_letters[..]).then_some(SITE)),
         b"protein" => {
-            if own == "SE" {
+            if name_letters == "SE" {
                 Some("Se")
             } else {
                 first("HCNOS")
             }
         }
         // A residue of one atom is an ion.
-        _ if own == residue_letters => symbol(&own).or_else(|| {
+        _ if name_letters == residue_letters => symbol(&name_letters).or_else(|| {
             let mut words = IONS.split(' ');
-            words.find(|ion| *ion == own).and_then(|_| words.next())
+            words.find(|ion| *ion == name_letters).and_then(|_| words.next())
         }),
-        _ if LONG.contains(&&own[..]) => symbol(&own),
+        _ if LONG.contains(&&name_letters[..]) => symbol(&name_letters),
         _ => first("HCNOPSF"),
     }
 }
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn names_tell_elements() {
-        let of = |name: &str, residue: &str| by_name(name.as_bytes(), residue.as_bytes());
+        let element_of = |name: &str, residue: &str| by_name(name.as_bytes(), residue.as_bytes());
         for (name, residue, element) in [
             ("CA", "ALA", Some("C")),
             ("CA", "CA", Some("Ca")),
@@ -87,7 +87,7 @@ mod tests {
             ("", "ALA", None),
             ("17", "X", None),
         ] {
-            assert_eq!(of(name, residue), element, "{name} of {residue}");
+            assert_eq!(element_of(name, residue), element, "{name} of {residue}");
         }
         assert_eq!((mass("Cl"), mass(SITE), symbol("CL"), symbol("Xx")), (Some(35.45), Some(0.0), Some("Cl"), None));
     }

@@ -1,4 +1,4 @@
-//! What files of structures and topologies say of the atoms of a system, in the order of their positions: names, residues,
+//! Atoms of a system, by files of structures and topologies, in the order of their positions: names, residues,
 //! elements, types, masses. Trajectories have none of it.
 
 pub mod elements;
@@ -12,7 +12,7 @@ use particlegs_files::memory;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// What a file says that has no names.
+/// The note of a file that has no names.
 pub const NO_NAMES: &str = "the file stores no names of atoms: all are one species";
 
 /// A word for each atom.
@@ -20,13 +20,14 @@ pub const NO_NAMES: &str = "the file stores no names of atoms: all are one speci
 pub struct WordColumn {
     /// Each once, in the order of their first atoms.
     pub words: Vec<String>,
-    /// Which of them an atom has; empty where the file has no such column.
+    /// Index in `words` of each atom's word; empty where the file has no such column.
     pub of: Vec<u32>,
     known: HashMap<Vec<u8>, u32>,
 }
 
 impl WordColumn {
     pub fn push(&mut self, word: &[u8]) {
+        // The word often is that of the atom before, which saves a search.
         let last = self.of.last().filter(|&&last| self.words[last as usize].as_bytes() == word).copied();
         let number = last.or_else(|| self.known.get(word).copied()).unwrap_or_else(|| {
             let next = self.words.len() as u32;
@@ -53,14 +54,14 @@ pub struct Topology {
     pub residue_numbers: Vec<i64>,
     pub elements: WordColumn,
     pub types: WordColumn,
-    /// What species they are, as the reader of that file tells them apart.
+    /// Their species, as the reader of that file tells them apart.
     pub species: WordColumn,
     /// Empty where they are not known.
     pub masses: Vec<f64>,
     pub mass_unit: Option<&'static str>,
-    /// Are they those of elements?
+    /// Whether masses are those of elements.
     pub weighs_by_elements: bool,
-    /// Do elements follow from names?
+    /// Whether elements follow from names.
     pub guesses_elements: bool,
 }
 
@@ -69,7 +70,7 @@ const ATOM: u64 = 48;
 /// Atoms for which there must be memory before more are read.
 const STEP: usize = 1 << 20;
 
-/// What a row says of an atom; empty or `None` where it says nothing.
+/// The values of an atom's row; empty or `None` where it states none.
 #[derive(Clone, Copy, Default)]
 pub struct AtomRow<'a> {
     pub name: &'a [u8],

@@ -25,7 +25,7 @@ const COLUMNS: [[[usize; 2]; 8]; 3] = [
 pub fn read(path: &Path) -> Result<Topology> {
     let content = TextContent::open(path)?;
     let mut lines = LineReader::open(&content, TextPosition::START, None)?;
-    let error = |line: u64, what: String| Error::input(path, format!("line {line}: {what}"));
+    let error = |line: u64, message: String| Error::input(path, format!("line {line}: {message}"));
     let first = lines.line()?.unwrap_or_default();
     let has = |flag: &[u8]| tokens(first, Separator::Blanks).contains(&flag);
     let columns = &COLUMNS[usize::from(has(b"EXT")) * (1 + usize::from(has(b"XPLOR")))];
@@ -68,7 +68,7 @@ fn row<'a>(values: [&'a [u8]; 8]) -> Option<AtomRow<'a>> {
     })
 }
 
-/// Where each value has its own bytes, and blanks before and behind.
+/// The row of a line in which each value has its own bytes, and blanks before and behind.
 fn by_columns<'a>(line: &'a [u8], columns: &[[usize; 2]; 8]) -> Option<AtomRow<'a>> {
     let values = columns.map(|[start, end]| line.get(start..line.len().min(end)).unwrap_or_default().trim_ascii());
     let is_gap = columns[..6].iter().all(|c| line.get(c[1]).is_none_or(|&b| b == b' '));
@@ -76,7 +76,7 @@ fn by_columns<'a>(line: &'a [u8], columns: &[[usize; 2]; 8]) -> Option<AtomRow<'
     row(values).filter(|_| is_apart)
 }
 
-/// With blanks between, as NAMD has it: nine words, or one is missing and the others mean something else.
+/// The row of a line of words, as NAMD has it: nine, for where one is missing the others mean something else.
 fn by_words(line: &[u8]) -> Option<AtomRow<'_>> {
     let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
     row(words.get(..9)?[..8].try_into().ok()?)

@@ -1,4 +1,4 @@
-//! Which atoms are chosen, in words that users of MDAnalysis and VMD know: `name OW and resid 1:10`.
+//! Selections of atoms, in words that users of MDAnalysis and VMD know: `name OW and resid 1:10`.
 
 use super::{Topology, WordColumn};
 use crate::TextResult;
@@ -29,7 +29,7 @@ enum AtomTest {
 }
 
 particlegs_core::named_values! {
-    /// What is said of an atom, by its word.
+    /// A property of an atom, by its word.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     enum AtomProperty {
         Name = "name",
@@ -51,10 +51,10 @@ impl AtomSelection {
     /// `water`, `all`, `not`, `and`, `or`, parentheses.
     ///
     /// # Errors
-    /// What cannot be understood, and what MDAnalysis and VMD understand differently.
+    /// Text that cannot be understood, or that MDAnalysis and VMD understand differently.
     pub fn parse(text: &str) -> Result<AtomSelection> {
         let test =
-            parsed(text).map_err(|what| Error::argument(format!("the selection `{}`: {what}", text.escape_debug())))?;
+            parsed(text).map_err(|e| Error::argument(format!("the selection `{}`: {e}", text.escape_debug())))?;
         Ok(AtomSelection { text: text.into(), test })
     }
 
@@ -64,7 +64,7 @@ impl AtomSelection {
         Ok((0..topology.count).filter(|&atom| test(atom)).map(|atom| atom as u32).collect())
     }
 
-    /// Does it ask for elements?
+    /// Whether it asks for elements.
     pub(crate) fn asks_for_elements(&self) -> bool {
         self.test.asks_for_elements()
     }
@@ -196,6 +196,7 @@ impl<'t> SelectionParser<'t> {
 
 /// `7`, `1:10` or `1-10`.
 fn range(word: &str) -> TextResult<[i64; 2]> {
+    // A minus in front is a sign.
     let cut = word.find(':').or_else(|| Some(word.char_indices().skip(1).find(|(_, c)| *c == '-')?.0));
     let [low, high] = cut.map_or([word; 2], |at| [&word[..at], &word[at + 1..]]);
     match (low.parse(), high.parse()) {
@@ -204,13 +205,14 @@ fn range(word: &str) -> TextResult<[i64; 2]> {
     }
 }
 
-/// Does `pattern`, in which `*` stands for any letters, fit all of `word`?
+/// Whether `pattern`, in which `*` stands for any letters, fits all of `word`.
 fn fits(pattern: &str, word: &str) -> bool {
     let Some((first, rest)) = pattern.split_once('*') else { return pattern == word };
     let Some(mut left) = word.strip_prefix(first) else { return false };
     let mut parts: Vec<&str> = rest.split('*').collect();
     let last = parts.pop().unwrap_or_default();
     for part in parts {
+        // The first place of a part leaves the most for those behind it.
         let Some(at) = left.find(part) else { return false };
         left = &left[at + part.len()..];
     }
@@ -222,10 +224,11 @@ type AtomPredicate<'t> = Box<dyn Fn(usize) -> bool + 't>;
 impl AtomTest {
     fn predicate<'t>(&self, topology: &'t Topology) -> TextResult<AtomPredicate<'t>> {
         let of_words =
-            |column: &'t WordColumn, what: &str, chooses: &dyn Fn(&str) -> bool| -> TextResult<AtomPredicate<'t>> {
+            |column: &'t WordColumn, noun: &str, chooses: &dyn Fn(&str) -> bool| -> TextResult<AtomPredicate<'t>> {
                 if column.words.iter().all(String::is_empty) && topology.count > 0 {
-                    return Err(format!("{} states no {what}", topology.place));
+                    return Err(format!("{} states no {noun}", topology.place));
                 }
+                // A word is tested once, not once for each atom that has it.
                 let chosen: Vec<bool> = column.words.iter().map(|word| chooses(word)).collect();
                 Ok(Box::new(move |atom| chosen[column.of[atom] as usize]))
             };
@@ -237,17 +240,18 @@ impl AtomTest {
             AtomTest::Protein => of_words(&topology.residues, "residues", &is(b"protein"))?,
             AtomTest::Water => of_words(&topology.residues, "residues", &is(b"water"))?,
             AtomTest::Word(property, values) => {
-                let (column, what) = match property {
+                let (column, noun) = match property {
                     AtomProperty::Residue => (&topology.residues, "residues"),
                     AtomProperty::Element => (&topology.elements, "elements"),
                     AtomProperty::Type => (&topology.types, "types of atoms"),
                     _ => (&topology.names, "names of atoms"),
                 };
+                // Files write symbols of elements in either case.
                 let exact = *property != AtomProperty::Element;
                 let one = |value: &String, word: &str| {
                     if exact { fits(value, word) } else { value.eq_ignore_ascii_case(word) }
                 };
-                of_words(column, what, &|word| !word.is_empty() && values.iter().any(|value| one(value, word)))?
+                of_words(column, noun, &|word| !word.is_empty() && values.iter().any(|value| one(value, word)))?
             }
             AtomTest::Number(property, ranges) => {
                 let ranges = ranges.clone();
@@ -390,11 +394,11 @@ mod tests {
     proptest! {
         #[test]
         fn selections_follow_the_laws_of_sets(a in selections(), b in selections()) {
-            let of = |text: String| chosen(&text).unwrap();
-            prop_assert_eq!(of(format!("not (({a}) and ({b}))")), of(format!("not ({a}) or not ({b})")));
-            prop_assert_eq!(of(format!("({a}) and not ({a})")), Vec::<u32>::new());
-            prop_assert_eq!(of(format!("({a}) or not ({a})")).len(), system().count);
-            prop_assert_eq!(of(format!("({a}) and ({b})")), of(format!("({b}) and ({a})")));
+            let atoms_of = |text: String| chosen(&text).unwrap();
+            prop_assert_eq!(atoms_of(format!("not (({a}) and ({b}))")), atoms_of(format!("not ({a}) or not ({b})")));
+            prop_assert_eq!(atoms_of(format!("({a}) and not ({a})")), Vec::<u32>::new());
+            prop_assert_eq!(atoms_of(format!("({a}) or not ({a})")).len(), system().count);
+            prop_assert_eq!(atoms_of(format!("({a}) and ({b})")), atoms_of(format!("({b}) and ({a})")));
         }
 
         #[test]

@@ -37,6 +37,7 @@ struct TopologySnapshot {
 /// The snapshot with the names of its atoms, those that are selected; `inner` is one of the format `format` in which all
 /// atoms are one species.
 pub fn named(inner: Box<dyn Snapshot>, format: &str, path: &Path, choice: &Choice) -> Result<Box<dyn Snapshot>> {
+    // HDF5 files without frames are of simulation codes: their particles are no atoms.
     if ![&NAMES[..], &TRAJECTORIES].concat().contains(&format)
         || inner.description().frames.is_none() && format == hdf5::FORMAT.name
     {
@@ -63,11 +64,13 @@ pub fn named(inner: Box<dyn Snapshot>, format: &str, path: &Path, choice: &Choic
         return Err(Error::input_with(path, message, "name the topology of this system"));
     }
     let mut description = inner.description().clone();
+    // The names are there now.
     description.notes.retain(|note| note != super::NO_NAMES);
     let mut atoms: Vec<u32> = match &choice.select {
         None => (0..topology.count as u32).collect(),
         Some(select) => {
-            let atoms = select.atoms(&topology).map_err(|what| Error::input(path, format!("selection: {what}")))?;
+            let atoms =
+                select.atoms(&topology).map_err(|message| Error::input(path, format!("selection: {message}")))?;
             description.notes.push(format!("{} of {} atoms are selected", atoms.len(), topology.count));
             atoms
         }
@@ -81,6 +84,7 @@ pub fn named(inner: Box<dyn Snapshot>, format: &str, path: &Path, choice: &Choic
     let is_mass = |weights: &Weights| matches!(weights, Weights::Auto) || *weights == Weights::Field(MASS.into());
     if weighs && is_mass(&choice.weights) {
         let all = atoms.len();
+        // Sites of water models have no mass, and a weight must be above 0.
         atoms.retain(|&atom| topology.masses[atom as usize] > 0.0);
         if atoms.len() < all {
             description.notes.push(format!("{} sites without a mass are left out", all - atoms.len()));
@@ -96,7 +100,7 @@ pub fn named(inner: Box<dyn Snapshot>, format: &str, path: &Path, choice: &Choic
     Ok(Box::new(TopologySnapshot { inner, place: path.display().to_string(), description, rows, masses }))
 }
 
-/// Where masses are from, or why there are none.
+/// A note of the source of masses, or of the reason why there are none.
 fn about_masses(topology: &Topology, choice: &Choice, weighs: bool) -> Option<String> {
     let place = &topology.place;
     if choice.topology.is_none() {
@@ -123,13 +127,13 @@ fn about_masses(topology: &Topology, choice: &Choice, weighs: bool) -> Option<St
 /// Names of species and their atoms; one where there are too many.
 fn by_species(topology: &Topology, atoms: Vec<u32>) -> Vec<(String, Vec<u32>)> {
     let column = &topology.species;
-    let mut of: Vec<Vec<u32>> = vec![Vec::new(); column.words.len()];
+    let mut species_rows: Vec<Vec<u32>> = vec![Vec::new(); column.words.len()];
     if column.words.len() > MOST_SPECIES {
         return vec![("atoms".into(), atoms)];
     }
-    atoms.into_iter().for_each(|atom| of[column.of[atom as usize] as usize].push(atom));
+    atoms.into_iter().for_each(|atom| species_rows[column.of[atom as usize] as usize].push(atom));
     let name = |word: &String| if word.is_empty() { "unnamed".into() } else { word.clone() };
-    column.words.iter().map(name).zip(of).filter(|(_, rows)| !rows.is_empty()).collect()
+    column.words.iter().map(name).zip(species_rows).filter(|(_, rows)| !rows.is_empty()).collect()
 }
 
 fn describe(all: &Species, topology: &Topology, name: &str, rows: &[u32], weighs: bool) -> Species {
@@ -169,8 +173,8 @@ impl TopologySnapshot {
 
     /// The numbers of a scalar field, of all atoms.
     fn column(&self, field: &str, choice: &Choice) -> Result<Arc<[f64]>> {
-        let own = self.inner.description().species[0].fields.iter().any(|f| f.name == field);
-        if !own {
+        let is_stored = self.inner.description().species[0].fields.iter().any(|f| f.name == field);
+        if !is_stored {
             return Ok(self.masses.clone());
         }
         let reader = self.inner(choice, Some([field; 3].join(",")))?;
@@ -194,15 +198,15 @@ impl Snapshot for TopologySnapshot {
     }
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
-        let (Some(found), Some(rows)) = (self.description.species.get(species), self.rows.get(species)) else {
+        let (Some(species), Some(rows)) = (self.description.species.get(species), self.rows.get(species)) else {
             return Err(Error::argument(format!("particle type {species} does not exist")));
         };
-        let columns = axes::columns(&self.place, found, choice)?;
+        let columns = axes::columns(&self.place, species, choice)?;
         let is_mass = |k: usize| columns[k].field == MASS && !self.masses.is_empty();
         let positions = [0, 1, 2].map(is_mass).contains(&true).then(|| {
             let name = |k: usize| match is_mass(k) {
-                true => format!("{}[0]", found.positions),
-                false if found.fields.iter().any(|f| f.name == columns[k].field && f.components == 1) => {
+                true => format!("{}[0]", species.positions),
+                false if species.fields.iter().any(|f| f.name == columns[k].field && f.components == 1) => {
                     columns[k].field.clone()
                 }
                 false => format!("{}[{}]", columns[k].field, columns[k].component),
@@ -212,7 +216,7 @@ impl Snapshot for TopologySnapshot {
         let inner = self.inner(choice, positions.or_else(|| choice.positions.clone()))?;
         let weights = columns.get(3).map(|weight| self.column(&weight.field, choice)).transpose()?;
         let masses = [0, 1, 2].map(|k| is_mass(k).then(|| self.masses.clone()));
-        let meta = self.description.meta_of(found);
+        let meta = self.description.meta_of(species);
         Ok(Box::new(AtomReader { meta, inner, rows: rows.clone(), masses, weights }))
     }
 }
@@ -223,7 +227,7 @@ struct AtomReader {
     /// Positions of all.
     inner: Box<dyn SnapshotReader>,
     rows: Arc<[u32]>,
-    /// What stands in place of x, y or z, by row of all.
+    /// Masses in place of x, y or z, by row of all.
     masses: [Option<Arc<[f64]>>; 3],
     weights: Option<Arc<[f64]>>,
 }
@@ -239,6 +243,7 @@ impl AtomReader {
         let mut run = runs.start;
         let mut rows = RowBuffer::default();
         let mut wanted = self.rows[first..end].iter().map(|&row| row as usize).peekable();
+        // Atoms ascend: one pass over the runs from the first to the last finds all.
         let of_inner = u64::from(low) / RUN as u64..u64::from(high) / RUN as u64 + 1;
         self.inner.read_wide(of_inner, &mut |inner_run, position| {
             let start = inner_run as usize * RUN;

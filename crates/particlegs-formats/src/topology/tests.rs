@@ -58,10 +58,10 @@ fn data_files_are_topologies_by_the_numbers_of_their_atoms() {
     let content = "made, units = real\n\n3 atoms\n2 atom types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nMasses\n\n1 16\n2 1\n\n\
                    Atoms # full\n\n3 1 2 0.4 7 7 7\n1 1 1 -0.8 1 2 3\n2 1 2 0.4 4 5 6\n";
     let data = scratch(content.as_bytes());
-    let own = Choice { select: AtomSelection::parse("type 2").ok(), ..Choice::default() };
-    let snapshot = own.open(&[data.path().into()]).unwrap();
+    let by_type = Choice { select: AtomSelection::parse("type 2").ok(), ..Choice::default() };
+    let snapshot = by_type.open(&[data.path().into()]).unwrap();
     assert_eq!(species(&*snapshot), [("type 2", 2)]);
-    let charge = Choice { weights: Weights::Field("q".into()), ..own.clone() };
+    let charge = Choice { weights: Weights::Field("q".into()), ..by_type.clone() };
     assert_eq!(rows(&*snapshot, 0, &charge).unwrap()[0], [7.0, 7.0, 7.0, f64::from(0.4f32)]);
     let gro = "of three\n 3\n    1SOL     OW    1   1.000   2.000   3.000\n    1SOL    HW1    2   4.000   5.000   6.000\n    \
                1SOL    HW2    3   7.000   7.000   7.000\n   9 9 9\n";

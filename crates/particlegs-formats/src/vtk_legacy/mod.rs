@@ -60,12 +60,12 @@ impl LegacySnapshot {
     }
 }
 
-fn array(found: &LegacyArray) -> VtkArray {
-    let source = match &found.data {
+fn array(legacy_array: &LegacyArray) -> VtkArray {
+    let source = match &legacy_array.data {
         ArrayData::Binary(at) => ArraySource::Plain(Stream::Raw(*at)),
         ArrayData::Text(text) => ArraySource::Ascii(text.clone()),
     };
-    let (name, kind, components) = (found.name.clone(), found.kind, found.components);
+    let (name, kind, components) = (legacy_array.name.clone(), legacy_array.kind, legacy_array.components);
     VtkArray { name, kind, components, big_endian: true, source }
 }
 
@@ -78,10 +78,10 @@ impl Snapshot for LegacySnapshot {
         let species = &self.description.species[species];
         let columns = axes::columns(&self.place, species, choice)?;
         let arrays = open_columns(&columns, |name| {
-            let found = self.scanned.arrays.iter().find(|a| a.name == name);
+            let legacy_array = self.scanned.arrays.iter().find(|a| a.name == name);
             let missing = || Error::input(&self.place, format!("there is no array `{name}`"));
-            let own = array(found.ok_or_else(missing)?);
-            Ok(VtkArray { kind: own.kind.stored(choice.as_stored), ..own })
+            let vtk_array = array(legacy_array.ok_or_else(missing)?);
+            Ok(VtkArray { kind: vtk_array.kind.stored(choice.as_stored), ..vtk_array })
         })?;
         let points = PiecePoints::new(&self.place, self.bytes.clone(), self.scanned.points, arrays)?;
         let meta = self.description.meta.clone();

@@ -31,7 +31,7 @@ pub struct LegacyContents {
     pub arrays: Vec<LegacyArray>,
     /// The field TIME, as some codes write it.
     pub time: Option<f64>,
-    /// Why the rest was not looked at.
+    /// The reason why the rest was not looked at.
     pub note: Option<String>,
 }
 
@@ -59,14 +59,14 @@ struct LegacyScan<'a> {
     of: AttributeOwner,
     /// Rows of the attributes that follow.
     rows: u64,
-    /// Are cells written as offsets and connectivity?
+    /// Whether cells are written as offsets and connectivity.
     modern: bool,
 }
 
 /// Reads headers, skipping numbers.
 pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
-    let (out, of) = (LegacyContents::default(), AttributeOwner::Dataset);
-    let mut scan = LegacyScan { path, bytes, at: 0, out, of, rows: 0, modern: false };
+    let (out, owner) = (LegacyContents::default(), AttributeOwner::Dataset);
+    let mut scan = LegacyScan { path, bytes, at: 0, out, of: owner, rows: 0, modern: false };
     scan.head()?;
     while let Some(line) = scan.line()? {
         if !scan.section(&line)? {
@@ -83,8 +83,8 @@ pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
 }
 
 impl LegacyScan<'_> {
-    fn fault(&self, what: impl Into<String>) -> Error {
-        Error::input_with(self.path, what, HINT)
+    fn fault(&self, message: impl Into<String>) -> Error {
+        Error::input_with(self.path, message, HINT)
     }
 
     /// The next line as it is; `None` at the end.
@@ -176,9 +176,9 @@ impl LegacyScan<'_> {
         let at = self.at as u64;
         let count = rows.saturating_mul(u64::from(components));
         if self.out.ascii {
-            let found = Ascii::find(self.bytes, at, count).map_err(|e| self.fault(format!("{name}: {e}")))?;
-            self.at = found.end() as usize;
-            return Ok(ArrayData::Text(Arc::new(found)));
+            let ascii = Ascii::find(self.bytes, at, count).map_err(|e| self.fault(format!("{name}: {e}")))?;
+            self.at = ascii.end() as usize;
+            return Ok(ArrayData::Text(Arc::new(ascii)));
         }
         let end = count.checked_mul(kind.bytes()).and_then(|n| n.checked_add(at));
         match end.filter(|&e| e <= self.bytes.len() as u64) {

@@ -28,7 +28,7 @@ impl Compressor {
     }
 }
 
-/// How the integers before an array's numbers are written.
+/// The form of the integers before an array's numbers.
 #[derive(Clone, Copy)]
 pub struct Integers {
     /// Bytes of one, at most eight.
@@ -54,7 +54,7 @@ pub struct CompressedBlocks {
     /// Bytes of a block, decompressed, and of the last.
     block: u64,
     last: u64,
-    /// Where each block begins in the compressed stream, and where the last ends.
+    /// First byte of each block in the compressed stream, and the end of the last.
     starts: Vec<u64>,
     cache: Arc<ChunkCache>,
     /// The first block's key in the cache.

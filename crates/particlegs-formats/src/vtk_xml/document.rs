@@ -65,7 +65,7 @@ pub struct VtkDocument {
     pub listed: Vec<CollectionEntry>,
     /// Arrays outside any piece, such as the time.
     pub fields: Vec<ArrayDeclaration>,
-    /// Where appended data begin, and whether they are base64.
+    /// First byte of appended data, and whether they are base64.
     pub appended: Option<(u64, bool)>,
 }
 
@@ -97,7 +97,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
     let mut walk = XmlState::default();
     loop {
         let at = reader.buffer_position();
-        let fault = |what: String| Error::input_with(path, format!("byte {at}: {what}"), HINT);
+        let fault = |message: String| Error::input_with(path, format!("byte {at}: {message}"), HINT);
         let event = reader.read_event().map_err(|e| fault(format!("broken XML: {}", shown(&e.to_string()))))?;
         match event {
             Event::Start(tag) if tag.name().as_ref() == "AppendedData" => {
@@ -148,10 +148,10 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
 fn attribute(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<String>> {
-    let found = tag.try_get_attribute(name).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
-    let Some(found) = found else { return Ok(None) };
+    let lookup = tag.try_get_attribute(name).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
+    let Some(attribute) = lookup else { return Ok(None) };
     let text =
-        quick_xml::escape::unescape(&found.value).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
+        quick_xml::escape::unescape(&attribute.value).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
     if text.len() > MOST_NAME {
         return Err(format!("attribute {name} is too long: {} bytes", text.len()));
     }

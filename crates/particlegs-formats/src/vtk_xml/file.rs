@@ -51,10 +51,10 @@ impl VtkXmlFile {
             ArrayLocation::Ascii(range) => {
                 let count = rows.checked_mul(u64::from(declared.components));
                 let fault = || "too many numbers to count".to_string();
-                let found = count
+                let ascii = count
                     .ok_or_else(fault)
                     .and_then(|n| Ascii::find(&self.bytes[..range.end as usize], range.start, n));
-                ArraySource::Ascii(Arc::new(found.map_err(|e| self.fault(declared, &e))?))
+                ArraySource::Ascii(Arc::new(ascii.map_err(|e| self.fault(declared, &e))?))
             }
             _ => match self.binary(declared, rows, cache)? {
                 Some(source) => source,
@@ -65,7 +65,7 @@ impl VtkXmlFile {
         Ok(Some(VtkArray { name, kind, components, big_endian: self.document.big_endian, source }))
     }
 
-    /// Where binary numbers are; `None` for text and for what are no numbers.
+    /// The source of binary numbers; `None` for text and for what are no numbers.
     fn binary(&self, declared: &ArrayDeclaration, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<ArraySource>> {
         let Some(kind) = declared.kind else { return Ok(None) };
         let fault = |e: String| self.fault(declared, &e);
@@ -118,8 +118,8 @@ impl VtkXmlFile {
         Ok(ArraySource::Plain(data))
     }
 
-    fn fault(&self, declared: &ArrayDeclaration, what: &str) -> Error {
-        let message = format!("array `{}`: {what}", declared.name);
+    fn fault(&self, declared: &ArrayDeclaration, reason: &str) -> Error {
+        let message = format!("array `{}`: {reason}", declared.name);
         Error::input_with(&self.path, message, "the file is cut short or damaged: copy it again from its source")
     }
 

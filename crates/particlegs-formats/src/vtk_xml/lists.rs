@@ -93,8 +93,8 @@ fn moment(
     let mut known = HashMap::new();
     for one in listed {
         let next = moments.len();
-        let own = one.time.map_or(next, |t| *known.entry(t.to_bits()).or_insert(next));
-        match moments.get_mut(own) {
+        let index = one.time.map_or(next, |t| *known.entry(t.to_bits()).or_insert(next));
+        match moments.get_mut(index) {
             Some(same) => same.push(one.clone()),
             None => moments.push(vec![one.clone()]),
         }

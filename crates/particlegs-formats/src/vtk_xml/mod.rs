@@ -64,8 +64,8 @@ fn pieces(files: &[VtkXmlFile]) -> impl Iterator<Item = (&VtkXmlFile, &document:
 
 /// The array of a name, positions before others.
 fn find<'a>(piece: &'a document::VtkPiece, name: &str) -> Option<&'a ArrayDeclaration> {
-    let of = |d: &&ArrayDeclaration| field_name(d, piece) == name && d.kind.is_some();
-    piece.positions.iter().chain(&piece.arrays).find(of)
+    let is_named = |d: &&ArrayDeclaration| field_name(d, piece) == name && d.kind.is_some();
+    piece.positions.iter().chain(&piece.arrays).find(is_named)
 }
 
 /// Positions without a name are called `Points`.

@@ -15,7 +15,7 @@ pub struct PiecePoints {
     arrays: Vec<VtkArray>,
     /// Array and component of x, y, z and perhaps the weight.
     columns: Vec<(usize, u32)>,
-    /// Where all lie in the file as they are.
+    /// All columns in the file, where they lie there as they are.
     plain: Option<StridedParticles>,
 }
 

@@ -1,4 +1,4 @@
-//! Where an array's numbers are found, and how any rows of them are read.
+//! Sources of an array's numbers, of which any rows can be read.
 
 use super::blocks::CompressedBlocks;
 use super::stream::Stream;
@@ -23,7 +23,7 @@ pub struct VtkArray {
 }
 
 impl VtkArray {
-    /// Where component `component` lies, where the numbers lie in the file as they are.
+    /// The place of component `component`, if the numbers lie in the file as they are.
     pub fn lane(&self, component: u32) -> Option<StridedColumn> {
         let ArraySource::Plain(Stream::Raw(start)) = self.source else { return None };
         let size = self.kind.bytes();

@@ -20,7 +20,7 @@ const ENGINE: GeneralPurpose = GeneralPurpose::new(
 #[derive(Clone, Debug)]
 pub struct Base64Text {
     range: Range<u64>,
-    /// Where every [`STEP`]-th character that is no blank stands; empty where there are no blanks.
+    /// Places of every [`STEP`]-th character that is no blank; empty where there are no blanks.
     starts: Vec<u64>,
 }
 
@@ -57,7 +57,7 @@ impl Base64Text {
         black.skip((from % STEP) as usize).take(n).copied().collect::<Vec<u8>>().into()
     }
 
-    /// Does the `at`-th character pad a stream's end?
+    /// Whether the `at`-th character pads a stream's end.
     pub fn pads(&self, bytes: &[u8], at: u64) -> bool {
         self.characters(bytes, at, 1).first() == Some(&b'=')
     }
@@ -99,8 +99,8 @@ impl Stream {
         match self {
             Stream::Raw(start) => {
                 let at = |n: u64| start.checked_add(n).and_then(|n| usize::try_from(n).ok());
-                let found = at(range.start).zip(at(range.end)).and_then(|(a, b)| bytes.get(a..b));
-                found.map(Cow::Borrowed).ok_or_else(|| format!("it ends beyond the file's {} bytes", bytes.len()))
+                let slice = at(range.start).zip(at(range.end)).and_then(|(a, b)| bytes.get(a..b));
+                slice.map(Cow::Borrowed).ok_or_else(|| format!("it ends beyond the file's {} bytes", bytes.len()))
             }
             Stream::Base64 { text, base, skip } => {
                 let shifted = range.start.checked_add(*skip).zip(range.end.checked_add(*skip));
@@ -142,13 +142,13 @@ mod tests {
             plain.as_bytes().chunks(76).map(|l| format!("\n {}", std::str::from_utf8(l).unwrap())).collect();
         for text in [&plain, &lines] {
             let bytes = text.as_bytes();
-            let found = Base64Text::find(bytes, 0..bytes.len() as u64);
+            let base64 = Base64Text::find(bytes, 0..bytes.len() as u64);
             for range in [0..0, 0..1, 1..5, 7..90_001, 99_999..100_000] {
                 let part = &data[range.start as usize..range.end as usize];
-                assert_eq!(found.decode(bytes, 0, range).unwrap(), part);
+                assert_eq!(base64.decode(bytes, 0, range).unwrap(), part);
             }
-            assert!(found.decode(bytes, 0, 99_999..100_001).is_err());
-            assert!(found.decode(bytes, 0, 1 << 40..(1 << 40) + 2).is_err());
+            assert!(base64.decode(bytes, 0, 99_999..100_001).is_err());
+            assert!(base64.decode(bytes, 0, 1 << 40..(1 << 40) + 2).is_err());
         }
     }
 }

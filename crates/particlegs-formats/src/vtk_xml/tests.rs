@@ -95,14 +95,14 @@ fn lists(folder: &Path) {
         put(&format!("p{i}.vtp"), file("PolyData", format!("<Piece NumberOfPoints=\"1\">{points}</Piece>")));
     }
     put("grid.vti", file("ImageData", String::new()));
-    let sets = |of: &[&str]| of.iter().map(|a| format!("<DataSet {a}/>")).collect::<String>();
+    let sets = |attributes: &[&str]| attributes.iter().map(|a| format!("<DataSet {a}/>")).collect::<String>();
     let moments = [
         "timestep=\"0\" file=\"p0.vtp\"",
         "timestep=\"0.5\" part=\"0\" file=\"p1.vtp\"",
         "timestep=\"0.5\" part=\"1\" file=\"p2.vtp\"",
     ];
     put("run.pvd", file("Collection", sets(&moments)));
-    let blocks = |of: &[&str]| format!("<Block index=\"0\" name=\"fluid\">{}</Block>", sets(of));
+    let blocks = |attributes: &[&str]| format!("<Block index=\"0\" name=\"fluid\">{}</Block>", sets(attributes));
     put(
         "a.vtm",
         file(
@@ -120,19 +120,19 @@ fn lists(folder: &Path) {
 fn collections_and_blocks_are_read() {
     let folder = tempfile::tempdir().unwrap();
     lists(folder.path());
-    let of = |name: &str, frame| {
+    let read = |name: &str, frame| {
         let (d, rows) = rows(&folder.path().join(name), &Choice { frame, ..Choice::default() })?;
         Ok::<_, particlegs_core::Error>((d, rows.iter().map(|r| r[0]).collect::<Vec<_>>()))
     };
-    let (d, x) = of("run.pvd", None).unwrap();
+    let (d, x) = read("run.pvd", None).unwrap();
     assert_eq!((x, d.meta.epoch.time, d.meta.epoch.frame), (vec![1.0, 2.0], Some(0.5), Some(1)));
     assert!(d.notes[0].contains("using frame 1, the last of 2 (0 to 1)"));
-    let (d, x) = of("run.pvd", Some(0)).unwrap();
+    let (d, x) = read("run.pvd", Some(0)).unwrap();
     assert_eq!((x, d.meta.epoch.time, d.notes.len()), (vec![0.0], Some(0.0), 0));
-    assert!(of("run.pvd", Some(2)).unwrap_err().to_string().contains("there is no frame 2; the frames are 0 to 1"));
-    let (d, x) = of("a.vtm", None).unwrap();
+    assert!(read("run.pvd", Some(2)).unwrap_err().to_string().contains("there is no frame 2; the frames are 0 to 1"));
+    let (d, x) = read("a.vtm", None).unwrap();
     assert!(x == [3.0, 0.0] && d.frames.is_none() && d.notes[0].contains("grid.vti is skipped"), "{:?}", d.notes);
-    let (d, x) = of("of_blocks.pvd", None).unwrap();
+    let (d, x) = read("of_blocks.pvd", None).unwrap();
     assert_eq!((x, d.meta.epoch.time), (vec![3.0, 0.0], Some(7.0)));
     for (name, why) in [
         ("grids.vtm", "none of the listed files has points"),
@@ -140,7 +140,7 @@ fn collections_and_blocks_are_read() {
         ("self.vtm", "nested too deeply"),
         ("grid.vti", "have no explicit points"),
     ] {
-        assert!(of(name, None).unwrap_err().to_string().contains(why), "{name}");
+        assert!(read(name, None).unwrap_err().to_string().contains(why), "{name}");
     }
     // Their folder is several snapshots: what a list names is none of its own.
     let error =
@@ -190,7 +190,7 @@ fn out_and_in_gives_equal_bits() {
 /// of all, `mass`, `species` and TimeValue, equal bits.
 #[test]
 fn the_bytes_written_are_those_that_vtk_reads() {
-    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vtk/written.vtp");
+    let reference_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vtk/written.vtp");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.vtp");
     let column = |k: f32| (0..6).map(|i| 1.0 / (i as f32 + k)).collect::<Vec<f32>>();
@@ -203,7 +203,7 @@ fn the_bytes_written_are_those_that_vtk_reads() {
         .with_layers(vec![layer("dm", 0..2, LayerMass::Each(0.5)), layer("gas", 2..6, LayerMass::Weights(None))]);
     written(&p, &path, "vtp");
     if std::env::var_os("WRITE_FIXTURES").is_some() {
-        std::fs::copy(&path, &kept).unwrap();
+        std::fs::copy(&path, &reference_file).unwrap();
     }
-    assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(kept).unwrap());
+    assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(reference_file).unwrap());
 }

@@ -20,7 +20,7 @@ const LENGTH: u64 = 8;
 /// Numbers begin at a multiple of this.
 const ALIGNMENT: usize = 64;
 
-/// Where each array's numbers begin, from the first array's length on; none where it is left out.
+/// First byte of each array's numbers, from the first array's length on; none where it is left out.
 struct ArrayOffsets {
     points: u64,
     mass: Option<u64>,
@@ -31,7 +31,7 @@ struct ArrayOffsets {
     species: Option<u64>,
     /// Fields that all layers have: of each layer, and where they lie.
     fields: Vec<(Vec<OutField>, u64)>,
-    /// Are points float64?
+    /// Whether points are float64.
     wide: bool,
     end: u64,
 }
@@ -47,7 +47,7 @@ impl ArrayOffsets {
         let vertex = if count <= i32::MAX as u64 { 4 } else { 8 };
         // Bytes come last, so that the other numbers stay aligned.
         let points = place(if wide { 24 } else { 12 } * count);
-        let of = |field: Vec<OutField>, place: &mut dyn FnMut(u64) -> u64| {
+        let with_place = |field: Vec<OutField>, place: &mut dyn FnMut(u64) -> u64| {
             let bytes = field[0].number.bytes() * field[0].columns.len() as u64 * count;
             // So that what follows is aligned.
             let at = place(bytes.next_multiple_of(8));
@@ -55,24 +55,24 @@ impl ArrayOffsets {
         };
         let mass = mass.then(|| place(4 * count));
         let (vertices, offsets) = (place(vertex * count), place(vertex));
-        let fields = fields.into_iter().map(|f| of(f, &mut place)).collect();
+        let fields = fields.into_iter().map(|f| with_place(f, &mut place)).collect();
         let species = species.then(|| place(count));
         ArrayOffsets { points, mass, vertices, vertex, offsets, species, fields, wide, end }
     }
 }
 
-/// Writes `kept` as VTP and tells how many bytes that are. Nothing is left where it fails.
-pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
-    let layers = kept.layers();
+/// Writes `particles` as VTP; gives the bytes written. Nothing is left where it fails.
+pub fn write(particles: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
+    let layers = particles.layers();
     if layers.len() > 256 {
         return Err(Error::argument(format!("a VTP file can store at most 256 layers, not {}", layers.len())));
     }
-    let count = kept.total();
+    let count = particles.total();
     let unlike = layers.iter().any(|l| l.mass.unit() != layers[0].mass.unit());
-    let fields = common(kept);
-    let mass = (kept.weighted() || unlike) && !fields.iter().any(|f| is_mass(&f[0].name));
-    let layout = ArrayOffsets::new(count, mass, layers.len() > 1, fields, kept.is_wide());
-    let head = head(kept, &layers, &layout)?;
+    let fields = common(particles);
+    let mass = (particles.weighted() || unlike) && !fields.iter().any(|f| is_mass(&f[0].name));
+    let layout = ArrayOffsets::new(count, mass, layers.len() > 1, fields, particles.is_wide());
+    let head = head(particles, &layers, &layout)?;
     let tail = "\n  </AppendedData>\n</VTKFile>\n";
     let start = head.len() as u64;
     let length = start + layout.end + tail.len() as u64;
@@ -86,10 +86,10 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) ->
         (Some(layout.offsets), layout.vertex),
         (layout.species, count),
     ];
-    let own = |(field, place): &(Vec<OutField>, u64)| {
+    let sized_field = |(field, place): &(Vec<OutField>, u64)| {
         (Some(*place), field[0].number.bytes() * field[0].columns.len() as u64 * count)
     };
-    let sized = sized.into_iter().chain(layout.fields.iter().map(own));
+    let sized = sized.into_iter().chain(layout.fields.iter().map(sized_field));
     for (place, bytes) in sized.filter_map(|(p, b)| p.map(|p| (p, b))) {
         file.write_at(&bytes.to_le_bytes(), start + place - LENGTH)?;
     }
@@ -97,10 +97,10 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) ->
     let arrays = Arrays { file: &file, start, layout: &layout };
     context.begin("writing", count);
     let scratch = parallel::Scratch::<Vec<u8>>::default();
-    kept.for_each_run(context, &|id, run| {
-        let layer = kept.layer_of(id);
+    particles.for_each_run(context, &|id, run| {
+        let layer = particles.layer_of(id);
         let mass = layers.get(layer).map(|l| l.mass);
-        scratch.with(|bytes| arrays.write_run((kept.first(id), kept.origin()), run, layer, mass, bytes))?;
+        scratch.with(|bytes| arrays.write_run((particles.first(id), particles.origin()), run, layer, mass, bytes))?;
         context.advance(run.columns[0].len() as u64);
         Ok(())
     })?;
@@ -143,12 +143,12 @@ impl Arrays<'_> {
             file.write_at(bytes, start + place + field.number.bytes() * field.columns.len() as u64 * first)?;
         }
         if let Some(place) = layout.mass {
-            let own = |i: usize| w.get(i).copied().unwrap_or(1.0);
+            let weight_of = |i: usize| w.get(i).copied().unwrap_or(1.0);
             let mass_of = |i: usize| match mass {
                 // Weights count in units of the layer's mass, where it has one.
-                Some(Mass::Weights(Some(unit))) => (f64::from(own(i)) * unit) as f32,
+                Some(Mass::Weights(Some(unit))) => (f64::from(weight_of(i)) * unit) as f32,
                 Some(Mass::Each(each)) => each as f32,
-                _ => own(i),
+                _ => weight_of(i),
             };
             bytes.clear();
             bytes.extend((0..x.len()).map(mass_of).flat_map(f32::to_le_bytes));
@@ -175,11 +175,11 @@ fn is_mass(name: &str) -> bool {
     matches!(&name.to_lowercase()[..], "mass" | "masses")
 }
 
-pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
-    crate::fields::common(kept, &[], &["Points", "species", "connectivity", "offsets"])
+pub fn common(particles: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
+    crate::fields::common(particles, &[], &["Points", "species", "connectivity", "offsets"])
 }
 
-/// What VTK calls a type of numbers.
+/// VTK's name of a type of numbers.
 fn kind_of(number: Number) -> &'static str {
     match number {
         Number::F32 => "Float32",
@@ -196,9 +196,9 @@ fn kind_of(number: Number) -> &'static str {
 }
 
 /// The XML up to the first array, as long as alignment needs.
-fn head(kept: &SelectedParticles<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets) -> Result<String> {
+fn head(particles: &SelectedParticles<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets) -> Result<String> {
     let mut xml = String::from("<?xml version=\"1.0\"?>\n");
-    text(kept, layers, layout, &mut xml).map_err(|_| Error::argument("cannot write the VTP header"))?;
+    text(particles, layers, layout, &mut xml).map_err(|_| Error::argument("cannot write the VTP header"))?;
     let opening = "  <AppendedData encoding=\"raw\">";
     let end = xml.len() + opening.len() + 1 + LENGTH as usize;
     let blanks = end.next_multiple_of(ALIGNMENT) - end;
@@ -209,15 +209,15 @@ fn head(kept: &SelectedParticles<'_>, layers: &[Layer<Range<u64>>], layout: &Arr
 }
 
 fn text(
-    kept: &SelectedParticles<'_>,
+    particles: &SelectedParticles<'_>,
     layers: &[Layer<Range<u64>>],
     layout: &ArrayOffsets,
     xml: &mut String,
 ) -> std::fmt::Result {
-    let count = kept.total();
+    let count = particles.total();
     // Two dashes would end a comment.
     let shown = |text: &str| one_line(text).replace('-', "_");
-    if let Some(unit) = kept.meta().units.length_text() {
+    if let Some(unit) = particles.meta().units.length_text() {
         writeln!(xml, "<!-- lengths in {} -->", shown(unit))?;
     }
     if layout.species.is_some() {
@@ -227,7 +227,7 @@ fn text(
     }
     writeln!(xml, "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">")?;
     writeln!(xml, "  <PolyData>")?;
-    if let Some(time) = kept.meta().epoch.time.filter(|t| t.is_finite()) {
+    if let Some(time) = particles.meta().epoch.time.filter(|t| t.is_finite()) {
         writeln!(
             xml,
             "    <FieldData>\n      <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{time:e}</DataArray>\n    </FieldData>"

@@ -8,7 +8,7 @@ use particlegs_core::space::Cell;
 /// Most columns that a line may have.
 pub const MOST_COLUMNS: usize = 1 << 10;
 
-/// What a comment says.
+/// The metadata in a comment.
 #[derive(Debug, Default)]
 pub struct Comment {
     /// `Lattice`, `Origin` and `pbc`.
@@ -109,7 +109,7 @@ fn numbers<const N: usize>(key: &str, value: &str) -> Result<[f64; N], String> {
     }
     let mut values = [0.0; N];
     for (value, part) in values.iter_mut().zip(parts) {
-        *value = header_number(part.as_bytes()).map_err(|what| format!("`{key}`: {what}"))?;
+        *value = header_number(part.as_bytes()).map_err(|message| format!("`{key}`: {message}"))?;
     }
     Ok(values)
 }

@@ -42,7 +42,7 @@ fn count_of(line: &[u8]) -> Option<u64> {
     std::str::from_utf8(line.trim_ascii()).ok()?.parse().ok()
 }
 
-/// What stands before a frame's atoms.
+/// A frame's content before its atoms.
 struct XyzFrameHead {
     comment: Comment,
     fields: Vec<SpeciesField>,
@@ -53,33 +53,33 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         return Err(Error::argument("name one XYZ file at a time"));
     };
     let content = TextContent::open(path)?;
-    let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted))?;
-    let mut notes = found.notes;
-    notes.extend(found.head.comment.notes.clone());
+    let scan = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted))?;
+    let mut notes = scan.notes;
+    notes.extend(scan.head.comment.notes.clone());
     notes.push("the format states no unit of length (usually Angstrom)".into());
-    let title = if found.head.comment.is_extended() { "Extended XYZ" } else { FORMAT.title };
+    let title = if scan.head.comment.is_extended() { "Extended XYZ" } else { FORMAT.title };
     let meta = SnapshotMeta {
-        cell: found.head.comment.cell,
-        epoch: Epoch { time: found.head.comment.time, ..found.frames.epoch() },
+        cell: scan.head.comment.cell,
+        epoch: Epoch { time: scan.head.comment.time, ..scan.frames.epoch() },
         ..named(path)
     };
-    let columns = columns(found.head.fields, &found.table);
+    let columns = columns(scan.head.fields, &scan.table);
     let description =
-        Description { frames: Some(found.frames), notes, ..Description::new(content.title(title), paths, meta) };
-    let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
-    Ok(Box::new(made.with_unwrapped(false, options)?))
+        Description { frames: Some(scan.frames), notes, ..Description::new(content.title(title), paths, meta) };
+    let snapshot = TextSnapshot::new(description, scan.table, columns, "atoms", "");
+    Ok(Box::new(snapshot.with_unwrapped(false, options)?))
 }
 
-/// Which of the fields hold positions and masses. Kinds that the file does not state come from its rows.
+/// The fields, with those that hold positions and masses. Kinds that the file does not state come from its rows.
 fn columns(mut fields: Vec<SpeciesField>, table: &TextTable) -> TableColumns {
     let kinds = kinds(table);
     let mut column = 0;
     for field in &mut fields {
-        let own = &kinds[column..column + field.components as usize];
+        let column_kinds = &kinds[column..column + field.components as usize];
         if field.kind.is_empty() {
-            field.kind = if own.contains(&"text") { "text" } else { "f64" }.into();
+            field.kind = if column_kinds.contains(&"text") { "text" } else { "f64" }.into();
         }
-        column += own.len();
+        column += column_kinds.len();
     }
     let has = |name: &str, components| fields.iter().any(|f| f.name == name && f.components == components);
     let positions = if has("pos", 3) { "pos" } else { "" };
@@ -94,7 +94,7 @@ fn frame<'c>(
     number: u64,
     wanted: bool,
 ) -> Result<Option<TextFrame<'c, XyzFrameHead>>> {
-    let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
+    let error = |message: String| Error::input(content.path(), format!("frame {number}{message}"));
     let mut first = lines.line()?.map(<[u8]>::to_vec);
     while first.as_ref().is_some_and(|line| line.trim_ascii().is_empty()) {
         first = lines.line()?.map(<[u8]>::to_vec);
@@ -104,7 +104,7 @@ fn frame<'c>(
     let count =
         count_of(&first).ok_or_else(|| error(format!(", line {at}: {} is not a number of atoms", shown(&first))))?;
     let line = lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" ends after the number of atoms".into()))?;
-    let comment = Comment::parse(&line).map_err(|what| error(format!(", line {}: {what}", at + 1)))?;
+    let comment = Comment::parse(&line).map_err(|message| error(format!(", line {}: {message}", at + 1)))?;
     let fields = match comment.fields.clone() {
         Some(fields) => fields,
         None if count == 0 => plain_fields(4),
@@ -114,9 +114,9 @@ fn frame<'c>(
         return Err(error(format!(" has more than {MOST_COLUMNS} columns")));
     }
     let mut rows = TableBuilder::new(content, layout(&fields), key_column(&fields), lines.place());
-    let found = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
-    if found < count {
-        return Err(error(format!(" is cut off: it states {count} atoms, but only {found} lines follow")));
+    let line_count = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
+    if line_count < count {
+        return Err(error(format!(" is cut off: it states {count} atoms, but only {line_count} lines follow")));
     }
     let rows = wanted.then(|| rows.until(lines.place()));
     let step = comment.step;

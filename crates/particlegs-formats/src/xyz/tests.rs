@@ -81,8 +81,8 @@ fn arrays_of_the_new_style_and_moments_are_read() {
         "pbc='1 1 0' step=70 time=2.5e0 Lattice='2 0 0 1 3 0 0 0 4'",
     ] {
         let meta = cell(comment);
-        let found = meta.cell.unwrap();
-        assert_eq!((found.vectors, found.periodic), (tilted, [true, true, false]), "{comment}");
+        let parsed_cell = meta.cell.unwrap();
+        assert_eq!((parsed_cell.vectors, parsed_cell.periodic), (tilted, [true, true, false]), "{comment}");
         assert_eq!((meta.epoch.time, meta.epoch.step), (Some(2.5), Some(70)), "{comment}");
     }
     assert_eq!(cell("Lattice=[2, 3, 4]").cell.unwrap().lengths(), Some([2.0, 3.0, 4.0]));

@@ -1,4 +1,4 @@
-//! What the suites share: where files are, counted memory, reading a whole file.
+//! Functions that the suites share: places of files, counted memory, reading a whole file.
 // Each suite uses its part.
 #![allow(dead_code)]
 
@@ -95,7 +95,7 @@ fn counted() -> (usize, usize) {
     (PEAK.load(Relaxed), LARGEST.load(Relaxed))
 }
 
-/// What a piece of work gave, or that it panicked, and what it took.
+/// The result of a piece of work, or that it panicked, and the time and memory that it took.
 pub struct ResourceUse<T> {
     pub result: std::thread::Result<T>,
     pub time: Duration,

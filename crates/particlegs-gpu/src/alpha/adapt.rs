@@ -16,7 +16,7 @@ impl AdaptationKernel {
         AdaptationKernel(Kernel::new(device, "adapt", &[include_str!("adapt_main.wgsl")], &uses))
     }
 
-    /// What is bound to it, part by part; nothing where there is no network.
+    /// Its bind groups, part by part; none where there is no network.
     pub fn bind(&self, device: &Device, gaussians: &Gaussians) -> Vec<wgpu::BindGroup> {
         let Some(network) = &gaussians.network else { return Vec::new() };
         let parts = network.settings.iter().zip(&gaussians.chunks);
@@ -33,13 +33,13 @@ impl AdaptationKernel {
         setting: Setting,
     ) {
         let Some(network) = &gaussians.network else { return };
-        let of = [setting.radius.to_bits(), setting.opacity.to_bits()];
-        if network.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
+        let key = [setting.radius.to_bits(), setting.opacity.to_bits()];
+        if network.of.lock().unwrap_or_else(PoisonError::into_inner).replace(key) == Some(key) {
             return;
         }
         for ((bound, record), chunk) in bound.iter().zip(&network.settings).zip(&gaussians.chunks) {
-            let own = SettingRecord::new(setting, network.ranges, chunk.count);
-            queue.write_buffer(record, 0, bytemuck::bytes_of(&own));
+            let setting_record = SettingRecord::new(setting, network.ranges, chunk.count);
+            queue.write_buffer(record, 0, bytemuck::bytes_of(&setting_record));
             self.0.run(pass, bound, groups(u64::from(chunk.count)));
         }
     }

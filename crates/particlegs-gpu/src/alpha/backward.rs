@@ -1,5 +1,5 @@
-//! What the pixels of a picture want of its footprints: the way back of raster_main.wgsl, tile by tile, then footprint by
-//! footprint in the order of its tiles.
+//! Changes that the pixels of a picture want of its footprints: the way back of raster_main.wgsl, tile by tile, then
+//! footprint by footprint in the order of its tiles.
 
 use super::frame::SlabRecord;
 use super::kernels::AlphaKernels;
@@ -18,7 +18,7 @@ pub(crate) struct BackwardBuffers {
     pub by_pixel: wgpu::Buffer,
     /// [`SUMS`] of each Gaussian, a column a number; 0 of those that are not drawn.
     pub sums: wgpu::Buffer,
-    /// Where the slots of each footprint lie.
+    /// Places of each footprint's slots.
     places: wgpu::Buffer,
     /// Brightness and transmittance of each pixel, from slab to slab.
     walked: wgpu::Buffer,
@@ -32,7 +32,7 @@ impl BackwardBuffers {
         device.fits(canvas.size, 8 * pixels)?;
         device.holds(&format!("{n} Gaussians"), 4 * SUMS * n)?;
         let buffer = |label, bytes| device.buffer(label, bytes, STORAGE);
-        let own = BackwardBuffers {
+        let buffers = BackwardBuffers {
             by_pixel: buffer("change with brightness", 4 * pixels),
             sums: buffer("wanted of footprints", 4 * SUMS * n),
             places: buffer("places of slots", 8 * n),
@@ -40,7 +40,7 @@ impl BackwardBuffers {
             slots: None,
         };
         device.check()?;
-        Ok(own)
+        Ok(buffers)
     }
 
     /// Room for the sums of so many entries.

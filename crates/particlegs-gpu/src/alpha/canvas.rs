@@ -30,7 +30,7 @@ pub struct AlphaCanvas {
     /// Entries of each block, and the first among those of its slab.
     pub(super) block_sums: wgpu::Buffer,
     pub(super) starts: wgpu::Buffer,
-    /// Where the list of each tile begins and ends.
+    /// The beginning and the end of each tile's list.
     pub(super) ranges: wgpu::Buffer,
     /// Brightness and transmittance of each pixel.
     pub(super) sums: wgpu::Buffer,
@@ -120,7 +120,7 @@ impl AlphaCanvas {
         &self.sums
     }
 
-    /// What its kernels know of a picture, of Gaussians in one buffer.
+    /// The frame's record that its kernels read, of Gaussians in one buffer.
     pub(crate) fn frame(&self) -> &wgpu::Buffer {
         &self.batches[0].frame
     }
@@ -132,12 +132,12 @@ impl AlphaCanvas {
 
     /// Room for lists of so many entries.
     pub(super) fn lists(&mut self, device: &Device, kernels: &AlphaKernels, entries: u32) -> Result<&AlphaTileLists> {
-        let kept = self.lists.take().filter(|l| l.room >= entries);
-        let lists = match kept {
+        let last_lists = self.lists.take().filter(|l| l.room >= entries);
+        let lists = match last_lists {
             Some(lists) => lists,
             None => {
-                let message = format!("{}x{}: {entries} tile entries", self.size.width, self.size.height);
-                device.holds(&message, 4 * u64::from(entries))?;
+                let subject = format!("{}x{}: {entries} tile entries", self.size.width, self.size.height);
+                device.holds(&subject, 4 * u64::from(entries))?;
                 // Pictures of a turn need now more, now less.
                 let room = u64::from(entries).next_power_of_two().min(device.largest_binding() / 4) as u32;
                 let lists = self.new_lists(device, kernels, room);

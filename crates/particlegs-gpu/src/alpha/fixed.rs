@@ -30,7 +30,7 @@ mod tests {
     use particlegs_core::math::Random;
     use wgpu::BufferUsages;
 
-    /// What is asked of the functions of fixed.wgsl: a thread rounds a place, and what lies of it along an axis.
+    /// A kernel that tries the functions of fixed.wgsl: a thread rounds a place, and what lies of it along an axis.
     const ASKED: &str = "
 @group(0) @binding(0) var<storage, read> places: array<vec2u>;
 @group(0) @binding(1) var<storage, read> axes: array<vec4u>;
@@ -69,20 +69,20 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             places.iter().enumerate().map(|(i, _)| axis(if i % 9 == 0 { 1.0 } else { r.uniform() })).collect();
         let sources = [ASKED, include_str!("fixed.wgsl")];
         let kernel = Kernel::new(&device, "fixed", &sources, &[BufferUse::Read, BufferUse::Read, BufferUse::Write]);
-        let there: Vec<[u32; 2]> = places.iter().map(|v| words(*v)).collect();
-        let there = device.filled("places", &there, BufferUsages::STORAGE);
+        let place_words: Vec<[u32; 2]> = places.iter().map(|v| words(*v)).collect();
+        let place_buffer = device.filled("places", &place_words, BufferUsages::STORAGE);
         let along = device.filled("axes", &axes, BufferUsages::STORAGE);
         let bytes = 16 * places.len() as u64;
-        let found = device.buffer("found", bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
-        let bound = kernel.bind(&device, &[&there, &along, &found]);
+        let output = device.buffer("found", bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+        let bound = kernel.bind(&device, &[&place_buffer, &along, &output]);
         let mut encoder = device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
         kernel.run(&mut pass, &bound, [places.len() as u32 / 64, 1]);
         drop(pass);
         device.queue.submit([encoder.finish()]);
-        let found = device.read(&found, bytes).unwrap();
-        for ((place, axis), found) in places.iter().zip(&axes).zip(found.chunks_exact(16)) {
-            let word = |k: usize| u32::from_le_bytes(found[4 * k..4 * k + 4].try_into().unwrap());
+        let output_bytes = device.read(&output, bytes).unwrap();
+        for ((place, axis), record) in places.iter().zip(&axes).zip(output_bytes.chunks_exact(16)) {
+            let word = |k: usize| u32::from_le_bytes(record[4 * k..4 * k + 4].try_into().unwrap());
             let nearest = *place as f32 * 2f32.powi(-FRACTION);
             assert_eq!(f32::from_bits(word(0)), nearest, "{place}");
             let along = u128::from(axis[0]) | u128::from(axis[1]) << 32;

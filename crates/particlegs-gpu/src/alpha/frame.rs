@@ -6,7 +6,7 @@ use particlegs_core::render::alpha::project::{LEAST_RATIO, LOW_PASS};
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Eye, Tiles};
 use particlegs_core::{Error, Hint, Result};
 
-/// What is said of a camera whose place fixed.wgsl does not hold.
+/// The error of a camera whose place fixed.wgsl does not hold.
 const TOO_FAR: &str = "the camera is more than a million boxes away, too far for GPU arithmetic";
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -53,8 +53,8 @@ impl AlphaFrameRecord {
         let [right, down, forward] = eye.axes.map(|a| four(a.map(|v| v as f32)));
         let mut to_middle = [[0; 4]; 3];
         for (words, v) in to_middle.iter_mut().zip(eye.position) {
-            let own = fixed::place(-v).ok_or_else(|| Error::argument_with(TOO_FAR, Hint::use_cpu()))?;
-            words[..2].copy_from_slice(&own);
+            let coordinate = fixed::place(-v).ok_or_else(|| Error::argument_with(TOO_FAR, Hint::use_cpu()))?;
+            words[..2].copy_from_slice(&coordinate);
         }
         let mut axes = [[0; 4]; 9];
         axes.iter_mut().zip(eye.axes.as_flattened()).for_each(|(words, v)| *words = fixed::axis(*v));

@@ -30,9 +30,9 @@ pub struct Gaussians {
 
 pub(super) struct AlphaGaussianChunk {
     pub columns: wgpu::Buffer,
-    /// What the network makes of each.
+    /// The network's changes to each.
     pub bent: wgpu::Buffer,
-    /// How many come before.
+    /// The number that come before.
     pub first: u32,
     pub count: u32,
 }
@@ -86,7 +86,7 @@ impl Gaussians {
         }
     }
 
-    /// What a view asks of the network.
+    /// The view's radius and opacity over the defaults, for the network.
     pub(super) fn setting(&self, view: &View) -> Setting {
         self.blend.setting(view)
     }
@@ -95,7 +95,7 @@ impl Gaussians {
         self.chunks.iter().map(|c| c.count as usize).sum()
     }
 
-    /// None?
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -111,9 +111,10 @@ impl AlphaGaussianChunk {
     ) -> Result<AlphaGaussianChunk> {
         let mut columns = vec![0u32; COLUMNS * n];
         for (place, (m, i)) in some.enumerate() {
-            let own = column(blend, m, i)
-                .map_err(|(what, hint)| Error::argument_with(format!("Gaussian {}: {what}", first + place), hint))?;
-            own.iter().enumerate().for_each(|(k, v)| columns[k * n + place] = *v);
+            let words = column(blend, m, i).map_err(|(message, hint)| {
+                Error::argument_with(format!("Gaussian {}: {message}", first + place), hint)
+            })?;
+            words.iter().enumerate().for_each(|(k, v)| columns[k * n + place] = *v);
         }
         use wgpu::BufferUsages as Use;
         Ok(AlphaGaussianChunk {
@@ -128,25 +129,25 @@ impl AlphaGaussianChunk {
 
 /// The numbers of a Gaussian.
 fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COLUMNS], (String, Hint)> {
-    let trained = blend.trained(m, i).map_err(|what| (what, Hint::default()))?;
+    let trained = blend.trained(m, i).map_err(|message| (message, Hint::default()))?;
     let g = trained.gaussian;
     // Those that are a Gaussian's own do not depend on the setting.
     let [_, _, scale, logit] = inputs(Setting { radius: 1.0, opacity: 1.0 }, trained.log_scale, trained.logit);
     let factor = factor(&g.cov).map(|v| v as f32);
     let odds = ((1.0 - g.opacity) / g.opacity) as f32;
-    let mut own = [0.0; COLUMNS];
-    own[6..ODDS].copy_from_slice(&factor);
-    own[ODDS..].copy_from_slice(&[odds, g.grey as f32, scale, logit]);
-    if !own.iter().all(|v| v.is_finite()) {
+    let mut values = [0.0; COLUMNS];
+    values[6..ODDS].copy_from_slice(&factor);
+    values[ODDS..].copy_from_slice(&[odds, g.grey as f32, scale, logit]);
+    if !values.iter().all(|v| v.is_finite()) {
         // The CPU does not draw values outside float32 either.
-        own = [0.0; COLUMNS];
-        own[ODDS] = NEVER;
+        values = [0.0; COLUMNS];
+        values[ODDS] = NEVER;
     }
-    let mut words = own.map(f32::to_bits);
+    let mut words = values.map(f32::to_bits);
     for (k, v) in g.mean.into_iter().enumerate() {
         let far = "it is more than a million boxes away, too far for GPU arithmetic";
-        let own = fixed::place(v).ok_or_else(|| (far.into(), Hint::use_cpu()))?;
-        words[2 * k..2 * k + 2].copy_from_slice(&own);
+        let coordinate = fixed::place(v).ok_or_else(|| (far.into(), Hint::use_cpu()))?;
+        words[2 * k..2 * k + 2].copy_from_slice(&coordinate);
     }
     Ok(words)
 }

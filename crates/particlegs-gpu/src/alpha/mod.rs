@@ -11,8 +11,8 @@
 //! | backward_main.wgsl, slots_main.wgsl | particlegs-train's `alpha::raster` | what pixels want of each footprint |
 //!
 //! Footprints of equal depth come in the order of their numbers. A pixel's thread adds alone, in the order of the list,
-//! so that nothing depends on the order in which threads come. How long the lists are is counted first and read back;
-//! where they are long, footprints are listed and blended slab by slab of depth, with the same bits.
+//! so that nothing depends on the order in which threads come. The lengths of the lists are counted first and read
+//! back; where they are long, footprints are listed and blended slab by slab of depth, with the same bits.
 
 mod adapt;
 pub(crate) mod backward;
@@ -66,9 +66,9 @@ impl AlphaRenderer {
 
     /// Its kernels, for pictures whose way back is gone: that takes more memory an entry.
     pub(crate) fn for_training(device: &Arc<Device>) -> Result<Self> {
-        let own = AlphaRenderer::new(device)?;
-        let most = own.most.min((device.largest_binding() / (4 * backward::SUMS)).min(u64::from(u32::MAX)) as u32);
-        Ok(AlphaRenderer { most, ..own })
+        let renderer = AlphaRenderer::new(device)?;
+        let most = renderer.most.min((device.largest_binding() / (4 * backward::SUMS)).min(u64::from(u32::MAX)) as u32);
+        Ok(AlphaRenderer { most, ..renderer })
     }
 
     /// Memory for pictures of `size` of these Gaussians.
@@ -90,9 +90,9 @@ impl AlphaRenderer {
         gaussians: &Gaussians,
         canvas: &mut AlphaCanvas,
         eye: &Eye,
-        of: Setting,
+        setting: Setting,
     ) -> Result<()> {
-        self.sort(gaussians, canvas, eye, of)?;
+        self.sort(gaussians, canvas, eye, setting)?;
         let blocks = canvas.gaussians.div_ceil(BLOCK);
         let sums = self.device.read(&canvas.block_sums, 4 * u64::from(blocks))?;
         let sums: Vec<u32> = sums.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
@@ -108,7 +108,7 @@ impl AlphaRenderer {
     }
 
     /// Bends and projects Gaussians, sorts them by depth, and counts the entries of their blocks.
-    fn sort(&self, gaussians: &Gaussians, canvas: &AlphaCanvas, eye: &Eye, of: Setting) -> Result<()> {
+    fn sort(&self, gaussians: &Gaussians, canvas: &AlphaCanvas, eye: &Eye, setting: Setting) -> Result<()> {
         let (queue, kernels, n) = (&self.device.queue, &self.kernels, canvas.gaussians);
         for batch in &canvas.batches {
             let record = AlphaFrameRecord::new(eye, batch.first, batch.count)?;
@@ -119,7 +119,7 @@ impl AlphaRenderer {
         canvas.order.set(queue, n);
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        kernels.adapt.run(queue, &mut pass, &canvas.adapt, gaussians, of);
+        kernels.adapt.run(queue, &mut pass, &canvas.adapt, gaussians, setting);
         for batch in &canvas.batches {
             kernels.project.run(&mut pass, &batch.project, groups(u64::from(batch.count)));
         }

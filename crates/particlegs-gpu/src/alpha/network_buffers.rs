@@ -26,12 +26,12 @@ pub(super) struct SettingRecord {
 }
 
 impl NetworkBuffers {
-    pub fn new(device: &Device, of: &VizMapper, parts: usize) -> NetworkBuffers {
-        let weights = device.filled("network", &of.parameters, wgpu::BufferUsages::STORAGE);
-        NetworkBuffers::of_buffer(device, weights, of.ranges, parts)
+    pub fn new(device: &Device, vizmapper: &VizMapper, parts: usize) -> NetworkBuffers {
+        let weights = device.filled("network", &vizmapper.parameters, wgpu::BufferUsages::STORAGE);
+        NetworkBuffers::of_buffer(device, weights, vizmapper.ranges, parts)
     }
 
-    /// Whose numbers lie in a buffer.
+    /// Of a network whose numbers lie in a buffer.
     pub fn of_buffer(device: &Device, weights: wgpu::Buffer, ranges: VizRanges, parts: usize) -> NetworkBuffers {
         use wgpu::BufferUsages as Use;
         let record = || device.buffer("setting", size_of::<SettingRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
@@ -45,9 +45,9 @@ impl NetworkBuffers {
 }
 
 impl SettingRecord {
-    pub fn new(of: Setting, ranges: VizRanges, count: u32) -> SettingRecord {
+    pub fn new(setting: Setting, ranges: VizRanges, count: u32) -> SettingRecord {
         SettingRecord {
-            wanted: [of.radius, of.opacity].map(|v| v as f32),
+            wanted: [setting.radius, setting.opacity].map(|v| v as f32),
             shares: [ranges.scale, ranges.opacity].map(|v| v as f32),
             floor: ranges.floor as f32,
             count,

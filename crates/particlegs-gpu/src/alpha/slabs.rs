@@ -32,8 +32,8 @@ impl Slabs {
             starts.push(last.entries);
             last.entries += entries;
             last.blocks += 1;
-            if let Some(own) = all.last_mut() {
-                *own = last;
+            if let Some(newest) = all.last_mut() {
+                *newest = last;
             }
         }
         Slabs { all, starts }
@@ -53,8 +53,8 @@ mod tests {
     fn slabs_hold_each_block_once_and_no_more_than_they_may() {
         let blocks = [3, 0, 4, 4, 20, 0, 1];
         let slabs = Slabs::new(400, &blocks, 8);
-        let of: Vec<_> = slabs.all.iter().map(|s| (s.first, s.blocks, s.entries, s.is_first)).collect();
-        assert_eq!(of, [(0, 3, 7, 1), (3, 1, 4, 0), (4, 2, 20, 0), (6, 1, 1, 0)]);
+        let summary: Vec<_> = slabs.all.iter().map(|s| (s.first, s.blocks, s.entries, s.is_first)).collect();
+        assert_eq!(summary, [(0, 3, 7, 1), (3, 1, 4, 0), (4, 2, 20, 0), (6, 1, 1, 0)]);
         assert_eq!(slabs.starts, [0, 3, 3, 0, 0, 20, 0]);
         assert_eq!(slabs.largest(), 20);
         let none = Slabs::new(0, &[], 8);

@@ -19,7 +19,7 @@ const USUAL: [f64; 2] = [0.02, 0.05];
 const BOUNDS: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
 const SIZE: Size = Size { width: 192, height: 108 };
 
-/// What is drawn by both.
+/// A picture that both draw.
 struct AlphaRenderCase {
     name: &'static str,
     gaussians: Mixture,
@@ -70,7 +70,7 @@ fn scene(m: &Mixture) -> Scene<'_> {
 fn cases() -> Vec<AlphaRenderCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
     let case = |name, gaussians, view| AlphaRenderCase { name, gaussians, view, size: SIZE };
-    let asked = |position, radius, opacity| View { radius, opacity, ..view(position) };
+    let view_with = |position, radius, opacity| View { radius, opacity, ..view(position) };
     let mut slab = view(far);
     slab.camera.clipping_range = Some([5.9, 6.6]);
     let first = VizRanges::TRAINING;
@@ -99,9 +99,9 @@ fn cases() -> Vec<AlphaRenderCase> {
         case("through a telescope", usual(8, 3000, 0.05), telephoto),
         case("a slab", usual(6, 3000, 0.2), slab),
         case("network, as usual", with_network(usual(1, 3000, 0.05), first), view(far)),
-        case("network, large and opaque", with_network(usual(1, 3000, 0.05), first), asked(far, 0.035, 0.0875)),
-        case("network, small and faint", with_network(usual(1, 3000, 0.1), first), asked(near, 0.005, 0.0125)),
-        case("network, wide ranges", with_network(usual(2, 3000, 0.05), tuned), asked(inside, 0.03, 0.02)),
+        case("network, large and opaque", with_network(usual(1, 3000, 0.05), first), view_with(far, 0.035, 0.0875)),
+        case("network, small and faint", with_network(usual(1, 3000, 0.1), first), view_with(near, 0.005, 0.0125)),
+        case("network, wide ranges", with_network(usual(2, 3000, 0.05), tuned), view_with(inside, 0.03, 0.02)),
         AlphaRenderCase { size: Size { width: 9, height: 7 }, ..case("one tile", usual(1, 2000, 0.05), view(far)) },
         AlphaRenderCase {
             size: Size { width: 643, height: 351 },
@@ -110,16 +110,16 @@ fn cases() -> Vec<AlphaRenderCase> {
     ]
 }
 
-/// How far a picture is from core's: the largest difference in levels before rounding, pixels off by more than a
+/// Differences of a picture from core's: the largest in levels before rounding, pixels off by more than a
 /// hundredth of one, decibels, and the largest difference after rounding.
 fn apart(renderer: &AlphaRenderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let scene = scene(&case.gaussians);
-    let there = Gaussians::upload(&renderer.device, &scene).unwrap();
-    let mut canvas = renderer.canvas(&there, case.size).unwrap();
-    renderer.submit(&there, &mut canvas, &case.view).unwrap();
+    let device_gaussians = Gaussians::upload(&renderer.device, &scene).unwrap();
+    let mut canvas = renderer.canvas(&device_gaussians, case.size).unwrap();
+    renderer.submit(&device_gaussians, &mut canvas, &case.view).unwrap();
     let seen = renderer.brightness(&canvas).unwrap();
-    let own = render::optical_depth(&scene, &case.view, case.size, &Context::SILENT).unwrap();
-    let both = seen.data.iter().zip(&own.data);
+    let twin = render::optical_depth(&scene, &case.view, case.size, &Context::SILENT).unwrap();
+    let both = seen.data.iter().zip(&twin.data);
     let levels: Vec<f64> =
         both.map(|(a, t)| 255.0 * (f64::from(a.clamp(0.0, BRIGHTEST)) + f64::from(-t).exp_m1()).abs()).collect();
     let worst = levels.iter().fold(0.0f64, |w, d| w.max(*d));
@@ -139,7 +139,7 @@ fn apart(renderer: &AlphaRenderer, case: &AlphaRenderCase) -> (f64, usize, f64, 
     (worst, off, decibels, rounded)
 }
 
-/// Where rounding decides whether a footprint's faintest pixel is drawn, that pixel differs by that: an alpha of 1/255,
+/// Rounding may decide whether a footprint's faintest pixel is drawn: then that pixel differs by an alpha of 1/255,
 /// times a grey level of up to 1.2.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
@@ -153,8 +153,8 @@ fn kernels_agree_with_their_twins() {
     }
 }
 
-/// What is drawn, and in which order, is what the processor draws, Gaussian by Gaussian: depths that are equal, those that
-/// are a rounding apart, and what the network bends.
+/// Gaussians and their order are those of the processor, one by one: of depths that are equal, of those that are a
+/// rounding apart, and of those that the network bends.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn the_order_is_the_cpus() {
@@ -162,15 +162,22 @@ fn the_order_is_the_cpus() {
     let renderer = AlphaRenderer::new(&device).unwrap();
     for case in cases() {
         let scene = scene(&case.gaussians);
-        let there = Gaussians::upload(&device, &scene).unwrap();
-        let mut canvas = renderer.canvas(&there, case.size).unwrap();
-        renderer.submit(&there, &mut canvas, &case.view).unwrap();
+        let device_gaussians = Gaussians::upload(&device, &scene).unwrap();
+        let mut canvas = renderer.canvas(&device_gaussians, case.size).unwrap();
+        renderer.submit(&device_gaussians, &mut canvas, &case.view).unwrap();
         let blend = scene.blend().unwrap();
         let eye = Eye::new(&case.view, case.size, &blend.frame).unwrap();
-        let own = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Context::SILENT).unwrap();
-        let plan = Plan::new(&eye, own.len(), |i| Some(own[i]), CutOffs::PUBLISHED, &Context::SILENT).unwrap();
+        let camera_gaussians = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Context::SILENT).unwrap();
+        let plan = Plan::new(
+            &eye,
+            camera_gaussians.len(),
+            |i| Some(camera_gaussians[i]),
+            CutOffs::PUBLISHED,
+            &Context::SILENT,
+        )
+        .unwrap();
         let read = |b: &wgpu::Buffer| -> Vec<u32> {
-            bytemuck::pod_collect_to_vec(&device.read(b, 4 * own.len() as u64).unwrap())
+            bytemuck::pod_collect_to_vec(&device.read(b, 4 * camera_gaussians.len() as u64).unwrap())
         };
         let (keys, order) = (read(&canvas.order.keys), read(&canvas.order.values));
         let seen = keys.iter().filter(|k| **k != u32::MAX).count();
@@ -185,23 +192,23 @@ fn the_order_is_the_cpus() {
     }
 }
 
-/// Where radius and opacity are as they were, the network does not run again; where one changed, it does.
+/// The network runs again if radius or opacity changed, and else it does not.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn the_network_runs_where_it_must() {
     let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = with_network(usual(1, 800, 0.05), VizRanges::TRAINING);
-    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
-    let mut canvas = renderer.canvas(&there, SIZE).unwrap();
-    let mut draw = |v: &View| renderer.draw(&there, &mut canvas, v).unwrap();
+    let device_gaussians = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let mut canvas = renderer.canvas(&device_gaussians, SIZE).unwrap();
+    let mut draw = |v: &View| renderer.draw(&device_gaussians, &mut canvas, v).unwrap();
     let first = view([1.0, 2.0, 6.0]);
     let second = View { radius: 0.03, ..first.clone() };
     let drawn = draw(&first);
     assert_ne!(drawn, draw(&second));
     assert!(drawn == draw(&first), "what the network said of another view shows");
     let poison = || {
-        let bent = &there.chunks[0].bent;
+        let bent = &device_gaussians.chunks[0].bent;
         device.queue.write_buffer(bent, 0, &vec![0; bent.size() as usize]);
     };
     poison();
@@ -231,15 +238,15 @@ fn nothing_depends_on_order_or_on_what_was_there() {
     turned.law = Law::AlphaBlend(law);
     let inside = View { radius: 0.03, ..view([0.1, 0.2, 0.5]) };
     let drawn = |renderer: &AlphaRenderer, m: &Mixture, most: usize, poison: bool| {
-        let there = Gaussians::upload_in(&device, &scene(m), most).unwrap();
-        let mut canvas = renderer.canvas(&there, Size { width: 160, height: 90 }).unwrap();
+        let device_gaussians = Gaussians::upload_in(&device, &scene(m), most).unwrap();
+        let mut canvas = renderer.canvas(&device_gaussians, Size { width: 160, height: 90 }).unwrap();
         if poison {
             canvas.lists(&device, &renderer.kernels, 1 << 15).unwrap();
-            poisoned(&device, &there, &canvas);
+            poisoned(&device, &device_gaussians, &canvas);
         }
-        renderer.submit(&there, &mut canvas, &inside).unwrap();
+        renderer.submit(&device_gaussians, &mut canvas, &inside).unwrap();
         let first = (renderer.brightness(&canvas).unwrap().data, renderer.picture(&canvas).unwrap().data);
-        renderer.submit(&there, &mut canvas, &inside).unwrap();
+        renderer.submit(&device_gaussians, &mut canvas, &inside).unwrap();
         assert!(first.0 == renderer.brightness(&canvas).unwrap().data, "the first shows in the second");
         first
     };
@@ -256,9 +263,9 @@ fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &AlphaCanvas) {
     let lists = canvas.lists.as_ref().unwrap();
     let sorts = [&canvas.order, &lists.sort].into_iter().flat_map(|s| s.scratch.iter().chain([&s.keys, &s.values]));
     let bent = gaussians.chunks.iter().map(|c| &c.bent);
-    let own = [&canvas.splats, &canvas.touched, &canvas.block_sums, &canvas.starts, &canvas.ranges];
+    let footprint_buffers = [&canvas.splats, &canvas.touched, &canvas.block_sums, &canvas.starts, &canvas.ranges];
     let pixels = [&canvas.sums, &canvas.lefts, &canvas.picture];
-    for buffer in own.into_iter().chain(pixels).chain(sorts).chain(bent) {
+    for buffer in footprint_buffers.into_iter().chain(pixels).chain(sorts).chain(bent) {
         device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
     }
 }
@@ -274,15 +281,15 @@ fn pictures_are_by_the_scenes_law() {
     let scenes = [scene(&gaussians), scene(&depths)];
     let pictures = scenes.each_ref().map(|s| crate::render::ScenePictures::new(&device, s).unwrap());
     for size in [Size { width: 33, height: 17 }, SIZE, Size { width: 64, height: 64 }] {
-        for look in ToneStyle::ALL {
-            for (own, scene) in pictures.iter().zip(&scenes) {
+        for style in ToneStyle::ALL {
+            for (scene_pictures, scene) in pictures.iter().zip(&scenes) {
                 let (a, b) = (
-                    own.draw(&view, size, look, &Context::SILENT).unwrap(),
-                    render::draw(scene, &view, size, look, &Context::SILENT),
+                    scene_pictures.draw(&view, size, style, &Context::SILENT).unwrap(),
+                    render::draw(scene, &view, size, style, &Context::SILENT),
                 );
                 let b = b.unwrap();
-                assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 2), "{}", look.name());
-                assert!(psnr(&a, &b).is_none_or(|db| db > 70.0), "{}", look.name());
+                assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 2), "{}", style.name());
+                assert!(psnr(&a, &b).is_none_or(|db| db > 70.0), "{}", style.name());
             }
         }
     }
@@ -291,73 +298,74 @@ fn pictures_are_by_the_scenes_law() {
     assert!(none.draw(&view, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap().data.iter().all(|v| *v == 0));
 }
 
-/// What float32 does not hold, or is behind, beside or before the range, is not drawn; nothing at all is black.
+/// Gaussians beyond float32, and those behind, beside or before the range, are not drawn; none at all is black.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn what_is_not_seen_is_not_drawn() {
     let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     let draw = |m: &Mixture| {
-        let there = Gaussians::upload(&device, &scene(m)).unwrap();
-        let mut canvas = renderer.canvas(&there, SIZE).unwrap();
-        renderer.draw(&there, &mut canvas, &view([0.0, 0.0, 6.0])).unwrap()
+        let device_gaussians = Gaussians::upload(&device, &scene(m)).unwrap();
+        let mut canvas = renderer.canvas(&device_gaussians, SIZE).unwrap();
+        renderer.draw(&device_gaussians, &mut canvas, &view([0.0, 0.0, 6.0])).unwrap()
     };
     let small = Sym3::scaled_identity(1e-4);
-    let of = |all: &[([f64; 3], f64)]| {
+    let mixture_of = |all: &[([f64; 3], f64)]| {
         let mut m = mixture(1, all.len() as u64, 0.9, |_, i| (all[i as usize].0, small));
         m.law.alpha_blend_mut().unwrap().opacity = all.iter().map(|(_, o)| *o).collect();
         m
     };
     let unseen = [([0.0, 0.0, 9.0], 0.9), ([40.0, 0.0, 0.0], 0.9), ([0.0, 0.0, 5.99], 0.9), ([0.0; 3], 0.001)];
-    assert!(draw(&of(&unseen)).data.iter().all(|v| *v == 0));
+    assert!(draw(&mixture_of(&unseen)).data.iter().all(|v| *v == 0));
     let seen = [([0.1, 0.2, 0.3], 0.9)];
-    let alone = draw(&of(&seen));
+    let alone = draw(&mixture_of(&seen));
     assert!(alone.data.iter().any(|v| *v > 5));
-    let mut with = of(&[&seen[..], &unseen[..]].concat());
-    with.law.alpha_blend_mut().unwrap().grey[0] = of(&seen).law.alpha_blend().unwrap().grey[0];
+    let mut with = mixture_of(&[&seen[..], &unseen[..]].concat());
+    with.law.alpha_blend_mut().unwrap().grey[0] = mixture_of(&seen).law.alpha_blend().unwrap().grey[0];
     assert!(alone == draw(&with));
 }
 
-/// What cannot be drawn is said, in a line.
+/// Limits are errors of one line.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn limits_are_told() {
     let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = usual(5, 80, 0.05);
-    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
-    let told = |e: particlegs_core::Error| {
+    let device_gaussians = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let message_of = |e: particlegs_core::Error| {
         let text = if e.hint().is_empty() { e.to_string() } else { format!("{e}; {}", e.hint()) };
         assert!(!text.contains('\n'), "{text}");
         text
     };
-    let huge = told(renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err());
+    let huge =
+        message_of(renderer.canvas(&device_gaussians, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err());
     assert!(huge.contains("100000x100000") && huge.contains("`device cpu`"), "{huge}");
-    let mut canvas = renderer.canvas(&there, SIZE).unwrap();
+    let mut canvas = renderer.canvas(&device_gaussians, SIZE).unwrap();
     let entries = (device.largest_binding() / 4 + 1).min(u64::from(u32::MAX)) as u32;
     if u64::from(entries) * 4 > device.largest_binding() {
-        let long = told(canvas.lists(&device, &renderer.kernels, entries).map(drop).unwrap_err());
+        let long = message_of(canvas.lists(&device, &renderer.kernels, entries).map(drop).unwrap_err());
         assert!(long.contains("entries") && long.contains("`device cpu`"), "{long}");
     }
     let mut flat = view([0.0, 0.0, 6.0]);
     flat.camera.projection = Projection::Orthographic { height_world: 2.5 };
-    let flat = told(renderer.submit(&there, &mut canvas, &flat).unwrap_err());
+    let flat = message_of(renderer.submit(&device_gaussians, &mut canvas, &flat).unwrap_err());
     assert!(flat.contains("only be drawn in perspective"), "{flat}");
     let wrong = View { opacity: 2.0, ..view([0.0, 0.0, 6.0]) };
-    told(renderer.submit(&there, &mut canvas, &wrong).unwrap_err());
+    message_of(renderer.submit(&device_gaussians, &mut canvas, &wrong).unwrap_err());
     let mut bad = gaussians.clone();
     bad.mean[1][17] = f64::NAN;
-    let bad = told(Gaussians::upload_in(&device, &scene(&bad), 10).map(drop).unwrap_err());
+    let bad = message_of(Gaussians::upload_in(&device, &scene(&bad), 10).map(drop).unwrap_err());
     assert_eq!(bad, "Gaussian 17: the mean is not finite");
     let mut beyond = gaussians.clone();
     beyond.mean[2][3] = 1e9;
-    let beyond = told(Gaussians::upload(&device, &scene(&beyond)).map(drop).unwrap_err());
+    let beyond = message_of(Gaussians::upload(&device, &scene(&beyond)).map(drop).unwrap_err());
     assert!(beyond.starts_with("Gaussian 3: ") && beyond.contains("`device cpu`"), "{beyond}");
-    let away = told(renderer.submit(&there, &mut canvas, &view([0.0, 0.0, 1e9])).unwrap_err());
+    let away = message_of(renderer.submit(&device_gaussians, &mut canvas, &view([0.0, 0.0, 1e9])).unwrap_err());
     assert!(away.contains("`device cpu`"), "{away}");
     let mut depths = gaussians;
     depths.law = Law::OpticalDepth;
-    told(Gaussians::upload(&device, &scene(&depths)).map(drop).unwrap_err());
+    message_of(Gaussians::upload(&device, &scene(&depths)).map(drop).unwrap_err());
 }
 
 /// A footprint of the device, and the pixels of the tiles that it touches.
@@ -388,7 +396,7 @@ fn drawn(renderer: &AlphaRenderer, canvas: &AlphaCanvas) -> Vec<TileFootprint> {
     seen.map(|(i, _)| one(*i as usize)).collect()
 }
 
-/// What pixels want of each Gaussian, pixel by pixel in f64.
+/// Sums that pixels want of each Gaussian, pixel by pixel in f64.
 fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32]) -> Vec<[f64; 7]> {
     let cut = CutOffs::PUBLISHED;
     let (least, most, pixels) = (f64::from(cut.least_transmittance), f64::from(cut.most_alpha), size.pixels());
@@ -420,9 +428,9 @@ fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32
                     let behind: f64 = all[pixel] - at[pixel].0;
                     let moves = if raw <= most { alpha } else { 0.0 };
                     let h = moves * want * (left * grey - behind / (1.0 - alpha));
-                    let own = [h, h * dx, h * dy, h * dx * dx, h * dx * dy, h * dy * dy, want * left * alpha];
+                    let terms = [h, h * dx, h * dy, h * dx * dx, h * dx * dy, h * dy * dy, want * left * alpha];
                     if back {
-                        out[d.number].iter_mut().zip(own).for_each(|(o, v)| *o += v);
+                        out[d.number].iter_mut().zip(terms).for_each(|(o, v)| *o += v);
                     }
                 }
             }
@@ -432,7 +440,7 @@ fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32
     out
 }
 
-/// What pixels want of footprints, summed whole and in slabs.
+/// Sums that pixels want of footprints, whole and in slabs.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn footprints_are_wanted_as_pixels_want_them() {
@@ -440,16 +448,16 @@ fn footprints_are_wanted_as_pixels_want_them() {
     let mut renderer = AlphaRenderer::new(&device).unwrap();
     let whole = renderer.most;
     for case in cases() {
-        let there = Gaussians::upload(&device, &scene(&case.gaussians)).unwrap();
-        let n = there.len();
+        let device_gaussians = Gaussians::upload(&device, &scene(&case.gaussians)).unwrap();
+        let n = device_gaussians.len();
         let mut r = Random::new(12, 1, 0);
         let pixels = (0..case.size.pixels()).map(|i| if i % 9 == 0 { 0.0 } else { r.normal() as f32 });
         let by_pixel: Vec<f32> = pixels.collect();
         let mut sums = Vec::new();
         for most in [whole, 2000] {
             renderer.most = most;
-            let mut canvas = renderer.canvas(&there, case.size).unwrap();
-            renderer.submit(&there, &mut canvas, &case.view).unwrap();
+            let mut canvas = renderer.canvas(&device_gaussians, case.size).unwrap();
+            renderer.submit(&device_gaussians, &mut canvas, &case.view).unwrap();
             let mut back = BackwardBuffers::new(&device, &canvas).unwrap();
             device.queue.write_buffer(&back.by_pixel, 0, bytemuck::cast_slice(&by_pixel));
             back.poison(&device);
@@ -458,12 +466,12 @@ fn footprints_are_wanted_as_pixels_want_them() {
             renderer.backward(&canvas, &mut back).unwrap();
             sums.push(bytemuck::pod_collect_to_vec::<u8, u32>(&device.read(&back.sums, 28 * n as u64).unwrap()));
             if most == whole {
-                let own = wanted(&drawn(&renderer, &canvas), n, case.size, &by_pixel);
+                let twin = wanted(&drawn(&renderer, &canvas), n, case.size, &by_pixel);
                 let off: [f64; 7] = std::array::from_fn(|k| {
                     let (mut apart, mut all) = (0.0, 0.0);
-                    for (i, own) in own.iter().enumerate() {
-                        apart += (own[k] - f64::from(f32::from_bits(sums[0][k * n + i]))).powi(2);
-                        all += own[k].powi(2);
+                    for (i, twin) in twin.iter().enumerate() {
+                        apart += (twin[k] - f64::from(f32::from_bits(sums[0][k * n + i]))).powi(2);
+                        all += twin[k].powi(2);
                     }
                     f64::sqrt(apart / all)
                 });

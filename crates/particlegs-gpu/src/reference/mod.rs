@@ -194,14 +194,14 @@ impl Sum<'_> {
     }
 
     /// The picture in a look's tone curve; of ParaView's looks the mean without noise.
-    pub fn finish(self, look: ToneStyle) -> Result<Gray8> {
+    pub fn finish(self, style: ToneStyle) -> Result<Gray8> {
         let (r, canvas) = (self.reference, self.canvas);
         let plane = TonePlane { size: canvas.size, is_sum: false };
-        canvas.tone.set(&r.device.queue, self.view, look, plane);
+        canvas.tone.set(&r.device.queue, self.view, style, plane);
         let mut encoder = r.device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
         r.collect.run(&mut pass, &canvas.collect, groups(canvas.size.pixels() as u64));
-        r.tones.run(&mut pass, &canvas.tone, canvas.size, look);
+        r.tones.run(&mut pass, &canvas.tone, canvas.size, style);
         drop(pass);
         r.device.queue.submit([encoder.finish()]);
         let data = r.device.read(&canvas.picture, canvas.size.pixels() as u64)?;
@@ -209,8 +209,8 @@ impl Sum<'_> {
     }
 
     pub fn depth(self) -> Result<Plane> {
-        let words = |of: &wgpu::Buffer| -> Result<Vec<u32>> {
-            let bytes = self.reference.device.read(of, 4 * self.canvas.size.pixels() as u64)?;
+        let words = |buffer: &wgpu::Buffer| -> Result<Vec<u32>> {
+            let bytes = self.reference.device.read(buffer, 4 * self.canvas.size.pixels() as u64)?;
             Ok(bytemuck::pod_collect_to_vec(&bytes))
         };
         let [low, high] = &self.canvas.sums;

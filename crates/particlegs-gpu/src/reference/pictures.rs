@@ -28,8 +28,8 @@ pub struct ParticlePictures<'a> {
 
 impl<'a> ParticlePictures<'a> {
     /// None of the particles is on the device yet.
-    pub fn new(device: &Arc<Device>, of: ParticleInput<'a>) -> Result<Self> {
-        let ParticleInput { origin, bounds, count, columns } = of;
+    pub fn new(device: &Arc<Device>, input: ParticleInput<'a>) -> Result<Self> {
+        let ParticleInput { origin, bounds, count, columns } = input;
         Ok(ParticlePictures {
             reference: ReferenceRenderer::new(device)?,
             paraview: Paraview::new(device)?,
@@ -58,8 +58,8 @@ impl<'a> ParticlePictures<'a> {
         context: &Context<'_>,
         finish: impl FnOnce(Sum<'_>) -> Result<T>,
     ) -> Result<T> {
-        let mut kept = lock(&self.sums);
-        let canvas = match kept.take() {
+        let mut slot = lock(&self.sums);
+        let canvas = match slot.take() {
             Some(canvas) if canvas.size == size => canvas,
             other => {
                 drop(other);
@@ -69,7 +69,7 @@ impl<'a> ParticlePictures<'a> {
         let mut sum = self.reference.begin(&canvas, view, self.origin, self.range(view))?;
         CancellableSource { source: &self.snapshot, context }.each(&mut |points| sum.add(points))?;
         let drawn = finish(sum)?;
-        *kept = Some(canvas);
+        *slot = Some(canvas);
         Ok(drawn)
     }
 
@@ -79,14 +79,14 @@ impl<'a> ParticlePictures<'a> {
 }
 
 impl Renderer for ParticlePictures<'_> {
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        let fxaa = match look {
-            ToneStyle::Expected => return self.response(view, size, look, context),
+    fn draw(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        let fxaa = match style {
+            ToneStyle::Expected => return self.response(view, size, style, context),
             ToneStyle::ParaviewNoFxaa => false,
             ToneStyle::Paraview => true,
         };
-        let mut kept = lock(&self.layers);
-        let canvas = match kept.take() {
+        let mut slot = lock(&self.layers);
+        let canvas = match slot.take() {
             Some(canvas) if canvas.size() == size => canvas,
             other => {
                 drop(other);
@@ -95,12 +95,12 @@ impl Renderer for ParticlePictures<'_> {
         };
         let shot = self.paraview.shot(&canvas, view, self.origin, self.range(view))?;
         let drawn = shot.draw(&CancellableSource { source: &self.snapshot, context }, fxaa)?;
-        *kept = Some(canvas);
+        *slot = Some(canvas);
         Ok(drawn)
     }
 
-    fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        self.summed(view, size, context, |sum| sum.finish(look))
+    fn response(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        self.summed(view, size, context, |sum| sum.finish(style))
     }
 
     fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
@@ -109,6 +109,6 @@ impl Renderer for ParticlePictures<'_> {
 }
 
 /// A canvas that a panic left is whole: pictures begin by clearing it.
-fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -70,7 +70,7 @@ impl PlaneLayout {
         let level = |l: &pyramid::Level| {
             let (width, rows) = (l.size.width + 2 * pyramid::PAD, l.rows);
             let across = width.div_ceil(TILE);
-            let own = LevelRecord {
+            let record = LevelRecord {
                 first: sums as u32,
                 width: width as u32,
                 rows: rows as u32,
@@ -80,7 +80,7 @@ impl PlaneLayout {
             };
             sums += (width * rows) as u64;
             tiles += (across * rows.div_ceil(TILE)) as u64;
-            own
+            record
         };
         let levels = pyramid::levels(size).iter().map(level).collect();
         PlaneLayout { size, levels, sums, tiles }

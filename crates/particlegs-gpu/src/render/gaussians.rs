@@ -21,11 +21,11 @@ pub struct Gaussians {
     pub(super) origin: [f64; 3],
     pub(super) bounds: Bounds,
     pub(super) shifts: Vec<[f64; 3]>,
-    /// Where they are; none where training moves them.
+    /// Their extent; none where training moves them.
     extent: Option<GaussianExtent>,
 }
 
-/// Where Gaussians lie, and the standard deviation that none of them exceeds.
+/// Bounds of Gaussians' means, and the standard deviation that none of them exceeds.
 struct GaussianExtent {
     means: Bounds,
     sigma: f64,
@@ -75,7 +75,7 @@ impl Gaussians {
         }
     }
 
-    /// May a lens cut any of them along depth? Where it may not, what draws those need not run.
+    /// Whether a lens may cut any of them along depth: else the kernels that draw those need not run.
     pub(super) fn may_be_cut(&self, lens: &Lens) -> bool {
         let cuts = |extent: &GaussianExtent| self.shifts.iter().any(|s| extent.may_be_cut(&lens.shifted(*s)));
         self.extent.as_ref().is_none_or(cuts)
@@ -90,7 +90,7 @@ impl Gaussians {
         self.chunks.iter().map(|c| c.count as usize).sum()
     }
 
-    /// None?
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -151,7 +151,8 @@ impl GaussianChunk {
     }
 }
 
-/// The lower triangle L with L L^T the covariance: xx, yx, yy, zx, zy, zz. What rounding left below zero is none.
+/// The lower triangle L with L L^T the covariance: xx, yx, yy, zx, zy, zz. A variance that rounding left below zero
+/// counts as 0.
 pub(crate) fn factor(cov: &Sym3) -> [f64; 6] {
     let [xx, xy, xz, yy, yz, zz] = cov.0;
     let over = |v: f64, by: f64| if by > 0.0 { v / by } else { 0.0 };

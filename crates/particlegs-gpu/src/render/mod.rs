@@ -58,7 +58,7 @@ pub struct DepthCanvas {
     /// Of the finest plane, and of all others.
     sums: [wgpu::Buffer; 2],
     tiles: wgpu::Buffer,
-    /// What sums are multiplied by, and its inverse.
+    /// The factor of sums, and its inverse.
     scales: wgpu::Buffer,
     cut_count: wgpu::Buffer,
     picture: wgpu::Buffer,
@@ -71,7 +71,7 @@ pub struct DepthCanvas {
     tone: Tone,
 }
 
-/// What training reads of a canvas.
+/// Buffers of a canvas that training reads.
 pub(crate) struct CanvasBuffers<'a> {
     pub frame: &'a wgpu::Buffer,
     /// The finest plane.
@@ -86,7 +86,7 @@ impl DepthCanvas {
         &self.planes
     }
 
-    /// Does the finest plane, being the only one, hold whole numbers?
+    /// Whether the finest plane, being the only one, holds whole numbers.
     pub(crate) fn holds_sums(&self) -> bool {
         self.steps.is_empty()
     }
@@ -154,25 +154,25 @@ impl DepthRenderer {
         for shift in &gaussians.shifts {
             for chunk in &gaussians.chunks {
                 let frame = device.buffer("frame", size_of::<FrameRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
-                let own = &chunk.columns;
+                let columns = &chunk.columns;
                 batches.push(GaussianBatch {
                     shift: *shift,
                     count: chunk.count,
                     project: kernels
                         .project
-                        .bind(device, &[&frame, own, &strokes, &planes_of, &tiles, &cuts, &cut_count]),
+                        .bind(device, &[&frame, columns, &strokes, &planes_of, &tiles, &cuts, &cut_count]),
                     raster: dispatches(device, chunk.count, AT_ONCE)
                         .into_iter()
                         .map(|(some, count)| {
-                            let own = [&frame, &strokes, &planes_of, &scale, finest, coarser, &some];
-                            (kernels.raster.bind(device, &own), count)
+                            let buffers = [&frame, &strokes, &planes_of, &scale, finest, coarser, &some];
+                            (kernels.raster.bind(device, &buffers), count)
                         })
                         .collect(),
                     slices: dispatches(device, chunk.count, CUTS_AT_ONCE)
                         .into_iter()
                         .map(|(some, count)| {
-                            let bound = [&frame, own, &cuts, &cut_count, &tiles, &some];
-                            let draw = [&frame, own, &cuts, &cut_count, &scale, finest, coarser, &some];
+                            let bound = [&frame, columns, &cuts, &cut_count, &tiles, &some];
+                            let draw = [&frame, columns, &cuts, &cut_count, &scale, finest, coarser, &some];
                             let bound = kernels.slices_bound.bind(device, &bound);
                             Slices { count, bound, draw: kernels.slices.bind(device, &draw) }
                         })
@@ -206,22 +206,22 @@ impl DepthRenderer {
     }
 
     /// Gives the device a picture to draw; the next one overwrites it.
-    pub fn submit(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, look: ToneStyle) -> Result<()> {
-        let lens = self.seen(gaussians, canvas, view, look)?;
+    pub fn submit(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, style: ToneStyle) -> Result<()> {
+        let lens = self.seen(gaussians, canvas, view, style)?;
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         self.sum(&mut encoder, gaussians, canvas, &lens);
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        self.tones.run(&mut pass, &canvas.tone, canvas.planes.size, look);
+        self.tones.run(&mut pass, &canvas.tone, canvas.planes.size, style);
         drop(pass);
         self.device.queue.submit([encoder.finish()]);
         self.device.check()
     }
 
     /// The lens of a picture, once the device knows how it is to be toned.
-    fn seen(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, look: ToneStyle) -> Result<Lens> {
+    fn seen(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, style: ToneStyle) -> Result<Lens> {
         let size = canvas.planes.size;
         let lens = Lens::optical(view, size, &gaussians.bounds)?;
-        canvas.tone.set(&self.device.queue, view, look, TonePlane { size, is_sum: canvas.holds_sums() });
+        canvas.tone.set(&self.device.queue, view, style, TonePlane { size, is_sum: canvas.holds_sums() });
         Ok(lens)
     }
 
@@ -332,14 +332,14 @@ impl DepthRenderer {
     }
 
     /// A picture of a scene.
-    pub fn draw(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, look: ToneStyle) -> Result<Gray8> {
-        self.submit(gaussians, canvas, view, look)?;
+    pub fn draw(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, style: ToneStyle) -> Result<Gray8> {
+        self.submit(gaussians, canvas, view, style)?;
         self.picture(canvas)
     }
 }
 
 /// The passes that sum the planes.
-fn steps(device: &Device, kernels: &Kernels, planes: &PlaneLayout, of: [&wgpu::Buffer; 4]) -> Vec<LevelPass> {
+fn steps(device: &Device, kernels: &Kernels, planes: &PlaneLayout, buffers: [&wgpu::Buffer; 4]) -> Vec<LevelPass> {
     let top = planes.levels.len() - 1;
     let small = planes.levels.iter().position(|l| l.width * l.rows <= COARSEST).unwrap_or(top).min(top);
     let step = |level: usize, coarsest: bool, is_sum: bool| {
@@ -348,7 +348,7 @@ fn steps(device: &Device, kernels: &Kernels, planes: &PlaneLayout, of: [&wgpu::B
         let kernel = if coarsest { &kernels.pyramid_coarsest } else { &kernels.pyramid };
         let l = planes.levels[level];
         let groups = if coarsest { [1, 1] } else { [l.width.div_ceil(16), l.rows.div_ceil(16)] };
-        LevelPass { coarsest, groups, bound: kernel.bind(device, &[&of[..], &[&target]].concat()) }
+        LevelPass { coarsest, groups, bound: kernel.bind(device, &[&buffers[..], &[&target]].concat()) }
     };
     let fused = (small < top).then(|| step(small, true, true));
     let rest = (0..small).rev().map(|level| step(level, false, level + 1 == top));

@@ -21,7 +21,7 @@ enum LawRenderer {
     AlphaBlend(Box<DrawingState<alpha::AlphaRenderer, alpha::Gaussians, alpha::AlphaCanvas>>),
 }
 
-/// What draws, what is drawn, and the memory of the last picture.
+/// The renderer, its Gaussians, and the memory of the last picture.
 struct DrawingState<R, G, C> {
     renderer: R,
     gaussians: G,
@@ -49,17 +49,17 @@ impl ScenePictures {
 }
 
 impl Renderer for ScenePictures {
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, _: &Context<'_>) -> Result<Gray8> {
+    fn draw(&self, view: &View, size: Size, style: ToneStyle, _: &Context<'_>) -> Result<Gray8> {
         match &self.0 {
-            LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
-            LawRenderer::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
-            LawRenderer::OpticalDepth(own) => {
-                let DrawingState { renderer, gaussians, kept } = &**own;
+            LawRenderer::OpticalDepth(state) if state.gaussians.is_empty() => Ok(Gray8::black(size)),
+            LawRenderer::AlphaBlend(state) if state.gaussians.is_empty() => Ok(Gray8::black(size)),
+            LawRenderer::OpticalDepth(state) => {
+                let DrawingState { renderer, gaussians, kept } = &**state;
                 let new = || renderer.canvas(gaussians, size);
-                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view, look))
+                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view, style))
             }
-            LawRenderer::AlphaBlend(own) => {
-                let DrawingState { renderer, gaussians, kept } = &**own;
+            LawRenderer::AlphaBlend(state) => {
+                let DrawingState { renderer, gaussians, kept } = &**state;
                 let new = || renderer.canvas(gaussians, size);
                 kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view))
             }
@@ -68,10 +68,10 @@ impl Renderer for ScenePictures {
 
     fn optical_depth(&self, view: &View, size: Size, _: &Context<'_>) -> Result<Plane> {
         match &self.0 {
-            LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
-            LawRenderer::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
-            LawRenderer::OpticalDepth(own) => {
-                let DrawingState { renderer, gaussians, kept } = &**own;
+            LawRenderer::OpticalDepth(state) if state.gaussians.is_empty() => Ok(Plane::zeros(size)),
+            LawRenderer::AlphaBlend(state) if state.gaussians.is_empty() => Ok(Plane::zeros(size)),
+            LawRenderer::OpticalDepth(state) => {
+                let DrawingState { renderer, gaussians, kept } = &**state;
                 let new = || renderer.canvas(gaussians, size);
                 let mut tau = kept.with(size, new, |canvas| {
                     renderer.submit(gaussians, canvas, view, ToneStyle::Expected)?;
@@ -83,8 +83,8 @@ impl Renderer for ScenePictures {
                 }
                 Ok(tau)
             }
-            LawRenderer::AlphaBlend(own) => {
-                let DrawingState { renderer, gaussians, kept } = &**own;
+            LawRenderer::AlphaBlend(state) => {
+                let DrawingState { renderer, gaussians, kept } = &**state;
                 let new = || renderer.canvas(gaussians, size);
                 let mut plane = kept.with(size, new, |canvas| {
                     renderer.submit(gaussians, canvas, view)?;
@@ -109,9 +109,9 @@ impl<C> CanvasCache<C> {
         new: impl FnOnce() -> Result<C>,
         draw: impl FnOnce(&mut C) -> Result<T>,
     ) -> Result<T> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut canvas = match kept.take() {
-            Some((of, canvas)) if of == size => canvas,
+        let mut slot = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut canvas = match slot.take() {
+            Some((canvas_size, canvas)) if canvas_size == size => canvas,
             other => {
                 // The old one goes before the new one comes.
                 drop(other);
@@ -119,7 +119,7 @@ impl<C> CanvasCache<C> {
             }
         };
         let drawn = draw(&mut canvas)?;
-        *kept = Some((size, canvas));
+        *slot = Some((size, canvas));
         Ok(drawn)
     }
 }

@@ -11,7 +11,7 @@ use particlegs_core::render::project::slices::{ClipClass, clip_class};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 
-/// What is drawn by both.
+/// A picture that both draw.
 struct DepthRenderCase {
     name: &'static str,
     gaussians: Mixture,
@@ -86,30 +86,30 @@ fn kernels_agree_with_their_twins() {
     let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         let scene = scene(&gaussians);
-        let there = Gaussians::upload(&device, &scene).unwrap();
-        let canvas = renderer.canvas(&there, size).unwrap();
-        renderer.submit(&there, &canvas, &view, ToneStyle::Expected).unwrap();
+        let device_gaussians = Gaussians::upload(&device, &scene).unwrap();
+        let canvas = renderer.canvas(&device_gaussians, size).unwrap();
+        renderer.submit(&device_gaussians, &canvas, &view, ToneStyle::Expected).unwrap();
         let mut tau = renderer.depth(&canvas).unwrap();
         let lens = Lens::optical(&view, size, scene.bounds()).unwrap();
         if lens.perspective {
             render::depth::grow(&mut tau, &lens);
         }
-        let own = render::optical_depth(&scene, &view, size, &Context::SILENT).unwrap();
+        let twin = render::optical_depth(&scene, &view, size, &Context::SILENT).unwrap();
         let seen = |t: f32| 255.0 * (1.0 - f64::from(-t).exp());
-        let apart = tau.data.iter().zip(&own.data).map(|(a, b)| (seen(*a) - seen(*b)).abs());
+        let apart = tau.data.iter().zip(&twin.data).map(|(a, b)| (seen(*a) - seen(*b)).abs());
         let (worst, sum) = apart.fold((0.0f64, 0.0), |(w, s), d| (w.max(d), s + d * d));
         let db = 20.0 * (255.0 / (sum / size.pixels() as f64).sqrt()).log10();
         println!("{name}: largest {worst:.3} levels, {db:.1} dB");
         assert!(worst < 0.5 && db > 76.0, "{name}: largest {worst:.3} levels, {db:.1} dB");
-        for look in ToneStyle::ALL {
+        for style in ToneStyle::ALL {
             let (a, b) = (
-                renderer.draw(&there, &canvas, &view, look).unwrap(),
-                render::draw(&scene, &view, size, look, &Context::SILENT).unwrap(),
+                renderer.draw(&device_gaussians, &canvas, &view, style).unwrap(),
+                render::draw(&scene, &view, size, style, &Context::SILENT).unwrap(),
             );
             let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
             let db = psnr(&a, &b).unwrap_or(f64::INFINITY);
-            println!("  {}: largest {apart}, {db:.1} dB", look.name());
-            assert!(apart <= 1 && db > 60.0, "{name}, {}: largest {apart}, {db:.1} dB", look.name());
+            println!("  {}: largest {apart}, {db:.1} dB", style.name());
+            assert!(apart <= 1 && db > 60.0, "{name}, {}: largest {apart}, {db:.1} dB", style.name());
         }
     }
 }
@@ -123,14 +123,14 @@ fn a_picture_of_8k_is_drawn() {
     let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 7680, height: 4320 });
     assert!(PlaneLayout::new(size).words().iter().all(|w| 4 * w <= 128 << 20));
     let (scene, view) = (scene(&gaussians), view([1.0, 2.0, 6.0], [0.002, 0.05]));
-    let there = Gaussians::upload(&device, &scene).unwrap();
-    let canvas = renderer.canvas(&there, size).unwrap();
-    let a = renderer.draw(&there, &canvas, &view, ToneStyle::Expected).unwrap();
+    let device_gaussians = Gaussians::upload(&device, &scene).unwrap();
+    let canvas = renderer.canvas(&device_gaussians, size).unwrap();
+    let a = renderer.draw(&device_gaussians, &canvas, &view, ToneStyle::Expected).unwrap();
     let b = render::draw(&scene, &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
     assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
-/// Where no Gaussian is said to be cut, none is; so far, and not where some are.
+/// `may_be_cut` is true wherever some Gaussian is cut, and false from afar where none is.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn what_is_cut_is_known_before() {
@@ -144,10 +144,10 @@ fn what_is_cut_is_known_before() {
             let (forward, cov) = (lens.axes[2], gaussians.cov_of(i));
             clip_class(&lens, dot(forward, away), dot(forward, cov.apply(forward))) == ClipClass::Cut
         });
-        let may = Gaussians::upload(&device, &scene).unwrap().may_be_cut(&lens);
-        println!("{name}: {cut}, {may}");
-        assert!(may || !cut, "{name}");
-        assert!(cut || !may || !name.contains("afar"), "{name}");
+        let may_cut = Gaussians::upload(&device, &scene).unwrap().may_be_cut(&lens);
+        println!("{name}: {cut}, {may_cut}");
+        assert!(may_cut || !cut, "{name}");
+        assert!(cut || !may_cut || !name.contains("afar"), "{name}");
     }
 }
 
@@ -165,8 +165,8 @@ fn nothing_depends_on_order_or_on_what_was_there() {
     }
     let inside = view([0.1, 0.2, 0.5], [0.002, 0.05]);
     let drawn = |m: &Mixture, most: usize, poison: bool| {
-        let there = Gaussians::upload_in(&device, &scene(m), most).unwrap();
-        let canvas = renderer.canvas(&there, size).unwrap();
+        let device_gaussians = Gaussians::upload_in(&device, &scene(m), most).unwrap();
+        let canvas = renderer.canvas(&device_gaussians, size).unwrap();
         if poison {
             // All ones are not a number, and out of every range.
             let all = canvas.scratch.iter().chain([
@@ -181,7 +181,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
                 device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
             }
         }
-        renderer.submit(&there, &canvas, &inside, ToneStyle::Expected).unwrap();
+        renderer.submit(&device_gaussians, &canvas, &inside, ToneStyle::Expected).unwrap();
         (renderer.depth(&canvas).unwrap().data, renderer.picture(&canvas).unwrap().data)
     };
     let once = drawn(&gaussians, 1 << 20, false);
@@ -199,21 +199,21 @@ fn slow_tiles_have_the_bits_of_atomic_adds() {
     let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         for most in [1 << 20, 1700] {
-            let there = Gaussians::upload_in(&device, &scene(&gaussians), most).unwrap();
-            let canvas = renderer.canvas(&there, size).unwrap();
-            let mut tiles = DepthTiles::new(&renderer, &there, &canvas).unwrap();
-            for look in [ToneStyle::Expected, ToneStyle::Paraview] {
+            let device_gaussians = Gaussians::upload_in(&device, &scene(&gaussians), most).unwrap();
+            let canvas = renderer.canvas(&device_gaussians, size).unwrap();
+            let mut tiles = DepthTiles::new(&renderer, &device_gaussians, &canvas).unwrap();
+            for style in [ToneStyle::Expected, ToneStyle::Paraview] {
                 // In that look the plane holds depth.
-                let depth = || (look == ToneStyle::Expected).then(|| renderer.depth(&canvas).unwrap().data);
+                let depth = || (style == ToneStyle::Expected).then(|| renderer.depth(&canvas).unwrap().data);
                 let drawn = || (depth(), renderer.picture(&canvas).unwrap().data);
-                renderer.submit(&there, &canvas, &view, look).unwrap();
+                renderer.submit(&device_gaussians, &canvas, &view, style).unwrap();
                 let by_adds = drawn();
                 for buffer in [&canvas.sums[0], &canvas.sums[1], &canvas.picture] {
                     device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
                 }
-                tiles.submit(&view, look).unwrap();
+                tiles.submit(&view, style).unwrap();
                 assert!(by_adds.1.iter().any(|v| *v > 0), "{name}: nothing is seen");
-                assert!(by_adds == drawn(), "{name}, {}: tiles show", look.name());
+                assert!(by_adds == drawn(), "{name}, {}: tiles show", style.name());
             }
         }
     }
@@ -226,16 +226,16 @@ fn lists_of_tiles_have_an_end() {
     let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(5, 300, 0.05), Size { width: 160, height: 90 });
-    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
-    let canvas = renderer.canvas(&there, size).unwrap();
-    let own = view([1.0, 2.0, 6.0], [0.01, 0.05]);
-    let by_adds = renderer.draw(&there, &canvas, &own, ToneStyle::Expected).unwrap();
-    let mut tiles = DepthTiles::new(&renderer, &there, &canvas).unwrap();
+    let device_gaussians = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let canvas = renderer.canvas(&device_gaussians, size).unwrap();
+    let view = view([1.0, 2.0, 6.0], [0.01, 0.05]);
+    let by_adds = renderer.draw(&device_gaussians, &canvas, &view, ToneStyle::Expected).unwrap();
+    let mut tiles = DepthTiles::new(&renderer, &device_gaussians, &canvas).unwrap();
     let most = std::mem::replace(&mut tiles.most, 100);
-    let long = tiles.submit(&own, ToneStyle::Expected).unwrap_err().to_string();
+    let long = tiles.submit(&view, ToneStyle::Expected).unwrap_err().to_string();
     assert!(long.contains("160x90") && long.contains("the 100 that") && !long.contains('\n'), "{long}");
     tiles.most = most;
-    tiles.submit(&own, ToneStyle::Expected).unwrap();
+    tiles.submit(&view, ToneStyle::Expected).unwrap();
     assert_eq!(renderer.picture(&canvas).unwrap().data, by_adds.data);
 }
 
@@ -249,28 +249,28 @@ fn images_are_repeated() {
     let shifts = vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, -2.0, 0.0]];
     let scene = scene(&gaussians).repeated(shifts);
     let view = view([1.0, 2.0, 9.0], [0.01, 0.05]);
-    let there = Gaussians::upload(&device, &scene).unwrap();
-    let canvas = renderer.canvas(&there, size).unwrap();
-    let a = renderer.draw(&there, &canvas, &view, ToneStyle::Paraview).unwrap();
+    let device_gaussians = Gaussians::upload(&device, &scene).unwrap();
+    let canvas = renderer.canvas(&device_gaussians, size).unwrap();
+    let a = renderer.draw(&device_gaussians, &canvas, &view, ToneStyle::Paraview).unwrap();
     let b = render::draw(&scene, &view, size, ToneStyle::Paraview, &Context::SILENT).unwrap();
     assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
     assert!(psnr(&a, &b).is_none_or(|db| db > 70.0));
 }
 
-/// What cannot be drawn is said, in a line.
+/// Limits are errors of one line.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn limits_are_told() {
     let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     let gaussians = mixture(5, 80, 0.05);
-    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
-    let huge = renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err();
+    let device_gaussians = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let huge = renderer.canvas(&device_gaussians, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err();
     let huge = format!("{huge}; {}", huge.hint());
     assert!(huge.contains("100000x100000") && huge.contains("`device cpu`"), "{huge}");
     let none = Gaussians::upload(&device, &scene(&Mixture::default())).unwrap();
     assert!(none.is_empty() && renderer.canvas(&none, Size { width: 16, height: 9 }).is_err());
-    let canvas = renderer.canvas(&there, Size { width: 16, height: 9 }).unwrap();
+    let canvas = renderer.canvas(&device_gaussians, Size { width: 16, height: 9 }).unwrap();
     let wrong = view([1.0, 2.0, 6.0], [0.01, 2.0]);
-    assert!(renderer.submit(&there, &canvas, &wrong, ToneStyle::Expected).is_err());
+    assert!(renderer.submit(&device_gaussians, &canvas, &wrong, ToneStyle::Expected).is_err());
 }

@@ -16,7 +16,7 @@ pub(crate) struct ToneMapper {
     tone: Kernel,
 }
 
-/// What they are bound to.
+/// Bind groups and buffers of the two kernels.
 pub(crate) struct Tone {
     look: wgpu::Buffer,
     blur: wgpu::Buffer,
@@ -28,11 +28,11 @@ pub(crate) struct Tone {
     of: Mutex<Option<([u64; 2], ToneStyle)>>,
 }
 
-/// What is said of the plane that levels are made of.
+/// The plane that levels are made of.
 #[derive(Clone, Copy)]
 pub(crate) struct TonePlane {
     pub size: Size,
-    /// Does it hold whole numbers yet?
+    /// Whether it still holds whole numbers.
     pub is_sum: bool,
 }
 
@@ -47,8 +47,8 @@ pub(crate) struct ToneStyleRecord {
 
 impl ToneStyleRecord {
     /// Of a look, for levels that are not blurred.
-    pub fn sharp(look: ToneStyle, is_sum: bool) -> ToneStyleRecord {
-        ToneStyleRecord { kind: u32::from(look != ToneStyle::Expected), tap: 0.0, is_sum: u32::from(is_sum), pad: 0 }
+    pub fn sharp(style: ToneStyle, is_sum: bool) -> ToneStyleRecord {
+        ToneStyleRecord { kind: u32::from(style != ToneStyle::Expected), tap: 0.0, is_sum: u32::from(is_sum), pad: 0 }
     }
 }
 
@@ -85,10 +85,10 @@ impl ToneMapper {
     }
 
     /// Makes the levels of a picture.
-    pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, tone: &Tone, size: Size, look: ToneStyle) {
+    pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, tone: &Tone, size: Size, style: ToneStyle) {
         let pixels = size.pixels() as u64;
         let words = groups(pixels.div_ceil(4));
-        if look == ToneStyle::Paraview {
+        if style == ToneStyle::Paraview {
             self.levels.run(pass, &tone.levels, groups(pixels));
             self.tone.run(pass, &tone.blurred, words);
         } else {
@@ -99,19 +99,19 @@ impl ToneMapper {
 
 impl Tone {
     /// The look's records, and its curve where it is not there yet.
-    pub fn set(&self, queue: &wgpu::Queue, view: &View, look: ToneStyle, plane: TonePlane) {
+    pub fn set(&self, queue: &wgpu::Queue, view: &View, style: ToneStyle, plane: TonePlane) {
         let radius_px = view.radius_pixels(plane.size);
-        let of = ([view.opacity.to_bits(), radius_px.to_bits()], look);
-        if self.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
+        let key = ([view.opacity.to_bits(), radius_px.to_bits()], style);
+        if self.of.lock().unwrap_or_else(PoisonError::into_inner).replace(key) == Some(key) {
             return;
         }
-        queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&ToneStyleRecord::sharp(look, plane.is_sum)));
-        if look == ToneStyle::Paraview {
+        queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&ToneStyleRecord::sharp(style, plane.is_sum)));
+        if style == ToneStyle::Paraview {
             let tap = fxaa_blur(view.opacity, radius_px);
             queue.write_buffer(&self.blur, 0, bytemuck::bytes_of(&ToneStyleRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
         }
-        if look != ToneStyle::Expected {
-            let curve = curve(view.opacity, (look == ToneStyle::Paraview).then_some(radius_px));
+        if style != ToneStyle::Expected {
+            let curve = curve(view.opacity, (style == ToneStyle::Paraview).then_some(radius_px));
             queue.write_buffer(&self.curve, 0, bytemuck::cast_slice(&curve));
         }
     }

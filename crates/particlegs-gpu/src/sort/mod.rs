@@ -14,7 +14,7 @@ const DIGITS: u32 = 16;
 const EACH: u32 = 8;
 const BLOCK: u32 = 512;
 
-/// What goes with each key.
+/// Whether values go with keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SortPayload {
     Values,
@@ -62,7 +62,7 @@ impl Sorter {
     pub fn new(device: &Device, carry: SortPayload) -> Sorter {
         use BufferUse::{Read, Uniform, Write};
         let new = |label, sources: &[&str], uses: &[BufferUse]| Kernel::new(device, label, sources, uses);
-        let (carried, own): (_, &[BufferUse]) = match carry {
+        let (carried, carried_uses): (_, &[BufferUse]) = match carry {
             SortPayload::Values => (include_str!("values.wgsl"), &[Read, Write]),
             SortPayload::Nothing => (include_str!("no_values.wgsl"), &[]),
         };
@@ -77,7 +77,7 @@ impl Sorter {
             scatter: new(
                 "scatter",
                 &[include_str!("scatter_main.wgsl"), carried, SORT],
-                &[&[Uniform, Read, Read, Read, Write], own].concat(),
+                &[&[Uniform, Read, Read, Read, Write], carried_uses].concat(),
             ),
         }
     }
@@ -93,8 +93,8 @@ impl Sorter {
         let counts = column("digits", DIGITS * most.div_ceil(BLOCK));
         let totals = column("all digits", DIGITS);
         let pass = |k: u32| {
-            let (there, back) = ([&keys, &values], [&other_keys, &other_values]);
-            let (source, target) = if k.is_multiple_of(2) { (there, back) } else { (back, there) };
+            let (forward, backward) = ([&keys, &values], [&other_keys, &other_values]);
+            let (source, target) = if k.is_multiple_of(2) { (forward, backward) } else { (backward, forward) };
             let record = device.buffer("pass", size_of::<PassRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
             let mut all = vec![&record, source[0], &counts, &totals, target[0]];
             if self.carry == SortPayload::Values {

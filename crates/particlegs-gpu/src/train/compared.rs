@@ -21,7 +21,7 @@ pub(super) struct LossBuffers {
     pub sums: wgpu::Buffer,
     /// The change of 1 - SSIM with each pixel.
     pub by_structure: wgpu::Buffer,
-    /// What a step tells: faults.wgsl.
+    /// The words of a step's report: faults.wgsl.
     pub told: wgpu::Buffer,
     dssim: Option<[wgpu::BindGroup; 3]>,
     total: wgpu::BindGroup,
@@ -53,7 +53,7 @@ impl LossBuffers {
         let parts = |label| device.buffer(label, 8 * u64::from(PARTS), storage);
         let [drawn, target] = ["drawn", "target"].map(plane);
         let loss = device.buffer("loss", 16, Use::UNIFORM | Use::COPY_DST);
-        let told = device.buffer("told", 32, storage);
+        let faults = device.buffer("told", 32, storage);
         let [sums, unlike] = ["sums of the loss", "sums of SSIM"].map(parts);
         let by_structure = if with_dssim { plane("gradient of SSIM") } else { parts("no gradient of SSIM") };
         let dssim = with_dssim.then(|| {
@@ -65,7 +65,7 @@ impl LossBuffers {
                 kernels.dssim_back.bind(device, &[frame, &drawn, &target, &ma, &ms, &mp, &by_structure]),
             ]
         });
-        let total = kernels.loss_total.bind(device, &[&loss, frame, &sums, &unlike, &told]);
+        let total = kernels.loss_total.bind(device, &[&loss, frame, &sums, &unlike, &faults]);
         LossBuffers {
             size,
             drawn,
@@ -73,7 +73,7 @@ impl LossBuffers {
             loss,
             sums,
             by_structure,
-            told,
+            told: faults,
             dssim,
             total,
             #[cfg(test)]
@@ -81,12 +81,12 @@ impl LossBuffers {
         }
     }
 
-    /// Has it what SSIM takes?
+    /// Whether it has what SSIM takes.
     pub fn with_dssim(&self) -> bool {
         self.dssim.is_some()
     }
 
-    /// What is learnt, and what counts.
+    /// Sets the picture that is learnt, and the loss.
     pub fn set(&self, device: &Device, target: &Plane, loss: &Loss) {
         let record = LossRecord {
             norm: u32::from(loss.norm == Norm::L2),
@@ -109,7 +109,7 @@ impl LossBuffers {
         kernels.loss_total.run(pass, &self.total, [1, 1]);
     }
 
-    /// What is written before it is read.
+    /// Buffers that are written before they are read.
     #[cfg(test)]
     pub fn scratch(&self) -> [&wgpu::Buffer; 5] {
         [&self.drawn, &self.sums, &self.unlike, &self.by_structure, &self.told]

@@ -48,8 +48,8 @@ struct StepBindGroups {
 
 impl DepthBuffers {
     /// Room for these, and what steps are bound to.
-    pub fn new(device: &Device, kernels: &TrainingKernels, of: &Parameters) -> Result<DepthBuffers> {
-        let (count, group_count) = (of.len(), of.groups.counts.len());
+    pub fn new(device: &Device, kernels: &TrainingKernels, parameters: &Parameters) -> Result<DepthBuffers> {
+        let (count, group_count) = (parameters.len(), parameters.groups.counts.len());
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
         if count > most {
             return Err(too_many(device, count, most));
@@ -67,13 +67,13 @@ impl DepthBuffers {
             adam: kernels
                 .adam
                 .bind(device, &[&step, &epsilon, &gradient, &averages, &seen_columns, &now, &members, &group_records]),
-            change: [&now, &seen_columns].map(|of| kernels.change.bind(device, &[&step, &gradient, of])),
+            change: [&now, &seen_columns].map(|columns| kernels.change.bind(device, &[&step, &gradient, columns])),
             average: kernels.average.bind(device, &[&step, &now, &averaged]),
         };
         device.check()?;
-        let origin = each_axis(|k| 0.5 * (of.bounds.min[k] + of.bounds.max[k]));
-        let seen = Gaussians::of_buffer(seen_columns.clone(), count as u32, origin, of.bounds);
-        let (order, starts) = by_group(of);
+        let origin = each_axis(|k| 0.5 * (parameters.bounds.min[k] + parameters.bounds.max[k]));
+        let seen = Gaussians::of_buffer(seen_columns.clone(), count as u32, origin, parameters.bounds);
+        let (order, starts) = by_group(parameters);
         Ok(DepthBuffers {
             origin,
             count,
@@ -94,13 +94,13 @@ impl DepthBuffers {
         })
     }
 
-    /// What is written before it is read.
+    /// Buffers that are written before they are read.
     #[cfg(test)]
     pub fn scratch(&self) -> Vec<&wgpu::Buffer> {
         self.sizes.iter().chain([&self.gradient]).collect()
     }
 
-    /// How far the next step goes.
+    /// Sets the size of the next step.
     pub fn set_step(&self, device: &Device, record: &StepRecord) {
         device.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(record));
     }
@@ -116,36 +116,48 @@ impl DepthBuffers {
         kernels.average.run(pass, &bound.average, each);
     }
 
-    pub fn put(&self, device: &Device, of: &Parameters) -> Result<()> {
+    pub fn put(&self, device: &Device, parameters: &Parameters) -> Result<()> {
         let write = |buffer: &wgpu::Buffer, words: &[f32]| {
             device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
         };
-        for (buffer, columns) in [(&self.seen_columns, of.seen()), (&self.now, &of.now), (&self.averaged, &of.averaged)]
-        {
+        for (buffer, columns) in [
+            (&self.seen_columns, parameters.seen()),
+            (&self.now, &parameters.now),
+            (&self.averaged, &parameters.averaged),
+        ] {
             write(buffer, &self.columns(columns));
         }
         let mut averages = Vec::with_capacity(2 * NUMBERS * self.count);
-        let halves = [of.averages.each_ref().map(|a| &a.first), of.averages.each_ref().map(|a| &a.second)];
+        let halves =
+            [parameters.averages.each_ref().map(|a| &a.first), parameters.averages.each_ref().map(|a| &a.second)];
         for (all, width) in halves.iter().flat_map(|half| half.iter().zip(WIDTHS)) {
             averages.extend((0..width).flat_map(|k| (0..self.count).map(move |i| all[width * i + k])));
         }
         write(&self.averages, &averages);
-        let member = |&i: &u32| [i, (of.first_log_count[i as usize] as f32).to_bits()];
+        let member = |&i: &u32| [i, (parameters.first_log_count[i as usize] as f32).to_bits()];
         let members: Vec<[u32; 2]> = self.order.iter().map(member).collect();
         device.queue.write_buffer(&self.members, 0, bytemuck::cast_slice(&members));
-        self.put_groups(device, of);
+        self.put_groups(device, parameters);
         device.wait()
     }
 
     /// Sends the Gaussians that density control has changed, which are neither coded nor averaged.
-    pub fn replace(&self, device: &Device, kernels: &TrainingKernels, of: &Parameters, which: &[usize]) -> Result<()> {
+    pub fn replace(
+        &self,
+        device: &Device,
+        kernels: &TrainingKernels,
+        parameters: &Parameters,
+        which: &[usize],
+    ) -> Result<()> {
         let mut place = vec![0u32; self.count];
         self.order.iter().zip(0..).for_each(|(&i, at)| place[i as usize] = at);
         let mut records: Vec<u32> = Vec::new();
         for &i in which {
-            records.extend([i as u32, place[i], (of.first_log_count[i] as f32).to_bits()]);
-            records.extend(self.column(&of.now.0[i]).map(f32::to_bits));
-            for half in [of.averages.each_ref().map(|a| &a.first), of.averages.each_ref().map(|a| &a.second)] {
+            records.extend([i as u32, place[i], (parameters.first_log_count[i] as f32).to_bits()]);
+            records.extend(self.column(&parameters.now.0[i]).map(f32::to_bits));
+            for half in
+                [parameters.averages.each_ref().map(|a| &a.first), parameters.averages.each_ref().map(|a| &a.second)]
+            {
                 half.iter().zip(WIDTHS).for_each(|(all, width)| {
                     records.extend(all[width * i..width * (i + 1)].iter().map(|v| v.to_bits()))
                 });
@@ -155,7 +167,7 @@ impl DepthBuffers {
         let (count, records) =
             (device.filled("count", &count, Use::UNIFORM), device.filled("records", &records, Use::STORAGE));
         let bound = kernels.replace.bind(device, &[&count, &records, &self.now, &self.averages, &self.members]);
-        self.put_groups(device, of);
+        self.put_groups(device, parameters);
         let mut encoder = device.device.create_command_encoder(&Default::default());
         kernels.replace.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, groups(which.len() as u64));
         for copy in [&self.seen_columns, &self.averaged] {
@@ -166,20 +178,20 @@ impl DepthBuffers {
     }
 
     /// Brings the parameters back.
-    pub fn get(&self, device: &Device, of: &mut Parameters) -> Result<()> {
+    pub fn get(&self, device: &Device, parameters: &mut Parameters) -> Result<()> {
         let read = |buffer: &wgpu::Buffer, words: usize| -> Result<Vec<f32>> {
             let bytes = device.read(buffer, 4 * words as u64)?;
             Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
         };
         let columns = |buffer| -> Result<DepthGaussians> { Ok(self.numbers(&read(buffer, COLUMNS * self.count)?)) };
-        of.now = columns(&self.now)?;
-        of.averaged = columns(&self.averaged)?;
-        if let Some(decoded) = &mut of.decoded {
+        parameters.now = columns(&self.now)?;
+        parameters.averaged = columns(&self.averaged)?;
+        if let Some(decoded) = &mut parameters.decoded {
             *decoded = columns(&self.seen_columns)?;
         }
         let averages = read(&self.averages, 2 * NUMBERS * self.count)?;
         let mut first = 0;
-        for (a, width) in of.averages.iter_mut().zip(WIDTHS) {
+        for (a, width) in parameters.averages.iter_mut().zip(WIDTHS) {
             let column = |half: usize| {
                 let at = move |k: usize, i: usize| (half * NUMBERS + first + k) * self.count + i;
                 (0..self.count).flat_map(|i| (0..width).map(move |k| at(k, i))).map(|at| averages[at]).collect()
@@ -191,8 +203,8 @@ impl DepthBuffers {
     }
 
     /// Sends where groups begin, and what their counts are to sum to.
-    fn put_groups(&self, device: &Device, of: &Parameters) {
-        let aims = of.groups.aims.iter().map(|&aim| (aim as f32).to_bits()).chain([0]);
+    fn put_groups(&self, device: &Device, parameters: &Parameters) {
+        let aims = parameters.groups.aims.iter().map(|&aim| (aim as f32).to_bits()).chain([0]);
         let records: Vec<[u32; 2]> = self.starts.iter().copied().zip(aims).map(|(start, aim)| [start, aim]).collect();
         device.queue.write_buffer(&self.group_records, 0, bytemuck::cast_slice(&records));
     }
@@ -205,10 +217,10 @@ impl DepthBuffers {
     }
 
     /// Gaussians as columns.
-    fn columns(&self, of: &DepthGaussians) -> Vec<f32> {
+    fn columns(&self, gaussians: &DepthGaussians) -> Vec<f32> {
         let n = self.count;
         let mut columns = vec![0.0f32; COLUMNS * n];
-        for (i, g) in of.0.iter().enumerate() {
+        for (i, g) in gaussians.0.iter().enumerate() {
             self.column(g).into_iter().enumerate().for_each(|(k, v)| columns[k * n + i] = v);
         }
         columns
@@ -229,11 +241,11 @@ impl DepthBuffers {
 }
 
 /// Gaussians by group, and where each group begins among them; then the end.
-fn by_group(of: &Parameters) -> (Vec<u32>, Vec<u32>) {
-    let mut order: Vec<u32> = (0..of.len() as u32).collect();
-    order.sort_by_key(|&i| of.groups.of[i as usize]);
-    let mut starts = vec![0u32; of.groups.counts.len() + 1];
-    of.groups.of.iter().for_each(|&g| starts[g as usize + 1] += 1);
+fn by_group(parameters: &Parameters) -> (Vec<u32>, Vec<u32>) {
+    let mut order: Vec<u32> = (0..parameters.len() as u32).collect();
+    order.sort_by_key(|&i| parameters.groups.of[i as usize]);
+    let mut starts = vec![0u32; parameters.groups.counts.len() + 1];
+    parameters.groups.of.iter().for_each(|&g| starts[g as usize + 1] += 1);
     for g in 1..starts.len() {
         starts[g] += starts[g - 1];
     }

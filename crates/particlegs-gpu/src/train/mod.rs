@@ -52,24 +52,24 @@ impl Trainer {
         Ok(Trainer { device: device.clone(), renderer, kernels, blender })
     }
 
-    pub fn depth_steps(&self, of: &Parameters) -> Result<Box<DepthSteps>> {
+    pub fn depth_steps(&self, parameters: &Parameters) -> Result<Box<DepthSteps>> {
         Ok(Box::new(DepthSteps {
             device: self.device.clone(),
             renderer: self.renderer.clone(),
             kernels: self.kernels.clone(),
-            held: DepthBuffers::new(&self.device, &self.kernels, of)?,
+            held: DepthBuffers::new(&self.device, &self.kernels, parameters)?,
             newer: ParameterLocation::Here,
             picture: None,
             curves: CurveCache::default(),
         }))
     }
 
-    pub fn alpha_steps(&self, of: &particlegs_train::alpha::Gaussians) -> Result<Box<AlphaSteps>> {
-        Ok(Box::new(AlphaSteps::new(&self.device, &self.kernels, &self.blender, of)?))
+    pub fn alpha_steps(&self, gaussians: &particlegs_train::alpha::Gaussians) -> Result<Box<AlphaSteps>> {
+        Ok(Box::new(AlphaSteps::new(&self.device, &self.kernels, &self.blender, gaussians)?))
     }
 }
 
-/// Where the parameters are up to date.
+/// The side on which the parameters are up to date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ParameterLocation {
     Here,
@@ -105,7 +105,7 @@ struct StepRecord {
 }
 
 impl StepRecord {
-    fn new(of: &Parameters, size: &StepSize) -> StepRecord {
+    fn new(parameters: &Parameters, size: &StepSize) -> StepRecord {
         let mut record = StepRecord {
             rate: [0.0; 4],
             unroot: [1.0; 4],
@@ -113,11 +113,11 @@ impl StepRecord {
             beta: [size.beta1 as f32, size.beta2 as f32],
             decay: size.decay as f32,
             average: size.average as f32,
-            count: of.len() as u32,
-            groups: of.groups.counts.len() as u32,
+            count: parameters.len() as u32,
+            groups: parameters.groups.counts.len() as u32,
             pad: [0; 2],
         };
-        for (k, averages) in of.averages.iter().enumerate() {
+        for (k, averages) in parameters.averages.iter().enumerate() {
             let correct = |beta: f64, steps: u64| 1.0 - beta.powi(steps.min(i32::MAX as u64) as i32);
             let (before, now) = (averages.steps, averages.steps + 1);
             // The CPU uses float32 decays, too.
@@ -134,23 +134,23 @@ impl StepRecord {
 impl DepthStepper for DepthSteps {
     fn step(
         &mut self,
-        of: &mut Parameters,
+        parameters: &mut Parameters,
         sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
         if self.newer == ParameterLocation::Here {
-            self.held.put(&self.device, of)?;
+            self.held.put(&self.device, parameters)?;
         }
         let picture = self.picture_of(sample.crop.size, loss.dssim > 0.0)?;
-        let mut lens = Lens::optical(sample.view, sample.crop.full, &of.bounds)?;
+        let mut lens = Lens::optical(sample.view, sample.crop.full, &parameters.bounds)?;
         for k in 0..2 {
             lens.center[k] -= sample.crop.corner[k] as f64;
         }
         let radius = sample.view.radius_pixels(sample.crop.full);
         picture.compared.set(&self.device, sample.target, loss);
-        picture.set_curve(&self.device, of.look, self.curves.of(of.look, sample.view.opacity, radius));
-        self.held.set_step(&self.device, &StepRecord::new(of, size));
+        picture.set_curve(&self.device, parameters.look, self.curves.of(parameters.look, sample.view.opacity, radius));
+        self.held.set_step(&self.device, &StepRecord::new(parameters, size));
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         self.renderer.sum(&mut encoder, &self.held.seen, &picture.canvas, &lens);
         let mut pass = encoder.begin_compute_pass(&Default::default());
@@ -159,16 +159,16 @@ impl DepthStepper for DepthSteps {
         self.held.update(&mut pass, &self.kernels);
         drop(pass);
         self.device.queue.submit([encoder.finish()]);
-        let told = picture.told(&self.device)?;
+        let report = picture.told(&self.device)?;
         self.picture = Some(picture);
-        of.averages.iter_mut().for_each(|a| a.steps += 1);
+        parameters.averages.iter_mut().for_each(|a| a.steps += 1);
         self.newer = ParameterLocation::Device;
-        Ok(told)
+        Ok(report)
     }
 
-    fn fetch(&mut self, of: &mut Parameters) -> Result<()> {
+    fn fetch(&mut self, parameters: &mut Parameters) -> Result<()> {
         if self.newer == ParameterLocation::Device {
-            self.held.get(&self.device, of)?;
+            self.held.get(&self.device, parameters)?;
             self.newer = ParameterLocation::Both;
         }
         Ok(())
@@ -178,9 +178,9 @@ impl DepthStepper for DepthSteps {
         self.newer = ParameterLocation::Here;
     }
 
-    fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()> {
+    fn replaced(&mut self, parameters: &Parameters, which: &[usize]) -> Result<()> {
         match self.newer {
-            ParameterLocation::Both => self.held.replace(&self.device, &self.kernels, of, which),
+            ParameterLocation::Both => self.held.replace(&self.device, &self.kernels, parameters, which),
             // They are sent with the next step.
             ParameterLocation::Here | ParameterLocation::Device => {
                 self.newer = ParameterLocation::Here;
@@ -194,8 +194,8 @@ impl DepthSteps {
     /// Memory for pictures of a size: that of the last step where it had that size.
     fn picture_of(&mut self, size: Size, with_dssim: bool) -> Result<TrainingPicture> {
         // Where it had not, its memory goes before the next one's is taken.
-        if let Some(kept) = self.picture.take().filter(|p| p.shape() == (size, with_dssim)) {
-            return Ok(kept);
+        if let Some(picture) = self.picture.take().filter(|p| p.shape() == (size, with_dssim)) {
+            return Ok(picture);
         }
         let canvas = self.renderer.canvas(&self.held.seen, size)?;
         TrainingPicture::new(&self.device, &self.kernels, &self.held, canvas, with_dssim)
@@ -223,7 +223,7 @@ impl DepthSteps {
     }
 }
 
-/// What a step tells, of faults.wgsl's words.
+/// The report of a step, of faults.wgsl's words.
 fn stepped(words: &[u8]) -> StepReport {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let (count, first) = (u32::from_le_bytes(word(4)), u32::from_le_bytes(word(5)));

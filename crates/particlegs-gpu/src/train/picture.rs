@@ -54,7 +54,7 @@ impl TrainingPicture {
         let by_depth = device.buffer("gradient of planes", 4 * planes, storage);
         let b = canvas.buffers();
         let compared = LossBuffers::new(device, kernels, b.frame, size, with_dssim);
-        let LossBuffers { drawn, target, loss, sums, by_structure, told, .. } = &compared;
+        let LossBuffers { drawn, target, loss, sums, by_structure, told: faults, .. } = &compared;
         let tone = [b.frame, b.scale, b.finest, &look, &curve, drawn, target, loss];
         let coarser = canvas.planes().levels.iter().enumerate().skip(1).map(|(k, level)| {
             let plane = device.filled("target plane", &[k as u32, 0, 0, 0], Use::UNIFORM);
@@ -63,17 +63,22 @@ impl TrainingPicture {
         });
         let bound = PictureBindGroups {
             loss: kernels.loss.bind(device, &[tone.as_slice(), &[sums]].concat()),
-            gradient: kernels.loss_gradient.bind(device, &[tone.as_slice(), &[told, by_structure, &by_depth]].concat()),
+            gradient: kernels
+                .loss_gradient
+                .bind(device, &[tone.as_slice(), &[faults, by_structure, &by_depth]].concat()),
             planes: coarser.collect(),
         };
-        let own = [b.frame, held.seen.buffer(), &by_depth, &held.gradient, told];
+        let whole_buffers = [b.frame, held.seen.buffer(), &by_depth, &held.gradient, faults];
         let count = held.seen.len() as u32;
         let whole = dispatches(device, count, AT_ONCE).into_iter();
-        let whole = whole.map(|(some, n)| (kernels.backward.bind(device, &[&own[..], &[&some]].concat()), n)).collect();
-        let own = [own.as_slice(), &[b.cuts, b.cut_count]].concat();
+        let whole = whole
+            .map(|(some, n)| (kernels.backward.bind(device, &[&whole_buffers[..], &[&some]].concat()), n))
+            .collect();
+        let cut_buffers = [whole_buffers.as_slice(), &[b.cuts, b.cut_count]].concat();
         let cut = dispatches(device, count, CUTS_AT_ONCE).into_iter();
-        let cut =
-            cut.map(|(some, n)| (kernels.backward_slices.bind(device, &[&own[..], &[&some]].concat()), n)).collect();
+        let cut = cut
+            .map(|(some, n)| (kernels.backward_slices.bind(device, &[&cut_buffers[..], &[&some]].concat()), n))
+            .collect();
         device.check()?;
         Ok(TrainingPicture {
             canvas,
@@ -88,7 +93,7 @@ impl TrainingPicture {
         })
     }
 
-    /// What is written before it is read.
+    /// Buffers that are written before they are read.
     #[cfg(test)]
     pub fn scratch(&self) -> impl Iterator<Item = &wgpu::Buffer> {
         self.compared.scratch().into_iter().chain([&self.by_depth])
@@ -100,8 +105,8 @@ impl TrainingPicture {
     }
 
     /// The curve from depth to brightness.
-    pub fn set_curve(&self, device: &Device, look: ToneStyle, curve: Option<&[f32]>) {
-        let record = ToneStyleRecord::sharp(look, self.canvas.holds_sums());
+    pub fn set_curve(&self, device: &Device, style: ToneStyle, curve: Option<&[f32]>) {
+        let record = ToneStyleRecord::sharp(style, self.canvas.holds_sums());
         device.queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&record));
         if let Some(curve) = curve {
             device.queue.write_buffer(&self.curve, 0, bytemuck::cast_slice(curve));
@@ -118,7 +123,7 @@ impl TrainingPicture {
         bound.planes.iter().for_each(|(plane, groups)| kernels.gather_down.run(pass, plane, *groups));
     }
 
-    /// What the step told, once it is done.
+    /// The report of the step, once it is done.
     pub fn told(&self, device: &Device) -> Result<StepReport> {
         Ok(stepped(&device.read(&self.compared.told, 24)?))
     }
@@ -130,15 +135,15 @@ pub(super) struct CurveCache(HashMap<[u64; 2], Vec<f32>>);
 
 impl CurveCache {
     /// That of a look, an opacity and a splat radius in pixels; none where it is no table.
-    pub fn of(&mut self, look: ToneStyle, opacity: f64, radius_px: f64) -> Option<&[f32]> {
-        if look == ToneStyle::Expected {
+    pub fn of(&mut self, style: ToneStyle, opacity: f64, radius_px: f64) -> Option<&[f32]> {
+        if style == ToneStyle::Expected {
             return None;
         }
         let key = [opacity.to_bits(), radius_px.to_bits()];
         if self.0.len() >= MOST_CURVES && !self.0.contains_key(&key) {
             self.0.clear();
         }
-        let with_fxaa = (look == ToneStyle::Paraview).then_some(radius_px);
+        let with_fxaa = (style == ToneStyle::Paraview).then_some(radius_px);
         Some(self.0.entry(key).or_insert_with(|| curve(opacity, with_fxaa)))
     }
 }

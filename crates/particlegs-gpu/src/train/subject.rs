@@ -1,4 +1,4 @@
-//! What a run learns from, drawn on the device.
+//! The subject that a run learns from, drawn on the device.
 
 use crate::Device;
 use crate::reference::ParticlePictures;
@@ -25,12 +25,12 @@ pub(crate) struct DeviceSubject<'a> {
 
 impl<'a> DeviceSubject<'a> {
     /// Sends the particles, as many as there is room for.
-    pub fn new(device: &Arc<Device>, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Self> {
-        let columns = Box::new(move |range| of.columns(range));
-        let input = ParticleInput { origin: of.origin(), bounds: of.bounds(), count: of.len(), columns };
+    pub fn new(device: &Arc<Device>, subject: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Self> {
+        let columns = Box::new(move |range| subject.columns(range));
+        let input = ParticleInput { origin: subject.origin(), bounds: subject.bounds(), count: subject.len(), columns };
         let mut pictures = ParticlePictures::new(device, input)?;
         pictures.keep(device, &mut |_| context.check())?;
-        Ok(DeviceSubject { of, device: device.clone(), pictures })
+        Ok(DeviceSubject { of: subject, device: device.clone(), pictures })
     }
 
     fn holds(&self, size: Size) -> bool {
@@ -39,18 +39,18 @@ impl<'a> DeviceSubject<'a> {
 }
 
 impl Renderer for DeviceSubject<'_> {
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+    fn draw(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         if self.holds(size) {
-            return self.pictures.draw(view, size, look, context);
+            return self.pictures.draw(view, size, style, context);
         }
-        self.of.draw(view, size, look, context)
+        self.of.draw(view, size, style, context)
     }
 
-    fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+    fn response(&self, view: &View, size: Size, style: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         if self.holds(size) {
-            return self.pictures.response(view, size, look, context);
+            return self.pictures.response(view, size, style, context);
         }
-        self.of.response(view, size, look, context)
+        self.of.response(view, size, style, context)
     }
 
     fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {

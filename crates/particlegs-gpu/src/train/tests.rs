@@ -92,16 +92,16 @@ fn size_of_step(rate: f64) -> StepSize {
 
 fn steps(
     steps: &mut dyn DepthStepper,
-    of: &mut Parameters,
+    parameters: &mut Parameters,
     case: &DepthTrainingCase,
     number: usize,
 ) -> Vec<StepReport> {
     let target = target(case.crop.size);
     let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let mut one = || steps.step(of, &sample, &case.loss, &size_of_step(0.01)).unwrap();
-    let told = (0..number).map(|_| one()).collect();
-    steps.fetch(of).unwrap();
-    told
+    let mut one = || steps.step(parameters, &sample, &case.loss, &size_of_step(0.01)).unwrap();
+    let reports = (0..number).map(|_| one()).collect();
+    steps.fetch(parameters).unwrap();
+    reports
 }
 
 /// The root mean square of differences over that of the first.
@@ -117,11 +117,11 @@ fn gradients_and_losses_are_the_cpus() {
     let device = device();
     let trainer = Trainer::new(&device).unwrap();
     for case in cases() {
-        let (mut here, mut there) = (parameters(&case), parameters(&case));
-        let ours = steps(&mut DepthCpuSteps::default(), &mut here, &case, 1);
-        let theirs = steps(&mut *trainer.depth_steps(&there).unwrap(), &mut there, &case, 1);
+        let (mut cpu, mut gpu) = (parameters(&case), parameters(&case));
+        let ours = steps(&mut DepthCpuSteps::default(), &mut cpu, &case, 1);
+        let theirs = steps(&mut *trainer.depth_steps(&gpu).unwrap(), &mut gpu, &case, 1);
         // Adam's first mean is a tenth of the gradient.
-        let by: Vec<f64> = (0..3).map(|k| apart(&here.averages[k].first, &there.averages[k].first)).collect();
+        let by: Vec<f64> = (0..3).map(|k| apart(&cpu.averages[k].first, &gpu.averages[k].first)).collect();
         let loss = (ours[0].loss - theirs[0].loss).abs() / ours[0].loss.abs();
         eprintln!("{}: place {:.1e}, shape {:.1e}, count {:.1e}; loss {loss:.1e}", case.name, by[0], by[1], by[2]);
         assert!(theirs[0].not_finite.is_none());
@@ -132,24 +132,24 @@ fn gradients_and_losses_are_the_cpus() {
 /// As from afar, drawn of Gaussians that were decoded.
 fn decoded() -> (DepthTrainingCase, Parameters) {
     let case = cases().swap_remove(0);
-    let mut of = parameters(&case);
-    let mut decoded = of.now.clone();
+    let mut parameters = parameters(&case);
+    let mut decoded = parameters.now.clone();
     for (i, g) in decoded.0.iter_mut().enumerate() {
         let mut r = Random::new(3, 1, i as u64);
         g[..3].iter_mut().for_each(|v| *v += 1e-3 * r.normal());
         g[9] += 0.05 * r.normal();
     }
-    of.decoded = Some(decoded);
-    (case, of)
+    parameters.decoded = Some(decoded);
+    (case, parameters)
 }
 
-/// How far numbers were moved apart, over the way that they went from `start`.
-fn strayed(here: &DepthGaussians, there: &DepthGaussians, start: &DepthGaussians) -> f64 {
+/// The distance by which numbers were moved apart, over the way that they went from `start`.
+fn strayed(cpu: &DepthGaussians, gpu: &DepthGaussians, start: &DepthGaussians) -> f64 {
     let square = |a: &DepthGaussians, b: &DepthGaussians| -> f64 {
         let numbers = a.0.as_flattened().iter().zip(b.0.as_flattened());
         numbers.map(|(a, b)| (a - b) * (a - b)).sum()
     };
-    (square(here, there) / square(here, start)).sqrt()
+    (square(cpu, gpu) / square(cpu, start)).sqrt()
 }
 
 #[test]
@@ -158,36 +158,36 @@ fn steps_lead_where_the_cpus_do_and_either_may_go_on() {
     let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let (case, start) = decoded();
-    let mut here = start.clone();
-    steps(&mut DepthCpuSteps::default(), &mut here, &case, 12);
-    let counts = |of: &Parameters| of.groups.counts.len();
+    let mut cpu = start.clone();
+    steps(&mut DepthCpuSteps::default(), &mut cpu, &case, 12);
+    let counts = |parameters: &Parameters| parameters.groups.counts.len();
     assert!(counts(&start) > 10);
     // All on the device; the first half there and the second here; and the other way.
     for of_device in [[12, 0], [6, 6], [0, 6]] {
-        let mut there = start.clone();
-        let mut own = trainer.depth_steps(&there).unwrap();
+        let mut mixed = start.clone();
+        let mut device_steps = trainer.depth_steps(&mixed).unwrap();
         if of_device[0] == 0 {
-            steps(&mut DepthCpuSteps::default(), &mut there, &case, 6);
-            own.changed();
-            steps(&mut *own, &mut there, &case, of_device[1]);
+            steps(&mut DepthCpuSteps::default(), &mut mixed, &case, 6);
+            device_steps.changed();
+            steps(&mut *device_steps, &mut mixed, &case, of_device[1]);
         } else {
-            steps(&mut *own, &mut there, &case, of_device[0]);
-            steps(&mut DepthCpuSteps::default(), &mut there, &case, of_device[1]);
+            steps(&mut *device_steps, &mut mixed, &case, of_device[0]);
+            steps(&mut DepthCpuSteps::default(), &mut mixed, &case, of_device[1]);
         }
         let pairs = [
-            (&here.now, &there.now, &start.now),
-            (&here.averaged, &there.averaged, &start.averaged),
-            (here.seen(), there.seen(), start.seen()),
+            (&cpu.now, &mixed.now, &start.now),
+            (&cpu.averaged, &mixed.averaged, &start.averaged),
+            (cpu.seen(), mixed.seen(), start.seen()),
         ];
         let apart = pairs.map(|(a, b, from)| strayed(a, b, from));
         eprintln!("{of_device:?}: now {:.1e}, averaged {:.1e}, decoded {:.1e}", apart[0], apart[1], apart[2]);
         assert!(apart.iter().all(|a| *a < 2e-3));
-        for (group, aim) in there.groups.aims.iter().enumerate() {
-            let own = there.now.0.iter().zip(&there.groups.of).filter(|(_, g)| **g as usize == group);
-            let sum: f64 = own.map(|(n, _)| n[9].exp()).sum();
+        for (group, aim) in mixed.groups.aims.iter().enumerate() {
+            let members = mixed.now.0.iter().zip(&mixed.groups.of).filter(|(_, g)| **g as usize == group);
+            let sum: f64 = members.map(|(n, _)| n[9].exp()).sum();
             assert!((sum / aim - 1.0).abs() < 1e-5, "{sum} of {aim}");
         }
-        assert!(there.averages.iter().all(|a| a.steps == 12));
+        assert!(mixed.averages.iter().all(|a| a.steps == 12));
     }
 }
 
@@ -198,21 +198,21 @@ fn the_same_steps_give_the_same_bits_whatever_was_there() {
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(3);
     let run = |poisoned: bool| {
-        let mut of = parameters(&case);
-        let mut own = *trainer.depth_steps(&of).unwrap();
-        own.picture = Some(own.picture_of(case.crop.size, case.loss.dssim > 0.0).unwrap());
+        let mut parameters = parameters(&case);
+        let mut device_steps = *trainer.depth_steps(&parameters).unwrap();
+        device_steps.picture = Some(device_steps.picture_of(case.crop.size, case.loss.dssim > 0.0).unwrap());
         if poisoned {
-            own.poison();
+            device_steps.poison();
         }
-        let told = steps(&mut own, &mut of, &case, 3);
-        (told, of.now, of.averaged, of.averages)
+        let reports = steps(&mut device_steps, &mut parameters, &case, 3);
+        (reports, parameters.now, parameters.averaged, parameters.averages)
     };
     let first = run(false);
     assert!(first == run(false) && first == run(true));
     assert!(first.0[2].loss.is_finite());
 }
 
-/// What density control changes on the way: only that is sent.
+/// Changes of density control on the way: only those are sent.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn what_is_replaced_goes_on_as_on_the_cpu() {
@@ -220,23 +220,23 @@ fn what_is_replaced_goes_on_as_on_the_cpu() {
     let trainer = Trainer::new(&device).unwrap();
     let (case, start) = decoded();
     let run = |steps: &mut dyn DepthStepper| {
-        let mut of = start.clone();
-        self::steps(steps, &mut of, &case, 4);
+        let mut parameters = start.clone();
+        self::steps(steps, &mut parameters, &case, 4);
         for i in [3, 77, 401] {
-            of.now.0[i][0] += 0.01;
-            of.now.0[i][9] += 0.1;
-            of.first_log_count[i] = of.now.0[i][9];
-            of.averages[1].first[6 * i..6 * i + 6].fill(0.0);
+            parameters.now.0[i][0] += 0.01;
+            parameters.now.0[i][9] += 0.1;
+            parameters.first_log_count[i] = parameters.now.0[i][9];
+            parameters.averages[1].first[6 * i..6 * i + 6].fill(0.0);
         }
-        of.groups.count(&of.now.0, 20_000);
-        of.decoded = None;
-        of.averaged = of.now.clone();
-        steps.replaced(&of, &[3, 77, 401]).unwrap();
-        self::steps(steps, &mut of, &case, 4);
-        of
+        parameters.groups.count(&parameters.now.0, 20_000);
+        parameters.decoded = None;
+        parameters.averaged = parameters.now.clone();
+        steps.replaced(&parameters, &[3, 77, 401]).unwrap();
+        self::steps(steps, &mut parameters, &case, 4);
+        parameters
     };
-    let (here, there) = (run(&mut DepthCpuSteps::default()), run(&mut *trainer.depth_steps(&start).unwrap()));
-    let apart = [(&here.now, &there.now, &start.now), (&here.averaged, &there.averaged, &start.averaged)]
+    let (cpu, gpu) = (run(&mut DepthCpuSteps::default()), run(&mut *trainer.depth_steps(&start).unwrap()));
+    let apart = [(&cpu.now, &gpu.now, &start.now), (&cpu.averaged, &gpu.averaged, &start.averaged)]
         .map(|(a, b, from)| strayed(a, b, from));
     eprintln!("now {:.1e}, averaged {:.1e}", apart[0], apart[1]);
     assert!(apart.iter().all(|a| *a < 1e-4));
@@ -252,20 +252,20 @@ fn gradients_that_are_no_numbers_are_told_and_survived() {
     let mut target = target(SIZE);
     target.data[SIZE.width * 45 + 80] = f32::NAN;
     let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let (mut here, mut there) = (parameters(&case), parameters(&case));
-    let one = |steps: &mut dyn DepthStepper, of: &mut Parameters| {
-        let told = steps.step(of, &sample, &case.loss, &size_of_step(0.01)).unwrap();
-        steps.fetch(of).unwrap();
-        told.not_finite.unwrap()
+    let (mut cpu, mut gpu) = (parameters(&case), parameters(&case));
+    let one = |steps: &mut dyn DepthStepper, parameters: &mut Parameters| {
+        let report = steps.step(parameters, &sample, &case.loss, &size_of_step(0.01)).unwrap();
+        steps.fetch(parameters).unwrap();
+        report.not_finite.unwrap()
     };
-    let ours = one(&mut DepthCpuSteps::default(), &mut here);
-    let theirs = one(&mut *trainer.depth_steps(&there).unwrap(), &mut there);
+    let ours = one(&mut DepthCpuSteps::default(), &mut cpu);
+    let theirs = one(&mut *trainer.depth_steps(&gpu).unwrap(), &mut gpu);
     // The processor multiplies pixels beside a footprint by zero, which makes no number of them either.
     assert!(ours.gaussian <= theirs.gaussian && (1..=ours.count).contains(&theirs.count), "{ours:?} {theirs:?}");
-    assert!(ours.count < here.len());
-    let stays = strayed_of(&there.now.0[theirs.gaussian], &parameters(&case).now.0[theirs.gaussian]);
+    assert!(ours.count < cpu.len());
+    let stays = strayed_of(&gpu.now.0[theirs.gaussian], &parameters(&case).now.0[theirs.gaussian]);
     assert!(stays < 1e-6, "{stays}");
-    assert!(there.now.0.as_flattened().iter().all(|v| v.is_finite()));
+    assert!(gpu.now.0.as_flattened().iter().all(|v| v.is_finite()));
 }
 
 /// The largest difference of places and shapes.
@@ -280,16 +280,16 @@ fn a_device_that_is_gone_is_an_error() {
     let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
-    let mut of = parameters(&case);
-    let mut own = *trainer.depth_steps(&of).unwrap();
-    steps(&mut own, &mut of, &case, 2);
-    let before = of.now.clone();
+    let mut parameters = parameters(&case);
+    let mut device_steps = *trainer.depth_steps(&parameters).unwrap();
+    steps(&mut device_steps, &mut parameters, &case, 2);
+    let before = parameters.now.clone();
     device.device.destroy();
     let target = target(SIZE);
     let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let error = own.step(&mut of, &sample, &case.loss, &size_of_step(0.01)).unwrap_err().to_string();
+    let error = device_steps.step(&mut parameters, &sample, &case.loss, &size_of_step(0.01)).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
-    assert!(of.now == before);
+    assert!(parameters.now == before);
 }
 
 #[test]
@@ -323,9 +323,9 @@ fn slow_a_short_run_reaches_the_cpus_score() {
         let done = compress(&clumps(), &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
         done.trained[0].clone()
     };
-    let (here, there) = (run(None), run(Some(device)));
-    let [before, ours] = here.scores.map(Option::unwrap);
-    let theirs = there.scores[1].unwrap();
-    eprintln!("{} steps: {before:.3} dB, processor {ours:.3}, device {theirs:.3}", here.iterations);
+    let (cpu, gpu) = (run(None), run(Some(device)));
+    let [before, ours] = cpu.scores.map(Option::unwrap);
+    let theirs = gpu.scores[1].unwrap();
+    eprintln!("{} steps: {before:.3} dB, processor {ours:.3}, device {theirs:.3}", cpu.iterations);
     assert!(ours > before + 0.2 && (ours - theirs).abs() < 0.05, "{before} {ours} {theirs}");
 }

@@ -1,6 +1,6 @@
 //! Writes the results of experiments to a folder.
 
-use crate::report::{Provenance, Section, csv, html, markdown};
+use crate::report::{Provenance, ReportSection, csv, html, markdown};
 use crate::results::{Colours, Pictures};
 use particlegs_core::picture::{Gray8, Rgb8};
 use particlegs_core::{Error, Result};
@@ -21,23 +21,23 @@ pub fn folder(output: &Path, make: impl FnOnce(&Path) -> Result<()>) -> Result<P
         }
     }
     make(output)?;
-    let kept = output.join("kept");
-    std::fs::create_dir_all(&kept).map_err(|e| Error::io(&kept, e))?;
-    Ok(kept)
+    let cache = output.join("kept");
+    std::fs::create_dir_all(&cache).map_err(|e| Error::io(&cache, e))?;
+    Ok(cache)
 }
 
-pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Result<()> {
+pub fn write(output: &Path, sections: &[ReportSection], provenance: &Provenance) -> Result<()> {
     let figures = output.join("figures");
     std::fs::create_dir_all(&figures).map_err(|e| Error::io(&figures, e))?;
     let mut drawn = std::collections::BTreeMap::new();
-    for found in sections.iter().filter_map(|s| s.found.as_ref().ok()) {
-        for table in &found.tables {
+    for results in sections.iter().filter_map(|s| s.found.as_ref().ok()) {
+        for table in &results.tables {
             write_bytes(&figures.join(format!("{}.csv", table.name)), csv(table).as_bytes())?;
         }
-        for p in &found.plots {
+        for p in &results.plots {
             write_plots(&figures, std::slice::from_ref(p), &[FileKind::Svg, FileKind::Png])?;
         }
-        for p in &found.pictures {
+        for p in &results.pictures {
             let bytes = joined(p)?;
             write_bytes(&figures.join(format!("{}.png", p.name)), &bytes)?;
             drawn.insert(p.name.clone(), bytes);
@@ -52,15 +52,15 @@ pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Re
     write_bytes(&output.join(RESULTS), results(sections, provenance).as_bytes())
 }
 
-fn results(sections: &[Section], provenance: &Provenance) -> String {
+fn results(sections: &[ReportSection], provenance: &Provenance) -> String {
     let experiments: serde_json::Map<_, _> = sections
         .iter()
         .map(|s| {
-            let found = match &s.found {
-                Ok(found) => serde_json::to_value(found).unwrap_or_default(),
+            let json = match &s.found {
+                Ok(results) => serde_json::to_value(results).unwrap_or_default(),
                 Err(why) => serde_json::json!({ "not_measured": why }),
             };
-            (s.experiment.name.to_string(), found)
+            (s.experiment.name.to_string(), json)
         })
         .collect();
     let all = serde_json::json!({ "made_by": provenance, "experiments": experiments });
@@ -76,7 +76,7 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
         caption: Some(caption.clone()),
         ..Panel::plain(FigureImage::Color(picture.clone()))
     };
-    let bar = |of: &Colours| ColourBar::logarithmic(of.title.clone(), of.range, |share| of.map.color(share));
+    let bar = |c: &Colours| ColourBar::logarithmic(c.title.clone(), c.range, |share| c.map.color(share));
     let panels = p.panels.iter().map(panel).collect();
     let figure = Figure { bar: p.colours.as_ref().map(bar), ..Figure::plain(panels, p.columns) };
     let page = raster(&layout(&figure, LETTERS, FigureSpace::Pixels)?)?;

@@ -4,7 +4,7 @@ mod files;
 
 use crate::experiments::{self, EXPERIMENTS, Experiment};
 use crate::lab::Lab;
-use crate::report::{Provenance, Section};
+use crate::report::{Provenance, ReportSection};
 use crate::settings::Settings;
 use crate::snapshot::Snapshot;
 use clap::{Args, ValueHint};
@@ -62,7 +62,7 @@ pub struct BenchOptions {
     minutes: Option<f64>,
 }
 
-/// What the command says at its end.
+/// The output of the command, as text and as data.
 pub struct BenchResult {
     pub text: String,
     pub value: serde_json::Value,
@@ -109,12 +109,12 @@ impl BenchOptions {
         output.ok_or_else(|| Error::argument("`bench` needs a snapshot and a folder for the results: SNAPSHOT -o DIR"))
     }
 
-    /// Runs experiments on the snapshots, read by `choice`, which `read` gives in words, and writes their results; those that
-    /// are kept are in `kept`.
+    /// Runs experiments on the snapshots, read by `choice`, which `read` gives in words, and writes their results;
+    /// results are cached in `cache`.
     pub fn measure(
         &self,
         settings: Settings,
-        kept: &Path,
+        cache: &Path,
         (choice, read): (&Choice, Option<&str>),
         context: &Context<'_>,
     ) -> Result<BenchResult> {
@@ -127,30 +127,35 @@ impl BenchOptions {
         let snapshots = self.snapshots.iter().map(open).collect::<Result<Vec<_>>>()?;
         let work = BenchProgress(context);
         let work = context.with_sink(&work);
-        let lab = Lab::new(settings, kept, &work)?;
+        let lab = Lab::new(settings, cache, &work)?;
         let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
         files::write(output, &sections, &self.provenance(&lab, &snapshots, read))?;
         summary(&sections, output)
     }
 
-    /// Measures a GPU without a snapshot. With training it also trains by the published recipe, with a checkpoint in `kept`.
+    /// Measures a GPU without a snapshot. With training it also trains by the published recipe, with a checkpoint in
+    /// `cache`.
     #[cfg(feature = "gpu")]
     pub fn measure_gpu(
         &self,
         device: crate::gpu::TimedDevice,
         settings: Settings,
-        kept: &Path,
+        cache: &Path,
         context: &Context<'_>,
     ) -> Result<BenchResult> {
         let work = BenchProgress(context);
         let work = context.with_sink(&work);
-        let mut lab = Lab::new(settings, kept, &work)?;
+        let mut lab = Lab::new(settings, cache, &work)?;
         lab.gpu = Some(device);
         let experiment = self.chosen()?[0];
-        let found = (experiment.run)(&lab, &[])?;
-        let (text, value) = (crate::report::text(&found), serde_json::to_value(&found).unwrap_or_default());
+        let results = (experiment.run)(&lab, &[])?;
+        let (text, value) = (crate::report::text(&results), serde_json::to_value(&results).unwrap_or_default());
         if let Some(output) = &self.output {
-            files::write(output, &[Section { experiment, found: Ok(found) }], &self.provenance(&lab, &[], None))?;
+            files::write(
+                output,
+                &[ReportSection { experiment, found: Ok(results) }],
+                &self.provenance(&lab, &[], None),
+            )?;
         }
         Ok(BenchResult { text, value })
     }
@@ -227,10 +232,10 @@ impl BenchOptions {
             true => String::new(),
             false => format!(" --ratios {ratios} --size {width}x{height} --frames {} --seeds {}", s.frames, s.seeds),
         };
-        let of: String = names.iter().map(|name| format!(" {name}")).collect();
+        let snapshot_names: String = names.iter().map(|name| format!(" {name}")).collect();
         let read = read.map_or(String::new(), |w| format!(" {w}"));
         let command = format!(
-            "particlegs bench {}{of}{read}{quick}{training}{scale}{device}{python}{measured} --seed {}",
+            "particlegs bench {}{snapshot_names}{read}{quick}{training}{scale}{device}{python}{measured} --seed {}",
             self.name, s.seed
         );
         let mut p = Provenance::new(command, parallel::threads());
@@ -248,20 +253,20 @@ fn experiment_by_experiment(
     chosen: &[&'static Experiment],
     lab: &Lab<'_>,
     snapshots: &[Snapshot],
-) -> Result<Vec<Section>> {
+) -> Result<Vec<ReportSection>> {
     lab.context.begin("experiments", chosen.iter().map(|e| e.weight).sum());
     let mut sections = Vec::new();
     for experiment in chosen {
         lab.context.begin(experiment.name, 0);
-        let found = match (experiment.run)(lab, snapshots) {
+        let outcome = match (experiment.run)(lab, snapshots) {
             Err(Error::Cancelled) => return Err(Error::Cancelled),
             Err(e) => {
                 lab.context.message(&format!("{}: {e}", experiment.name));
                 Err(e.to_string())
             }
-            Ok(found) => Ok(found),
+            Ok(results) => Ok(results),
         };
-        sections.push(Section { experiment, found });
+        sections.push(ReportSection { experiment, found: outcome });
         lab.context.end();
         lab.context.advance(experiment.weight);
     }
@@ -270,7 +275,7 @@ fn experiment_by_experiment(
 }
 
 /// Summary of the files; an error if every experiment failed.
-fn summary(sections: &[Section], output: &Path) -> Result<BenchResult> {
+fn summary(sections: &[ReportSection], output: &Path) -> Result<BenchResult> {
     let mut text = String::new();
     for s in sections {
         let words = match &s.found {

@@ -32,7 +32,7 @@ pub(super) struct AblationRow {
     /// Wall-clock seconds of each model.
     pub seconds: Vec<f64>,
     pub paper: Option<published::PublishedRow>,
-    /// Did one of them reach the limit of Gaussians?
+    /// Whether one of them reached the limit of Gaussians.
     pub held: bool,
 }
 
@@ -75,9 +75,9 @@ impl<'a> StageEvaluator<'a> {
 
     /// Scores of the noise-free picture at both sizes.
     pub fn noise_free(&self) -> Result<AblationRow> {
-        let of = |truth| Ok(vec![groups::noise_free(self.lab, self.snapshot, truth)?]);
+        let scores_of = |truth| Ok(vec![groups::noise_free(self.lab, self.snapshot, truth)?]);
         let [small, large] = &self.truths;
-        let scores = [of(small)?, of(large)?];
+        let scores = [scores_of(small)?, scores_of(large)?];
         let label = "noise-free picture of all particles".into();
         Ok(AblationRow { label, scores, gaussians: vec![], bytes: vec![], seconds: vec![], paper: None, held: false })
     }
@@ -149,7 +149,8 @@ fn cells(row: &AblationRow, first: &AblationRow) -> Vec<TableCell> {
     let is_first = std::ptr::eq(row, first);
     let change = |k| if is_first { TableCell::Empty } else { TableCell::spread(&row.changes(first, k), 2) };
     let sign = |k| sign(row, first, k).map_or(TableCell::Empty, TableCell::text);
-    let paper = |of: fn(&published::PublishedRow) -> f64, digits| TableCell::number(row.paper.as_ref().map(of), digits);
+    let paper =
+        |value: fn(&published::PublishedRow) -> f64, digits| TableCell::number(row.paper.as_ref().map(value), digits);
     let as_ply: Vec<f64> = row.gaussians.iter().map(|n| n * BYTES_A_GAUSSIAN as f64).collect();
     vec![
         TableCell::text(&row.label),
@@ -172,7 +173,7 @@ fn cells(row: &AblationRow, first: &AblationRow) -> Vec<TableCell> {
     ]
 }
 
-/// Does the median change agree in sign with the paper? `None` if the paper has no such row.
+/// Whether the median change agrees in sign with the paper, in words; `None` if the paper has no such row.
 pub(super) fn sign(row: &AblationRow, first: &AblationRow, number: usize) -> Option<&'static str> {
     let theirs = row.paper.filter(|p| p.change != 0.0)?.change;
     let ours = Spread::new(&row.changes(first, number))?.median;
@@ -217,7 +218,7 @@ pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a AblationRow>) -> 
 
 /// Note on how far `first` is below the noise-free picture of all particles, which no model is expected to exceed.
 pub(super) fn room_note(
-    what: &str,
+    label: &str,
     first: &AblationRow,
     noise_free: &AblationRow,
     sizes: &[String; 2],
@@ -226,7 +227,7 @@ pub(super) fn room_note(
     let (from, to) = (median(first)?, median(noise_free)?);
     Some(format!(
         "Possible gain: the noise-free picture of all particles, an upper bound for models, has {:.2} dB more PSNR \
-         at {} than {what}. The paper's eight blocks gain {:.2} dB.",
+         at {} than {label}. The paper's eight blocks gain {:.2} dB.",
         to - from,
         sizes[0],
         published::EIGHT.psnr - published::SINGLE.psnr
@@ -252,12 +253,12 @@ mod tests {
     use super::*;
 
     fn row(psnrs: &[f64], paper: Option<published::PublishedRow>) -> AblationRow {
-        let of = |v: f64| -> Vec<Score> {
+        let scores_of = |v: f64| -> Vec<Score> {
             let score =
                 |g: ViewGroup| Score { view: format!("{}_00", g.name), psnr: Some(v), masked: Some(v), ssim: None };
             groups::in_range().into_iter().map(score).collect()
         };
-        let all: Vec<Vec<Score>> = psnrs.iter().map(|v| of(*v)).collect();
+        let all: Vec<Vec<Score>> = psnrs.iter().map(|v| scores_of(*v)).collect();
         let each = vec![1000.0; psnrs.len()];
         AblationRow {
             label: "r".into(),

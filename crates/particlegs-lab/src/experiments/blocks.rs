@@ -54,12 +54,12 @@ pub(super) fn recipe(blocks: u32, seed: u64) -> ModelSettings {
 }
 
 fn measured(lab: &Lab<'_>, snapshot: &Snapshot, truth: &ReferenceViews, blocks: u32) -> Result<BlockCountScores> {
-    let models = each_seed(lab, |made: &ModelBuild| &made.model, |seed| lab.model(snapshot, &recipe(blocks, seed)))?;
+    let models = each_seed(lab, |build: &ModelBuild| &build.model, |seed| lab.model(snapshot, &recipe(blocks, seed)))?;
     Ok(BlockCountScores {
         blocks,
-        scores: models.iter().map(|made| groups::scores(lab, snapshot, truth, made)).collect::<Result<_>>()?,
-        gaussians: models.iter().map(|made| made.model.gaussians() as f64).collect(),
-        bytes: models.iter().map(|made| made.bytes.len() as f64).collect(),
+        scores: models.iter().map(|build| groups::scores(lab, snapshot, truth, build)).collect::<Result<_>>()?,
+        gaussians: models.iter().map(|build| build.model.gaussians() as f64).collect(),
+        bytes: models.iter().map(|build| build.bytes.len() as f64).collect(),
     })
 }
 
@@ -82,9 +82,9 @@ fn table(all: &[BlockCountScores], noise_free: &[Vec<Score>]) -> ResultTable {
     ];
     let mut table = ResultTable::new("blocks", "Our law in blocks, at the same file size", &heads);
     let pictures = |scores: &[Vec<Score>], change: TableCell| {
-        let of = |pick| means_over(scores, &groups::in_range(), pick);
-        let decibels = |pick| TableCell::decibels(&of(pick));
-        let mut cells = vec![decibels(masked), change, decibels(psnr), TableCell::spread(&of(ssim), 4)];
+        let means_of = |pick| means_over(scores, &groups::in_range(), pick);
+        let decibels = |pick| TableCell::decibels(&means_of(pick));
+        let mut cells = vec![decibels(masked), change, decibels(psnr), TableCell::spread(&means_of(ssim), 4)];
         let orbit = |g| TableCell::decibels(&means_over(scores, std::slice::from_ref(g), masked));
         cells.extend(groups::in_range().iter().map(orbit));
         cells
@@ -116,9 +116,9 @@ fn table(all: &[BlockCountScores], noise_free: &[Vec<Score>]) -> ResultTable {
 
 /// Change of each model's masked PSNR from the median of one block, dB.
 fn changes(m: &BlockCountScores, one: &BlockCountScores, groups: &[ViewGroup]) -> Vec<f64> {
-    let of = |m: &BlockCountScores| means_over(&m.scores, groups, masked);
-    let median = Spread::new(&of(one)).map(|s| s.median);
-    of(m).into_iter().filter_map(|v| Some(v - median?)).collect()
+    let means_of = |m: &BlockCountScores| means_over(&m.scores, groups, masked);
+    let median = Spread::new(&means_of(one)).map(|s| s.median);
+    means_of(m).into_iter().filter_map(|v| Some(v - median?)).collect()
 }
 
 /// The change by distance.

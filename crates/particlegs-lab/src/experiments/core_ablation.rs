@@ -25,12 +25,12 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, config) = (&snapshots[0], whole(lab)?);
-    let of = |config: &Config| of_seeds(lab, snapshot, |seed| TrainingTask::published(config.clone(), 1, seed));
-    let full = of(&config)?;
+    let train = |config: &Config| of_seeds(lab, snapshot, |seed| TrainingTask::published(config.clone(), 1, seed));
+    let full = train(&config)?;
     let judge = StageEvaluator::new(lab, snapshot, &config, &full[0].made.model.metadata, &all_groups())?;
     let mut rows = vec![judge.row("published recipe, whole", &full, Some(paper::SINGLE))?];
     for (label, config, theirs) in ablations(scale(lab))? {
-        rows.push(judge.row(label, &of(&config)?, Some(theirs))?);
+        rows.push(judge.row(label, &train(&config)?, Some(theirs))?);
     }
     let (bytes, ours) = (full[0].made.bytes.len() as u64, ours_at(scale(lab))?);
     for (label, training) in
@@ -95,7 +95,7 @@ fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, TrainingTask)>> {
     ])
 }
 
-/// What is removed, the recipe without it, and the paper's result.
+/// The removed part, the recipe without it, and the paper's result.
 fn ablations(scale: f64) -> Result<[(&'static str, Config, paper::PublishedRow); 3]> {
     let (mut no_vizmapper, mut far) = (recipe(), recipe());
     no_vizmapper.alpha_blend.vizmapper = false;
@@ -128,10 +128,10 @@ fn by_factor(full: &AblationRow, without: &AblationRow, large: &str) -> ResultTa
     let title = format!("Effect of the VizMapper: masked PSNR at the mid orbit, {large}");
     let mut table = ResultTable::new("core-ablation-factors", title, &heads);
     for (label, group) in factors() {
-        let of = |row: &AblationRow| -> Vec<Option<f64>> {
+        let means_of = |row: &AblationRow| -> Vec<Option<f64>> {
             row.scores[1].iter().map(|s| mean_over(s, std::slice::from_ref(&group), masked)).collect()
         };
-        let (with, without) = (of(full), of(without));
+        let (with, without) = (means_of(full), means_of(without));
         let part: Vec<f64> = with.iter().zip(&without).filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
         let cell = |v: Vec<Option<f64>>| TableCell::spread(&v.into_iter().flatten().collect::<Vec<_>>(), 2);
         table.row([TableCell::text(label), cell(with), cell(without), TableCell::spread(&part, 2)]);

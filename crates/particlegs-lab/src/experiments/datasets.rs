@@ -119,7 +119,7 @@ impl DatasetComparison<'_> {
         self.rows.iter().find(|r| r.method == method).map(RatePoint::masked).unwrap_or_default()
     }
 
-    /// Is there a file, but none near the compared size?
+    /// Whether there is a file, but none near the compared size.
     fn missed(&self, method: CompressionMethod) -> bool {
         let raw = self.snapshot.position_bytes() as f64;
         self.rows.iter().any(|r| r.method == method && r.bytes().is_some() && !r.met(raw))
@@ -181,7 +181,7 @@ fn enclosed(sets: &[DatasetComparison<'_>]) -> ResultTable {
     ResultTable::new("datasets-enclosed", title, &heads).with(sets.iter().filter_map(row))
 }
 
-/// How far our models are above each other method, one column per data set.
+/// Lead of our models over each other method, one column per data set.
 fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<&str> = ["method"].into_iter().chain(sets.iter().map(|s| s.snapshot.name.as_str())).collect();
     let title = format!("Our models above other methods, masked PSNR, dB, at ratio {COMPARED}");
@@ -201,9 +201,9 @@ fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
 
 fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {
     let curve = |method: CompressionMethod| {
-        let there = sets.iter().enumerate().filter(|(_, s)| !s.missed(method));
+        let comparisons = sets.iter().enumerate().filter(|(_, s)| !s.missed(method));
         let point = |(i, s): (usize, &DatasetComparison<'_>)| decibels((i + 1) as f64, &s.masked(method));
-        series(lab, method, there.filter_map(point).collect())
+        series(lab, method, comparisons.filter_map(point).collect())
     };
     Plot {
         name: "datasets".into(),
@@ -229,17 +229,17 @@ mod tests {
 
     #[test]
     fn a_data_set_that_is_too_small_does_not_stop_the_others() {
-        let of = |name: &str, n: u32| {
+        let snapshot_of = |name: &str, n: u32| {
             Snapshot::new(name.into(), name.into(), crate::testing::lattice(n, |v| (v / 31.0).powi(2)), None)
         };
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { size: Size { width: 64, height: 36 }, ..Settings::new(true, "".into()) };
         let lab = Lab::new(settings, folder.path(), &Context::SILENT).unwrap();
-        let found = run(&lab, &[of("large", 20_000), of("small", 300)]).unwrap();
-        assert!(found.notes.last().unwrap().starts_with("small was not measured: "), "{:?}", found.notes);
-        let (ours, margins) = (&found.tables[0], &found.tables[1]);
+        let results = run(&lab, &[snapshot_of("large", 20_000), snapshot_of("small", 300)]).unwrap();
+        assert!(results.notes.last().unwrap().starts_with("small was not measured: "), "{:?}", results.notes);
+        let (ours, margins) = (&results.tables[0], &results.tables[1]);
         assert_eq!((ours.rows.len(), &ours.rows[0][0], margins.columns.len()), (1, &TableCell::text("1 large"), 2));
-        assert!(run(&lab, &[of("small", 300)]).is_err());
+        assert!(run(&lab, &[snapshot_of("small", 300)]).is_err());
     }
 
     #[test]
@@ -253,9 +253,9 @@ mod tests {
         let model = lab.model(&snapshot, &ModelSettings::ratio(COMPARED, 42)).unwrap().model;
         assert!(enclosed_masses(&lab, &snapshot, &model).unwrap().is_empty());
         std::fs::write(folder.path().join("centres.csv"), "x,y,z\n1,1,1\n30,30,30\n").unwrap();
-        let found = enclosed_masses(&lab, &snapshot, &model).unwrap();
-        assert_eq!(found.len(), RADII.len());
-        assert!(found[0].centres >= 1 && found[0].median.is_some_and(|m| m > 0.0 && m < 2.0));
+        let masses = enclosed_masses(&lab, &snapshot, &model).unwrap();
+        assert_eq!(masses.len(), RADII.len());
+        assert!(masses[0].centres >= 1 && masses[0].median.is_some_and(|m| m > 0.0 && m < 2.0));
         std::fs::write(folder.path().join("centres.csv"), "nothing\n").unwrap();
         assert!(enclosed_masses(&lab, &snapshot, &model).is_err());
     }

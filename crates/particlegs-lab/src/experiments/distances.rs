@@ -45,11 +45,11 @@ pub(super) fn table(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> Resul
 }
 
 /// Gain of models over others far (1.0) and near (0.5), median against median, dB.
-pub(super) fn gains(over: &[Vec<Score>], of: &[Vec<Score>]) -> Option<[f64; 2]> {
+pub(super) fn gains(others: &[Vec<Score>], models: &[Vec<Score>]) -> Option<[f64; 2]> {
     let median = |all: &[Vec<Score>], d| {
         Some(crate::results::Spread::new(&means_over(all, &[ViewGroup::orbit(d)], masked))?.median)
     };
-    let gain = |d| Some(median(of, d)? - median(over, d)?);
+    let gain = |d| Some(median(models, d)? - median(others, d)?);
     Some([gain(1.0)?, gain(0.5)?])
 }
 

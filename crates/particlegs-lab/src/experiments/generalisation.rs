@@ -32,36 +32,36 @@ const OPACITIES: [f64; 6] = [0.25, 0.5, 1.0, 1.5, 2.0, 2.4];
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
-    let made = each_seed(
+    let builds = each_seed(
         lab,
-        |made: &ModelBuild| &made.model,
+        |build: &ModelBuild| &build.model,
         |seed| lab.model(snapshot, &ModelSettings::ratio(RATIO, seed)),
     )?;
-    let (metadata, frames) = (&made[0].model.metadata, 2 * lab.settings.frames);
+    let (metadata, frames) = (&builds[0].model.metadata, 2 * lab.settings.frames);
     let truth = truth(lab, snapshot, metadata, frames, lab.settings.size)?;
-    let models = vec![model(lab, snapshot, &truth, "optical depth", 0, &made)?];
+    let models = vec![model(lab, snapshot, &truth, "optical depth", 0, &builds)?];
     let noise_free = groups::noise_free(lab, snapshot, &truth)?;
-    let mut found = ExperimentResults::default();
-    found.notes.push(format!(
+    let mut results = ExperimentResults::default();
+    results.notes.push(format!(
         "An optical-depth model at ratio {RATIO}, {}, compared with ParaView's pictures of all particles at {}: \
          {frames} views per group, in the same directions in all groups. For distances, radius and opacity are \
          drawn from the published range, with the same draws at each distance; for factors, the distance is 0.7. \
          Noise-free is the score of the mean picture of all particles, which models can hardly exceed. The fit uses \
          no pictures: \"trained\" and \"beyond\" refer to the published method.",
-        describe_seeds(lab, &[made.len()]),
+        describe_seeds(lab, &[builds.len()]),
         in_pixels(truth.size)
     ));
-    found.notes.extend(falls(&models, &noise_free));
-    add(&mut found, "generalisation", &models, &noise_free, "");
+    results.notes.extend(falls(&models, &noise_free));
+    add(&mut results, "generalisation", &models, &noise_free, "");
     match lab.settings.training {
-        true => beside_published(lab, snapshot, &mut found)?,
-        false => found.notes.push(
+        true => beside_published(lab, snapshot, &mut results)?,
+        false => results.notes.push(
             "The published law was not trained in this run. If training is requested, its model is compared with \
              ours of the same size. Separate columns show the paper's numbers."
                 .into(),
         ),
     }
-    Ok(found)
+    Ok(results)
 }
 
 fn sweeps() -> [Sweep; 3] {
@@ -75,9 +75,9 @@ fn sweeps() -> [Sweep; 3] {
     let inside = |f: f64| if range.contains(&f) { "trained" } else { "beyond" };
     let factors = |all: [f64; 6], theirs: [(f64, f64); 2], group: fn(f64) -> ViewGroup| {
         all.map(|f| {
-            let own = theirs.into_iter().find(|t| t.0 == f).map(|t| t.1);
+            let published = theirs.into_iter().find(|t| t.0 == f).map(|t| t.1);
             let at_defaults = (f == 1.0).then_some(paper::AT_DEFAULTS);
-            SweepStep { at: f, group: group(f), kind: inside(f), paper: [own.or(at_defaults), None] }
+            SweepStep { at: f, group: group(f), kind: inside(f), paper: [published.or(at_defaults), None] }
         })
     };
     [
@@ -108,16 +108,16 @@ fn model<'m>(
     truth: &ReferenceViews,
     label: &str,
     style: usize,
-    made: impl IntoIterator<Item = &'m ModelBuild>,
+    builds: impl IntoIterator<Item = &'m ModelBuild>,
 ) -> Result<SweepModel> {
-    let scores = made.into_iter().map(|m| groups::scores(lab, snapshot, truth, m)).collect::<Result<_>>()?;
+    let scores = builds.into_iter().map(|m| groups::scores(lab, snapshot, truth, m)).collect::<Result<_>>()?;
     Ok(SweepModel { label: label.into(), style, scores })
 }
 
-fn add(found: &mut ExperimentResults, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) {
+fn add(results: &mut ExperimentResults, stem: &str, models: &[SweepModel], noise_free: &[Score], suffix: &str) {
     for sweep in sweeps() {
-        found.tables.push(sweep.table(stem, models, noise_free, of));
-        found.plots.push(sweep.plot(stem, models, noise_free, of));
+        results.tables.push(sweep.table(stem, models, noise_free, suffix));
+        results.plots.push(sweep.plot(stem, models, noise_free, suffix));
     }
 }
 
@@ -130,8 +130,8 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
         let [ours, noise] = [&models[0].scores[..], &[noise_free.to_vec()]].map(|all| sweep.fall(all, *factor));
         let paper = sweep.paper_fall(*factor)?;
         let (ours, noise) = (ours?, noise?);
-        let own = ours - noise;
-        Some(format!("{name} {factor}: {ours:+.2} dB ({own:+.2} relative to noise-free; paper {paper:+.2})"))
+        let excess = ours - noise;
+        Some(format!("{name} {factor}: {ours:+.2} dB ({excess:+.2} relative to noise-free; paper {paper:+.2})"))
     });
     let said: Vec<String> = said.collect();
     vec![format!(
@@ -143,7 +143,7 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
 }
 
 /// The trained published law, and ours at the same bytes, at the sizes of its training.
-fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentResults) -> Result<()> {
+fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, results: &mut ExperimentResults) -> Result<()> {
     let config = whole(lab)?;
     let published = of_seeds(lab, snapshot, |seed| TrainingTask::published(config.clone(), 1, seed))?;
     let mut plain = training::recipe();
@@ -154,22 +154,22 @@ fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentRe
     let ours = of_seeds(lab, snapshot, |seed| TrainingTask::ours(bytes, None, seed))?;
     let [_, size] = training::sizes(&config);
     let truth = truth(lab, snapshot, &published[0].made.model.metadata, trained_frames(lab), size)?;
-    let of = |label: &str, style, all: &[TrainingResult]| {
+    let sweep_model = |label: &str, style, all: &[TrainingResult]| {
         model(lab, snapshot, &truth, label, style, all.iter().map(|t| &t.made))
     };
     let models = vec![
-        of("optical depth, untrained", 0, &ours)?,
-        of("published law, trained", 1, &published)?,
-        of("published law, no VizMapper", 2, &plain)?,
+        sweep_model("optical depth, untrained", 0, &ours)?,
+        sweep_model("published law, trained", 1, &published)?,
+        sweep_model("published law, no VizMapper", 2, &plain)?,
     ];
     let noise_free = groups::noise_free(lab, snapshot, &truth)?;
     let (scale, size) = (training::scale(lab), in_pixels(size));
-    found.notes.push(format!(
+    results.notes.push(format!(
         "The published law: its recipe scaled by {scale}, as in `core-ablation`, and our untrained fit of the same \
          {bytes} bytes, scored at {size}, the size of its last stages."
     ));
-    found.notes.extend(edge(&models));
-    add(found, "generalisation-published", &models, &noise_free, &format!(", {size}"));
+    results.notes.extend(edge(&models));
+    add(results, "generalisation-published", &models, &noise_free, &format!(", {size}"));
     Ok(())
 }
 

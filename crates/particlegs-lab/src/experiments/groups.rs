@@ -52,11 +52,11 @@ pub(super) fn in_range() -> Vec<ViewGroup> {
 
 /// `frames` views of each group around a snapshot, named after the group (`orbit-0.7_00`). They depend only on the
 /// seed.
-pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usize) -> Vec<View> {
-    let base = base_distance(&of.bounds, Size { width: 16, height: 9 });
+pub(super) fn views(groups: &[ViewGroup], metadata: &Metadata, seed: u64, frames: usize) -> Vec<View> {
+    let base = base_distance(&metadata.bounds, Size { width: 16, height: 9 });
     let turn = Random::from_purpose(Purpose::EvaluationTurn, seed, 0).bits();
     let in_group = |group: &ViewGroup| {
-        let cameras = spiral(of.bounds.center(), group.orbit * base, frames, Some(turn));
+        let cameras = spiral(metadata.bounds.center(), group.orbit * base, frames, Some(turn));
         let view = |(i, camera)| {
             let mut draw = Random::from_purpose(Purpose::EvaluationLook, seed, i as u64);
             let mut drawn = || RANGE[0] + (RANGE[1] - RANGE[0]) * draw.beta33();
@@ -64,8 +64,8 @@ pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usiz
             View {
                 name: format!("{}_{i:02}", group.name),
                 camera,
-                radius: radius * of.default_radius,
-                opacity: (opacity * of.default_opacity).min(1.0),
+                radius: radius * metadata.default_radius,
+                opacity: (opacity * metadata.default_opacity).min(1.0),
             }
         };
         cameras.into_iter().enumerate().map(view).collect::<Vec<_>>()
@@ -78,10 +78,10 @@ pub(super) fn scores(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
     truth: &ReferenceViews,
-    made: &ModelBuild,
+    build: &ModelBuild,
 ) -> Result<Vec<Score>> {
-    let model = blake3::hash(&made.bytes).to_hex().to_string();
-    lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.score_model(lab, &made.model))
+    let model = blake3::hash(&build.bytes).to_hex().to_string();
+    lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.score_model(lab, &build.model))
 }
 
 /// Scores of the noise-free picture of all particles, which no model is expected to exceed, cached.
@@ -98,8 +98,8 @@ fn all_told(truth: &ReferenceViews) -> Vec<String> {
 
 /// Mean over groups of each group's mean over views.
 pub(super) fn mean_over(scores: &[Score], groups: &[ViewGroup], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
-    let of = |g: &ViewGroup| crate::views::mean_of(scores, &g.name, pick);
-    let values: Option<Vec<f64>> = groups.iter().map(of).collect();
+    let group_mean = |g: &ViewGroup| crate::views::mean_of(scores, &g.name, pick);
+    let values: Option<Vec<f64>> = groups.iter().map(group_mean).collect();
     mean_of_values(&values?)
 }
 

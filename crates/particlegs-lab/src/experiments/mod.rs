@@ -30,11 +30,11 @@ use particlegs_core::{Error, Result};
 pub struct Experiment {
     /// Name on the command line.
     pub name: &'static str,
-    /// What it measures, in one line.
+    /// Its subject, in one line.
     pub title: &'static str,
     /// Labels of the paper's tables and figures that it reproduces.
     pub paper: &'static str,
-    /// Does it train models?
+    /// Whether it trains models.
     pub trains: bool,
     /// Approximate share of the time of `all`, for the progress. 0 = it needs no snapshot and is not part of `all`.
     pub weight: u64,
@@ -64,8 +64,8 @@ pub fn named(name: &str, training: bool) -> Result<Vec<&'static Experiment>> {
     if name == "all" {
         return Ok(EXPERIMENTS.iter().filter(|e| e.weight > 0 && (training || !e.trains)).collect());
     }
-    let found = EXPERIMENTS.iter().find(|e| e.name == name).map(|e| vec![e]);
-    found.ok_or_else(|| {
+    let experiments = EXPERIMENTS.iter().find(|e| e.name == name).map(|e| vec![e]);
+    experiments.ok_or_else(|| {
         let names: Vec<&str> = EXPERIMENTS.iter().map(|e| e.name).collect();
         Error::argument(format!("there is no experiment {name:?}: use `all` or one of {}", names.join(", ")))
     })

@@ -94,7 +94,7 @@ pub(super) const RADII: [(f64, f64); 2] = [(2.0, 21.85), (2.5, 20.67)];
 /// `GenOpa...`: factor of the default opacity, masked PSNR in dB.
 pub(super) const OPACITIES: [(f64, f64); 2] = [(2.0, 22.30), (2.4, 21.33)];
 
-/// Does a change agree in sign with the paper's? Changes within `noise` count as none.
+/// Whether a change agrees in sign with the paper's, in words. Changes within `noise` count as none.
 pub(super) fn same_sign(ours: f64, theirs: f64, noise: f64) -> &'static str {
     match (ours.abs() <= noise, ours * theirs > 0.0) {
         (true, _) => "within noise",

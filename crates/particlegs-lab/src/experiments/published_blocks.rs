@@ -42,31 +42,31 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let judge = StageEvaluator::new(lab, snapshot, &recipe, &one[0].made.model.metadata, &at_distances())?;
     let mut all = Vec::new();
     for &k in numbers(lab) {
-        let own = merged(lab, snapshot, k, seed)?;
-        let after = tuned(lab, snapshot, &own.made, &tuning, seed)?;
-        let merged = judge.row(&format!("{k} merged"), &[own], None)?;
+        let merged_model = merged(lab, snapshot, k, seed)?;
+        let after = tuned(lab, snapshot, &merged_model.made, &tuning, seed)?;
+        let merged = judge.row(&format!("{k} merged"), &[merged_model], None)?;
         let tuned = judge.row(&format!("{k} fine-tuned"), &[after], None)?;
         all.push(BlockTuningRow { blocks: k, merged, tuned });
     }
     let one = judge.row("one block", &one, Some(paper::SINGLE))?;
     let (sizes, noise_free) = (judge.sizes(), judge.noise_free()?);
-    let mut found =
+    let mut results =
         ExperimentResults { notes: notes(lab, &recipe, &tuning, &one, &sizes), ..ExperimentResults::default() };
-    found.notes.extend(ablation::held_note(all.iter().flat_map(|m| [&m.merged, &m.tuned])));
-    found.notes.extend(near_and_far(&all, &one));
-    found.notes.extend(ablation::room_note("one block", &one, &noise_free, &sizes));
-    found.tables.push(table(&all, &one, &sizes));
+    results.notes.extend(ablation::held_note(all.iter().flat_map(|m| [&m.merged, &m.tuned])));
+    results.notes.extend(near_and_far(&all, &one));
+    results.notes.extend(ablation::room_note("one block", &one, &noise_free, &sizes));
+    results.tables.push(table(&all, &one, &sizes));
     for (stem, title, tuned) in [
         ("published-blocks-distance", "Fine-tuned blocks by camera distance", true),
         ("published-blocks-distance-merged", "Merged blocks, not fine-tuned, by camera distance", false),
     ] {
         let title = format!("{title}, {}", sizes[0]);
         let curves = curves(&all, &one, &noise_free, tuned);
-        found.tables.push(distances::table(stem, &title, &curves));
-        found.plots.push(distances::plot(stem, &title, &curves));
+        results.tables.push(distances::table(stem, &title, &curves));
+        results.plots.push(distances::plot(stem, &title, &curves));
     }
-    found.plots.push(growth(&all, snapshot.particles.len()));
-    Ok(found)
+    results.plots.push(growth(&all, snapshot.particles.len()));
+    Ok(results)
 }
 
 fn table(all: &[BlockTuningRow], one: &AblationRow, sizes: &[String; 2]) -> ResultTable {
@@ -139,19 +139,19 @@ fn curves<'a>(
     noise_free: &'a AblationRow,
     tuned: bool,
 ) -> Vec<ScoreCurve<'a>> {
-    let of = |label: String, row: &'a AblationRow, style, dashed| ScoreCurve {
+    let curve = |label: String, row: &'a AblationRow, style, dashed| ScoreCurve {
         label,
         scores: &row.scores[0],
         style,
         dashed,
     };
-    let own = all.iter().enumerate().filter(|(_, m)| tuned || m.blocks > 1).map(|(style, m)| {
+    let block_curves = all.iter().enumerate().filter(|(_, m)| tuned || m.blocks > 1).map(|(style, m)| {
         let label = if m.blocks == 1 { "1 block, fine-tuned".into() } else { format!("{} blocks", m.blocks) };
-        of(label, if tuned { &m.tuned } else { &m.merged }, style + 1, false)
+        curve(label, if tuned { &m.tuned } else { &m.merged }, style + 1, false)
     });
-    std::iter::once(of("1 block, as trained".into(), one, 0, false))
-        .chain(own)
-        .chain([of("noise-free picture".into(), noise_free, 8, true)])
+    std::iter::once(curve("1 block, as trained".into(), one, 0, false))
+        .chain(block_curves)
+        .chain([curve("noise-free picture".into(), noise_free, 8, true)])
         .collect()
 }
 

@@ -42,20 +42,20 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let levels = levels(lab, snapshot, &config, &ours)?;
     let metadata = &ours.made.model.metadata;
     let judge = StageEvaluator::new(lab, snapshot, &config, metadata, &groups::in_range())?;
-    let mut found = ExperimentResults { notes: notes(lab, &run, &config, snapshot), ..ExperimentResults::default() };
+    let mut results = ExperimentResults { notes: notes(lab, &run, &config, snapshot), ..ExperimentResults::default() };
     let sizes = judge.sizes();
-    found.plots.push(plot(&run.curve, levels, &sizes[1]));
-    found.tables.push(table(&run.curve));
+    results.plots.push(plot(&run.curve, levels, &sizes[1]));
+    results.tables.push(table(&run.curve));
     let rows = [
         judge.row("published recipe", std::slice::from_ref(&run), Some(paper::SINGLE))?,
         judge.row("ours: optical depth, untrained", &[ours], None)?,
         judge.noise_free()?,
     ];
-    found.notes.extend(ablation::held_note(&rows));
-    found.notes.extend(beside(&rows, &sizes));
+    results.notes.extend(ablation::held_note(&rows));
+    results.notes.extend(beside(&rows, &sizes));
     let title = "The published recipe and our untrained fit of the same bytes";
-    found.tables.insert(0, ablation::table("published-run", title, &rows, &sizes));
-    Ok(found)
+    results.tables.insert(0, ablation::table("published-run", title, &rows, &sizes));
+    Ok(results)
 }
 
 /// Scores of our fit and of the noise-free picture in the run's held-out views, dB.
@@ -71,9 +71,9 @@ fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &TrainingRe
     };
     let [_, size] = training::sizes(config);
     let truth = ReferenceViews::at_size(lab, snapshot, config.held_out_views(&defaults), size)?;
-    let of = |scores: Vec<_>| mean(&scores, groups::masked);
-    let noise_free = of(groups::noise_free(lab, snapshot, &truth)?);
-    let fit = of(groups::scores(lab, snapshot, &truth, &ours.made)?);
+    let masked_mean = |scores: Vec<_>| mean(&scores, groups::masked);
+    let noise_free = masked_mean(groups::noise_free(lab, snapshot, &truth)?);
+    let fit = masked_mean(groups::scores(lab, snapshot, &truth, &ours.made)?);
     let named = [("noise-free picture", noise_free), ("ours, untrained", fit)];
     Ok(named.into_iter().filter_map(|(name, v)| Some((name.to_string(), v.filter(|v| v.is_finite())?))).collect())
 }
@@ -103,15 +103,15 @@ pub(super) fn table(curve: &[TrainingScore]) -> ResultTable {
 
 /// Notes on the state of the run, and on how it differs from the paper.
 fn notes(lab: &Lab<'_>, run: &TrainingResult, config: &Config, snapshot: &Snapshot) -> Vec<String> {
-    let (of, done) = (config.iterations(), run.curve.last().map_or(0, |e| e.iteration));
+    let (total, done) = (config.iterations(), run.curve.last().map_or(0, |e| e.iteration));
     let seconds = run.curve.last().map_or(0.0, |e| e.seconds);
     let standing = match run.unfinished {
         Some(_) => format!(
-            "The run is not finished: it was last scored at step {done} of {of}, after {seconds:.0} s of training. \
+            "The run is not finished: it was last scored at step {done} of {total}, after {seconds:.0} s of training. \
              The same command continues from there for another {} minutes. These results are its best so far.",
             minutes(lab)
         ),
-        None => format!("The run is finished: {of} steps, {seconds:.0} s of training."),
+        None => format!("The run is finished: {total} steps, {seconds:.0} s of training."),
     };
     let (every, evaluated) = (config.alpha_blend.reset_every, config.evaluate_every);
     let dips = format!(
@@ -162,8 +162,8 @@ fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<Strin
 }
 
 fn beside(rows: &[AblationRow; 3], sizes: &[String; 2]) -> Option<String> {
-    let of = |row: usize, measure| rows[row].measured(measure).first().copied();
-    let (small, large) = (of(1, 1)? - of(0, 1)?, of(1, 2)? - of(0, 2)?);
+    let first_score = |row: usize, measure| rows[row].measured(measure).first().copied();
+    let (small, large) = (first_score(1, 1)? - first_score(0, 1)?, first_score(1, 2)? - first_score(0, 2)?);
     Some(format!(
         "Our untrained fit of the same bytes compared with the run: {small:+.2} dB of masked PSNR at {}, \
          {large:+.2} dB at {}, in {:.1} s.",

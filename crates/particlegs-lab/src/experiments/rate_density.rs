@@ -12,11 +12,11 @@ pub(super) type MethodDensity = (CompressionMethod, f64, DensityMeasures);
 
 /// Uses every ratio if they are few, else every second, since statistics are slow. Files far from the requested size
 /// are left out.
-pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Result<Vec<MethodDensity>> {
+pub(super) fn densities(lab: &Lab<'_>, snapshot: &Snapshot, rows: &[RatePoint]) -> Result<Vec<MethodDensity>> {
     let ratios = &lab.settings.ratios;
     let (step, compared) = (ratios.len().div_ceil(4), ratios.iter().position(|r| *r == COMPARED).unwrap_or(0));
     let chosen: Vec<f64> = ratios.iter().copied().skip(compared % step).step_by(step).collect();
-    let raw = of.position_bytes() as f64;
+    let raw = snapshot.position_bytes() as f64;
     let methods = CompressionMethod::all_and_trained(lab);
     lab.context.begin("densities", (methods.len() * chosen.len()) as u64);
     let mut all = Vec::new();
@@ -25,7 +25,7 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
             let row = rows.iter().find(|r| r.method == method && r.ratio == ratio);
             let met = row.filter(|r| r.met(raw)).and_then(RatePoint::bytes);
             if let Some(reached) = met.map(|bytes| raw / bytes) {
-                all.push((method, reached, DensityMeasures::new(lab, of, method, (raw / ratio) as u64)?));
+                all.push((method, reached, DensityMeasures::new(lab, snapshot, method, (raw / ratio) as u64)?));
             }
             lab.context.advance(1);
         }
@@ -67,10 +67,10 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable
 
 /// Plots by ratio; `bits` are those of all particles.
 pub(super) fn density_plots(lab: &Lab<'_>, all: &[MethodDensity], bits: f64) -> Vec<Plot> {
-    let plot = |name: &str, title: &str, y: PlotAxis, of: fn(&DensityMeasures) -> Option<f64>| {
+    let plot = |name: &str, title: &str, y: PlotAxis, measure: fn(&DensityMeasures) -> Option<f64>| {
         let curve = |method: CompressionMethod| {
-            let own = all.iter().filter(|(m, ..)| *m == method);
-            series(lab, method, own.filter_map(|(_, ratio, d)| Some(Point::new(*ratio, of(d)?))).collect())
+            let densities = all.iter().filter(|(m, ..)| *m == method);
+            series(lab, method, densities.filter_map(|(_, ratio, d)| Some(Point::new(*ratio, measure(d)?))).collect())
         };
         let x = PlotAxis::logarithmic(BY_SIZE);
         let series =

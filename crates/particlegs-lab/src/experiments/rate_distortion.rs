@@ -51,12 +51,12 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
 }
 
 /// Every method at the compared ratio, with the same cameras at the default radius and opacity, which most users keep.
-fn usual(lab: &Lab<'_>, of: &Snapshot, any: &ModelBuild) -> Result<(Vec<RatePoint>, ReferenceScores)> {
+fn usual(lab: &Lab<'_>, snapshot: &Snapshot, any: &ModelBuild) -> Result<(Vec<RatePoint>, ReferenceScores)> {
     let (m, s) = (&any.model.metadata, &lab.settings);
     let mut views = evaluation_views(m, s.size, s.seed, s.frames);
     views.iter_mut().for_each(|v| (v.radius, v.opacity) = (m.default_radius, m.default_opacity));
-    let truth = ReferenceViews::in_views(lab, of, views)?;
-    Ok((rows(lab, of, &truth, &[COMPARED])?, beside(lab, of, &truth, any)?))
+    let truth = ReferenceViews::in_views(lab, snapshot, views)?;
+    Ok((rows(lab, snapshot, &truth, &[COMPARED])?, beside(lab, snapshot, &truth, any)?))
 }
 
 fn levels(b: ReferenceScores) -> Vec<(String, f64)> {
@@ -64,7 +64,7 @@ fn levels(b: ReferenceScores) -> Vec<(String, f64)> {
     named.into_iter().filter_map(|(name, level)| Some((name.to_string(), level?))).collect()
 }
 
-fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint], truth: &ReferenceViews) -> Vec<String> {
+fn notes(lab: &Lab<'_>, snapshot: &Snapshot, rows: &[RatePoint], truth: &ReferenceViews) -> Vec<String> {
     let size = truth.size;
     let mut notes = vec![
         format!(
@@ -109,7 +109,7 @@ fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint], truth: &ReferenceView
             training::scale(lab)
         ));
     }
-    notes.extend(of.weights_note());
+    notes.extend(snapshot.weights_note());
     notes.extend(identical_note(rows.iter().flat_map(|r| r.pictures(lab))));
     let failed: Vec<String> = rows
         .iter()
@@ -137,9 +137,9 @@ fn margins(lab: &Lab<'_>, rows: [&[RatePoint]; 2], raw: f64, beside: [ReferenceS
     );
     let at =
         |side: usize, method: CompressionMethod| rows[side].iter().find(|r| r.method == method && r.ratio == COMPARED);
-    let of = |side: usize, method: CompressionMethod| at(side, method).map(RatePoint::masked).unwrap_or_default();
+    let psnr_of = |side: usize, method: CompressionMethod| at(side, method).map(RatePoint::masked).unwrap_or_default();
     let ours =
-        [0, 1].map(|side| Spread::new(&of(side, CompressionMethod::OpticalDepth)).map_or(f64::NAN, |s| s.median));
+        [0, 1].map(|side| Spread::new(&psnr_of(side, CompressionMethod::OpticalDepth)).map_or(f64::NAN, |s| s.median));
     let mut row = |name: String, values: [Vec<f64>; 2], missed: bool| {
         let cells = |side: usize| {
             let above: Vec<f64> = values[side].iter().map(|v| ours[side] - v).collect();
@@ -150,12 +150,12 @@ fn margins(lab: &Lab<'_>, rows: [&[RatePoint]; 2], raw: f64, beside: [ReferenceS
     };
     for method in CompressionMethod::all_and_trained(lab) {
         let missed = at(0, method).is_some_and(|r| r.bytes().is_some() && !r.met(raw));
-        row(method.name(lab), [0, 1].map(|side| of(side, method)), missed);
+        row(method.name(lab), [0, 1].map(|side| psnr_of(side, method)), missed);
     }
     let [sampled, usual] = beside.map(levels);
     for (name, level) in sampled {
-        let there = usual.iter().filter(|(n, _)| *n == name).map(|(_, level)| *level).collect();
-        row(name, [vec![level], there], false);
+        let usual_levels = usual.iter().filter(|(n, _)| *n == name).map(|(_, level)| *level).collect();
+        row(name, [vec![level], usual_levels], false);
     }
     table
 }
@@ -224,11 +224,11 @@ fn picture_plot(
     raw: f64,
     name: &str,
     label: &str,
-    of: &dyn Fn(&[Score]) -> Option<f64>,
+    measure: &dyn Fn(&[Score]) -> Option<f64>,
 ) -> Plot {
     let curve = |method: CompressionMethod| {
-        let own = rows.iter().filter(|r| r.method == method);
-        series(lab, method, own.filter_map(|r| decibels(raw / r.bytes()?, &r.values(of))).collect())
+        let method_rows = rows.iter().filter(|r| r.method == method);
+        series(lab, method, method_rows.filter_map(|r| decibels(raw / r.bytes()?, &r.values(measure))).collect())
     };
     Plot {
         name: format!("rate-distortion-{name}"),

@@ -47,7 +47,7 @@ mod tests {
         let (snapshot, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let settings = Settings { seeds: 3, ..Settings::new(true, "".into()) };
         let lab = Lab::new(settings, folder.path(), &Context::SILENT).unwrap();
-        let of = |ratio: fn(u64) -> f64| {
+        let model_count = |ratio: fn(u64) -> f64| {
             each_seed(
                 &lab,
                 |m: &ModelBuild| &m.model,
@@ -56,7 +56,7 @@ mod tests {
             .unwrap()
             .len()
         };
-        assert_eq!((of(|_| 10.0), of(|seed| 5.0 + seed as f64 / 10.0)), (1, 3));
+        assert_eq!((model_count(|_| 10.0), model_count(|seed| 5.0 + seed as f64 / 10.0)), (1, 3));
         // One seed alone says nothing of what seeds change.
         let mut one = Lab::new(lab.settings.clone(), folder.path(), &Context::SILENT).unwrap();
         one.settings.seeds = 1;

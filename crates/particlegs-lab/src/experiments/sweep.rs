@@ -35,12 +35,12 @@ pub(super) struct SweepModel {
 
 impl Sweep {
     /// Title: the parameter without its unit.
-    fn title(&self, of: &str) -> String {
-        format!("Quality by {}{of}", self.what.split(',').next().unwrap_or_default())
+    fn title(&self, suffix: &str) -> String {
+        format!("Quality by {}{suffix}", self.what.split(',').next().unwrap_or_default())
     }
 
-    /// One row per value; `of` is appended to the title.
-    pub fn table(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) -> ResultTable {
+    /// One row per value; `suffix` is appended to the title.
+    pub fn table(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], suffix: &str) -> ResultTable {
         let mut heads = vec![self.what.to_string(), "published training".into()];
         for m in models {
             let l = &m.label;
@@ -49,7 +49,7 @@ impl Sweep {
         }
         heads.extend(["noise-free: masked PSNR, dB".into(), "paper: masked PSNR, dB".into()]);
         heads.push(self.base.map_or("paper: SSIM".into(), |b| format!("paper: change from {b}, dB")));
-        let title = self.title(of);
+        let title = self.title(suffix);
         let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
         let mut table = ResultTable::new(&format!("{stem}-{}", self.name), title, &heads);
         let noise_free = [noise_free.to_vec()];
@@ -57,9 +57,9 @@ impl Sweep {
             let limit = median(&noise_free, &step.group);
             let mut row = vec![TableCell::number(step.at, 2), TableCell::text(step.kind)];
             for m in models {
-                let own = median(&m.scores, &step.group);
+                let score = median(&m.scores, &step.group);
                 row.extend(cells(&m.scores, &step.group));
-                row.push(TableCell::number(limit.zip(own).map(|(l, o)| l - o), 2));
+                row.push(TableCell::number(limit.zip(score).map(|(l, o)| l - o), 2));
                 row.extend(self.base.map(|_| TableCell::number(self.fall(&m.scores, step.at), 2)));
             }
             row.extend([TableCell::number(limit, 2), TableCell::number(step.paper[0], 2)]);
@@ -73,7 +73,7 @@ impl Sweep {
     }
 
     /// Curves of the models, the noise-free picture and the paper.
-    pub fn plot(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) -> Plot {
+    pub fn plot(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], suffix: &str) -> Plot {
         let points = |value: &dyn Fn(&SweepStep) -> Option<Point>| {
             let mut all: Vec<Point> = self.steps.iter().filter_map(value).collect();
             all.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -92,7 +92,7 @@ impl Sweep {
         series.push(PlotSeries { name: "paper (HACC, 1080p)".into(), style: 7, dashed: true, points: theirs });
         Plot {
             name: format!("{stem}-{}", self.name),
-            title: self.title(of),
+            title: self.title(suffix),
             x: PlotAxis::linear(self.what),
             y: PlotAxis::linear("masked PSNR, dB"),
             series,
@@ -118,9 +118,9 @@ impl Sweep {
 }
 
 fn cells(scores: &[Vec<Score>], group: &ViewGroup) -> [TableCell; 3] {
-    let own = std::slice::from_ref(group);
-    let of = |pick| means_over(scores, own, pick);
-    [TableCell::decibels(&of(masked)), TableCell::decibels(&of(psnr)), TableCell::spread(&of(ssim), 4)]
+    let groups = std::slice::from_ref(group);
+    let means = |pick| means_over(scores, groups, pick);
+    [TableCell::decibels(&means(masked)), TableCell::decibels(&means(psnr)), TableCell::spread(&means(ssim), 4)]
 }
 
 /// Masked PSNR at a step, median over models.

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// How long to wait for the last words of an ended child: another process may hold its standard error.
+/// Longest wait for the last words of an ended child: another process may hold its standard error.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 /// Most characters of the last words.
 const MOST_WORDS: usize = 300;
@@ -78,7 +78,7 @@ impl Child {
         })
     }
 
-    /// How a failed child ended, and its last words.
+    /// Last words of a failed child, or its exit status where there are none.
     pub fn last_words(mut self) -> String {
         let _ = self.process.kill();
         let status = self.process.wait();

@@ -56,12 +56,12 @@ impl External {
 
     /// SZ3 and ZFP, each in the input order and in Morton order.
     pub fn baselines(&self) -> Vec<Box<dyn Baseline>> {
-        let of = |library| {
+        let baselines_of = |library| {
             [ColumnOrder::File, ColumnOrder::Morton].map(|order| -> Box<dyn Baseline> {
                 Box::new(LibraryBaseline { external: self.clone(), library, order })
             })
         };
-        [CompressionLibrary::Sz3, CompressionLibrary::Zfp].into_iter().flat_map(of).collect()
+        [CompressionLibrary::Sz3, CompressionLibrary::Zfp].into_iter().flat_map(baselines_of).collect()
     }
 
     /// Version of a compressor.

@@ -77,15 +77,18 @@ fn a_missing_python_or_package_is_reported_in_one_line() {
 
 #[test]
 fn wrong_programs_are_reported() {
-    let of = |program: &str, arguments: &[&str]| {
+    let message_of = |program: &str, arguments: &[&str]| {
         let arguments = arguments.iter().map(|a| (*a).to_string()).collect();
         External::from_command(Path::new(program), arguments).err().unwrap().to_string()
     };
-    assert_eq!(of("sh", &["-c", "echo no such option >&2; exit 3"]), "sh: it ended before it answered: no such option");
-    assert_eq!(of("sh", &["-c", "exit 3"]), "sh: it ended before it answered: exit status: 3");
+    assert_eq!(
+        message_of("sh", &["-c", "echo no such option >&2; exit 3"]),
+        "sh: it ended before it answered: no such option"
+    );
+    assert_eq!(message_of("sh", &["-c", "exit 3"]), "sh: it ended before it answered: exit status: 3");
     // One that gives back what it gets, and one that writes without end and reads nothing.
-    assert!(of("cat", &[]).contains("the answer does not come from"));
-    assert!(of("sh", &["-c", "while echo yyyyyyyyyyy; do :; done"]).contains("the answer does not come from"));
+    assert!(message_of("cat", &[]).contains("the answer does not come from"));
+    assert!(message_of("sh", &["-c", "while echo yyyyyyyyyyy; do :; done"]).contains("the answer does not come from"));
 }
 
 #[test]
@@ -102,15 +105,18 @@ if bound == 9:
     .unwrap();
     // More than a pipe can hold, so that the writer blocks.
     let particles = clustered(100_000);
-    let of = |bound| sz3(&external).compress(&particles, bound);
-    assert_eq!(of(7.0).err().unwrap().to_string(), "python3: it ended before it answered during SZ3: Segmentation");
-    assert!(of(1.0).is_ok());
+    let compress = |bound| sz3(&external).compress(&particles, bound);
     assert_eq!(
-        of(8.0).err().unwrap().to_string(),
+        compress(7.0).err().unwrap().to_string(),
+        "python3: it ended before it answered during SZ3: Segmentation"
+    );
+    assert!(compress(1.0).is_ok());
+    assert_eq!(
+        compress(8.0).err().unwrap().to_string(),
         "python3: it ended in the middle of its answer during SZ3: half way"
     );
-    assert_eq!(of(9.0).err().unwrap().to_string(), "SZ3: ValueError: two lines");
-    assert!(of(1.0).is_ok());
+    assert_eq!(compress(9.0).err().unwrap().to_string(), "SZ3: ValueError: two lines");
+    assert!(compress(1.0).is_ok());
     // A baseline's failure is a result.
     let failed = rate::verified(&sz3(&external), &particles, 9.0);
     assert_eq!(failed.failure().as_deref(), Some("SZ3: ValueError: two lines"));
@@ -151,13 +157,13 @@ fn the_libraries_keep_their_bounds() {
     for (particles, bound) in all {
         for baseline in external.baselines() {
             let run = rate::verified(&*baseline, &particles, bound);
-            let told = (baseline.name(), particles[0].len(), bound);
+            let case = (baseline.name(), particles[0].len(), bound);
             // ZFP has fewer digits than float32 if coordinates in a block differ much: the broken bound is reported.
             let digits = particles.iter().flatten().fold(0f32, |m, v| m.max(v.abs())) * f32::EPSILON;
             let broken = baseline.name().starts_with("ZFP") && bound < f64::from(digits);
-            assert!(run.failure().is_none() || broken, "{told:?}: {:?}", run.failure());
+            assert!(run.failure().is_none() || broken, "{case:?}: {:?}", run.failure());
             let again = baseline.compress(&particles, bound).unwrap().bytes.len() as u64;
-            assert_eq!(again, run.run().unwrap().bytes, "{told:?}");
+            assert_eq!(again, run.run().unwrap().bytes, "{case:?}");
         }
     }
 }
@@ -168,8 +174,8 @@ fn the_libraries_meet_sizes_and_refuse_damage() {
     let external = External::start(&python).unwrap();
     assert!(sz3(&external).source().starts_with("SZ3 3."), "{}", sz3(&external).source());
     let particles = clustered(20_000);
-    let found = rate::at_size(&sz3(&external), &particles, 12_000, &Context::SILENT).unwrap();
-    assert!(found.met(), "{found:?}");
+    let size_bound = rate::at_size(&sz3(&external), &particles, 12_000, &Context::SILENT).unwrap();
+    assert!(size_bound.met(), "{size_bound:?}");
     let other = LibraryBaseline { library: CompressionLibrary::Zfp, order: ColumnOrder::File, ..sz3(&external) };
     let bytes = other.compress(&particles, 0.1).unwrap().bytes;
     // Bytes of another compressor, and damage with a matching checksum.

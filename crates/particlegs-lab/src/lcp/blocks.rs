@@ -36,12 +36,12 @@ impl LcpStreams {
         let mut blocks = LcpStreams { starts: vec![], counts: vec![], octants: vec![], places: vec![] };
         // Nothing precedes the first particle.
         let (mut id, mut octant, mut place) = (None, 0, 0);
-        for (own, within, _) in &keys {
+        for (superblock, within, _) in &keys {
             let (o, r) = ((within >> 48) as i64, (within & 0xffff_ffff_ffff) as i64);
-            if id != Some(*own) {
-                blocks.starts.push(*own as i64 - id.unwrap_or(0) as i64);
+            if id != Some(*superblock) {
+                blocks.starts.push(*superblock as i64 - id.unwrap_or(0) as i64);
                 blocks.counts.push(0);
-                (id, octant, place) = (Some(*own), 0, 0);
+                (id, octant, place) = (Some(*superblock), 0, 0);
             } else if o != octant {
                 place = 0;
             }

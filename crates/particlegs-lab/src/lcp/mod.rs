@@ -120,8 +120,8 @@ fn packed(plain: &[u8]) -> Vec<u8> {
 /// A zstd frame, level 3.
 fn zstd(plain: &[u8]) -> Vec<u8> {
     let mut frame = Vec::new();
-    let made = Compressor::new(CompressionConfig::DEFAULT).and_then(|mut c| c.compress(plain, None, &mut frame));
-    made.expect("a preset, and memory to write to");
+    let frame_size = Compressor::new(CompressionConfig::DEFAULT).and_then(|mut c| c.compress(plain, None, &mut frame));
+    frame_size.expect("a preset, and memory to write to");
     frame
 }
 

@@ -43,11 +43,11 @@ fn requested_sizes_are_reached() {
     for baseline in [&Lcp as &dyn Baseline, &QuantisedCoder] {
         for ratio in [4, 20, 100] {
             let bytes = 240_000 / ratio;
-            let found = at_size(baseline, &particles, bytes, &Context::SILENT).unwrap();
-            assert!(found.met() && found.trials <= TRIALS, "{} {ratio}: {found:?}", baseline.name());
-            let again = baseline.compress(&particles, found.bound).unwrap().bytes.len() as u64;
-            assert_eq!(again, found.bytes);
-            assert!((again as f64 / bytes as f64 - 1.0 - found.off).abs() < 1e-12);
+            let size_bound = at_size(baseline, &particles, bytes, &Context::SILENT).unwrap();
+            assert!(size_bound.met() && size_bound.trials <= TRIALS, "{} {ratio}: {size_bound:?}", baseline.name());
+            let again = baseline.compress(&particles, size_bound.bound).unwrap().bytes.len() as u64;
+            assert_eq!(again, size_bound.bytes);
+            assert!((again as f64 / bytes as f64 - 1.0 - size_bound.off).abs() < 1e-12);
         }
     }
 }
@@ -56,16 +56,16 @@ fn requested_sizes_are_reached() {
 fn unreachable_sizes_are_approached() {
     let particles = clustered(1000);
     // Fewer bytes than its header.
-    let found = at_size(&QuantisedCoder, &particles, 10, &Context::SILENT).unwrap();
+    let size_bound = at_size(&QuantisedCoder, &particles, 10, &Context::SILENT).unwrap();
     let least = QuantisedCoder.compress(&particles, 1e4).unwrap().bytes.len() as u64;
-    assert!(!found.met() && found.bytes <= least && found.off > 0.0, "{found:?} {least}");
+    assert!(!size_bound.met() && size_bound.bytes <= least && size_bound.off > 0.0, "{size_bound:?} {least}");
     // More than all digits take.
-    let found = at_size(&QuantisedCoder, &particles, 1_000_000, &Context::SILENT).unwrap();
-    assert!(!found.met() && found.off < 0.0 && found.bytes > 6000, "{found:?}");
+    let size_bound = at_size(&QuantisedCoder, &particles, 1_000_000, &Context::SILENT).unwrap();
+    assert!(!size_bound.met() && size_bound.off < 0.0 && size_bound.bytes > 6000, "{size_bound:?}");
     // Between two steps: 2560 and 2720 bytes.
     let particles = clustered(40);
-    let found = at_size(&RoundingBaseline { off: 0.0, drop: 0 }, &particles, 2630, &Context::SILENT).unwrap();
-    assert!(!found.met() && found.bytes == 2560 && found.trials <= TRIALS, "{found:?}");
+    let size_bound = at_size(&RoundingBaseline { off: 0.0, drop: 0 }, &particles, 2630, &Context::SILENT).unwrap();
+    assert!(!size_bound.met() && size_bound.bytes == 2560 && size_bound.trials <= TRIALS, "{size_bound:?}");
     assert!(at_size(&Lcp, &Default::default(), 100, &Context::SILENT).is_err());
     assert!(at_size(&Lcp, &particles, 0, &Context::SILENT).is_err());
 }
@@ -74,8 +74,8 @@ fn unreachable_sizes_are_approached() {
 fn bounds_are_found_for_unusual_particles() {
     for (particles, _) in odd() {
         if !particles[0].is_empty() {
-            let found = at_size(&QuantisedCoder, &particles, 300, &Context::SILENT).unwrap();
-            assert!(found.bound > 0.0 && found.bound.is_finite(), "{found:?}");
+            let size_bound = at_size(&QuantisedCoder, &particles, 300, &Context::SILENT).unwrap();
+            assert!(size_bound.bound > 0.0 && size_bound.bound.is_finite(), "{size_bound:?}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The whole report as one self-contained page.
 
-use super::{Provenance, Section};
+use super::{Provenance, ReportSection};
 use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
 use base64::Engine;
 use particlegs_figure::{FileKind, plot_bytes};
@@ -8,7 +8,7 @@ use particlegs_figure::{FileKind, plot_bytes};
 const STYLE: &str = include_str!("style.css");
 
 /// The page; `png` encodes a picture.
-pub fn html(sections: &[Section], provenance: &Provenance, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
+pub fn html(sections: &[ReportSection], provenance: &Provenance, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     let mut text = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>particlegs: measured</title><style>{STYLE}</style></head><body><main>\n<h1>particlegs: measured</h1>\n<ul class=\"from\">"
@@ -25,7 +25,7 @@ pub fn html(sections: &[Section], provenance: &Provenance, png: &dyn Fn(&Picture
     text + "</main></body></html>\n"
 }
 
-fn section(s: &Section, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
+fn section(s: &ReportSection, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     let e = s.experiment;
     let paper = if e.paper.is_empty() { String::new() } else { format!("; in the paper: {}", e.paper) };
     let mut text = format!(
@@ -36,24 +36,24 @@ fn section(s: &Section, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
         escaped(&paper)
     );
     match &s.found {
-        Ok(found) => text += &body(found, png),
+        Ok(results) => text += &body(results, png),
         Err(why) => text += &format!("<p class=\"failed\">Not measured: {}</p>\n", escaped(why)),
     }
     text + "</section>\n"
 }
 
-fn body(found: &ExperimentResults, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
+fn body(results: &ExperimentResults, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     let mut text = String::new();
-    for note in &found.notes {
+    for note in &results.notes {
         text += &format!("<p>{}</p>\n", code(note));
     }
-    for p in &found.plots {
+    for p in &results.plots {
         if let Ok(Some(svg)) = plot_bytes(std::slice::from_ref(p), FileKind::Svg) {
             text += &format!("<figure>{}</figure>\n", String::from_utf8_lossy(&svg));
         }
     }
-    found.tables.iter().for_each(|t| text += &table(t));
-    for p in &found.pictures {
+    results.tables.iter().for_each(|t| text += &table(t));
+    for p in &results.pictures {
         let data = base64::engine::general_purpose::STANDARD.encode(png(p));
         text += &format!(
             "<figure><figcaption><strong>{}</strong></figcaption><img alt=\"{}\" src=\"data:image/png;base64,{data}\">\

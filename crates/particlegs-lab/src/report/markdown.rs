@@ -1,16 +1,16 @@
 //! An experiment as a Markdown page.
 
-use super::{Provenance, Section};
+use super::{Provenance, ReportSection};
 use crate::results::{ExperimentResults, ResultTable};
 use particlegs_figure::shows;
 
 /// The page; it refers to figures in the folder `figures`.
-pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> String {
+pub fn markdown(section: &ReportSection, provenance: &Provenance, figures: &str) -> String {
     let e = section.experiment;
     let mut text = format!("# {}\n\nMade by `particlegs bench {}` without manual edits", e.title, e.name);
     text += &if e.paper.is_empty() { ".\n".into() } else { format!("; in the paper: {}.\n", e.paper) };
     match &section.found {
-        Ok(found) => text += &body(found, figures),
+        Ok(results) => text += &body(results, figures),
         Err(why) => text += &format!("\nNot measured: {}\n", escaped(why)),
     }
     text += "\n## Provenance\n\n";
@@ -18,18 +18,18 @@ pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> St
     text
 }
 
-fn body(found: &ExperimentResults, figures: &str) -> String {
+fn body(results: &ExperimentResults, figures: &str) -> String {
     let mut text = String::new();
-    for note in &found.notes {
+    for note in &results.notes {
         text += &format!("\n{}\n", escaped(note));
     }
-    for plot in found.plots.iter().filter(|p| shows(p)) {
+    for plot in results.plots.iter().filter(|p| shows(p)) {
         text += &format!("\n![{}]({figures}/{}.svg)\n", escaped(&plot.title), plot.name);
     }
-    for t in &found.tables {
+    for t in &results.tables {
         text += &table(t);
     }
-    for p in &found.pictures {
+    for p in &results.pictures {
         let (title, caption) = (escaped(&p.title), escaped(&p.caption));
         text += &format!("\n## {title}\n\n![{title}]({figures}/{}.png)\n\n{caption}\n", p.name);
     }

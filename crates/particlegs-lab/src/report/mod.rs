@@ -16,7 +16,7 @@ use crate::experiments::Experiment;
 use crate::results::ExperimentResults;
 
 /// An experiment that was run.
-pub struct Section {
+pub struct ReportSection {
     pub experiment: &'static Experiment,
     /// Results, or why there are none.
     pub found: Result<ExperimentResults, String>,

@@ -2,8 +2,8 @@
 
 use crate::results::{ExperimentResults, ResultTable, TableCell};
 
-pub fn text(found: &ExperimentResults) -> String {
-    found.notes.iter().cloned().chain(found.tables.iter().map(table)).collect::<Vec<_>>().join("\n\n")
+pub fn text(results: &ExperimentResults) -> String {
+    results.notes.iter().cloned().chain(results.tables.iter().map(table)).collect::<Vec<_>>().join("\n\n")
 }
 
 fn table(t: &ResultTable) -> String {
@@ -31,9 +31,9 @@ mod tests {
         let mut t = ResultTable::new("t", "Steps", &["law", "steps/s"]);
         t.row([TableCell::text("alpha-blend"), TableCell::number(12.25, 1)]);
         t.row([TableCell::text("depth"), TableCell::Empty]);
-        let found = ExperimentResults { tables: vec![t], notes: vec!["One note.".into()], ..Default::default() };
+        let results = ExperimentResults { tables: vec![t], notes: vec!["One note.".into()], ..Default::default() };
         assert_eq!(
-            text(&found),
+            text(&results),
             "One note.\n\nSteps\nlaw          steps/s\nalpha-blend     12.2\ndepth              –"
         );
     }

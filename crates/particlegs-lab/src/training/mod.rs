@@ -103,8 +103,8 @@ pub(crate) fn single_resolution() -> Config {
 
 /// Sizes of the first stage, which the paper scores, and of the last.
 pub(crate) fn sizes(config: &Config) -> [Size; 2] {
-    let of = |s: Option<&Stage>| s.map_or([16, 9], |s| s.size);
-    [of(config.stages.first()), of(config.stages.last())].map(|[width, height]| Size { width, height })
+    let size_of = |s: Option<&Stage>| s.map_or([16, 9], |s| s.size);
+    [size_of(config.stages.first()), size_of(config.stages.last())].map(|[width, height]| Size { width, height })
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -125,7 +125,7 @@ pub(crate) struct TrainingResult {
     pub curve: Vec<TrainingScore>,
     /// Steps done, if the run is not finished; this is then its best model so far.
     pub unfinished: Option<u64>,
-    /// Did it reach the limit of Gaussians?
+    /// Whether it reached the limit of Gaussians.
     pub held: bool,
 }
 
@@ -162,7 +162,9 @@ pub(crate) fn trained_on(
         certificate: CertificateLevel::None,
         ..Options::default()
     };
-    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| compress(particles, &options, pieces, context);
+    let work = |checkpoints: &mut dyn CheckpointStore, context: &Context<'_>| {
+        compress(particles, &options, checkpoints, context)
+    };
     let trained = kept(lab, &("compress", hash, task), piece, work)?;
     Ok(match (task.target, &task.training) {
         (Target::Gaussians(most), Some(c)) if c.law == LawKind::AlphaBlend => {
@@ -191,9 +193,9 @@ pub(crate) fn tuned(
         certificate: CertificateLevel::None,
     };
     let model = blake3::hash(&merged.bytes).to_hex().to_string();
-    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
+    let work = |checkpoints: &mut dyn CheckpointStore, context: &Context<'_>| {
         let size = merged.bytes.len() as u64;
-        finetune(&merged.model, size, &snapshot.particles, &options, pieces, context)
+        finetune(&merged.model, size, &snapshot.particles, &options, checkpoints, context)
     };
     Ok(kept(lab, &("finetune", model, &snapshot.hash, config, seed, most), None, work)?.held_by(most))
 }
@@ -206,20 +208,21 @@ fn kept(
     work: impl FnOnce(&mut dyn CheckpointStore, &Context<'_>) -> Result<CompressedModel>,
 ) -> Result<TrainingResult> {
     let path = lab.on_device.path("checkpoint", inputs, "checkpoint");
-    let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
+    let inputs_json =
+        serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
     let mut best = None;
-    let made = lab.made_on_device(inputs, || {
-        let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
+    let outcome = lab.made_on_device(inputs, || {
+        let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&inputs_json).as_bytes())?;
         let recorder = CurveRecorder::new(lab.context.sink(), curve_of(&checkpoint), piece);
         let before = seconds_of(&checkpoint);
-        let mut pieces = CurveCheckpoint { checkpoint, recorder: &recorder, before, start: Instant::now() };
+        let mut curve_checkpoint = CurveCheckpoint { checkpoint, recorder: &recorder, before, start: Instant::now() };
         let cancel = || lab.context.cancelled() || recorder.ends_training();
-        let done = work(&mut pieces, &lab.context.with_sink(&recorder).with_cancel(&cancel));
+        let done = work(&mut curve_checkpoint, &lab.context.with_sink(&recorder).with_cancel(&cancel));
         if done.as_ref().map_or_else(|e| matches!(e, Error::Cancelled), |d| d.stopped) {
-            pieces.keep_seconds()?;
+            curve_checkpoint.keep_seconds()?;
         }
-        pieces.checkpoint.save()?;
-        let (done, seconds) = (done?, pieces.seconds());
+        curve_checkpoint.checkpoint.save()?;
+        let (done, seconds) = (done?, curve_checkpoint.seconds());
         let curve = recorder.curve().clone();
         if !done.stopped {
             lab.on_device.result("curve", inputs, || Ok(curve))?;
@@ -227,21 +230,21 @@ fn kept(
         }
         // A stop by the user is an error; a run out of time returns its best so far.
         if recorder.late() && !lab.context.cancelled() {
-            let made = ModelBuild { bytes: done.bytes, model: done.model, seconds };
+            let build = ModelBuild { bytes: done.bytes, model: done.model, seconds };
             let steps = done.trained.iter().map(|run| run.iterations).sum();
-            best = Some(TrainingResult { made, curve, unfinished: Some(steps), held: false });
+            best = Some(TrainingResult { made: build, curve, unfinished: Some(steps), held: false });
         }
         Err(Error::Cancelled)
     });
-    if let (Some(best), Err(Error::Cancelled)) = (best, &made) {
+    if let (Some(best), Err(Error::Cancelled)) = (best, &outcome) {
         return Ok(best);
     }
-    let made = made?;
+    let build = outcome?;
     if path.exists() {
         std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
     }
     let curve = lab.on_device.result("curve", inputs, || Ok(Vec::new()))?;
-    Ok(TrainingResult { made, curve, unfinished: None, held: false })
+    Ok(TrainingResult { made: build, curve, unfinished: None, held: false })
 }
 
 #[cfg(test)]
@@ -266,12 +269,12 @@ mod tests {
         let (mut pieces, mut seconds) = (0, 0.0);
         let last = loop {
             let piece = Some(Duration::from_millis(if pieces == 0 { 0 } else { 30 + 60 * pieces }));
-            let made = trained_on(&parts, &snapshot.particles, &snapshot.hash, &task, piece).unwrap();
+            let training = trained_on(&parts, &snapshot.particles, &snapshot.hash, &task, piece).unwrap();
             // Those of all pieces, each more than the one before.
-            assert!(made.made.seconds > seconds, "{} {seconds}", made.made.seconds);
-            seconds = made.made.seconds;
-            if made.unfinished.is_none() {
-                break made;
+            assert!(training.made.seconds > seconds, "{} {seconds}", training.made.seconds);
+            seconds = training.made.seconds;
+            if training.unfinished.is_none() {
+                break training;
             }
             pieces += 1;
             assert!(pieces < 200);

@@ -20,8 +20,8 @@ const SECONDS: &str = "seconds";
 
 /// Seconds of earlier runs, or, if they are missing, of the last score.
 pub(super) fn seconds_of(checkpoint: &Checkpoint) -> f64 {
-    let kept = checkpoint.get(SECONDS).and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    kept.unwrap_or_else(|| curve_of(checkpoint).last().map_or(0.0, |e| e.seconds))
+    let seconds = checkpoint.get(SECONDS).and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    seconds.unwrap_or_else(|| curve_of(checkpoint).last().map_or(0.0, |e| e.seconds))
 }
 
 /// A checkpoint that also stores the curve and the seconds.
@@ -86,20 +86,20 @@ impl<'a> CurveRecorder<'a> {
         locked(&self.curve)
     }
 
-    /// Is it training, with no time left?
+    /// Whether it is training, with no time left.
     pub fn ends_training(&self) -> bool {
         self.late() && locked(&self.phases).iter().any(|p| p == TRAINING)
     }
 
-    /// Is no time left?
+    /// Whether no time is left.
     pub fn late(&self) -> bool {
         let began = *locked(&self.began);
         self.piece.zip(began).is_some_and(|(piece, began)| began.elapsed() >= piece)
     }
 }
 
-fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl ProgressSink for CurveRecorder<'_> {

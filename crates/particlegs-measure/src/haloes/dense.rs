@@ -7,13 +7,13 @@ use particlegs_core::{Error, Result, parallel};
 use particlegs_particles::Domain;
 use std::f64::consts::TAU;
 
-/// Least density at a Gaussian's mean, of all Gaussians together, over the mean of the box: half of what links particles
-/// at a fifth of their spacing ([`LINKING`]). Haloes on nbody128 are as good with 8 or 20.
+/// Least density at a Gaussian's mean, of all Gaussians together, over the mean of the box: half of the density at
+/// which particles are linked at a fifth of their spacing ([`LINKING`]). Haloes on nbody128 are as good with 8 or 20.
 const LEAST_DENSITY: f64 = 40.0;
 const LINKING: f64 = 0.2;
 
-/// The model, to be linked at `linking` mean spacings, without particles of Gaussians whose means lie where it is thin. All stay where particles are of several types
-/// or masses, which tell zooms, and where none is dense.
+/// The model, to be linked at `linking` mean spacings, without particles of Gaussians whose means lie where it is thin.
+/// `None` = all stay: where particles are of several types or masses, which tell zooms, and where none is dense.
 pub fn dense_part(
     m: &Model,
     spheres: &GaussianSpheres,
@@ -39,8 +39,8 @@ pub fn dense_part(
         };
         let dense = parallel::try_map_range(gaussians.len(), |i| is_dense(gaussians, i))?;
         gaussians.count.iter_mut().zip(dense).filter(|(_, dense)| !dense).for_each(|(count, _)| *count = 0.0);
-        let all: f64 = gaussians.count.iter().sum();
-        (*count, *mass) = (all as u64, all);
+        let total: f64 = gaussians.count.iter().sum();
+        (*count, *mass) = (total as u64, total);
     }
     context.end();
     Ok((part.layers[0].count() > 0).then_some(part))
@@ -68,15 +68,16 @@ mod tests {
         let part = |linking| dense_part(&model, &spheres, (&domain, linking), &Context::SILENT).unwrap().unwrap();
         assert_eq!(part(0.2).layers[0].count(), 3300);
         assert_eq!(part(1.0).layers[0].count(), 11_300);
-        let drawn = RecoverOptions::default().draw(model.clone(), &Context::SILENT).unwrap();
-        let found = |source| find_haloes(source, &HaloOptions::default(), &Context::SILENT).unwrap();
-        let (own, of_all) = (found(Subject::Model(&model)), found(Subject::Particles(&drawn)));
+        let particles = RecoverOptions::default().draw(model.clone(), &Context::SILENT).unwrap();
+        let haloes_of = |source| find_haloes(source, &HaloOptions::default(), &Context::SILENT).unwrap();
+        let (model_haloes, drawn_haloes) =
+            (haloes_of(Subject::Model(&model)), haloes_of(Subject::Particles(&particles)));
         let number = |c: &HaloCatalogue, i: usize| c.column("n200m").unwrap()[i];
         for i in 0..clouds.len() {
-            let away = domain.shortest_way(each_axis(|k| own.centers[i][k] - of_all.centers[i][k]));
+            let away = domain.shortest_way(each_axis(|k| model_haloes.centers[i][k] - drawn_haloes.centers[i][k]));
             assert!(away.iter().all(|d| d.abs() < 0.1), "{away:?}");
-            assert!((number(&own, i) / number(&of_all, i) - 1.0).abs() < 0.05);
+            assert!((number(&model_haloes, i) / number(&drawn_haloes, i) - 1.0).abs() < 0.05);
         }
-        assert!(number(&own, 2) > 400.0 && own.len() >= 3);
+        assert!(number(&model_haloes, 2) > 400.0 && model_haloes.len() >= 3);
     }
 }

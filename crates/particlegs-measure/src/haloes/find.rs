@@ -34,7 +34,7 @@ const CENTER_ERROR: f64 = 0.55;
 /// Particles that errors are measured of, about: of more, each of some, scaled as errors are with numbers.
 const ERROR_SAMPLE: usize = 512;
 
-/// How haloes are found. As a record that is read, also by the names that the options have on the command line.
+/// Options of finding haloes. As a record that is read, also by the names that they have on the command line.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HaloOptions {
@@ -50,14 +50,14 @@ pub struct HaloOptions {
     pub softening: Option<f64>,
     /// Share of the simulation's particles that were read: masses are divided by it.
     pub sample_fraction: f64,
-    /// Mass of a particle, in the unit of mass, where the source does not say.
+    /// Mass of a particle, in the unit of mass, where the source does not state it.
     pub particle_mass: Option<f64>,
-    /// Unit of mass, over what the source says.
+    /// Unit of mass; goes before the source's.
     pub mass_unit: Option<String>,
-    /// Cosmology, over what the source says.
+    /// Cosmology; goes before the source's.
     #[serde(skip)]
     pub cosmology: Cosmology,
-    /// Redshift, over what the source says.
+    /// Redshift; goes before the source's.
     pub redshift: Option<f64>,
     /// Seed of particles that are drawn from a model.
     pub seed: u64,
@@ -95,7 +95,7 @@ impl HaloOptions {
     }
 }
 
-/// What is known of a source beside its particles: what a user states, else what it says.
+/// Moment, cosmology and units of a source: those that a user states, else its own.
 pub struct HaloSetting {
     pub epoch: Epoch,
     pub cosmology: Cosmology,
@@ -124,8 +124,8 @@ impl HaloSetting {
 /// Finds haloes: friends of friends, their density peaks, and spheres of given mean densities about these.
 ///
 /// # Errors
-/// Options out of range; a particle type that does not exist; a box that is not periodic without a cosmology; too little
-/// memory.
+/// Options out of range; a particle type that does not exist; a box that is not periodic without a cosmology; too
+/// little memory.
 pub fn find_haloes<'a>(
     source: impl Into<StatsSide<'a>>,
     o: &HaloOptions,
@@ -141,8 +141,9 @@ pub fn find_haloes<'a>(
         Subject::Model(m) => {
             let domain = source.domain();
             let options = RecoverOptions { seed: o.seed, ..RecoverOptions::default() };
-            let own = spheres.insert(GaussianSpheres::new(m, &domain, domain.spacing(options.total(m) as usize))?);
-            let dense = dense_part(m, own, (&domain, o.linking), context)?.unwrap_or_else(|| m.clone());
+            let gaussian_spheres =
+                spheres.insert(GaussianSpheres::new(m, &domain, domain.spacing(options.total(m) as usize))?);
+            let dense = dense_part(m, gaussian_spheres, (&domain, o.linking), context)?.unwrap_or_else(|| m.clone());
             let (particles, fields) = options.draw_with_fields(dense, context)?;
             let velocities = ParticleFields::moving(&particles, &fields)?;
             drawn = particles;
@@ -180,12 +181,12 @@ pub struct Halo {
     pub center: [f64; 3],
     /// Linked particles: those of the group, or within R200m where it is not the group's densest.
     pub members: usize,
-    /// Is it the densest of its group?
+    /// Whether it is the densest of its group.
     pub is_main: bool,
     pub measures: HaloMeasures,
 }
 
-/// What is measured about one centre.
+/// Measures about one centre.
 pub struct HaloMeasures {
     pub spheres: [Option<HaloSphere>; SPHERES],
     /// Particles inside the first.
@@ -226,6 +227,7 @@ impl<'a> HaloSearch<'a> {
             Subject::Particles(p) => unit * p.total_mass(),
             Subject::Model(m) => o.particle_mass.unwrap_or(1.0) / share * m.layers.iter().map(layer_mass).sum::<f64>(),
         };
+        // Only a box that repeats holds a fair part of the universe.
         let mean = (domain.periodic == [true; 3]).then(|| mass / domain.volume());
         let setting = HaloSetting::new(source, o);
         let HaloSetting { epoch, cosmology, units } = &setting;
@@ -240,22 +242,22 @@ impl<'a> HaloSearch<'a> {
 
     fn catalogue(&self, model: Option<&GaussianSpheres>, context: &Context<'_>) -> Result<HaloCatalogue> {
         let mass = |i: u32| self.mass_of(i);
-        let found =
+        let groups =
             LinkedHaloes::find(self.particles, self.positions, self.domain, (self.o, self.number), &mass, context)?;
-        context.begin("haloes", found.members.len() as u64);
+        context.begin("haloes", groups.members.len() as u64);
         let points = PointGrid::new(self.positions, self.domain, 0.0)?;
-        let softening = self.o.softening.unwrap_or(SOFTENING * found.number_density.powf(-1.0 / 3.0));
+        let softening = self.o.softening.unwrap_or(SOFTENING * groups.number_density.powf(-1.0 / 3.0));
         let about = AboutCenter {
             search: self,
             points: &points,
-            fine: found.fine.as_deref(),
+            fine: groups.fine.as_deref(),
             model,
-            number_density: found.number_density,
+            number_density: groups.number_density,
             inner: SOFTENINGS * softening,
         };
-        let haloes = parallel::try_map_range(found.members.len(), |group| {
+        let haloes = parallel::try_map_range(groups.members.len(), |group| {
             context.check()?;
-            let haloes = about.haloes_of(&found.members[group], found.masses[group], context)?;
+            let haloes = about.haloes_of(&groups.members[group], groups.masses[group], context)?;
             context.advance(1);
             Ok::<_, Error>(haloes.into_iter().map(move |halo| (group, halo)))
         })?;
@@ -263,10 +265,10 @@ impl<'a> HaloSearch<'a> {
         let mut haloes: Vec<(usize, Halo)> = haloes.into_iter().flatten().collect();
         haloes.sort_by_key(|(group, h)| (std::cmp::Reverse((h.measures.count, h.members)), *group));
         let parents = self.parents(&haloes)?;
-        Ok(self.table(&found, &haloes, &parents, softening))
+        Ok(self.table(&groups, &haloes, &parents, softening))
     }
 
-    /// How far particles are looked for about a group of a mass, at first.
+    /// The radius within which particles are gathered about a group of a mass, at first.
     fn first_reach(&self, mass: f64) -> f64 {
         let thinnest = self.thinnest();
         FIRST_REACH * (mass / thinnest).cbrt()
@@ -288,6 +290,7 @@ impl<'a> HaloSearch<'a> {
         order.sort_by(|a, b| mass(*b).total_cmp(&mass(*a)).then(a.cmp(b)));
         let points = PointGrid::new(&centers, self.domain, 0.0)?;
         let mut parents = vec![None; centers.len()];
+        // From the heaviest down: the first parent that a halo gets is its heaviest.
         for i in order {
             let radius = sphere(i).map_or(0.0, |s| s.sphere.radius);
             points.within(centers[i], radius, |other, _, _| {
@@ -305,7 +308,7 @@ fn layer_mass(layer: &Layer<Vec<Block>>) -> f64 {
     layer.mass.unit_or_one() * layer.content.iter().map(|b| b.mass).sum::<f64>()
 }
 
-/// What is looked at about a centre.
+/// Particles and Gaussians that are looked at about a centre.
 struct AboutCenter<'a> {
     search: &'a HaloSearch<'a>,
     points: &'a PointGrid,
@@ -318,8 +321,8 @@ struct AboutCenter<'a> {
 }
 
 impl AboutCenter<'_> {
-    /// The haloes of a group: its density peak, and those of what lies outside R200m of the ones before, as long as they have
-    /// the particles of a mass. Bridges of few particles link haloes that are apart.
+    /// The haloes of a group: its density peak, and those of members outside R200m of the ones before, as long as they
+    /// have the particles of a mass. Bridges of few particles link haloes that are apart.
     fn haloes_of(&self, members: &[u32], mass: f64, context: &Context<'_>) -> Result<Vec<Halo>> {
         let (positions, domain) = (self.search.positions, self.search.domain);
         let mut haloes: Vec<Halo> = Vec::new();
@@ -331,14 +334,16 @@ impl AboutCenter<'_> {
             let away = |x: [f64; 3], from: [f64; 3]| domain.shortest_way(each_axis(|k| x[k] - from[k]));
             let square = |d: [f64; 3]| d.iter().map(|v| v * v).sum::<f64>();
             let covers = |h: &Halo| square(away(center, h.center)) <= h.measures.radius().powi(2);
+            // A further peak of few particles, or inside an earlier halo, is no halo of its own.
             if !is_main && (measures.count < LEAST_MASS || haloes.iter().any(covers)) {
                 break;
             }
             let radius = measures.radius();
             let before = left.len();
             left.retain(|i| square(away(positions[*i as usize], center)) > radius * radius);
-            let own = if is_main { members.len() } else { before - left.len() };
-            haloes.push(Halo { center, members: own, is_main, measures });
+            let member_count = if is_main { members.len() } else { before - left.len() };
+            haloes.push(Halo { center, members: member_count, is_main, measures });
+            // Nothing was taken away, so the next peak would be the same.
             if before == left.len() {
                 break;
             }
@@ -357,34 +362,39 @@ impl AboutCenter<'_> {
             Some(_) => s.mass * number_error(s.count.max(1) as f64),
             None => f64::NAN,
         };
-        let mut spheres = counted.map(|found| found.map(|s| HaloSphere { sphere: s, error: error(&s) }));
+        let mut spheres = counted.map(|sphere| sphere.map(|s| HaloSphere { sphere: s, error: error(&s) }));
         if let Some(model) = self.model {
             // Gaussians have the source's masses.
             let scale = search.o.particle_mass.unwrap_or(1.0) / search.o.sample_fraction;
-            let found = integrated(model, center, counted, per_cube.map(|c| Some(c? / scale)), context)?;
-            for (sphere, found) in spheres.iter_mut().zip(found) {
-                let scaled = found.map(|s| HaloSphere {
+            let model_spheres = integrated(model, center, counted, per_cube.map(|c| Some(c? / scale)), context)?;
+            for (sphere, model_sphere) in spheres.iter_mut().zip(model_spheres) {
+                let scaled = model_sphere.map(|s| HaloSphere {
                     sphere: DensitySphere { mass: scale * s.sphere.mass, ..s.sphere },
                     error: scale * s.error,
                 });
                 *sphere = scaled.or(*sphere);
             }
         }
-        let of = |kind: Overdensity| spheres[kind as usize].map(|s| s.sphere);
-        let outer = of(Overdensity::Mean200).map_or(0.0, |s| s.radius);
+        let sphere_of = |kind: Overdensity| spheres[kind as usize].map(|s| s.sphere);
+        let outer = sphere_of(Overdensity::Mean200).map_or(0.0, |s| s.radius);
         let inside = &particles.particles[..particles.count_within(outer)];
-        let count = of(Overdensity::Mean200).filter(|_| self.model.is_some()).map_or(inside.len(), |s| s.count);
-        let all: f64 = inside.iter().map(|p| p.mass).sum();
+        // Particles of a model are integrated over its Gaussians, as masses are: those drawn scatter.
+        let count = sphere_of(Overdensity::Mean200).filter(|_| self.model.is_some()).map_or(inside.len(), |s| s.count);
+        let total_mass: f64 = inside.iter().map(|p| p.mass).sum();
         let coarse = |p: &SphereParticle| f64::from(self.fine.is_some_and(|fine| !fine[p.index as usize]));
-        let share = inside.iter().map(|p| p.mass * coarse(p)).sum::<f64>() / all;
-        let share_error = inside.iter().map(|p| (p.mass * (coarse(p) - share)).powi(2)).sum::<f64>().sqrt() / all;
+        let share = inside.iter().map(|p| p.mass * coarse(p)).sum::<f64>() / total_mass;
+        // To first order, of particles that are drawn each by itself.
+        let share_error =
+            inside.iter().map(|p| (p.mass * (coarse(p) - share)).powi(2)).sum::<f64>().sqrt() / total_mass;
         let contamination = [share, share_error];
-        let critical = of(Overdensity::Critical200).map(|s| s.radius);
+        let critical = sphere_of(Overdensity::Critical200).map(|s| s.radius);
         let properties = |particles: &RadialParticles| {
             SphereProperties::new(particles, search.velocities, [self.inner, outer], critical, count)
         };
         let errors = self.model.filter(|_| count >= LEAST_MASS).map(|_| {
+            // Errors of a sample are larger than those of all by the root of the factor, which is taken off below.
             let every = count.div_ceil(ERROR_SAMPLE).max(1);
+            // Runs of eight successive particles go together, so that each part lacks one of them.
             let sample = |p: &&SphereParticle| (p.index as usize / JACKKNIFE).is_multiple_of(every);
             let part = |left_out: usize| {
                 let others = inside.iter().filter(sample).filter(|p| p.index as usize % JACKKNIFE != left_out).copied();
@@ -393,6 +403,7 @@ impl AboutCenter<'_> {
             let parts = std::array::from_fn::<_, JACKKNIFE, _>(part);
             SphereProperties::jackknife(&parts, (every as f64).sqrt().recip())
         });
+        // The radius that holds the root of the particles follows the centre's error (docs/results/haloes.md).
         let core = (inside.len().max(search.o.smallest) as f64).sqrt().round() as usize;
         let center_error = particles.particles.get(core - 1).map_or(f64::NAN, |p| CENTER_ERROR * p.square.sqrt());
         Ok(HaloMeasures { spheres, count, center_error, properties: properties(&particles), errors, contamination })
@@ -403,17 +414,18 @@ impl AboutCenter<'_> {
         let (search, points) = (self.search, self.points);
         let domain = search.domain;
         let heights = domain.heights();
+        // Beyond half the box a particle and its image would both be inside.
         let furthest = (0..3).filter(|k| domain.periodic[*k]).map(|k| 0.5 * heights[k]).fold(f64::INFINITY, f64::min);
         let mut reach = search.first_reach(mass).min(furthest);
         loop {
-            let mut found = Vec::new();
+            let mut near_particles = Vec::new();
             points.within(center, reach, |index, offset, square| {
                 let index = index as u32;
-                found.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
+                near_particles.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
             });
-            let all = found.len() == search.positions.len();
-            let particles = RadialParticles::new(found, reach);
-            if all || reach >= furthest || particles.sphere(search.thinnest()).is_some() {
+            let holds_all = near_particles.len() == search.positions.len();
+            let particles = RadialParticles::new(near_particles, reach);
+            if holds_all || reach >= furthest || particles.sphere(search.thinnest()).is_some() {
                 return particles;
             }
             reach = (GROWTH * reach).min(furthest);
@@ -429,7 +441,8 @@ mod tests {
     use particlegs_particles::Column;
     use particlegs_particles::testing::{from_points, model_of};
 
-    /// Clouds of particles, each a place, a width and a number, and `spread` particles anywhere, in a periodic box of 10.
+    /// Clouds of particles, each a place, a width and a number, and `spread` particles anywhere, in a periodic box of
+    /// 10.
     fn places(clouds: &[([f64; 3], f64, usize)], spread: usize, seed: u64) -> Vec<[f64; 3]> {
         let mut r = Random::new(seed, 0, 0);
         let mut all = Vec::new();
@@ -469,19 +482,19 @@ mod tests {
             ("PartType0", 0.5, places(&cloud(1000), 2000, 1)),
             ("PartType1", 2.0, places(&cloud(4000), 8000, 2)),
         ]);
-        let found = haloes(&p, &HaloOptions::default());
-        let of = |name: &str| found.column(name).unwrap()[0];
-        let linked = of("num_p");
-        assert!((3800.0..4020.0).contains(&linked) && (900.0..1010.0).contains(&of("num_attached")));
+        let catalogue = haloes(&p, &HaloOptions::default());
+        let value_of = |name: &str| catalogue.column(name).unwrap()[0];
+        let linked = value_of("num_p");
+        assert!((3800.0..4020.0).contains(&linked) && (900.0..1010.0).contains(&value_of("num_attached")));
         // The unit of mass is 1e10 Msun/h.
-        assert!((of("mfof") / (1e10 * (2.0 * linked + 0.5 * of("num_attached"))) - 1.0).abs() < 1e-9);
-        assert!((of("m200m") / 1e10 / 8500.0 - 1.0).abs() < 0.05, "{}", of("m200m"));
-        assert!((of("r200m_kpc") / (of("r200m") * 1e3 * 0.5 / 0.7) - 1.0).abs() < 1e-9);
-        assert!(found.centers[0][0] < 0.1 && found.column("contamination").is_none());
+        assert!((value_of("mfof") / (1e10 * (2.0 * linked + 0.5 * value_of("num_attached"))) - 1.0).abs() < 1e-9);
+        assert!((value_of("m200m") / 1e10 / 8500.0 - 1.0).abs() < 0.05, "{}", value_of("m200m"));
+        assert!((value_of("r200m_kpc") / (value_of("r200m") * 1e3 * 0.5 / 0.7) - 1.0).abs() < 1e-9);
+        assert!(catalogue.centers[0][0] < 0.1 && catalogue.column("contamination").is_none());
         let all = HaloOptions { linked: vec!["gas".into(), "dm".into()], ..HaloOptions::default() };
         assert!(haloes(&p, &all).column("num_attached").is_none());
         let tenth = HaloOptions { sample_fraction: 0.1, ..HaloOptions::default() };
-        assert!(haloes(&p, &tenth).column("mfof").unwrap()[0] / of("mfof") > 9.9);
+        assert!(haloes(&p, &tenth).column("mfof").unwrap()[0] / value_of("mfof") > 9.9);
     }
 
     #[test]
@@ -497,11 +510,14 @@ mod tests {
             find_haloes(Subject::Model(&model), &HaloOptions::default(), &Context::SILENT).unwrap()
         };
         for mass in [0.5, 8.0] {
-            let found = haloes(mass);
-            let of = |name: &str| found.column(name).unwrap()[0];
-            assert!((of("mfof") / of("num_p") / (1e10 * mass) - 1.0).abs() < 1e-9, "{}", of("mfof"));
-            assert!((of("m200m") / of("n200m") / (1e10 * mass) - 1.0).abs() < 1e-3 && of("m200m_err") > 0.0);
-            assert!((of("vmax") / haloes(1.0).column("vmax").unwrap()[0] / mass.sqrt() - 1.0).abs() < 0.05);
+            let catalogue = haloes(mass);
+            let value_of = |name: &str| catalogue.column(name).unwrap()[0];
+            assert!((value_of("mfof") / value_of("num_p") / (1e10 * mass) - 1.0).abs() < 1e-9, "{}", value_of("mfof"));
+            assert!(
+                (value_of("m200m") / value_of("n200m") / (1e10 * mass) - 1.0).abs() < 1e-3
+                    && value_of("m200m_err") > 0.0
+            );
+            assert!((value_of("vmax") / haloes(1.0).column("vmax").unwrap()[0] / mass.sqrt() - 1.0).abs() < 0.05);
         }
     }
 
@@ -512,19 +528,19 @@ mod tests {
             ("PartType1", 2.0, places(&cloud(3000), 3000, 1)),
             ("PartType0", 0.5, places(&cloud(1000), 1000, 2)),
         ]);
-        let of = |masses: [Mass; 2]| {
+        let catalogue_of = |masses: [Mass; 2]| {
             let layers = p.layers().iter().zip(masses).map(|(l, mass)| Layer { mass, ..l.clone() }).collect();
             haloes(&p.clone().with_layers(layers), &HaloOptions::default())
         };
-        let stated = of([Mass::Weights(Some(1.0)); 2]);
+        let stated = catalogue_of([Mass::Weights(Some(1.0)); 2]);
         for masses in [[Mass::Weights(None); 2], [Mass::Each(2.0), Mass::Weights(None)]] {
-            let found = of(masses);
-            assert_eq!(found.column("mfof"), stated.column("mfof"));
-            assert!(!found.notes.iter().any(|n| n.contains("does not state masses")), "{:?}", found.notes);
+            let catalogue = catalogue_of(masses);
+            assert_eq!(catalogue.column("mfof"), stated.column("mfof"));
+            assert!(!catalogue.notes.iter().any(|n| n.contains("does not state masses")), "{:?}", catalogue.notes);
         }
-        let given = HaloOptions { particle_mass: Some(2.0), ..HaloOptions::default() };
-        assert!(find_haloes(Subject::Particles(&p), &given, &Context::SILENT).is_err());
-        let none = of([Mass::Unknown; 2]);
+        let options = HaloOptions { particle_mass: Some(2.0), ..HaloOptions::default() };
+        assert!(find_haloes(Subject::Particles(&p), &options, &Context::SILENT).is_err());
+        let none = catalogue_of([Mass::Unknown; 2]);
         assert!(none.column("mfof").is_none() && none.notes.iter().any(|n| n.contains("does not state masses")));
     }
 
@@ -535,14 +551,14 @@ mod tests {
         all.extend((0..60).map(|i| [3.0 + 0.025 * f64::from(i), 3.0, 3.0]));
         // Its own group, within the first one's sphere.
         all.extend(places(&[([3.0, 3.62, 3.0], 0.01, 150)], 0, 4));
-        let found = haloes(&particles(&[("dm", 1.0, all)]), &HaloOptions::default());
-        let of = |name: &str| found.column(name).unwrap();
-        assert!(of("n200m")[0] > 4000.0 && of("n200m")[1] > 1400.0 && of("n200m")[1] < 1800.0);
-        assert_eq!((of("fof_id")[0], of("fof_id")[1]), (1.0, 1.0));
-        assert!(of("mfof")[1].is_nan() && (found.centers[1][0] - 4.5).abs() < 0.05);
-        assert_eq!(of("parent_id")[..2], [-1.0, -1.0]);
-        let satellite = (0..found.len()).find(|i| (found.centers[*i][1] - 3.62).abs() < 0.02).unwrap();
-        assert_eq!((of("parent_id")[satellite], of("fof_id")[satellite] as usize), (1.0, satellite + 1));
+        let catalogue = haloes(&particles(&[("dm", 1.0, all)]), &HaloOptions::default());
+        let column = |name: &str| catalogue.column(name).unwrap();
+        assert!(column("n200m")[0] > 4000.0 && column("n200m")[1] > 1400.0 && column("n200m")[1] < 1800.0);
+        assert_eq!((column("fof_id")[0], column("fof_id")[1]), (1.0, 1.0));
+        assert!(column("mfof")[1].is_nan() && (catalogue.centers[1][0] - 4.5).abs() < 0.05);
+        assert_eq!(column("parent_id")[..2], [-1.0, -1.0]);
+        let satellite = (0..catalogue.len()).find(|i| (catalogue.centers[*i][1] - 3.62).abs() < 0.02).unwrap();
+        assert_eq!((column("parent_id")[satellite], column("fof_id")[satellite] as usize), (1.0, satellite + 1));
     }
 
     #[test]
@@ -554,9 +570,9 @@ mod tests {
         });
         let coarse = places(&[([5.0; 3], 0.05, 40)], 4000, 7);
         let p = particles(&[("PartType1", 1.0, fine.into_iter().chain(region).collect()), ("PartType2", 8.0, coarse)]);
-        let found = haloes(&p, &HaloOptions::default());
-        let of = |name: &str| found.column(name).unwrap()[0];
-        assert!((of("contamination") - 320.0 / 3320.0).abs() < 0.03, "{}", of("contamination"));
-        assert!(of("num_p") <= 3300.0);
+        let catalogue = haloes(&p, &HaloOptions::default());
+        let value_of = |name: &str| catalogue.column(name).unwrap()[0];
+        assert!((value_of("contamination") - 320.0 / 3320.0).abs() < 0.03, "{}", value_of("contamination"));
+        assert!(value_of("num_p") <= 3300.0);
     }
 }

@@ -9,7 +9,7 @@ use particlegs_core::context::Context;
 /// Steps of the logarithm of the radius in which masses are integrated, and the most of them.
 const CURVE_STEP: f64 = 0.3;
 const MOST_STEPS: f64 = 32.0;
-/// How far beyond the spheres of drawn particles, as a factor, at first; and how often that is raised.
+/// Reach of the curve beyond the spheres of drawn particles, as a factor, at first; and the most curves, each further.
 const CURVE_REACH: f64 = 1.2;
 const CURVES: usize = 4;
 /// Numbers of densities.
@@ -22,7 +22,7 @@ pub struct HaloSphere {
     pub error: f64,
 }
 
-/// Logarithms of masses inside spheres, and of radii: what is between is a parabola through the three nearest.
+/// Logarithms of masses inside spheres, and of radii: between them, a parabola through the three nearest.
 struct MassCurve {
     /// Logarithm of the first radius, and the distance of each from the last.
     first: f64,
@@ -44,7 +44,7 @@ impl MassCurve {
         Ok(MassCurve { first, step, masses, inside })
     }
 
-    /// Where the mass first falls to `per_cube` times the cube of the radius, and its error.
+    /// The sphere in which the mass first falls to `per_cube` times the cube of the radius, and the error of its mass.
     fn sphere(&self, per_cube: f64) -> Option<HaloSphere> {
         let excess = |i: usize| self.masses[i] - 3.0 * (self.first + self.step * i as f64) - per_cube.ln();
         // Small spheres about a density peak may hold less.
@@ -81,18 +81,19 @@ pub fn integrated(
 ) -> Result<[Option<HaloSphere>; SPHERES]> {
     let radii = || counted.iter().flatten().map(|s| s.radius);
     let (smallest, largest) = (radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
-    let mut found = [None; SPHERES];
+    let mut spheres = [None; SPHERES];
+    // Drawn particles scatter, so the sphere of the Gaussians may lie beyond theirs.
     let mut reach = CURVE_REACH;
     for _ in 0..CURVES {
         if largest <= 0.0 {
             break;
         }
         let curve = MassCurve::new(model, center, [smallest / reach, largest * reach], context)?;
-        found = std::array::from_fn(|k| counted[k].and_then(|_| curve.sphere(per_cube[k]?)));
-        if (0..SPHERES).all(|k| found[k].is_some() || counted[k].is_none()) {
+        spheres = std::array::from_fn(|k| counted[k].and_then(|_| curve.sphere(per_cube[k]?)));
+        if (0..SPHERES).all(|k| spheres[k].is_some() || counted[k].is_none()) {
             break;
         }
         reach *= CURVE_REACH;
     }
-    Ok(found)
+    Ok(spheres)
 }

@@ -43,16 +43,18 @@ pub fn mass_function(catalogue: &HaloCatalogue, domain: &Domain, [least, most]: 
     }
     let per = 1.0 / (domain.volume() / PER_DECADE);
     let n = parts as f64;
-    let found = |(i, counts): (usize, &Vec<u64>)| {
-        let all: u64 = counts.iter().sum();
-        let without = |own: &u64| (all - own) as f64 * n / (n - 1.0);
+    let mass_bin = |(i, counts): (usize, &Vec<u64>)| {
+        let total: u64 = counts.iter().sum();
+        // What is left of the box without a part is scaled up to the whole.
+        let without = |part_count: &u64| (total - part_count) as f64 * n / (n - 1.0);
         let mean = counts.iter().map(without).sum::<f64>() / n;
-        let square = counts.iter().map(|own| (without(own) - mean) * (without(own) - mean)).sum::<f64>();
+        let square =
+            counts.iter().map(|part_count| (without(part_count) - mean) * (without(part_count) - mean)).sum::<f64>();
         let end = |i: usize| least * 10f64.powf(i as f64 / PER_DECADE);
         let error = ((n - 1.0) / n * square).sqrt() * per;
-        MassFunctionBin { masses: [end(i), end(i + 1)], haloes: all, density: all as f64 * per, error }
+        MassFunctionBin { masses: [end(i), end(i + 1)], haloes: total, density: total as f64 * per, error }
     };
-    counts.iter().enumerate().map(found).collect()
+    counts.iter().enumerate().map(mass_bin).collect()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! One catalogue against another: which haloes are in both, and how their masses compare.
+//! One catalogue against another: haloes that are in both, and ratios of their masses.
 
 use super::table::HaloCatalogue;
 use crate::stats::{counterparts, quantile};
@@ -11,14 +11,15 @@ const LEAST_COUNTERPART: f64 = 200.0;
 /// Masses of the same halo differ by at most this factor.
 const FACTOR: f64 = 2.0;
 
-/// How the haloes of a catalogue are found in another.
+/// Agreement of two catalogues: haloes of each that are found in the other, and their masses.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct HaloMatch {
     /// Haloes of the truth with 300 particles and more within R200m.
     pub truth: u64,
     /// Those of the other.
     pub other: u64,
-    /// Share of the truth's that the other has: within R200m, in mass within a factor of 2, with 200 particles and more.
+    /// Share of the truth's that the other has: within R200m, in mass within a factor of 2, with 200 particles and
+    /// more.
     pub completeness: Option<f64>,
     /// Share of the other's that the truth has.
     pub purity: Option<f64>,
@@ -28,7 +29,7 @@ pub struct HaloMatch {
     pub mass_scatter: Option<f64>,
 }
 
-/// What is compared of a halo.
+/// Centres, masses and radii of haloes that are compared.
 struct ComparedHaloes {
     centers: Vec<[f64; 3]>,
     mass: Vec<f64>,
@@ -56,40 +57,41 @@ impl HaloMatch {
     /// Masses in different units, or of one in particles.
     pub fn new([truth, other]: [&HaloCatalogue; 2], domain: &Domain) -> Result<Option<HaloMatch>> {
         let units = [truth, other].map(|c| c.masses().map(|(_, unit)| unit));
-        if let [Some(of_truth), Some(own)] = units
-            && of_truth != own
+        if let [Some(truth_unit), Some(other_unit)] = units
+            && truth_unit != other_unit
         {
-            let message = format!("its masses are in {own}, those of the truth in {of_truth}: they cannot be compared");
+            let message =
+                format!("its masses are in {other_unit}, those of the truth in {truth_unit}: they cannot be compared");
             return Err(Error::input_with("the catalogue", message, "state masses and their unit for both"));
         }
         let both = [truth, other].map(|c| ComparedHaloes::new(c, domain));
         let [Some(truth), Some(other)] = both else { return Ok(None) };
-        let (number, found, ratios) = found_in(&truth, &other, domain)?;
-        let (number_of_other, found_of_other, _) = found_in(&other, &truth, domain)?;
-        let share = |found: u64, all: u64| (all > 0).then(|| found as f64 / all as f64);
+        let (number, matches, ratios) = found_in(&truth, &other, domain)?;
+        let (number_of_other, matches_of_other, _) = found_in(&other, &truth, domain)?;
+        let share = |part: u64, all: u64| (all > 0).then(|| part as f64 / all as f64);
         let at = |p: f64| quantile(&ratios, p);
         Ok(Some(HaloMatch {
             truth: number,
             other: number_of_other,
-            completeness: share(found, number),
-            purity: share(found_of_other, number_of_other),
+            completeness: share(matches, number),
+            purity: share(matches_of_other, number_of_other),
             mass_median: at(0.5),
             mass_scatter: at(0.16).zip(at(0.84)).map(|(low, high)| 0.5 * (high - low)),
         }))
     }
 }
 
-/// Large haloes of one, how many of them another has, and their ratios of mass, ascending. The heaviest choose first, each
-/// the nearest.
-fn found_in(of: &ComparedHaloes, other: &ComparedHaloes, domain: &Domain) -> Result<(u64, u64, Vec<f64>)> {
-    let mut order: Vec<usize> = (0..of.mass.len()).filter(|i| of.is_large(*i, LEAST)).collect();
-    order.sort_by(|a, b| of.mass[*b].total_cmp(&of.mass[*a]).then(a.cmp(b)));
-    let ratio = |i: usize, j: usize| other.mass[j] / of.mass[order[i]];
+/// Large haloes of one, how many of them another has, and their ratios of mass, ascending. The heaviest choose first,
+/// each the nearest.
+fn found_in(haloes: &ComparedHaloes, other: &ComparedHaloes, domain: &Domain) -> Result<(u64, u64, Vec<f64>)> {
+    let mut order: Vec<usize> = (0..haloes.mass.len()).filter(|i| haloes.is_large(*i, LEAST)).collect();
+    order.sort_by(|a, b| haloes.mass[*b].total_cmp(&haloes.mass[*a]).then(a.cmp(b)));
+    let ratio = |i: usize, j: usize| other.mass[j] / haloes.mass[order[i]];
     let alike =
         |i: usize, j: usize| (1.0 / FACTOR..=FACTOR).contains(&ratio(i, j)) && other.is_large(j, LEAST_COUNTERPART);
-    let wanted = order.iter().map(|i| (of.centers[*i], of.radius[*i]));
-    let found = counterparts(wanted, &other.centers, domain, alike)?;
-    let mut ratios: Vec<f64> = found.iter().enumerate().filter_map(|(i, j)| Some(ratio(i, (*j)?))).collect();
+    let spheres = order.iter().map(|i| (haloes.centers[*i], haloes.radius[*i]));
+    let counterparts = counterparts(spheres, &other.centers, domain, alike)?;
+    let mut ratios: Vec<f64> = counterparts.iter().enumerate().filter_map(|(i, j)| Some(ratio(i, (*j)?))).collect();
     ratios.sort_by(f64::total_cmp);
     Ok((order.len() as u64, ratios.len() as u64, ratios))
 }
@@ -100,9 +102,9 @@ mod tests {
     use crate::haloes::HaloColumn;
 
     fn catalogue(haloes: &[([f64; 3], f64, f64)]) -> HaloCatalogue {
-        let column = |name: &str, of: &dyn Fn(usize) -> f64| HaloColumn {
+        let column = |name: &str, value_of: &dyn Fn(usize) -> f64| HaloColumn {
             name: name.into(),
-            values: (0..haloes.len()).map(of).collect(),
+            values: (0..haloes.len()).map(value_of).collect(),
             ..HaloColumn::default()
         };
         HaloCatalogue {
@@ -132,10 +134,10 @@ mod tests {
             ([4.0, 4.5, 4.0], 500.0, 0.4),
             ([7.0; 3], 310.0, 0.4),
         ]);
-        let found = HaloMatch::new([&truth, &other], &domain).unwrap().unwrap();
-        assert_eq!((found.truth, found.other), (3, 3));
-        assert_eq!((found.completeness, found.purity), (Some(2.0 / 3.0), Some(2.0 / 3.0)));
-        assert!((found.mass_median.unwrap() - 0.5 * (1.1 + 0.625)).abs() < 1e-12);
+        let halo_match = HaloMatch::new([&truth, &other], &domain).unwrap().unwrap();
+        assert_eq!((halo_match.truth, halo_match.other), (3, 3));
+        assert_eq!((halo_match.completeness, halo_match.purity), (Some(2.0 / 3.0), Some(2.0 / 3.0)));
+        assert!((halo_match.mass_median.unwrap() - 0.5 * (1.1 + 0.625)).abs() < 1e-12);
         let itself = HaloMatch::new([&truth, &truth], &domain).unwrap().unwrap();
         assert_eq!((itself.completeness, itself.mass_median, itself.mass_scatter), (Some(1.0), Some(1.0), Some(0.0)));
         assert_eq!(HaloMatch::new([&truth, &HaloCatalogue::default()], &domain).unwrap(), None);

@@ -1,4 +1,4 @@
-//! Groups of linked particles, what is attached to them, and where they are densest.
+//! Groups of linked particles, the particles attached to them, and their density peaks.
 
 use super::HaloOptions;
 use crate::stats::{LinkedParticles, PointGrid, gathered, group_offsets, longest_link, mean_place, shrunk_center};
@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// A cell in which the density peak is looked for, as a share of the radius of a sphere of 200 times the mean density.
 const CELL: f64 = 0.25;
-/// From where spheres shrink, in cells.
+/// Radius from which spheres shrink, in cells.
 const SHRINK_FROM: f64 = 1.5;
 /// Layers of dark matter.
 const DARK_MATTER: &str = "dm";
@@ -28,9 +28,9 @@ pub struct LinkedHaloes {
     pub masses: Vec<f64>,
     /// Particles of other species attached to each; `None` where all are linked.
     pub attached: Option<Vec<u64>>,
-    /// Which particles are of the finest of a zoom; `None` in other boxes.
+    /// Whether each particle is one of the finest of a zoom; `None` in other boxes.
     pub fine: Option<Vec<bool>>,
-    /// What is linked, in words.
+    /// The particle types that are linked, in words, where these are not all.
     pub note: Option<String>,
 }
 
@@ -44,17 +44,18 @@ impl LinkedHaloes {
         mass: &(impl Fn(u32) -> f64 + Sync),
         context: &Context<'_>,
     ) -> Result<LinkedHaloes> {
-        let chosen = linked_layers(p, &o.linked)?;
+        let layer_names = linked_layers(p, &o.linked)?;
         let finest = LinkedParticles::new(p, positions, domain);
         let fine = finest.index().map(|index| {
             let mut fine = vec![false; p.len()];
             index.iter().for_each(|i| fine[*i as usize] = true);
             fine
         });
-        let linked = match &chosen {
+        let linked = match &layer_names {
             Some(layers) => finest.only(&ranges(p, layers), p.len()),
             None => finest,
         };
+        // Of a model's dense part the links follow the mean spacing of all particles.
         let spacing = linked.spacing * (p.len() as f64 / number as f64).cbrt();
         let length = o.linking * spacing;
         if length > longest_link(domain) {
@@ -64,23 +65,23 @@ impl LinkedHaloes {
         }
         let groups = linked.link(positions, domain, length, o.smallest, context)?.members;
         let number_density = spacing.powi(-3);
-        let mut found = LinkedHaloes {
+        let mut haloes = LinkedHaloes {
             linking_length: length,
             masses: parallel::map(&groups, |members| members.iter().map(|i| mass(*i)).sum()),
             members: groups,
             number_density,
             attached: None,
             fine,
-            note: chosen.as_ref().map(|layers| format!("linked: {}; others are attached", layers.join(", "))),
+            note: layer_names.as_ref().map(|layers| format!("linked: {}; others are attached", layers.join(", "))),
         };
-        if let (Some(_), Some(index)) = (&chosen, linked.index()) {
-            found.attach(p, positions, (domain, index), mass, context)?;
+        if let (Some(_), Some(index)) = (&layer_names, linked.index()) {
+            haloes.attach(p, positions, (domain, index), mass, context)?;
         }
-        Ok(found)
+        Ok(haloes)
     }
 
-    /// Adds each particle that is not linked, and not one of a zoom's coarse ones, to the group of the nearest linked one
-    /// within the linking length.
+    /// Adds each particle that is not linked, and not one of a zoom's coarse ones, to the group of the nearest linked
+    /// one within the linking length.
     fn attach(
         &mut self,
         p: &Particles,
@@ -120,30 +121,32 @@ impl LinkedHaloes {
 }
 
 /// Names of the layers that are linked, where these are not all.
-fn linked_layers(p: &Particles, asked: &[String]) -> Result<Option<Vec<String>>> {
+fn linked_layers(p: &Particles, species: &[String]) -> Result<Option<Vec<String>>> {
     let names = || p.layers().iter().map(|l| &l.name);
-    if let Some(missing) = asked.iter().find(|asked| !names().any(|name| is_species(name, asked))) {
+    if let Some(missing) = species.iter().find(|one| !names().any(|name| is_species(name, one))) {
         let all: Vec<&str> = names().map(String::as_str).collect();
         return Err(Error::argument(format!(
             "there is no particle type `{missing}` to link; there are {}",
             all.join(", ")
         )));
     }
-    let is_meant = |name: &&String| match asked {
+    let is_meant = |name: &&String| match species {
         [] => is_species(name, DARK_MATTER),
-        _ => asked.iter().any(|asked| is_species(name, asked)),
+        _ => species.iter().any(|one| is_species(name, one)),
     };
-    let chosen: Vec<String> = names().filter(is_meant).cloned().collect();
-    Ok((!chosen.is_empty() && chosen.len() < p.layers().len()).then_some(chosen))
+    let layer_names: Vec<String> = names().filter(is_meant).cloned().collect();
+    Ok((!layer_names.is_empty() && layer_names.len() < p.layers().len()).then_some(layer_names))
 }
 
 fn ranges(p: &Particles, layers: &[String]) -> Vec<Range<usize>> {
     p.layers().iter().filter(|l| layers.contains(&l.name)).map(|l| l.content.clone()).collect()
 }
 
-/// Where members of a group are densest, relative to the domain's corner: the cells with the most members, and from there spheres that shrink.
+/// The place where members of a group are densest, relative to the domain's corner: the centre of spheres that shrink,
+/// from the cells with the most members.
 pub fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, number_density: f64) -> [f64; 3] {
     let Some((first, all)) = group_offsets(positions, members, domain) else { return [0.0; 3] };
+    // At 200 times the mean density, the members fill a sphere whose radius is four of these edges.
     let side = CELL * (members.len() as f64 / (800.0 / 3.0 * PI * number_density)).cbrt();
     let cell = |x: &[f64; 3]| -> [i32; 3] { each_axis(|k| (x[k] / side).floor() as i32) };
     let mut cells: Vec<[i32; 3]> = all.iter().map(cell).collect();
@@ -161,6 +164,7 @@ pub fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, nu
     };
     let densest = counts.iter().map(|c| (around(c.0), c.0)).reduce(|a, b| if b.0 > a.0 { b } else { a });
     let near = |x: &&[f64; 3]| densest.is_some_and(|(_, center)| (0..3).all(|k| (cell(x)[k] - center[k]).abs() <= 1));
+    // The mean place of all members may lie in none of the clumps that a bridge links.
     let start = mean_place(&all.iter().filter(near).copied().collect::<Vec<_>>());
     let center = shrunk_center(all, start, SHRINK_FROM * side);
     domain.local(each_axis(|k| domain.min[k] + first[k] + center[k]))

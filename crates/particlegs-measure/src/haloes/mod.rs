@@ -1,10 +1,10 @@
 //! Haloes of particles or of a model.
 //!
-//! Dark matter is linked by friends of friends ([`crate::stats`]'s `groups`), the other species attached to it (`members`).
-//! Each group's density peak is the centre of spheres whose mean densities the cosmology gives (`overdensity`). What is
-//! measured inside them (`sphere`, `properties`) becomes a catalogue (`find`, `columns`, `table`). Of a model, particles
-//! are drawn to find the centres, and masses are integrated over its Gaussians (`mass_curve`). Catalogues are compared
-//! (`matching`) and counted by mass (`mass_function`): a `report` has it all.
+//! Dark matter is linked by friends of friends ([`crate::stats`]'s `groups`), the other species attached to it
+//! (`members`). Each group's density peak is the centre of spheres whose mean densities the cosmology gives
+//! (`overdensity`). Measures inside them (`sphere`, `properties`) become a catalogue (`find`, `columns`, `table`). Of a
+//! model, particles are drawn to find the centres, and masses are integrated over its Gaussians (`mass_curve`).
+//! Catalogues are compared (`matching`) and counted by mass (`mass_function`): a `report` has it all.
 
 mod columns;
 mod dense;

@@ -1,4 +1,4 @@
-//! What haloes are measured against: densities of a cosmology at a moment, in a snapshot's own units.
+//! Densities that bound haloes: those of a cosmology at a moment, in a snapshot's own units.
 
 use particlegs_core::model::{Cosmology, Epoch, UnitSystem, Units};
 use particlegs_core::{Error, Result};
@@ -37,11 +37,11 @@ pub struct HaloUnits {
 /// Densities that spheres of haloes have, in the snapshot's masses and lengths; one for each [`Overdensity`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct HaloDensities {
-    /// `None` where the source lacks what it takes.
+    /// `None` where the source does not state enough.
     pub density: [Option<f64>; Overdensity::ALL.len()],
     /// Units.
     pub units: HaloUnits,
-    /// What is left out or assumed, and why.
+    /// Densities that are left out or assumed, and the reasons.
     pub notes: Vec<String>,
 }
 
@@ -49,15 +49,15 @@ impl HaloUnits {
     fn new(system: &UnitSystem<'_>) -> Self {
         let to = Units::new(Some("Mpc/h"), Some("Msun/h"), Some(true));
         let to = UnitSystem { units: &to, ..*system };
-        let known = |own: Option<&particlegs_core::model::Unit>| own.is_some_and(|u| u.si.is_some());
-        let found = |units: Units| UnitSystem { units: &units, ..*system }.conversion(&to).ok();
+        let known = |unit: Option<&particlegs_core::model::Unit>| unit.is_some_and(|u| u.si.is_some());
+        let conversion_from = |units: Units| UnitSystem { units: &units, ..*system }.conversion(&to).ok();
         // Whether lengths are comoving does not matter today.
         let comoving = system.units.comoving.or((system.scale_factor == Some(1.0)).then_some(true));
         let lengths = Units { mass: None, comoving, ..system.units.clone() };
         let masses = Units { length: None, ..system.units.clone() };
         let length = known(lengths.length.as_ref()) && comoving.is_some();
-        let length = found(lengths).filter(|_| length).map(|c| c.length);
-        let mass = found(masses).filter(|_| known(system.units.mass.as_ref())).map(|c| c.mass);
+        let length = conversion_from(lengths).filter(|_| length).map(|c| c.length);
+        let mass = conversion_from(masses).filter(|_| known(system.units.mass.as_ref())).map(|c| c.mass);
         HaloUnits { length, mass, hubble: system.hubble, scale_factor: system.scale_factor }
     }
 
@@ -68,8 +68,8 @@ impl HaloUnits {
 }
 
 impl HaloDensities {
-    /// Of a snapshot or model. `mean` is its mean density, where its box is periodic: it stands for that of matter where
-    /// the cosmology does not say; `masses` = its masses are known.
+    /// Of a snapshot or model. `mean` is its mean density, where its box is periodic: it stands for that of matter
+    /// where the cosmology does not say; `masses` = its masses are known.
     pub fn new(
         system: &UnitSystem<'_>,
         (epoch, cosmology): (&Epoch, &Cosmology),
@@ -101,13 +101,13 @@ impl HaloDensities {
                 mean / stated
             ));
         }
-        let of = |kind: Overdensity| match kind {
+        let density_of = |kind: Overdensity| match kind {
             Overdensity::Mean200 => matter.map(|m| 200.0 * m),
             Overdensity::Critical200 => critical.as_ref().map(|c| 200.0 * c.density),
             Overdensity::Critical500 => critical.as_ref().map(|c| 500.0 * c.density),
             Overdensity::Virial => critical.as_ref().map(|c| c.virial() * c.density),
         };
-        Ok(HaloDensities { density: std::array::from_fn(|i| of(Overdensity::ALL[i])), units, notes })
+        Ok(HaloDensities { density: std::array::from_fn(|i| density_of(Overdensity::ALL[i])), units, notes })
     }
 
     /// Spheres of one of these densities: the mass in one of radius r is this times r^3.
@@ -116,30 +116,30 @@ impl HaloDensities {
     }
 }
 
-/// What a user states: `h=0.68,Om=0.31,OL=0.69`; flat without OL.
+/// The cosmology that a user states: `h=0.68,Om=0.31,OL=0.69`; flat without OL.
 ///
 /// # Errors
-/// In words, what is wrong.
+/// The fault, in words.
 pub fn stated_cosmology(text: &str) -> std::result::Result<Cosmology, String> {
-    let mut found = Cosmology::default();
+    let mut cosmology = Cosmology::default();
     for part in text.split(',') {
         let (name, value) =
             part.split_once('=').ok_or_else(|| format!("`{part}` is not NAME=VALUE, such as h=0.68"))?;
         let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
         let value = value.ok_or_else(|| format!("`{part}` does not have a number from 0 on"))?;
         match &name.trim().to_lowercase()[..] {
-            "h" if value > 0.0 && value < 10.0 => found.hubble = Some(value),
-            "h0" if value >= 10.0 => found.hubble = Some(value / 100.0),
-            "om" | "om0" | "omega_m" if value > 0.0 => found.omega_matter = Some(value),
-            "ol" | "ode0" | "omega_lambda" => found.omega_lambda = Some(value),
+            "h" if value > 0.0 && value < 10.0 => cosmology.hubble = Some(value),
+            "h0" if value >= 10.0 => cosmology.hubble = Some(value / 100.0),
+            "om" | "om0" | "omega_m" if value > 0.0 => cosmology.omega_matter = Some(value),
+            "ol" | "ode0" | "omega_lambda" => cosmology.omega_lambda = Some(value),
             _ => return Err(format!("`{part}`: there are h (or H0 in km/s/Mpc), Om and OL")),
         }
     }
-    found.omega_lambda = found.omega_lambda.or(found.omega_matter.map(|m| 1.0 - m));
-    Ok(found)
+    cosmology.omega_lambda = cosmology.omega_lambda.or(cosmology.omega_matter.map(|m| 1.0 - m));
+    Ok(cosmology)
 }
 
-/// What it takes to know the critical density that is not stated.
+/// Names of the statements that the critical density needs and that are missing.
 fn missing_of(
     system: &UnitSystem<'_>,
     units: &HaloUnits,
@@ -147,7 +147,7 @@ fn missing_of(
     masses: bool,
 ) -> Vec<&'static str> {
     let today = epoch.scale_factor == Some(1.0);
-    let all = [
+    let statements = [
         (masses, "masses"),
         (!masses || units.mass.is_some(), "the unit of mass, or h"),
         (system.units.length.as_ref().is_some_and(|u| u.si.is_some()), "the unit of length"),
@@ -156,7 +156,7 @@ fn missing_of(
         (cosmology.omega_matter.is_some_and(|m| m > 0.0), "Omega_m"),
         (today || cosmology.omega_lambda.is_some(), "Omega_Lambda"),
     ];
-    all.iter().filter(|(there, _)| !there).map(|(_, what)| *what).collect()
+    statements.iter().filter(|(is_stated, _)| !is_stated).map(|(_, name)| *name).collect()
 }
 
 /// The critical density at a moment, comoving, in a snapshot's units.
@@ -172,6 +172,7 @@ impl CriticalDensity {
         let lambda = cosmology.omega_lambda.unwrap_or(1.0 - matter);
         let expansion = matter / a.powi(3) + (1.0 - matter - lambda) / (a * a) + lambda;
         let unit = units.length?.powi(3) / units.mass?;
+        // Times a^3, since lengths are comoving.
         let density = CRITICAL * expansion * a.powi(3) * unit;
         (density > 0.0 && density.is_finite()).then_some(CriticalDensity { density, matter: CRITICAL * matter * unit })
     }
@@ -195,8 +196,8 @@ mod tests {
         HaloDensities::new(&UnitSystem::new(&units, &epoch, &cosmology), (&epoch, &cosmology), Some(3.0), masses)
     }
 
-    /// Values of colossus 1.3 (`cosmology.setCosmology('x', flat, H0 = 70, Om0 = 0.3, Tcmb0 = 0)`, `mass_so.densityThreshold`),
-    /// physical kpc^3 / h^2 turned to comoving Mpc.
+    /// Values of colossus 1.3 (`cosmology.setCosmology('x', flat, H0 = 70, Om0 = 0.3, Tcmb0 = 0)`,
+    /// `mass_so.densityThreshold`), physical kpc^3 / h^2 turned to comoving Mpc.
     #[test]
     fn densities_follow_the_cosmology_and_the_units() {
         let at = |a: f64| densities("Mpc/h", Some("Msun/h"), a, true).unwrap();
@@ -223,8 +224,11 @@ mod tests {
 
     #[test]
     fn cosmologies_are_read() {
-        let found = stated_cosmology("H0=70, Om0=0.3").unwrap();
-        assert_eq!((found.hubble, found.omega_matter, found.omega_lambda), (Some(0.7), Some(0.3), Some(0.7)));
+        let cosmology = stated_cosmology("H0=70, Om0=0.3").unwrap();
+        assert_eq!(
+            (cosmology.hubble, cosmology.omega_matter, cosmology.omega_lambda),
+            (Some(0.7), Some(0.3), Some(0.7))
+        );
         assert_eq!(stated_cosmology("h=0.68,Om=0.3,OL=0").unwrap().omega_lambda, Some(0.0));
         for wrong in ["", "h", "h=x", "h=70", "H0=0.7", "Om=-1", "w=-1"] {
             assert!(stated_cosmology(wrong).is_err(), "{wrong}");

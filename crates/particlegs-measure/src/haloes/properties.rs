@@ -12,7 +12,7 @@ pub struct HaloProperty {
     pub least: usize,
 }
 
-/// What a property's unit is.
+/// The unit of a property.
 #[derive(Clone, Copy, PartialEq)]
 pub enum HaloPropertyKind {
     /// That of velocities.
@@ -54,8 +54,8 @@ pub const PROPERTIES: [HaloProperty; 12] = [
 pub struct SphereProperties(pub [f64; PROPERTIES.len()]);
 
 impl SphereProperties {
-    /// Of particles about a centre: circular velocities and profiles from the first of `radii` on, all up to the second,
-    /// R200m; `critical` = R200c. `count` decides what is measured.
+    /// Of particles about a centre: circular velocities and profiles from the radius `inner` on, all up to `outer`,
+    /// R200m; `critical` = R200c. Those properties are measured for which `count` particles are enough.
     pub fn new(
         particles: &RadialParticles,
         velocities: Option<&ParticleFields>,
@@ -67,11 +67,11 @@ impl SphereProperties {
         let enough = |i: usize| count >= PROPERTIES[i].least;
         let mut all = [f64::NAN; PROPERTIES.len()];
         if let Some(v) = velocities.filter(|_| enough(0)) {
-            let of = |i: u32| v.of(i as usize);
-            let mean = mean_of(inside, of);
+            let velocity_of = |i: u32| v.of(i as usize);
+            let mean = mean_of(inside, velocity_of);
             all[..3].copy_from_slice(&mean);
             if enough(3) {
-                all[3] = dispersion_of(inside, mean, of);
+                all[3] = dispersion_of(inside, mean, velocity_of);
             }
         }
         if let Some(shape) = enough(4).then(|| HaloShape::new(inside, outer)).flatten() {

@@ -14,7 +14,7 @@ use particlegs_files::output::{write_atomic, write_bytes};
 use serde::Serialize;
 use std::path::Path;
 
-/// Haloes that were found, and how well they agree with those of a truth.
+/// Haloes of an input, and their agreement with those of a truth.
 #[derive(Clone, Debug, Serialize)]
 pub struct HaloReport {
     /// Name of the input.
@@ -35,7 +35,7 @@ pub struct HaloReport {
     /// That of the truth, in the same bins.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub mass_function_of_truth: Vec<MassFunctionBin>,
-    /// What a user should know, a sentence each.
+    /// Notes for a user, a sentence each.
     pub notes: Vec<String>,
     /// The haloes.
     #[serde(skip)]
@@ -48,12 +48,12 @@ pub struct HaloReport {
 }
 
 impl HaloReport {
-    /// Finds haloes in the input called `name`, and in the truth, if one is given with its name, whose catalogue they are
-    /// compared with. Notes also go to the context.
+    /// Finds haloes in the input called `name`, and in the truth, if one is given with its name, whose catalogue they
+    /// are compared with. Notes also go to the context.
     ///
     /// # Errors
-    /// Those of [`find_haloes`]; [`Error::Input`] for a truth in another box or unit; [`Error::Argument`] where there are
-    /// no haloes.
+    /// Those of [`find_haloes`]; [`Error::Input`] for a truth in another box or unit; [`Error::Argument`] where there
+    /// are no haloes.
     pub fn new<'a>(
         (input, name): (impl Into<StatsSide<'a>>, &str),
         truth: Option<(StatsSide<'_>, &str)>,
@@ -61,41 +61,41 @@ impl HaloReport {
         context: &Context<'_>,
     ) -> Result<HaloReport> {
         let input = input.into();
-        let found = find_haloes(input, options, context)?;
-        found.notes.iter().for_each(|note| context.note(note));
+        let catalogue = find_haloes(input, options, context)?;
+        catalogue.notes.iter().for_each(|note| context.note(note));
         let truth = truth.map(|(truth, name)| {
             check_same_box(input.subject, truth.subject, name)?;
             find_haloes(truth, options, context)
         });
         let (truth, domain) = (truth.transpose()?, input.subject.domain());
-        let ends = ends([Some(&found), truth.as_ref()]);
+        let ends = ends([Some(&catalogue), truth.as_ref()]);
         let bins = |c: &HaloCatalogue| ends.map_or(Vec::new(), |ends| mass_function(c, &domain, ends));
-        let agreement = truth.as_ref().map(|truth| HaloMatch::new([truth, &found], &domain)).transpose()?.flatten();
+        let agreement = truth.as_ref().map(|truth| HaloMatch::new([truth, &catalogue], &domain)).transpose()?.flatten();
         context.check()?;
-        if found.is_empty() {
+        if catalogue.is_empty() {
             let message = format!("there are no haloes of {} linked particles and more", options.smallest);
             return Err(Error::argument(message));
         }
-        let (masses, unit) = found.masses().unwrap_or_default();
+        let (masses, unit) = catalogue.masses().unwrap_or_default();
         let masses: Vec<f64> = masses.into_iter().filter(|m| m.is_finite()).collect();
         Ok(HaloReport {
             input: name.into(),
-            haloes: found.len(),
+            haloes: catalogue.len(),
             with_masses: masses.len(),
             largest_mass: masses.iter().copied().reduce(f64::max),
             mass_unit: unit.to_string(),
             agreement,
-            mass_function: bins(&found),
+            mass_function: bins(&catalogue),
             mass_function_of_truth: truth.as_ref().map_or(Vec::new(), bins),
-            notes: found.notes.clone(),
+            notes: catalogue.notes.clone(),
             length_unit: input.subject.unit_system().units.length_text().map(String::from),
-            catalogue: found,
+            catalogue,
             truth,
         })
     }
 
-    /// Writes the mass function: a plot, where the file's ending is one of [`FileKind`], else a table as CSV. With a truth,
-    /// both have that of the truth as well.
+    /// Writes the mass function: a plot, where the file's ending is one of [`FileKind`], else a table as CSV. With a
+    /// truth, both have that of the truth as well.
     ///
     /// # Errors
     /// [`Error::Argument`] for a plot without a halo that has a mass; [`Error::Io`].
@@ -170,8 +170,8 @@ impl HaloReport {
         }
         if let (Some(m), Some(truth)) = (&self.agreement, &self.truth) {
             let percent = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.1} %", 100.0 * v));
-            let found = format!("{} in the truth, {} in the input", m.truth, m.other);
-            text += &format!("\ntruth: {} haloes; with 300 particles and more: {found}", truth.len());
+            let numbers = format!("{} in the truth, {} in the input", m.truth, m.other);
+            text += &format!("\ntruth: {} haloes; with 300 particles and more: {numbers}", truth.len());
             text += &format!("\ncompleteness {}, purity {}", percent(m.completeness), percent(m.purity));
             let (median, scatter) = (m.mass_median.map_or("-".into(), |v| format!("{v:.4}")), percent(m.mass_scatter));
             text += &format!("\nM200m over the truth's: median {median}, scatter {scatter}");
@@ -182,15 +182,16 @@ impl HaloReport {
 
 /// Refuses catalogues of other units or another box.
 fn check_same_box(input: Subject<'_>, truth: Subject<'_>, name: &str) -> Result<()> {
-    let [own, other] = [input, truth].map(|s| s.unit_system().units.length_text().unwrap_or("none").to_string());
-    if own != other {
-        let message = format!("its unit of length is {other}, that of the input {own}");
+    let [input_unit, truth_unit] =
+        [input, truth].map(|s| s.unit_system().units.length_text().unwrap_or("none").to_string());
+    if input_unit != truth_unit {
+        let message = format!("its unit of length is {truth_unit}, that of the input {input_unit}");
         return Err(Error::input_with(name, message, "convert one of them first"));
     }
-    let [own, other] = [input, truth].map(|s| s.domain());
-    let same = (0..3).all(|k| (own.length[k] / other.length[k] - 1.0).abs() < 0.01);
-    if own.periodic != other.periodic || own.periodic.contains(&true) && !same {
-        let message = format!("its box is {:?}, that of the input {:?}", other.length, own.length);
+    let [input_box, truth_box] = [input, truth].map(|s| s.domain());
+    let same = (0..3).all(|k| (input_box.length[k] / truth_box.length[k] - 1.0).abs() < 0.01);
+    if input_box.periodic != truth_box.periodic || input_box.periodic.contains(&true) && !same {
+        let message = format!("its box is {:?}, that of the input {:?}", truth_box.length, input_box.length);
         return Err(Error::input_with(name, message, "compare haloes of the same box"));
     }
     Ok(())

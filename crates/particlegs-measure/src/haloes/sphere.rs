@@ -1,4 +1,4 @@
-//! What is measured of the particles about one centre.
+//! Measures of the particles about one centre.
 
 use particlegs_core::math::{Sym3, each_axis};
 
@@ -7,7 +7,7 @@ const INNERMOST: usize = 10;
 /// Steps towards the shape, at most; a step that changes both axis ratios by less ends them.
 const SHAPE_STEPS: usize = 20;
 const SHAPE_CHANGE: f64 = 0.01;
-/// Concentrations that are looked for.
+/// Range of concentrations that are looked for.
 const CONCENTRATIONS: [f64; 2] = [0.5, 200.0];
 
 /// A particle about a centre.
@@ -56,6 +56,7 @@ impl RadialParticles {
     /// particles; `None` where it does not as far as particles are known.
     pub fn sphere(&self, per_cube: f64) -> Option<DensitySphere> {
         let first = INNERMOST.min(self.particles.len());
+        // The mean density falls between two particles: the mass up to one holds as far as the next.
         let thin = |i: &usize| {
             let square = self.particles.get(*i).map_or(self.reach, |p| p.square);
             self.enclosed[i - 1] < per_cube * square * square.sqrt()
@@ -65,12 +66,12 @@ impl RadialParticles {
         Some(DensitySphere { radius: (mass / per_cube).cbrt(), mass, count })
     }
 
-    /// How many lie within a radius.
+    /// The number of particles within a radius.
     pub fn count_within(&self, radius: f64) -> usize {
         self.particles.partition_point(|p| p.square <= radius * radius)
     }
 
-    /// The largest mass over radius outside a radius, within another, and where that is.
+    /// The largest mass over radius outside a radius, within another, and the radius that has it.
     pub fn steepest(&self, outside: f64, within: f64) -> Option<[f64; 2]> {
         let range = self.count_within(outside).max(INNERMOST)..self.count_within(within);
         let at = |i: usize| {
@@ -82,11 +83,11 @@ impl RadialParticles {
 }
 
 /// Mass-weighted mean of vectors.
-pub fn mean_of(particles: &[SphereParticle], of: impl Fn(u32) -> [f64; 3]) -> [f64; 3] {
+pub fn mean_of(particles: &[SphereParticle], vector_of: impl Fn(u32) -> [f64; 3]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut mass = 0.0;
     for p in particles {
-        let v = of(p.index);
+        let v = vector_of(p.index);
         sum = each_axis(|k| sum[k] + p.mass * v[k]);
         mass += p.mass;
     }
@@ -94,11 +95,11 @@ pub fn mean_of(particles: &[SphereParticle], of: impl Fn(u32) -> [f64; 3]) -> [f
 }
 
 /// Root of the mass-weighted mean square of vectors about their mean, in three dimensions.
-pub fn dispersion_of(particles: &[SphereParticle], mean: [f64; 3], of: impl Fn(u32) -> [f64; 3]) -> f64 {
+pub fn dispersion_of(particles: &[SphereParticle], mean: [f64; 3], vector_of: impl Fn(u32) -> [f64; 3]) -> f64 {
     let mut sum = 0.0;
     let mut mass = 0.0;
     for p in particles {
-        let v = of(p.index);
+        let v = vector_of(p.index);
         sum += p.mass * (0..3).map(|k| (v[k] - mean[k]) * (v[k] - mean[k])).sum::<f64>();
         mass += p.mass;
     }
@@ -114,8 +115,8 @@ pub struct HaloShape {
 }
 
 impl HaloShape {
-    /// Of particles within an ellipsoid whose longest semi-axis is `radius`, each weighted by its mass over the square of
-    /// its elliptical distance (Allgood et al. 2006). The axis has its largest component above 0.
+    /// Of particles within an ellipsoid whose longest semi-axis is `radius`, each weighted by its mass over the square
+    /// of its elliptical distance (Allgood et al. 2006). The axis has its largest component above 0.
     pub fn new(particles: &[SphereParticle], radius: f64) -> Option<HaloShape> {
         let mut shape = HaloShape { b_to_a: 1.0, c_to_a: 1.0, axis: [1.0, 0.0, 0.0] };
         let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -125,6 +126,7 @@ impl HaloShape {
                 let along = axes.map(|axis| (0..3).map(|k| axis[k] * p.offset[k]).sum::<f64>());
                 let (b, c) = (along[1] / shape.b_to_a, along[2] / shape.c_to_a);
                 let square = along[0] * along[0] + b * b + c * c;
+                // The longest semi-axis stays `radius` while the others shrink to the shape (Allgood et al. 2006).
                 if square > 0.0 && square <= radius * radius {
                     let ([x, y, z], weight) = (p.offset, p.mass / square);
                     let products = [x * x, x * y, x * z, y * y, y * z, z * z];
@@ -144,6 +146,7 @@ impl HaloShape {
                 break;
             }
         }
+        // An axis has no sign: with its largest component above 0, equal shapes have equal numbers.
         let largest = shape.axis.iter().copied().fold(0.0, |a: f64, v| if v.abs() > a.abs() { v } else { a });
         shape.axis = shape.axis.map(|v| v * largest.signum());
         Some(shape)
@@ -151,7 +154,7 @@ impl HaloShape {
 }
 
 /// The concentration of the profile of Navarro, Frenk and White (1997) that makes the distances of particles between
-/// `inner` and `radius` most likely; `None` at the ends of what is looked for.
+/// `inner` and `radius` most likely; `None` at the ends of [`CONCENTRATIONS`].
 pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Option<f64> {
     let (first, end) = (particles.count_within(inner), particles.count_within(radius));
     let inside = particles.particles.get(first..end).filter(|p| !p.is_empty())?;
@@ -168,6 +171,7 @@ pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Op
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let (mut a, mut b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
     let (mut at_a, mut at_b) = (likelihood(a), likelihood(b));
+    // Golden section: each step evaluates one new place.
     while high - low > 1e-3 {
         if at_a > at_b {
             (high, b, at_b) = (b, a, at_a);
@@ -179,8 +183,8 @@ pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Op
             at_b = likelihood(b);
         }
     }
-    let found = 0.5 * (low + high);
-    (found > ends[0] + 0.01 && found < ends[1] - 0.01).then(|| found.exp())
+    let log_concentration = 0.5 * (low + high);
+    (log_concentration > ends[0] + 0.01 && log_concentration < ends[1] - 0.01).then(|| log_concentration.exp())
 }
 
 #[cfg(test)]
@@ -211,8 +215,8 @@ mod tests {
     fn a_profile_has_its_concentration_and_its_sphere() {
         for c in [3.0, 8.0, 20.0] {
             let h = halo(40_000, c, [1.0; 3]);
-            let found = concentration(&h, 0.03, 1.0).unwrap();
-            assert!((found / c - 1.0).abs() < 0.06, "{found} {c}");
+            let concentration = concentration(&h, 0.03, 1.0).unwrap();
+            assert!((concentration / c - 1.0).abs() < 0.06, "{concentration} {c}");
             let enclosed = |y: f64| y.ln_1p() - y / (1.0 + y);
             let mass = 80_000.0 * enclosed(c) / enclosed(1.5 * c);
             let sphere = h.sphere(mass).unwrap();

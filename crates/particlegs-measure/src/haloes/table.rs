@@ -7,9 +7,9 @@ pub struct HaloColumn {
     pub name: String,
     /// Unit; empty of numbers without one.
     pub unit: String,
-    /// What it is.
+    /// Description of the quantity.
     pub description: String,
-    /// Are the values whole numbers?
+    /// Whether the values are whole numbers.
     pub whole: bool,
     /// NaN where there are too few particles.
     pub values: Vec<f64>,
@@ -20,9 +20,9 @@ pub struct HaloColumn {
 pub struct HaloCatalogue {
     /// Columns of one length.
     pub columns: Vec<HaloColumn>,
-    /// How it was made, and what its numbers are: lines of text.
+    /// Method and definitions of its numbers: lines of text.
     pub remarks: Vec<String>,
-    /// What a user should know.
+    /// Notes for a user.
     pub notes: Vec<String>,
     /// Centre of each, world units.
     pub centers: Vec<[f64; 3]>,
@@ -34,7 +34,7 @@ impl HaloCatalogue {
         self.centers.len()
     }
 
-    /// No haloes?
+    /// Whether it has no haloes.
     pub fn is_empty(&self) -> bool {
         self.centers.is_empty()
     }
@@ -44,8 +44,8 @@ impl HaloCatalogue {
         self.columns.iter().find(|c| c.name == name).map(|c| &c.values[..])
     }
 
-    /// What haloes are compared by, and its unit: M200m, or particles within R200m where masses are not known. NaN of haloes
-    /// with too few particles.
+    /// The masses that haloes are compared by, and their unit: M200m, or particles within R200m where masses are not
+    /// known. NaN of haloes with too few particles.
     pub fn masses(&self) -> Option<(Vec<f64>, &str)> {
         let (column, unit) = match self.columns.iter().find(|c| c.name == "m200m") {
             Some(column) => (column, &column.unit[..]),

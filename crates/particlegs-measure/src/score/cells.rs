@@ -1,4 +1,5 @@
-//! A model's density against its particles' in cells of three sizes, told in the data's units and in particles.
+//! A model's density against its particles' in cells of three sizes, which are given in the data's units and in
+//! particles.
 
 use crate::score::density::{density_agreement, model_and_uniform};
 use crate::stats::{Assignment, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
@@ -17,8 +18,8 @@ pub(super) fn cell_densities(
     let Some(grid) = finest(domain, particles.len()) else { return Ok(None) };
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
     context.begin("density in cells", deposit_steps(truth, &grid) + deposit_steps(other, &grid));
-    let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, context);
-    let pair = [of(truth)?, of(other)?];
+    let field_of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, context);
+    let pair = [field_of(truth)?, field_of(other)?];
     context.end();
     Ok(agreements(pair, particles.len()))
 }
@@ -27,15 +28,16 @@ pub(super) fn cell_densities(
 pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDensity; CELL_SIZES]> {
     let grid = pair[0].grid;
     let mut pair = pair.map(Masses::from_field);
-    let mut found = Vec::with_capacity(CELL_SIZES);
+    let mut densities = Vec::with_capacity(CELL_SIZES);
     for size in 0..CELL_SIZES {
         if size > 0 {
+            // Larger cells are sums of the smaller ones: nothing is deposited again.
             pair = pair.map(|cells| cells.coarser());
         }
         let edge = grid.side.iter().fold(0.0, |a: f64, s| a.max(*s)) * (1 << size) as f64;
-        found.push(compared(&pair, edge, particles));
+        densities.push(compared(&pair, edge, particles));
     }
-    found.try_into().ok()
+    densities.try_into().ok()
 }
 
 /// The grid of the smallest cells; `None` where it has too few of them.
@@ -155,9 +157,13 @@ mod tests {
         assert_eq!(grid_of_edge(0.8, &cube).unwrap().cells, [63; 3]);
         // A length that is no binary number.
         assert_eq!(grid_of_edge(0.1, &Domain { length: [30.0, 3.0, 0.05], ..cube }).unwrap().cells, [300, 30, 1]);
-        let told = |edge| grid_of_edge(edge, &cube).unwrap_err().to_string();
-        assert!(told(60.0).contains("too large") && told(20.0).contains("has 27 of them"), "{}", told(20.0));
-        assert!(told(0.01).contains("too small") && told(1e-300).contains("too small"));
+        let refusal_of = |edge| grid_of_edge(edge, &cube).unwrap_err().to_string();
+        assert!(
+            refusal_of(60.0).contains("too large") && refusal_of(20.0).contains("has 27 of them"),
+            "{}",
+            refusal_of(20.0)
+        );
+        assert!(refusal_of(0.01).contains("too small") && refusal_of(1e-300).contains("too small"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The certificate: what a model's file says was measured after decoding it.
+//! The certificate: figures of a model that were measured after decoding it, as its file has them.
 
 use super::cells::cell_densities;
 use super::density::{GRID, density_metrics};
@@ -27,22 +27,22 @@ const NEIGHBOURS: usize = 20_000;
 /// Draws that groups are matched in.
 const DRAWS: u64 = 8;
 
-/// What a decoded model is measured on.
+/// The particles that a decoded model is measured on, and options.
 #[derive(Clone, Copy)]
 pub struct CertificateInput<'a> {
     /// The particles that the model was made from.
     pub particles: &'a Particles,
     /// Seed of the views and draws.
     pub seed: u64,
-    /// Which figures are measured.
+    /// Level that decides which figures are measured.
     pub level: CertificateLevel,
-    /// What the pictures of all particles may take, bytes; what is measured does not depend on it.
+    /// Memory that the pictures of all particles may take, bytes; no figure depends on it.
     pub memory: Option<u64>,
-    /// What was asked for, and what was measured of it on this model.
+    /// The goal that was asked for, and the figure that this model reaches.
     pub reached: Option<GoalResult>,
 }
 
-/// What the pictures of a certificate say.
+/// Scores of the pictures of a certificate.
 struct PictureMetrics {
     views: ViewMetrics,
     subset: Option<Subset>,
@@ -50,11 +50,11 @@ struct PictureMetrics {
 }
 
 impl CertificateInput<'_> {
-    /// Measures `model`, best the decoded one, whose file has `bytes` without a certificate: pictures (`pictures_of`), and the
-    /// density on a grid of 50 cells along the longest extent, over the periodic box where there is one; what an empty
-    /// picture, a uniform box and a uniform density score there; then P(k), r(k) and groups (`science`), densities in cells and
-    /// distances, and where all is asked for groups matched by position. The seed turns the views and draws the
-    /// particles; measuring again with the certificate's own repeats it.
+    /// Measures `model`, best the decoded one, whose file has `bytes` without a certificate: pictures (`pictures_of`),
+    /// and the density on a grid of 50 cells along the longest extent, over the periodic box where there is one; what
+    /// an empty picture, a uniform box and a uniform density score there; then P(k), r(k) and groups (`science`),
+    /// densities in cells and distances, and where all is asked for groups matched by position. The seed turns the
+    /// views and draws the particles; measuring again with the certificate's own repeats it.
     pub fn certificate(&self, model: &Model, bytes: u64, context: &Context<'_>) -> Result<Certificate> {
         let &CertificateInput { particles, seed, level, .. } = self;
         let m = &model.metadata;
@@ -70,6 +70,7 @@ impl CertificateInput<'_> {
         let scope = ParticlesWithModel::new(model, particles, seed, SAMPLED_ABOVE, context)?;
         let first = scope.as_ref().map(|s| s.draw(seed, context)).transpose()?.flatten();
         let scope = scope.as_ref().zip(first.as_ref());
+        // Spectra are of all particles: those drawn for a region say nothing of them.
         let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
         let science = science(model, particles, whole, &domain, context)?;
         let groups = match scope {
@@ -102,8 +103,8 @@ impl CertificateInput<'_> {
         })
     }
 
-    /// One frame of each orbit at the model's default radius and opacity; the subset of the same bytes there; where all is asked
-    /// for, other radii and opacities.
+    /// One frame of each orbit at the model's default radius and opacity; the subset of the same bytes there; where all
+    /// is asked for, other radii and opacities.
     fn pictures_of(&self, model: &Model, bytes: u64, domain: &Domain, context: &Context<'_>) -> Result<PictureMetrics> {
         let m = &model.metadata;
         let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
@@ -128,7 +129,7 @@ impl CertificateInput<'_> {
     }
 }
 
-/// What tasks measure of their blocks, of all as one.
+/// The certificate that is added up from blocks, of all particles as one block.
 fn as_one_block(model: &Model, particles: &Particles, seed: u64, context: &Context<'_>) -> Result<Certificate> {
     let frame = MeasurementFrame::new(&model.metadata, seed);
     let read = |_: u32, section| frame.measure(section, model, particles, context);
@@ -138,12 +139,13 @@ fn as_one_block(model: &Model, particles: &Particles, seed: u64, context: &Conte
 /// Distances to the nearest neighbour among the particles and among those drawn.
 fn spacing(scope: &ParticlesWithModel<'_>, drawn: &Particles, seed: u64, context: &Context<'_>) -> Result<Spacing> {
     let options = NeighbourOptions { sample: NEIGHBOURS, among_sample: false, seed };
-    let of = |p: &Particles| {
+    let distances_of = |p: &Particles| {
         let d = nearest_distances(p, &scope.domain, &options, context)?;
         let regularity = if d.median > 0.0 { d.percentiles[1] / d.median } else { 0.0 };
         Ok::<_, particlegs_core::Error>((d.median, regularity))
     };
-    let ((median, regularity), (drawn_median, drawn_regularity)) = (of(&scope.particles)?, of(drawn)?);
+    let ((median, regularity), (drawn_median, drawn_regularity)) =
+        (distances_of(&scope.particles)?, distances_of(drawn)?);
     Ok(Spacing { median, regularity, drawn_median, drawn_regularity })
 }
 
@@ -157,14 +159,14 @@ fn matched(
 ) -> Result<Option<(Limit, [GroupClass; GROUP_CLASSES.len()])>> {
     let Some(linking) = linking(&scope.domain, scope.spacing) else { return Ok(None) };
     let truth = linking.groups(&scope.particles, context)?;
-    let found = linking.groups(first, context)?;
+    let drawn_groups = linking.groups(first, context)?;
     // What is drawn of a zoom whose masses the model mixes has no finest particles.
-    if truth.finest.is_some() != found.finest.is_some() {
+    if truth.finest.is_some() != drawn_groups.finest.is_some() {
         return Ok(None);
     }
-    let numbers = numbers_agree_from(&truth.sizes, &found.sizes);
+    let numbers = numbers_agree_from(&truth.sizes, &drawn_groups.sizes);
     let mut tally = GroupTally::default();
-    tally.add(&linking, &truth, &found)?;
+    tally.add(&linking, &truth, &drawn_groups)?;
     for draw in 1..DRAWS {
         let Some(particles) = scope.draw(seed.wrapping_add(draw), context)? else { return Ok(None) };
         tally.add(&linking, &truth, &linking.groups(&particles, context)?)?;

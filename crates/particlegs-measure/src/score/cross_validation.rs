@@ -1,4 +1,4 @@
-//! What a method says of particles that it has not seen: models of halves of the particles against the other halves.
+//! Cross-validation of a method: models of halves of the particles against the other halves, which they have not seen.
 //!
 //! Measured on the particles that were fitted, memorised noise counts as signal. The cross power of a model of A with
 //! the particles B over that of A with B needs no shot noise subtracted and tells bias from noise.
@@ -17,7 +17,7 @@ pub struct Halves<'a> {
     pub models: [&'a Model; 2],
     /// Box of the whole.
     pub domain: &'a Domain,
-    /// How P(k) is measured.
+    /// Options of P(k).
     pub spectrum: &'a SpectrumOptions,
     /// Seed of the draws.
     pub seed: u64,
@@ -31,6 +31,7 @@ impl Halves<'_> {
             Likelihood::kernel_bits(self.particles[i], self.particles[1 - i], self.domain, self.seed, context)
         };
         let (a, b) = (scored(0)?, scored(1)?);
+        // The difference of the halves has errors that samples of their particles do not show.
         let sampling = 0.5 * a.error.hypot(b.error);
         Ok(CrossValidation {
             bits: 0.5 * (a.bits + b.bits),
@@ -51,9 +52,9 @@ impl Halves<'_> {
         Ok(BANDS.map(|share| {
             let to = share * self.spectrum.k_max * (1.0 + 1e-9);
             let power = |shells: &[Shell]| cross_power(shells, from, to);
-            let (truth, of) = (power(&truth), [power(&models[0]), power(&models[1])]);
+            let (truth, models) = (power(&truth), [power(&models[0]), power(&models[1])]);
             from = to;
-            band(truth, of)
+            band(truth, models)
         }))
     }
 }

@@ -17,7 +17,7 @@ const PARTS: usize = 32;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityGrid(Grid);
 
-/// How two densities on a grid agree.
+/// Agreement of two densities on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityAgreement {
     pub correlation: f64,
@@ -128,7 +128,7 @@ impl DensityGrid {
 /// Correlation and error of `model` against `truth`, cell by cell.
 pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> DensityAgreement {
     let n = truth.len().max(1) as f64;
-    let mean = |of: &[T]| of.iter().map(|v| (*v).into()).sum::<f64>() / n;
+    let mean = |values: &[T]| values.iter().map(|v| (*v).into()).sum::<f64>() / n;
     let (mt, mm) = (mean(truth), mean(model));
     let (mut tt, mut mm2, mut tm, mut error) = (0.0, 0.0, 0.0, 0.0);
     for (t, m) in truth.iter().zip(model) {
@@ -150,7 +150,7 @@ pub(super) fn model_and_uniform(truth: &[f64], model: &[f64]) -> [DensityAgreeme
     [model, &uniform].map(|other| density_agreement(truth, other))
 }
 
-/// What a certificate says of the densities of a model and of a uniform box.
+/// The certificate's figures of the densities of a model and of a uniform box.
 pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
     DensityMetrics {
         cells: GRID,
@@ -204,15 +204,15 @@ mod tests {
         for cell in particlegs_particles::testing::tilted_cells() {
             let p = particlegs_particles::testing::gas(40_000, &cell, 7);
             let grid = DensityGrid::new(&p.bounds(), p.meta.cell.as_ref(), 6);
-            let held = grid.of_particles(&p, &Context::SILENT).unwrap();
-            let mean = 40_000.0 / held.len() as f64;
-            assert!(held.iter().all(|n| (n - mean).abs() < 6.0 * mean.sqrt()), "{cell:?}: {held:?}");
+            let masses = grid.of_particles(&p, &Context::SILENT).unwrap();
+            let mean = 40_000.0 / masses.len() as f64;
+            assert!(masses.iter().all(|n| (n - mean).abs() < 6.0 * mean.sqrt()), "{cell:?}: {masses:?}");
             let mut mixture = Mixture::default();
             (0..40_000).for_each(|i| mixture.push(p.position(i), Sym3::scaled_identity(0.0), 1.0, 1.0));
             let model = grid.of_mixture(&mixture, &Context::SILENT).unwrap();
             // Positions on a face of the box may go either way.
-            let moved: f64 = held.iter().zip(&model).map(|(a, b)| (a - b).abs()).sum();
-            assert!(moved < 5.0, "{cell:?}: {moved}");
+            let difference: f64 = masses.iter().zip(&model).map(|(a, b)| (a - b).abs()).sum();
+            assert!(difference < 5.0, "{cell:?}: {difference}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! A model against its snapshot over views, in every look, with what stands beside each score.
+//! A model against its snapshot over views, in every look, with the floors and rivals beside each score.
 
 use super::ViewTruth;
 use super::scores::{Evaluation, LookScores, ViewScores, gap};
@@ -102,9 +102,9 @@ impl<'a> ModelComparison<'a> {
             let name = format!("{} ({}/{})", view.name, number + 1, views.len());
             let sink = ViewProgress { name, inner: context.sink() };
             let context = context.with_sink(&sink);
-            let drawn = self.draw(view, size, &context)?;
+            let pictures = self.draw(view, size, &context)?;
             context.begin("scores", 0);
-            scored.push(self.scores(view, &drawn));
+            scored.push(self.scores(view, &pictures));
             context.end();
         }
         Ok(Evaluation::from_views(scored))
@@ -127,24 +127,24 @@ impl<'a> ModelComparison<'a> {
         Ok(ViewPictures { truth, tau, even, subset })
     }
 
-    pub fn look(&self, drawn: &ViewPictures, look: ToneStyle) -> LookScores {
-        drawn.scores(look, &self.scene.tone(&drawn.tau, look, &drawn.truth.tones))
+    pub fn look(&self, pictures: &ViewPictures, look: ToneStyle) -> LookScores {
+        pictures.scores(look, &self.scene.tone(&pictures.tau, look, &pictures.truth.tones))
     }
 
-    fn scores(&self, view: &View, drawn: &ViewPictures) -> ViewScores {
-        let no_fxaa = self.scene.tone(&drawn.tau, ToneStyle::ParaviewNoFxaa, &drawn.truth.tones);
-        let target = drawn.truth.picture(ToneStyle::ParaviewNoFxaa);
+    fn scores(&self, view: &View, pictures: &ViewPictures) -> ViewScores {
+        let no_fxaa = self.scene.tone(&pictures.tau, ToneStyle::ParaviewNoFxaa, &pictures.truth.tones);
+        let target = pictures.truth.picture(ToneStyle::ParaviewNoFxaa);
         ViewScores {
             name: view.name.clone(),
             orbit: orbit_of(view),
             radius: view.radius,
             opacity: view.opacity,
-            paraview: self.look(drawn, ToneStyle::Paraview),
+            paraview: self.look(pictures, ToneStyle::Paraview),
             paraview_no_fxaa: LookScores {
-                shot_noise: Some(shot_noise(&drawn.tau, view.opacity, &no_fxaa, target)),
-                ..drawn.scores(ToneStyle::ParaviewNoFxaa, &no_fxaa)
+                shot_noise: Some(shot_noise(&pictures.tau, view.opacity, &no_fxaa, target)),
+                ..pictures.scores(ToneStyle::ParaviewNoFxaa, &no_fxaa)
             },
-            expected: self.look(drawn, ToneStyle::Expected),
+            expected: self.look(pictures, ToneStyle::Expected),
         }
     }
 }
@@ -159,19 +159,19 @@ pub(super) struct ViewPictures {
 impl ViewPictures {
     fn scores(&self, look: ToneStyle, model: &Gray8) -> LookScores {
         let target = self.truth.picture(look);
-        let of = |picture: &Gray8| Scores::new(picture, target);
+        let scores_of = |picture: &Gray8| Scores::new(picture, target);
         let noise_free = match look {
             // The target itself.
             ToneStyle::Expected => Scores { psnr: None, masked_psnr: None, ssim: ssim(target, target) },
-            _ => of(&self.truth.noise_free(look)),
+            _ => scores_of(&self.truth.noise_free(look)),
         };
-        let model = of(model);
+        let model = scores_of(model);
         LookScores {
             model,
             noise_free,
-            all_black: of(&Gray8::black(target.size)),
-            uniform_box: of(&self.truth.tones.of(&self.even, look)),
-            subset: self.subset.as_ref().and_then(|s| s.picture(look)).map(of),
+            all_black: scores_of(&Gray8::black(target.size)),
+            uniform_box: scores_of(&self.truth.tones.of(&self.even, look)),
+            subset: self.subset.as_ref().and_then(|s| s.picture(look)).map(scores_of),
             gap: gap(noise_free, model),
             left_out: None,
             shot_noise: None,
@@ -179,10 +179,9 @@ impl ViewPictures {
     }
 }
 
-/// What a perfect smooth model would score against one shot, dB over the lit pixels: particles at
-/// random with the model's density give a pixel the variance exp(-2 tau) (exp(a tau / 2) - 1)
-/// where splats are smaller than a pixel (docs/law/scores.md). An estimate: a model that codes
-/// clumps passes it.
+/// The score of a perfect smooth model against one shot, dB over the lit pixels: particles at random with the model's
+/// density give a pixel the variance exp(-2 tau) (exp(a tau / 2) - 1) where splats are smaller than a pixel
+/// (docs/law/scores.md). An estimate: a model that codes clumps passes it.
 pub fn shot_noise(tau: &Plane, opacity: f64, drawn: &Gray8, target: &Gray8) -> Option<f64> {
     let (mut sum, mut pixels) = (0.0, 0u64);
     for ((&tau, &a), &b) in tau.data.iter().zip(&drawn.data).zip(&target.data) {

@@ -1,4 +1,5 @@
-//! What a certificate says of fields is measured on: sums over two halves of the particles in cells, which add up over parts.
+//! Sums that a certificate's figures of fields are made of: over two halves of the particles in cells. They add up over
+//! parts.
 
 use crate::stats::Grid;
 use particlegs_core::math::{Purpose, Random, each_axis};
@@ -12,20 +13,20 @@ const CELL: f64 = 4.0;
 const MOST_CELLS: f64 = 256.0;
 /// Cells of both halves that say something, at least.
 const LEAST_CELLS: usize = 8;
-/// Cells along the edge of a region, and particles that are looked at, about: of more, those of some regions, this many at
-/// least.
+/// Cells along the edge of a region, and particles that are looked at, about: of more, those of some regions, this many
+/// at least.
 const REGION: usize = 8;
 const LOOKED_AT: f64 = (1 << 19) as f64;
 const LEAST_REGIONS: f64 = 16.0;
 
-/// Of a cell: weights of the first half and the second; then, of each component, sums of weight times value of the first
-/// half and the second, and of weight times the model's mean at the places of the second.
+/// Of a cell: weights of the first half and the second; then, of each component, sums of weight times value of the
+/// first half and the second, and of weight times the model's mean at the places of the second.
 pub type FieldCellSums = [f64; 11];
 
 /// Of a field, by the cells' numbers.
 pub type FieldCellTable = BTreeMap<u64, FieldCellSums>;
 
-/// Cells over the box of all particles, which of these are looked at, and the seed that halves their particles.
+/// Cells over the box of all particles, the regions that are looked at, and the seed that halves their particles.
 pub struct FieldCells {
     domain: Domain,
     grid: Grid,
@@ -57,8 +58,8 @@ impl FieldCells {
         FieldCells { looked_at: (0..number).map(is_in).collect(), domain, grid, regions, seed }
     }
 
-    /// The cell and half of a particle; `None` of one that is not looked at. Places tell, so that parts of a snapshot agree
-    /// with all of it.
+    /// The cell and half of a particle; `None` of one that is not looked at. Places tell, so that parts of a snapshot
+    /// agree with all of it.
     pub fn place(&self, x: [f64; 3]) -> Option<FieldPlace> {
         let (local, g) = (self.domain.local(x), &self.grid);
         let along = |k: usize| (self.domain.along(&local, k) / g.side[k]).max(0.0) as usize;
@@ -82,23 +83,25 @@ impl FieldCells {
 }
 
 fn compared<'a>(sums: impl Iterator<Item = &'a FieldCellSums>) -> FieldAgreement {
-    let there: Vec<&FieldCellSums> = sums.filter(|s| s[0] > 0.0 && s[1] > 0.0).collect();
-    let total: f64 = there.iter().map(|s| s[0] + s[1]).sum();
+    let cells: Vec<&FieldCellSums> = sums.filter(|s| s[0] > 0.0 && s[1] > 0.0).collect();
+    let total: f64 = cells.iter().map(|s| s[0] + s[1]).sum();
     let (mut signal, mut error) = (0.0, 0.0);
     for c in 0..3 {
         let means = |s: &FieldCellSums| [s[2 + 3 * c] / s[0], s[3 + 3 * c] / s[1], s[4 + 3 * c] / s[1]];
-        let mean: [f64; 3] = each_axis(|k| there.iter().map(|s| (s[0] + s[1]) * means(s)[k]).sum::<f64>() / total);
+        let mean: [f64; 3] = each_axis(|k| cells.iter().map(|s| (s[0] + s[1]) * means(s)[k]).sum::<f64>() / total);
         let covariance = |a: usize, b: usize| {
             let product = |s: &&FieldCellSums| {
                 let m = means(s);
                 (s[0] + s[1]) * (m[a] - mean[a]) * (m[b] - mean[b])
             };
-            there.iter().map(product).sum::<f64>() / total
+            cells.iter().map(product).sum::<f64>() / total
         };
+        // The halves' noise is independent: their covariance is the variance of the means without noise.
         signal += covariance(0, 1);
+        // The mean square of model - truth, of terms that the noise of the second half does not enter.
         error += covariance(0, 1) + covariance(2, 2) - 2.0 * covariance(1, 2);
     }
-    if there.len() < LEAST_CELLS || signal.is_nan() || signal <= 0.0 {
+    if cells.len() < LEAST_CELLS || signal.is_nan() || signal <= 0.0 {
         return FieldAgreement::default();
     }
     let root = |v: f64| v.max(0.0).sqrt().min(f64::from(f32::MAX));
@@ -106,7 +109,7 @@ fn compared<'a>(sums: impl Iterator<Item = &'a FieldCellSums>) -> FieldAgreement
     if !(f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX)).contains(&signal.sqrt()) {
         return FieldAgreement::default();
     }
-    FieldAgreement { edge: 0.0, cells: there.len() as u32, signal: root(signal), error: root(error) }
+    FieldAgreement { edge: 0.0, cells: cells.len() as u32, signal: root(signal), error: root(error) }
 }
 
 /// A cell's number and its sums.
@@ -114,8 +117,8 @@ const BYTES: usize = 8 + size_of::<FieldCellSums>();
 
 /// The sums as a section of a part, little-endian.
 pub fn field_section(sums: &FieldCellTable) -> Vec<u8> {
-    let of_cell = |(cell, own): (&u64, &FieldCellSums)| {
-        cell.to_le_bytes().into_iter().chain(own.iter().flat_map(|v| v.to_le_bytes())).collect::<Vec<u8>>()
+    let of_cell = |(cell, cell_sums): (&u64, &FieldCellSums)| {
+        cell.to_le_bytes().into_iter().chain(cell_sums.iter().flat_map(|v| v.to_le_bytes())).collect::<Vec<u8>>()
     };
     sums.iter().flat_map(of_cell).collect()
 }
@@ -125,8 +128,8 @@ pub(super) fn add_field_section(sums: &mut FieldCellTable, bytes: &[u8]) -> Opti
     let (cells, []) = bytes.as_chunks::<BYTES>() else { return None };
     for cell in cells {
         let (numbers, _) = cell.as_chunks::<8>();
-        let own = sums.entry(u64::from_le_bytes(numbers[0])).or_default();
-        own.iter_mut().zip(&numbers[1..]).for_each(|(a, v)| *a += f64::from_le_bytes(*v));
+        let cell_sums = sums.entry(u64::from_le_bytes(numbers[0])).or_default();
+        cell_sums.iter_mut().zip(&numbers[1..]).for_each(|(a, v)| *a += f64::from_le_bytes(*v));
     }
     Some(())
 }
@@ -136,7 +139,8 @@ mod tests {
     use super::*;
     use particlegs_particles::testing::model_of;
 
-    /// Cells whose true means have a deviation of 3, measured with noise by both halves, by a model that has 0.9 of them.
+    /// Cells whose true means have a deviation of 3, measured with noise by both halves, by a model that has 0.9 of
+    /// them.
     #[test]
     fn noise_is_taken_off() {
         let sums: Vec<FieldCellSums> = (0..40_000)
@@ -150,10 +154,10 @@ mod tests {
                 cell
             })
             .collect();
-        let found = compared(sums.iter());
+        let agreement = compared(sums.iter());
         let error = f64::sqrt(0.3 * 0.3 + 0.4 * 0.4);
-        assert!((found.signal - 3.0).abs() < 0.06 && (found.error - error).abs() < 0.12, "{found:?}");
-        assert_eq!(found.cells, 40_000);
+        assert!((agreement.signal - 3.0).abs() < 0.06 && (agreement.error - error).abs() < 0.12, "{agreement:?}");
+        assert_eq!(agreement.cells, 40_000);
         let noise: Vec<FieldCellSums> =
             sums.iter().map(|s| [1.0, 1.0, s[3], -s[3], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
         assert_eq!(compared(noise.iter()), FieldAgreement::default());
@@ -170,11 +174,11 @@ mod tests {
                 let mut r = Random::new(3, 0, i);
                 cells.place([0, 1, 2].map(|_| 50.0 * r.uniform()))
             };
-            let found: Vec<FieldPlace> = (0..40_000).filter_map(place).collect();
+            let places: Vec<FieldPlace> = (0..40_000).filter_map(place).collect();
             let expected = 40_000.0 * share;
-            assert!((found.len() as f64 / expected - 1.0).abs() < 0.7, "{count}: {}", found.len());
-            let second = found.iter().filter(|p| p.half == 1).count() as f64;
-            assert!((second - 0.5 * found.len() as f64).abs() < 2.0 * (found.len() as f64).sqrt(), "{second}");
+            assert!((places.len() as f64 / expected - 1.0).abs() < 0.7, "{count}: {}", places.len());
+            let second = places.iter().filter(|p| p.half == 1).count() as f64;
+            assert!((second - 0.5 * places.len() as f64).abs() < 2.0 * (places.len() as f64).sqrt(), "{second}");
         }
     }
 

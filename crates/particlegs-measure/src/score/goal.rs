@@ -21,12 +21,12 @@ const SIZE: Size = Size { width: 1920, height: 1080 };
 const FRAMES: usize = 2;
 /// Draws that are measured.
 const DRAWS: u64 = 4;
-/// What stands for the PSNR of pictures that are identical in every view, dB.
+/// Number that stands for the PSNR of pictures that are identical in every view, dB.
 const IDENTICAL: f64 = 1000.0;
 
 /// Measures how well candidate models reach a goal.
 pub struct GoalMetric<'a> {
-    /// What is to be reached.
+    /// The figure that is to be reached.
     pub goal: Goal,
     particles: &'a Particles,
     domain: Domain,
@@ -34,7 +34,7 @@ pub struct GoalMetric<'a> {
     truth: GoalTruth,
 }
 
-/// What the particles have.
+/// The particles' side of the goal's figure.
 enum GoalTruth {
     Pictures(Box<HeldOutPictures>),
     Spectrum(Box<CachedTransform>),
@@ -68,7 +68,7 @@ impl<'a> GoalMetric<'a> {
         Ok(GoalMetric { goal, particles, domain, seed, truth })
     }
 
-    /// What a model has.
+    /// The figure of a model.
     pub fn measure(&self, model: &Model, context: &Context<'_>) -> Result<GoalResult> {
         let reached = match &self.truth {
             GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::new(model), context)?.unwrap_or(IDENTICAL),
@@ -90,13 +90,13 @@ impl<'a> GoalMetric<'a> {
 
     /// The worst of several draws: one may be lucky. The first is the certificate's.
     fn deviation_of_power(&self, truth: &CachedTransform, model: &Model, context: &Context<'_>) -> Result<f64> {
-        let of = |spectra: Spectra| spectra.largest_power_deviation().unwrap_or(f64::MAX);
+        let deviation_of = |spectra: Spectra| spectra.largest_power_deviation().unwrap_or(f64::MAX);
         let mut largest = 0.0f64;
         for draw in 0..DRAWS {
             let Some(sample) = self.drawn(model, draw, context)? else {
-                return Ok(of(truth.against(Subject::Model(model), context)?));
+                return Ok(deviation_of(truth.against(Subject::Model(model), context)?));
             };
-            largest = largest.max(of(truth.against(Subject::Particles(&sample), context)?));
+            largest = largest.max(deviation_of(truth.against(Subject::Particles(&sample), context)?));
         }
         Ok(largest)
     }
@@ -119,7 +119,7 @@ impl<'a> GoalMetric<'a> {
     }
 }
 
-/// How spectra up to `k_max` are taken: as the certificate's.
+/// Options of spectra up to `k_max`, which are taken as the certificate's.
 fn spectrum_to(k_max: f64, domain: &Domain, particles: usize) -> Result<SpectrumOptions> {
     if domain.periodic != [true; 3] {
         let message = "a power spectrum needs a box that is periodic along all axes";
@@ -176,10 +176,11 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, context: &Context
         return Err(Error::argument_with(message, "select only its lightest particles"));
     }
     let sizes = groups.sizes;
-    let found = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
-    if found < FEWEST_GROUPS {
-        let message =
-            format!("there are {found} groups of {from} particles or more, but a comparison needs {FEWEST_GROUPS}");
+    let group_count = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
+    if group_count < FEWEST_GROUPS {
+        let message = format!(
+            "there are {group_count} groups of {from} particles or more, but a comparison needs {FEWEST_GROUPS}"
+        );
         let hint = match sizes.get(FEWEST_GROUPS as usize - 1) {
             Some(size) => format!("use {size} as the smallest group").into(),
             None => Hint::default(),
@@ -196,12 +197,12 @@ mod tests {
     #[test]
     fn wave_numbers_that_cannot_be_measured_are_refused() {
         let cube = Domain::upright([0.0; 3], [25.0; 3], [true; 3]);
-        let told = |domain: &Domain, k: f64| spectrum_to(k, domain, 64 * 64 * 64).unwrap_err().to_string();
+        let refusal_of = |domain: &Domain, k: f64| spectrum_to(k, domain, 64 * 64 * 64).unwrap_err().to_string();
         // The same grid as the certificate's, to the wave number that is asked for.
         let options = spectrum_to(2.0, &cube, 64 * 64 * 64).unwrap();
         assert_eq!(options, SpectrumOptions { k_max: 2.0, ..spectrum_options(&cube, 64 * 64 * 64) });
-        assert!(told(&cube, 8.1).contains("particles in this box is 8.0425"));
-        assert!(told(&cube, 0.2).contains("smallest wave number of the box is 0.2513"));
-        assert!(told(&Domain { periodic: [true, true, false], ..cube }, 2.0).contains("periodic along all axes"));
+        assert!(refusal_of(&cube, 8.1).contains("particles in this box is 8.0425"));
+        assert!(refusal_of(&cube, 0.2).contains("smallest wave number of the box is 0.2513"));
+        assert!(refusal_of(&Domain { periodic: [true, true, false], ..cube }, 2.0).contains("periodic along all axes"));
     }
 }

@@ -1,4 +1,4 @@
-//! Held-out views with the truth at hand: how candidates are ranked while a model is made.
+//! Held-out views with the truth at hand, by which candidates are ranked while a model is made.
 
 use super::evaluate::clipped;
 use super::scores::mean;
@@ -42,8 +42,8 @@ impl HeldOutPictures {
             .iter()
             .zip(&self.truth)
             .map(|(view, truth)| {
-                let drawn = render::draw(scene, view, self.size, ToneStyle::Expected, context)?;
-                Ok(masked_psnr(&drawn, truth))
+                let picture = render::draw(scene, view, self.size, ToneStyle::Expected, context)?;
+                Ok(masked_psnr(&picture, truth))
             })
             .collect::<Result<Vec<_>>>()?;
         Ok(mean(scores.into_iter()))

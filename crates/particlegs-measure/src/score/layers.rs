@@ -1,5 +1,5 @@
-//! How the masses of layers go together, from cell to cell. Species of one distribution have one ratio everywhere, but
-//! for the noise of their sampling; a model fits each by Gaussians of its own, and its ratio has their scatter.
+//! Ratios of the masses of layers, from cell to cell. Species of one distribution have one ratio everywhere, but for
+//! the noise of their sampling; a model fits each by Gaussians of its own, and its ratio has their scatter.
 
 use super::cells::Masses;
 use crate::stats::{Assignment, Grid, Subject, deposit, deposit_steps};
@@ -20,8 +20,8 @@ const LEAST_CELLS: u32 = 64;
 /// Cells that lack a layer altogether are off by a factor of ten.
 const MOST_ERROR: f64 = 1.0;
 
-/// The ratios of each further layer to the first, in cells of the size at which the error is largest for the noise; `None` of
-/// one layer.
+/// The ratios of each further layer to the first, in cells of the size at which the error is largest for the noise;
+/// `None` of one layer.
 pub(super) fn layer_ratios(
     model: &Model,
     particles: &Particles,
@@ -59,21 +59,22 @@ impl LayerNumbers {
         context: &Context<'_>,
     ) -> Result<Option<LayerNumbers>> {
         let layer = &model.layers[place];
-        let Some(own) = particles.layers().iter().find(|l| l.name == layer.name) else { return Ok(None) };
-        let own = particles.of_layer(own);
+        let Some(particle_layer) = particles.layers().iter().find(|l| l.name == layer.name) else { return Ok(None) };
+        let layer_particles = particles.of_layer(particle_layer);
         let alone = Model { layers: vec![layer.clone()], certificate: None, metadata: model.metadata.clone() };
-        let pair = [Subject::Particles(&own), Subject::Model(&alone)];
+        let pair = [Subject::Particles(&layer_particles), Subject::Model(&alone)];
         context.begin("layers in cells", pair.map(|subject| deposit_steps(subject, grid)).iter().sum());
-        let unit = own.meta.particle_mass.unwrap_or(1.0);
-        let (sum, squares) = own.weights().map_or((1.0, 1.0), |weights| {
+        let unit = layer_particles.meta.particle_mass.unwrap_or(1.0);
+        // As many equal particles have as much noise: (sum w)^2 / sum w^2.
+        let (sum, squares) = layer_particles.weights().map_or((1.0, 1.0), |weights| {
             weights.iter().map(|w| f64::from(*w)).fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w))
         });
-        let of = |subject| -> Result<Masses> {
+        let masses_of = |subject| -> Result<Masses> {
             let mut masses = Masses::from_field(deposit(subject, grid, Assignment::Ngp, 0.0, context)?);
             masses.mass.iter_mut().for_each(|m| *m *= sum / (squares * unit));
             Ok(masses)
         };
-        let [truth, model] = [of(pair[0])?, of(pair[1])?];
+        let [truth, model] = [masses_of(pair[0])?, masses_of(pair[1])?];
         context.end();
         Ok(Some(LayerNumbers { truth, model }))
     }
@@ -86,16 +87,16 @@ impl LayerNumbers {
 /// At the size of cells where the error is the largest multiple of the noise; `edge` is that of the given ones.
 fn largest(pair: [&LayerNumbers; 2], edge: f64) -> LayerRatio {
     let at_least = |r: &LayerRatio| if r.cells < LEAST_CELLS { 0.0 } else { r.error / r.noise };
-    let mut found = compared(pair, edge);
+    let mut largest_ratio = compared(pair, edge);
     let (mut coarse, mut edge) = (pair.map(LayerNumbers::coarser), 2.0 * edge);
     while coarse[0].truth.mass.len() >= LEAST_CELLS as usize {
         let ratio = compared(coarse.each_ref(), edge);
-        if at_least(&ratio) > at_least(&found) {
-            found = ratio;
+        if at_least(&ratio) > at_least(&largest_ratio) {
+            largest_ratio = ratio;
         }
         (coarse, edge) = (coarse.each_ref().map(|numbers| numbers.coarser()), 2.0 * edge);
     }
-    if found.cells < LEAST_CELLS { LayerRatio::default() } else { found }
+    if largest_ratio.cells < LEAST_CELLS { LayerRatio::default() } else { largest_ratio }
 }
 
 fn compared([a, b]: [&LayerNumbers; 2], edge: f64) -> LayerRatio {
@@ -106,8 +107,10 @@ fn compared([a, b]: [&LayerNumbers; 2], edge: f64) -> LayerRatio {
             continue;
         }
         let truth = (of_b / of_a).log10();
+        // A cell in which the model has neither layer has no ratio: it counts as off by the most.
         let modelled = (b.model.mass[i] / a.model.mass[i]).clamp(f64::MIN_POSITIVE, f64::MAX).log10();
         let error = if modelled.is_nan() { MOST_ERROR } else { (modelled - truth).clamp(-MOST_ERROR, MOST_ERROR) };
+        // To first order, the natural logarithm of a number n of particles has the variance 1 / n.
         let (modelled, noise) = (truth + error, std::f64::consts::LOG10_E.powi(2) * (1.0 / of_a + 1.0 / of_b));
         let all = [modelled, modelled * modelled, truth, truth * truth, error * error, noise];
         sums.iter_mut().zip(all).for_each(|(sum, v)| *sum += v);

@@ -49,8 +49,8 @@ impl GroupFinder<'_> {
         let linked = LinkedParticles::new(particles, positions, self.domain);
         let finest = linked.index().map(|_| linked.spacing);
         let length = finest.map_or(self.length, |spacing| self.length / self.spacing * spacing);
-        let found = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, context)?;
-        Ok((found.map_or_else(|| Groups { linking_length: length, members: Vec::new() }, |f| f.groups), finest))
+        let linked_groups = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, context)?;
+        Ok((linked_groups.map_or_else(|| Groups { linking_length: length, members: Vec::new() }, |f| f.groups), finest))
     }
 
     /// The radius within which a counterpart of a group of `size` particles may lie: that of a sphere which has 200
@@ -65,8 +65,8 @@ impl GroupFinder<'_> {
         if truth.sizes.is_empty() || drawn.sizes.is_empty() {
             return Ok(vec![None; truth.sizes.len()]);
         }
-        let wanted = truth.centers.iter().zip(&truth.sizes).map(|(c, size)| (*c, self.radius(*size, truth)));
-        counterparts(wanted, &drawn.centers, self.domain, |_, _| true)
+        let spheres = truth.centers.iter().zip(&truth.sizes).map(|(c, size)| (*c, self.radius(*size, truth)));
+        counterparts(spheres, &drawn.centers, self.domain, |_, _| true)
     }
 }
 
@@ -97,6 +97,7 @@ impl GroupTally {
     pub fn add(&mut self, linking: &GroupFinder<'_>, truth: &GroupCatalogue, drawn: &GroupCatalogue) -> Result<()> {
         let counterparts = linking.counterparts(truth, drawn)?;
         for class in &mut self.classes {
+            // Every draw meets the same groups of the truth: their number is not added up.
             class.groups = 0;
             class.numbers.push(0.0);
         }
@@ -109,15 +110,15 @@ impl GroupTally {
                 class.masses.push(drawn.sizes[*other] as f64 / *size as f64);
             }
         }
-        let mut found = vec![false; drawn.sizes.len()];
-        counterparts.into_iter().flatten().for_each(|i| found[i] = true);
-        for (size, found) in drawn.sizes.iter().zip(found) {
+        let mut counterpart_flags = vec![false; drawn.sizes.len()];
+        counterparts.into_iter().flatten().for_each(|i| counterpart_flags[i] = true);
+        for (size, is_counterpart) in drawn.sizes.iter().zip(counterpart_flags) {
             let class = &mut self.classes[class_of(*size)];
             if let Some(n) = class.numbers.last_mut() {
                 *n += 1.0;
             }
             class.drawn += 1;
-            class.pure += u64::from(found);
+            class.pure += u64::from(is_counterpart);
         }
         Ok(())
     }
@@ -129,7 +130,7 @@ impl GroupTally {
 
 impl GroupClassSums {
     fn finish(mut self) -> GroupClass {
-        let share = |part: u64, of: u64| (of > 0).then(|| part as f64 / of as f64);
+        let share = |part: u64, whole: u64| (whole > 0).then(|| part as f64 / whole as f64);
         let draws = self.numbers.len().max(1) as f64;
         let mean = self.numbers.iter().sum::<f64>() / draws;
         let variance = self.numbers.iter().map(|n| (n - mean) * (n - mean)).sum::<f64>() / (draws - 1.0).max(1.0);
@@ -152,7 +153,7 @@ impl GroupClassSums {
 mod tests {
     use super::*;
 
-    fn found(groups: &[([f64; 3], u64)]) -> GroupCatalogue {
+    fn catalogue(groups: &[([f64; 3], u64)]) -> GroupCatalogue {
         let (sizes, centers) = (groups.iter().map(|g| g.1).collect(), groups.iter().map(|g| g.0).collect());
         GroupCatalogue { sizes, centers, finest: None }
     }
@@ -161,9 +162,9 @@ mod tests {
     fn counterparts_are_near_and_taken_once() {
         let domain = Domain::upright([0.0; 3], [10.0; 3], [true; 3]);
         let linking = GroupFinder { domain: &domain, length: 0.2, spacing: 1.0 };
-        let truth = found(&[([9.95, 5.0, 5.0], 400), ([5.0; 3], 120), ([5.2, 5.0, 5.0], 30), ([1.0; 3], 25)]);
+        let truth = catalogue(&[([9.95, 5.0, 5.0], 400), ([5.0; 3], 120), ([5.2, 5.0, 5.0], 30), ([1.0; 3], 25)]);
         // The first lies across the edge of the box; the second's is nearer to the third than its own.
-        let drawn = found(&[([0.1, 5.0, 5.0], 380), ([5.1, 5.0, 5.0], 150), ([3.0; 3], 60)]);
+        let drawn = catalogue(&[([0.1, 5.0, 5.0], 380), ([5.1, 5.0, 5.0], 150), ([3.0; 3], 60)]);
         let mut tally = GroupTally::default();
         tally.add(&linking, &truth, &drawn).unwrap();
         tally.add(&linking, &truth, &drawn).unwrap();

@@ -1,9 +1,9 @@
-//! How good a model is: pictures over views, the density on a grid, the certificate.
+//! Scores of a model: pictures over views, the density on a grid, the certificate.
 //!
-//! [`evaluate`] draws every view of all particles and of the model in every look and puts the
-//! noise-free score, the floors and the gap beside each score (docs/law/scores.md). The certificate
-//! does so for one frame an orbit and adds the density; [`Assessment::verdict`] says in plain words what it is good for.
-//! `HeldOutPictures` keeps the truth of a few views for who compares many models.
+//! [`evaluate`] draws every view of all particles and of the model in every look and puts the noise-free score, the
+//! floors and the gap beside each score (docs/law/scores.md). The certificate does so for one frame an orbit and adds
+//! the density; [`Assessment::verdict`] says in plain words which uses the model is good for. `HeldOutPictures` keeps
+//! the truth of a few views, for comparisons of many models.
 
 mod cells;
 mod certify;

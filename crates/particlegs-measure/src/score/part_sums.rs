@@ -1,4 +1,4 @@
-//! A certificate of sums over parts: what was never in one process.
+//! A certificate of sums over parts, which were never in one process.
 
 use super::density::{DensityAgreement, density_metrics, model_and_uniform};
 use super::field_sums::{FieldCellTable, add_field_section};
@@ -24,7 +24,7 @@ pub(crate) type SectionReader<'a> = &'a dyn Fn(u32, SumsSection) -> Result<Vec<u
 
 /// Adds up the sums of `parts` parts, in their order.
 pub struct PartSums<'a> {
-    /// What the parts were measured by.
+    /// Views, grids and options that the parts were measured by.
     pub frame: &'a MeasurementFrame,
     /// Seed of the certificate.
     pub seed: u64,

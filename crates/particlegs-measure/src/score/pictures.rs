@@ -39,11 +39,11 @@ pub(super) fn pictures(
     seed: u64,
     context: &Context<'_>,
 ) -> Result<Pictures> {
-    let mut found = Vec::with_capacity(PICTURE_SETTINGS);
+    let mut measurements = Vec::with_capacity(PICTURE_SETTINGS);
     for setting in settings() {
-        found.push(setting.measure(comparison, m, seed, context)?);
+        measurements.push(setting.measure(comparison, m, seed, context)?);
     }
-    let settings = std::array::from_fn(|i| found[i]);
+    let settings = std::array::from_fn(|i| measurements[i]);
     Ok(Pictures { width: SIZE.width as u16, height: SIZE.height as u16, settings })
 }
 
@@ -62,10 +62,10 @@ impl SceneSetting {
             let sink = ViewProgress { name: self.name(&view), inner: context.sink() };
             let context = context.with_sink(&sink);
             let view = View { radius: self.radius * m.default_radius, opacity, ..view };
-            let drawn = comparison.draw(&view, SIZE, &context)?;
+            let view_pictures = comparison.draw(&view, SIZE, &context)?;
             context.begin("scores", 0);
             for (all, look) in scores.iter_mut().zip([ToneStyle::Paraview, ToneStyle::Expected]) {
-                all.push(comparison.look(&drawn, look));
+                all.push(comparison.look(&view_pictures, look));
             }
             context.end();
         }
@@ -73,7 +73,7 @@ impl SceneSetting {
         Ok(PictureSetting { radius: self.radius, opacity, close: self.close, paraview, expected })
     }
 
-    /// What a user reads while waiting.
+    /// The name of a view at this setting, which a user reads while waiting.
     fn name(&self, view: &View) -> String {
         format!("{} at {} default radii and {} default opacities:", view.name, self.radius, self.opacity)
     }
@@ -87,12 +87,12 @@ fn over_views(views: &[LookScores]) -> LookSummary {
 
 /// Means over some views.
 pub(super) fn scores_of(views: &[LookScores]) -> PictureScores {
-    let of = |pick: fn(&LookScores) -> Scores| Some(score_of(views.iter().map(pick)));
+    let mean_score = |pick: fn(&LookScores) -> Scores| Some(score_of(views.iter().map(pick)));
     PictureScores {
-        model: of(|s| s.model),
-        noise_free: of(|s| s.noise_free),
-        all_black: of(|s| s.all_black),
-        uniform_box: of(|s| s.uniform_box),
+        model: mean_score(|s| s.model),
+        noise_free: mean_score(|s| s.noise_free),
+        all_black: mean_score(|s| s.all_black),
+        uniform_box: mean_score(|s| s.uniform_box),
         subset: views.iter().any(|s| s.subset.is_some()).then(|| score_of(views.iter().filter_map(|s| s.subset))),
     }
 }
@@ -109,14 +109,14 @@ mod tests {
     use super::*;
 
     fn scores(model: Option<f64>, subset: Option<f64>) -> LookScores {
-        let of = |v| Scores { psnr: v, masked_psnr: v, ssim: Some(0.5) };
+        let scores_at = |v| Scores { psnr: v, masked_psnr: v, ssim: Some(0.5) };
         LookScores {
-            model: of(model),
-            noise_free: of(None),
-            all_black: of(Some(4.0)),
-            uniform_box: of(Some(11.0)),
-            subset: subset.map(|v| of(Some(v))),
-            gap: of(None),
+            model: scores_at(model),
+            noise_free: scores_at(None),
+            all_black: scores_at(Some(4.0)),
+            uniform_box: scores_at(Some(11.0)),
+            subset: subset.map(|v| scores_at(Some(v))),
+            gap: scores_at(None),
             left_out: None,
             shot_noise: None,
         }

@@ -1,7 +1,7 @@
-//! What groups and distances are measured on: all particles, or those of a region of a large snapshot.
+//! The particles that groups and distances are measured on: all, or those of a region of a large snapshot.
 //!
-//! A random sample has other groups and distances than the whole; a region that keeps all its particles has the same but
-//! at its faces, which cut those drawn alike.
+//! A random sample has other groups and distances than the whole; a region that keeps all its particles has the same
+//! but at its faces, which cut those drawn alike.
 
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
@@ -29,12 +29,13 @@ pub struct ParticlesWithModel<'a> {
     pub domain: Domain,
     /// The mean spacing of the whole.
     pub spacing: f64,
-    /// How the region was chosen; `None` where it is the whole.
+    /// Bounds of the region and the number of its particles; `None` where it is the whole.
     pub sample: Option<Sample>,
 }
 
 impl<'a> ParticlesWithModel<'a> {
-    /// The whole of at most `most` particles, else a region that `seed` chooses; `None` where that holds next to nothing.
+    /// The whole of at most `most` particles, else a region that `seed` chooses; `None` where that holds next to
+    /// nothing.
     pub fn new(
         model: &'a Model,
         particles: &'a Particles,
@@ -52,11 +53,11 @@ impl<'a> ParticlesWithModel<'a> {
             return Ok(None);
         };
         let sample = Some(Sample { particles: inside.len() as u64, bounds });
-        let own = Domain::upright(bounds.min, bounds.extent(), [false; 3]);
-        let sound = inside.len() >= 2 && own.length.iter().all(|l| *l > 0.0);
-        let near = near(model, &domain, &bounds);
-        let (model, particles) = (Cow::Owned(near), Cow::Owned(inside));
-        let scope = ParticlesWithModel { model, particles, domain: own, spacing, sample };
+        let region_domain = Domain::upright(bounds.min, bounds.extent(), [false; 3]);
+        let sound = inside.len() >= 2 && region_domain.length.iter().all(|l| *l > 0.0);
+        let near_model = near(model, &domain, &bounds);
+        let (model, particles) = (Cow::Owned(near_model), Cow::Owned(inside));
+        let scope = ParticlesWithModel { model, particles, domain: region_domain, spacing, sample };
         Ok((sound && scope.model.gaussians() > 0).then_some(scope))
     }
 
@@ -97,8 +98,8 @@ fn cropped(domain: &Domain, bounds: Bounds) -> Selection {
     Selection { crop: Some(bounds), wrap: domain.periodic.contains(&true), ..Selection::all() }
 }
 
-/// The box halved again and again across its longest edge, where half of its particles lie on either side, until no more
-/// than `most` are left; bits of `seed` choose the halves.
+/// The box halved again and again across its longest edge, where half of its particles lie on either side, until no
+/// more than `most` are left; bits of `seed` choose the halves.
 fn region(particles: &Particles, domain: &Domain, seed: u64, most: u64) -> Bounds {
     let (n, positions) = (particles.len(), POSITIONS.min(particles.len()));
     let place = |i: usize| domain.local(particles.position((i as u128 * n as u128 / positions as u128) as usize));
@@ -142,13 +143,13 @@ fn near(model: &Model, domain: &Domain, bounds: &Bounds) -> Model {
     };
     let block = |b: &Block| {
         let g = &b.gaussians;
-        let mut kept = Mixture::new(g.masses().is_some());
+        let mut near_gaussians = Mixture::new(g.masses().is_some());
         (0..g.len())
             .filter(|&i| reaches(g, i))
-            .for_each(|i| kept.push(g.mean_of(i), g.cov_of(i), g.count[i], g.mass_of(i)));
-        let count = kept.count.iter().map(|&c| c as u64).sum();
-        let mass = (0..kept.len()).map(|i| kept.mass_of(i)).sum();
-        Block { bounds: b.bounds, count, mass, gaussians: kept }
+            .for_each(|i| near_gaussians.push(g.mean_of(i), g.cov_of(i), g.count[i], g.mass_of(i)));
+        let count = near_gaussians.count.iter().map(|&c| c as u64).sum();
+        let mass = (0..near_gaussians.len()).map(|i| near_gaussians.mass_of(i)).sum();
+        Block { bounds: b.bounds, count, mass, gaussians: near_gaussians }
     };
     let layer = |l: &Layer<Vec<Block>>| l.with(l.content.iter().map(block).filter(|b| b.count > 0).collect::<Vec<_>>());
     let layers: Vec<_> = model.layers.iter().map(layer).filter(|l| !l.content.is_empty()).collect();

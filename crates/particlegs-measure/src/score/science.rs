@@ -1,7 +1,7 @@
-//! What a certificate says of statistics: how far P(k), r(k) and groups are to be trusted.
+//! Statistics of a certificate: limits up to which P(k), r(k) and groups agree.
 //!
-//! What is measured follows from the number of particles and the level alone, so that the same input gives the
-//! same file on every machine, and takes less than 500 MB beside the snapshot.
+//! The measures follow from the number of particles and the level alone, so that the same input gives the same file on
+//! every machine, and take less than 500 MB beside the snapshot.
 
 use super::match_groups::GroupFinder;
 use crate::stats::{
@@ -24,8 +24,8 @@ const LEAST_CELLS: usize = 32;
 const MOST_CELLS: usize = 256;
 /// Cells of a grid that resolves the Gaussians, all axes together: 400 MB while particles are added up, 500 in all.
 const LARGEST_GRID: usize = 1 << 25;
-/// Wave numbers go to this share of the grid's Nyquist frequency, where what the window folds back
-/// is below a thousandth.
+/// Wave numbers go to this share of the grid's Nyquist frequency, where the power that the window folds back is below a
+/// thousandth.
 const SHARE_OF_NYQUIST: f64 = 0.5;
 /// Links as everywhere (`stats`).
 const LINKING: f64 = 0.2;
@@ -44,20 +44,20 @@ pub(super) fn science(
     if !file_holds(domain, &options) {
         return Ok(None);
     }
-    let (of, other) = match drawn {
+    let (subject, other) = match drawn {
         Some(drawn) => (ScienceSubject::DrawnParticles, Subject::Particles(drawn)),
         None => (ScienceSubject::Mixture, Subject::Model(model)),
     };
     let spectra = power_spectra([Subject::Particles(particles), other], domain, &options, context)?;
-    Ok(Some(science_metrics(of, &options, &spectra)))
+    Ok(Some(science_metrics(subject, &options, &spectra)))
 }
 
-/// Does float32, in which a file keeps wave numbers, hold these?
+/// Whether float32, in which a file keeps wave numbers, holds these.
 pub(super) fn file_holds(domain: &Domain, o: &SpectrumOptions) -> bool {
     [2.0 * PI / domain.longest(), o.k_max].iter().all(|k| (*k as f32).is_normal())
 }
 
-/// How groups are linked, `spacing` being the particles' mean one; `None` where the box is thinner than links allow.
+/// The linking of groups, `spacing` being the particles' mean one; `None` where the box is thinner than links allow.
 pub(super) fn linking(domain: &Domain, spacing: f64) -> Option<GroupFinder<'_>> {
     let length = LINKING * spacing;
     (length <= longest_link(domain)).then_some(GroupFinder { domain, length, spacing })
@@ -66,8 +66,8 @@ pub(super) fn linking(domain: &Domain, spacing: f64) -> Option<GroupFinder<'_>> 
 /// The spectrum's grid and largest wave number for `n` particles.
 pub fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
     let spacing = domain.spacing(n);
-    let wanted = (2.0 * domain.longest() / spacing * (1.0 - 1e-9)).ceil().min(MOST_CELLS as f64);
-    let cells = (wanted as usize).next_power_of_two().clamp(LEAST_CELLS, MOST_CELLS);
+    let wanted_cells = (2.0 * domain.longest() / spacing * (1.0 - 1e-9)).ceil().min(MOST_CELLS as f64);
+    let cells = (wanted_cells as usize).next_power_of_two().clamp(LEAST_CELLS, MOST_CELLS);
     let nyquist = PI * cells as f64 / domain.longest();
     SpectrumOptions {
         cells,
@@ -101,19 +101,19 @@ pub(super) fn mass_power(
             within_1_percent_to: limit(&spectra, spectra.power_within(0.01)),
         })
     };
-    let mut found = MassPower { whole: agreement(particles, model)?, layers: [None; POWER_LAYERS] };
+    let mut power = MassPower { whole: agreement(particles, model)?, layers: [None; POWER_LAYERS] };
     if several {
-        for (place, layer) in found.layers.iter_mut().zip(&model.layers) {
-            let Some(own) = particles.layers().iter().find(|l| l.name == layer.name) else { continue };
+        for (place, layer) in power.layers.iter_mut().zip(&model.layers) {
+            let Some(particle_layer) = particles.layers().iter().find(|l| l.name == layer.name) else { continue };
             let alone = Model { layers: vec![layer.clone()], certificate: None, metadata: model.metadata.clone() };
-            *place = Some(agreement(&particles.of_layer(own), &alone)?);
+            *place = Some(agreement(&particles.of_layer(particle_layer), &alone)?);
         }
     }
-    Ok(Some(found))
+    Ok(Some(power))
 }
 
-/// As [`spectrum_options`]; where the mixture's own spectrum is measured the grid also resolves its Gaussians, as far as
-/// memory goes: k to pi over their mean spacing. A certificate that the model has says what its grid was.
+/// As [`spectrum_options`]; where the mixture's own spectrum is measured the grid also resolves its Gaussians, as far
+/// as memory goes: k to pi over their mean spacing. A certificate that the model has says what its grid was.
 fn options_for(domain: &Domain, particles: usize, model: &Model) -> SpectrumOptions {
     let usual = spectrum_options(domain, particles);
     if particles as u64 <= MOST_DRAWN {
@@ -128,25 +128,25 @@ fn options_for(domain: &Domain, particles: usize, model: &Model) -> SpectrumOpti
     SpectrumOptions { cells, k_max: (PI / domain.spacing(particles)).min(SHARE_OF_NYQUIST * nyquist), ..usual }
 }
 
-/// Cells along the longest edge whose wave numbers go to pi over the mean spacing of the Gaussians, no further than that
-/// of the particles, and no more than [`LARGEST_GRID`].
+/// Cells along the longest edge whose wave numbers go to pi over the mean spacing of the Gaussians, no further than
+/// that of the particles, and no more than [`LARGEST_GRID`].
 fn resolving(domain: &Domain, [particles, gaussians]: [usize; 2]) -> usize {
     let cells = |n: usize| domain.longest() / (SHARE_OF_NYQUIST * domain.spacing(n));
-    let wanted =
+    let wanted_cells =
         (cells(gaussians).min(cells(particles)) * (1.0 - 1e-9)).ceil().clamp(1.0, f64::from(u16::MAX)) as usize;
     // Numbers that transforms divide well.
     let good = |n: &usize| {
         [2, 3, 5].into_iter().fold(*n, |n, p| (0..16).fold(n, |n, _| if n % p == 0 { n / p } else { n })) == 1
     };
     let fits = |n: &usize| Grid::new(domain, *n).len() <= LARGEST_GRID;
-    let from_above = (wanted..2 * wanted).filter(good).find(fits);
-    from_above.or_else(|| (LEAST_CELLS..wanted).rev().filter(good).find(fits)).unwrap_or(LEAST_CELLS)
+    let from_above = (wanted_cells..2 * wanted_cells).filter(good).find(fits);
+    from_above.or_else(|| (LEAST_CELLS..wanted_cells).rev().filter(good).find(fits)).unwrap_or(LEAST_CELLS)
 }
 
-/// What spectra say, groups apart.
-pub(super) fn science_metrics(of: ScienceSubject, o: &SpectrumOptions, spectra: &Spectra) -> ScienceMetrics {
+/// Limits that spectra give, groups apart.
+pub(super) fn science_metrics(subject: ScienceSubject, o: &SpectrumOptions, spectra: &Spectra) -> ScienceMetrics {
     ScienceMetrics {
-        of,
+        of: subject,
         spectrum_grid: o.cells as u16,
         k_max: spectra.shells.last().map_or(0.0, |s| s.k),
         power_within_1_percent_to: limit(spectra, spectra.power_within(0.01)),
@@ -157,12 +157,12 @@ pub(super) fn science_metrics(of: ScienceSubject, o: &SpectrumOptions, spectra: 
     }
 }
 
-/// How far `spectra` are good, where they have any shell.
+/// The limit at `place`, where `spectra` have any shell.
 fn limit(spectra: &Spectra, place: Option<f64>) -> Limit {
     if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) }
 }
 
-/// From which size on numbers of groups agree; not measured where there are too few.
+/// The size from which on numbers of groups agree; not measured where there are too few.
 pub(super) fn numbers_agree_from(truth: &[u64], drawn: &[u64]) -> Limit {
     let histogram = size_histogram([truth, drawn], GROUP_CLASSES[0]);
     match sizes_within(&histogram, GROUPS_WITHIN) {
@@ -189,17 +189,17 @@ mod tests {
     #[test]
     fn grids_follow_from_counts_and_stay_small() {
         let cube = Domain::upright([0.0; 3], [50.0; 3], [true; 3]);
-        let of = |domain: &Domain, n: usize| {
+        let options_of = |domain: &Domain, n: usize| {
             let o = spectrum_options(domain, n);
             (o.cells, o.k_max)
         };
-        let (cells, k) = of(&cube, 128 * 128 * 128);
+        let (cells, k) = options_of(&cube, 128 * 128 * 128);
         assert!(cells == 256 && (k - PI * 128.0 / 50.0).abs() < 1e-9, "{cells} {k}");
-        assert_eq!(of(&cube, 64 * 64 * 64).0, 128);
-        assert_eq!(of(&cube, 2).0, LEAST_CELLS);
+        assert_eq!(options_of(&cube, 64 * 64 * 64).0, 128);
+        assert_eq!(options_of(&cube, 2).0, LEAST_CELLS);
         // More particles than the grid resolves: half its Nyquist frequency.
-        assert_eq!(of(&cube, usize::MAX), (256, PI * 128.0 / 50.0));
+        assert_eq!(options_of(&cube, usize::MAX), (256, PI * 128.0 / 50.0));
         let needle = Domain::upright([0.0; 3], [1e6, 1.0, 1.0], [false; 3]);
-        assert_eq!(of(&needle, 1000).0, 256);
+        assert_eq!(options_of(&needle, 1000).0, 256);
     }
 }

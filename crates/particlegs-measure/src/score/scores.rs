@@ -32,7 +32,7 @@ pub struct LookScores {
 
 /// The gap of one picture's scores to another's.
 pub(super) fn gap(noise_free: Scores, model: Scores) -> Scores {
-    let difference = |of: fn(&Scores) -> Option<f64>| Some(of(&noise_free)? - of(&model)?);
+    let difference = |pick: fn(&Scores) -> Option<f64>| Some(pick(&noise_free)? - pick(&model)?);
     Scores { psnr: difference(|s| s.psnr), masked_psnr: difference(|s| s.masked_psnr), ssim: difference(|s| s.ssim) }
 }
 
@@ -133,8 +133,8 @@ fn by_name<S: Serializer>(all: &[(&'static str, MeanViewScores)], serializer: S)
 impl Evaluation {
     pub(super) fn from_views(views: Vec<ViewScores>) -> Self {
         let of_orbit = |orbit| {
-            let own = views.iter().filter(move |v| v.orbit == orbit);
-            own.clone().next().map(|_| (orbit, MeanViewScores::from_views(own)))
+            let orbit_views = views.iter().filter(move |v| v.orbit == orbit);
+            orbit_views.clone().next().map(|_| (orbit, MeanViewScores::from_views(orbit_views)))
         };
         let by_orbit = ["far", "mid", "near", "other"].into_iter().filter_map(of_orbit).collect();
         let mean = MeanViewScores::from_views(views.iter());

@@ -52,10 +52,10 @@ impl RandomSubset {
         particlegs_files::memory::require("a subset of the particles", n as u64 / 8 + 2 * bytes)?;
         let most = Thinning { bounds, spacing, bytes, seed }.most(n, |i| particles.position(i), context)?;
         Ok(most.map(|coded| {
-            let kept = coded.position[0].len();
-            let scale = (n as f64 / kept as f64).sqrt();
+            let kept_count = coded.position[0].len();
+            let scale = (n as f64 / kept_count as f64).sqrt();
             let bytes = coded.bytes as u64;
-            RandomSubset { particles: as_particles(&coded, particles), kept: kept as u64, bytes, scale }
+            RandomSubset { particles: as_particles(&coded, particles), kept: kept_count as u64, bytes, scale }
         }))
     }
 
@@ -78,10 +78,10 @@ impl RandomSubset {
 }
 
 /// About the origin of the particles that they are taken from.
-fn as_particles(coded: &CodedPoints, of: &Particles) -> Particles {
+fn as_particles(coded: &CodedPoints, source: &Particles) -> Particles {
     let columns: [Column; 3] =
-        each_axis(|k| Column::owned(coded.position[k].iter().map(|v| (v - of.origin[k]) as f32).collect()));
-    Particles::new(Positions::Columns(columns), of.origin, of.meta.clone())
+        each_axis(|k| Column::owned(coded.position[k].iter().map(|v| (v - source.origin[k]) as f32).collect()));
+    Particles::new(Positions::Columns(columns), source.origin, source.meta.clone())
 }
 
 #[cfg(test)]
@@ -94,22 +94,22 @@ mod tests {
     fn as_many_particles_are_kept_as_fit_the_bytes() {
         let particles = sample();
         let truth = Reference::new(&particles);
-        let of = |bytes, seed| RandomSubset::new(&truth, 0.78, bytes, seed, &Context::SILENT).unwrap();
+        let subset_of = |bytes, seed| RandomSubset::new(&truth, 0.78, bytes, seed, &Context::SILENT).unwrap();
         for bytes in [2_000, 10_485, 200_000] {
-            let thin = of(bytes, 42).unwrap();
+            let thin = subset_of(bytes, 42).unwrap();
             assert!(thin.bytes <= bytes && thin.bytes as f64 >= 0.99 * bytes as f64, "{} of {bytes}", thin.bytes);
             assert_eq!(thin.particles.len() as u64, thin.kept);
             assert!((thin.scale * thin.scale * thin.kept as f64 / 262_144.0 - 1.0).abs() < 1e-12);
         }
-        let again = of(10_485, 42).unwrap();
+        let again = subset_of(10_485, 42).unwrap();
         assert_eq!(
             (again.kept, again.particles.position(7)),
-            (of(10_485, 42).unwrap().kept, again.particles.position(7))
+            (subset_of(10_485, 42).unwrap().kept, again.particles.position(7))
         );
-        assert_ne!(of(10_485, 43).unwrap().particles.position(7), again.particles.position(7));
+        assert_ne!(subset_of(10_485, 43).unwrap().particles.position(7), again.particles.position(7));
         // All of them, and none.
-        assert_eq!(of(100_000_000, 1).unwrap().kept, 262_144);
-        assert!(of(60, 1).is_none());
+        assert_eq!(subset_of(100_000_000, 1).unwrap().kept, 262_144);
+        assert!(subset_of(60, 1).is_none());
     }
 
     /// Every particle kept is one of the snapshot's, as close as was said.

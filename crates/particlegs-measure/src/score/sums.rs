@@ -1,8 +1,8 @@
-//! What a certificate can be added up of: sums over a part of the particles and its Gaussians.
+//! Sums that a certificate can be added up of: over a part of the particles and its Gaussians.
 //!
-//! Optical depths, masses in cells and the weights that shot noise follows from add up; ParaView's pictures, whose splats
-//! hide each other, do not, nor do groups and neighbours across parts. A [`MeasurementFrame`] says what all parts share. Sections are
-//! little-endian, of a fixed order and independent of threads; rows of zeros are left out.
+//! Optical depths, masses in cells and the weights that shot noise follows from add up; ParaView's pictures, whose
+//! splats hide each other, do not, nor do groups and neighbours across parts. All parts share a [`MeasurementFrame`].
+//! Sections are little-endian, of a fixed order and independent of threads; rows of zeros are left out.
 
 use super::cells::finest;
 use super::density::{DensityGrid, GRID};
@@ -68,7 +68,7 @@ impl SumsSection {
     };
 }
 
-/// What all parts of a snapshot are measured by: it follows from what is known of the whole.
+/// Views, grids and options that all parts of a snapshot are measured by; they follow from the metadata of the whole.
 pub struct MeasurementFrame {
     /// Metadata of the whole.
     pub metadata: Metadata,
@@ -80,7 +80,7 @@ pub struct MeasurementFrame {
     pub density: DensityGrid,
     /// The smallest cells, where there are enough.
     pub cells: Option<Grid>,
-    /// How P(k) is measured.
+    /// Options of P(k).
     pub spectrum: SpectrumOptions,
     /// Cells in which fields are compared.
     pub fields: FieldCells,
@@ -111,12 +111,12 @@ impl MeasurementFrame {
 
     /// Numbers that a section adds up, and how many of them are a row.
     pub fn shape(&self, section: SumsSection) -> [usize; 2] {
-        let of = |g: &Grid| [g.len(), g.cells[2]];
+        let shape_of = |g: &Grid| [g.len(), g.cells[2]];
         match section {
             SumsSection::Weights => [2, 2],
-            SumsSection::Density(_) => of(self.density.grid()),
-            SumsSection::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
-            SumsSection::Spectrum(..) => of(&self.spectrum_grid()),
+            SumsSection::Density(_) => shape_of(self.density.grid()),
+            SumsSection::Cells(_) => self.cells.as_ref().map_or([0, 1], shape_of),
+            SumsSection::Spectrum(..) => shape_of(&self.spectrum_grid()),
             SumsSection::View(..) => [SIZE.pixels(), SIZE.width],
             SumsSection::Field(_) => [0, 1],
         }
@@ -165,11 +165,11 @@ impl PartWithModel<'_> {
         let mut sums = [0.0; 2];
         for p in &self.layers {
             let unit = p.meta.particle_mass.unwrap_or(1.0);
-            let own = match p.weights() {
+            let layer_sums = match p.weights() {
                 None => [p.len() as f64; 2],
                 Some(w) => w.iter().fold([0.0; 2], |s, &w| [s[0] + f64::from(w), s[1] + f64::from(w) * f64::from(w)]),
             };
-            (sums[0], sums[1]) = (sums[0] + unit * own[0], sums[1] + unit * unit * own[1]);
+            (sums[0], sums[1]) = (sums[0] + unit * layer_sums[0], sums[1] + unit * unit * layer_sums[1]);
         }
         sums
     }
@@ -177,7 +177,7 @@ impl PartWithModel<'_> {
     fn density(&self, side: usize) -> Result<Vec<f32>> {
         let grid = &self.frame.density;
         let mut sum = vec![0.0f64; grid.grid().len()];
-        let mut add = |own: Vec<f64>| sum.iter_mut().zip(own).for_each(|(s, v)| *s += v);
+        let mut add = |masses: Vec<f64>| sum.iter_mut().zip(masses).for_each(|(s, v)| *s += v);
         match side {
             0 => self.layers.iter().try_for_each(|p| grid.of_particles(p, self.context).map(&mut add))?,
             _ => add(grid.of_model(self.model, self.context)?),
@@ -186,16 +186,16 @@ impl PartWithModel<'_> {
     }
 
     fn field(&self, side: usize, grid: &Grid, scheme: Assignment, shift: f64) -> Result<Vec<f32>> {
-        let of = |subject| deposit(subject, grid, scheme, shift, self.context).map(|f: Field| f.mass);
+        let masses_of = |subject| deposit(subject, grid, scheme, shift, self.context).map(|f: Field| f.mass);
         if side == 1 {
-            return of(Subject::Model(self.model));
+            return masses_of(Subject::Model(self.model));
         }
         let mut sum: Vec<f32> = Vec::new();
         for p in &self.layers {
-            let own = of(Subject::Particles(p))?;
+            let masses = masses_of(Subject::Particles(p))?;
             match sum.is_empty() {
-                true => sum = own,
-                false => sum.iter_mut().zip(own).for_each(|(s, v)| *s += v),
+                true => sum = masses,
+                false => sum.iter_mut().zip(masses).for_each(|(s, v)| *s += v),
             }
         }
         Ok(sum)
@@ -208,15 +208,16 @@ impl PartWithModel<'_> {
         }
         let mut sum = vec![0.0f32; size.pixels()];
         for p in &self.layers {
-            let own = Reference::with_bounds(p, self.frame.metadata.bounds).optical_depth(view, size, self.context)?;
-            sum.iter_mut().zip(own.data).for_each(|(s, v)| *s += v);
+            let depth =
+                Reference::with_bounds(p, self.frame.metadata.bounds).optical_depth(view, size, self.context)?;
+            sum.iter_mut().zip(depth.data).for_each(|(s, v)| *s += v);
         }
         Ok(sum)
     }
 }
 
-/// The rows of `values` that hold anything: u32 number, u32 first and u32 count of the values from the first to the last
-/// that is not 0, and these as f32.
+/// The rows of `values` that hold anything: u32 number, u32 first and u32 count of the values from the first to the
+/// last that is not 0, and these as f32.
 fn rows(values: &[f32], width: usize) -> Vec<u8> {
     let mut out = Vec::new();
     for (number, row) in values.chunks(width).enumerate() {

@@ -182,17 +182,17 @@ fn power_of_mass_is_told_by_layer() {
         .with_weights(particlegs_particles::Column::owned(weights))
         .with_layers(vec![layer("stars", 0..half, 4.0), layer("dm", half..n, 1.0)]);
     let model_of = |cells: [usize; 2]| {
-        let own = |k: usize| {
+        let layer_of = |k: usize| {
             let alone = particles.of_layer(&particles.layers()[k]);
             let content = tiny(&alone, cells[k]).layers.remove(0).content;
             particles.layers()[k].with(content)
         };
-        Model { layers: vec![own(1), own(0)], ..tiny(&particles, 1) }
+        Model { layers: vec![layer_of(1), layer_of(0)], ..tiny(&particles, 1) }
     };
     let [good, bad] = [[24, 24], [2, 24]].map(|cells| {
-        let found = mass_power(&model_of(cells), &particles, &domain, &Context::SILENT).unwrap().unwrap();
-        assert_eq!(found.layers.iter().flatten().count(), 2);
-        [found.whole, found.layers[0].unwrap(), found.layers[1].unwrap()].map(|p| p.within_1_percent_to.place())
+        let power = mass_power(&model_of(cells), &particles, &domain, &Context::SILENT).unwrap().unwrap();
+        assert_eq!(power.layers.iter().flatten().count(), 2);
+        [power.whole, power.layers[0].unwrap(), power.layers[1].unwrap()].map(|p| p.within_1_percent_to.place())
     });
     assert!(good[1].is_some() && good[1] == bad[1], "{good:?} {bad:?}");
     assert!(good[2] > bad[2] && good[0] > bad[0], "{good:?} {bad:?}");
@@ -209,8 +209,8 @@ fn large_snapshots_are_measured_in_a_region() {
         let (sample, n) = (scope.sample.unwrap(), scope.particles.len());
         assert!((8_000..=20_500).contains(&n) && sample.particles == n as u64, "{n}");
         let inside = |p: [f64; 3]| (0..3).all(|k| p[k] >= sample.bounds.min[k] && p[k] < sample.bounds.max[k]);
-        let there = (0..particles.len()).filter(|&i| inside(particles.position(i))).count();
-        assert!(there == n && (0..n).all(|i| inside(scope.particles.position(i))), "{there} {n}");
+        let inside_count = (0..particles.len()).filter(|&i| inside(particles.position(i))).count();
+        assert!(inside_count == n && (0..n).all(|i| inside(scope.particles.position(i))), "{inside_count} {n}");
         let drawn = scope.draw(7, &Context::SILENT).unwrap().unwrap();
         assert!((drawn.len() as f64 / n as f64 - 1.0).abs() < 0.1, "{} {n}", drawn.len());
         assert!((0..drawn.len()).all(|i| inside(drawn.position(i))) && scope.model.gaussians() < model.gaussians() / 4);

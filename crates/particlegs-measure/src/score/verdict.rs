@@ -1,5 +1,5 @@
-//! What a model is good for, in plain words: one judgement of a certificate, the same wherever it is
-//! told. The thresholds and their reasons: docs/guide/certificate.md.
+//! Uses that a model is good for, in plain words: one judgement of a certificate, the same everywhere. The thresholds
+//! and their reasons: docs/guide/certificate.md.
 
 use super::science::MOST_DRAWN;
 use particlegs_core::model::{
@@ -14,8 +14,8 @@ use serde::Serialize;
 pub const PICTURES_HOLD: f64 = 6.0;
 /// Pictures hold roughly from here on: seven tenths of its error.
 pub const PICTURES_ROUGHLY: f64 = 3.0;
-/// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err by
-/// a third of white: with half of that the filaments are wrong to the eye.
+/// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err
+/// by a third of white: with half of that the filaments are wrong to the eye.
 pub const LARGE_HOLDS: f64 = 12.0;
 /// A large radius holds roughly from here on.
 pub const LARGE_ROUGHLY: f64 = 6.0;
@@ -56,7 +56,7 @@ const NEEDS_FULL: &str = "needs a full certificate";
 const ADDED_UP: &str = "the certificate is a sum over blocks";
 
 particlegs_core::named_values! {
-    /// What a model may be used for.
+    /// A use of a model.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
     #[serde(rename_all = "snake_case")]
     pub enum UseCase {
@@ -80,7 +80,7 @@ particlegs_core::named_values! {
 }
 
 particlegs_core::named_values! {
-    /// How far that goes.
+    /// The grade of a model for a use.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
     pub enum Grade {
         /// Use it.
@@ -107,12 +107,12 @@ particlegs_core::named_values! {
 /// One use, its word, and the figures that decided it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Assessment {
-    /// What for.
+    /// The use.
     #[serde(rename = "use")]
     pub of: UseCase,
     /// The word.
     pub word: Grade,
-    /// Why, in one line: the figure that decided, and behind a semicolon what stands beside it.
+    /// The reason, in one line: the figure that decided, and behind a semicolon further figures.
     pub why: String,
 }
 
@@ -125,17 +125,21 @@ impl Assessment {
     /// The verdict on a file whose figures nobody has measured again.
     pub fn unverified() -> Vec<Assessment> {
         let why = "verifying the file's figures needs the snapshot";
-        let of_positions = UseCase::ALL.into_iter().filter(|of| *of != UseCase::Field);
-        of_positions.map(|of| Assessment { of, word: Grade::NotVerified, why: why.into() }).collect()
+        let of_positions = UseCase::ALL.into_iter().filter(|use_case| *use_case != UseCase::Field);
+        of_positions.map(|use_case| Assessment { of: use_case, word: Grade::NotVerified, why: why.into() }).collect()
     }
 
-    /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up), density, power
-    /// spectrum, groups and spacing, in this order; then each field that was measured, or that none was.
+    /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up),
+    /// density, power spectrum, groups and spacing, in this order; then each field that was measured, or that none was.
     /// Without a certificate nothing is measured.
     pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Assessment> {
         let Some(c) = certificate else {
-            let none = |of| Assessment { of, word: Grade::NotMeasured, why: "the file has no certificate".into() };
-            return UseCase::ALL.into_iter().filter(|of| *of != UseCase::Field).map(none).collect();
+            let none = |use_case| Assessment {
+                of: use_case,
+                word: Grade::NotMeasured,
+                why: "the file has no certificate".into(),
+            };
+            return UseCase::ALL.into_iter().filter(|use_case| *use_case != UseCase::Field).map(none).collect();
         };
         let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
@@ -143,16 +147,16 @@ impl Assessment {
         let findings =
             [pictures(c), at_large_radius(c), close_up(c), density, spectrum(c, metadata), groups, spacing(c, unit)];
         let fields = metadata.fields.iter().zip(c.fields.iter().flat_map(|f| f.each));
-        let fields = fields.filter_map(|(q, found)| Some((UseCase::Field, field(q, &found?, unit))));
+        let fields = fields.filter_map(|(q, agreement)| Some((UseCase::Field, field(q, &agreement?, unit))));
         let unknown = c.fields.is_none() && !metadata.fields.is_empty();
         let none = (Grade::NotMeasured, "the fields were not compared with the particles".to_string());
         let unknown = unknown.then_some((UseCase::Field, none));
         let uses = UseCase::ALL.into_iter().zip(findings).chain(fields).chain(unknown);
-        uses.map(|(of, (word, why))| Assessment { of, word, why }).collect()
+        uses.map(|(use_case, (word, why))| Assessment { of: use_case, word, why }).collect()
     }
 }
 
-/// How far a use goes, and why.
+/// The grade of a use, and the reason.
 type Finding = (Grade, String);
 
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
@@ -192,7 +196,7 @@ fn at_setting(
     (gain.word(gain.subset_is_better, limits), gain.describe(&format!("worst view, {}", name(at))))
 }
 
-/// How far a picture is above the better of the trivial ones.
+/// Decibels of a picture above the better of the trivial ones.
 struct PictureGain {
     model: Option<f64>,
     trivial: f64,
@@ -226,7 +230,7 @@ impl PictureGain {
         graded(self.more_similar && holds, self.more_similar && self.decibels >= roughly)
     }
 
-    fn describe(&self, of: &str) -> String {
+    fn describe(&self, view_name: &str) -> String {
         let Some(model) = self.model else { return "identical to the noise-free picture".into() };
         let less = if self.more_similar { "" } else { ", with no better SSIM" };
         let subset = match self.subset {
@@ -234,7 +238,10 @@ impl PictureGain {
             Some(_) => "a random subset of the same size is identical; ".into(),
             None => String::new(),
         };
-        format!("{model:.1} dB, against {:.1} dB for {}{less}; {subset}masked PSNR, {of}", self.trivial, self.name)
+        format!(
+            "{model:.1} dB, against {:.1} dB for {}{less}; {subset}masked PSNR, {view_name}",
+            self.trivial, self.name
+        )
     }
 }
 
@@ -261,7 +268,7 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let roughly = |d: &CellDensity| d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial(d);
     let from = |good: &dyn Fn(&CellDensity) -> bool| densities.iter().rev().take_while(|d| good(d)).last();
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
-    let told = |d: &CellDensity, word| {
+    let finding = |d: &CellDensity, word| {
         let (even, more) = if word == Grade::DoesNot { ("even ", "") } else { ("", " or larger") };
         let (&CellDensity { edge, particles, correlation, mean_absolute_error, .. }, trivial) = (d, trivial(d));
         let why = format!(
@@ -272,9 +279,9 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
         (word, why)
     };
     match (from(&holds), from(&roughly), densities.last()) {
-        (Some(d), ..) => told(d, Grade::Holds),
-        (None, Some(d), _) => told(d, Grade::Roughly),
-        (None, None, Some(d)) => told(d, Grade::DoesNot),
+        (Some(d), ..) => finding(d, Grade::Holds),
+        (None, Some(d), _) => finding(d, Grade::Roughly),
+        (None, None, Some(d)) => finding(d, Grade::DoesNot),
         _ => (Grade::NotMeasured, "there are too few particles".into()),
     }
 }
@@ -285,7 +292,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
         return (Grade::NotApplicable, "the particles have no periodic box".into());
     }
-    let (k_max, one, five, of) = match (&c.held_out, &c.science) {
+    let (k_max, one, five, origin) = match (&c.held_out, &c.science) {
         (Some(h), _) => {
             (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), ", with half the particles")
         }
@@ -306,7 +313,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
         Grade::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    (word, format!("{why}; measured up to k = {}{of}", wavenumber(k_max)))
+    (word, format!("{why}; measured up to k = {}{origin}", wavenumber(k_max)))
 }
 
 /// In three digits that are not zeros, whatever the unit.
@@ -421,12 +428,12 @@ mod tests {
         model_of(&[], [50.0; 3]).metadata
     }
 
-    fn finding(c: &Certificate, of: UseCase) -> Assessment {
-        Assessment::verdict(Some(c), &boxed()).into_iter().find(|f| f.of == of).unwrap()
+    fn finding(c: &Certificate, use_case: UseCase) -> Assessment {
+        Assessment::verdict(Some(c), &boxed()).into_iter().find(|f| f.of == use_case).unwrap()
     }
 
-    fn word(c: &Certificate, of: UseCase) -> Grade {
-        finding(c, of).word
+    fn word(c: &Certificate, use_case: UseCase) -> Grade {
+        finding(c, use_case).word
     }
 
     #[test]
@@ -580,8 +587,8 @@ mod tests {
         let halves = Certificate { held_out: Some(held_out), ..c };
         assert!(finding(&halves, UseCase::PowerSpectrum).why.contains("1 % up to k = 6.000"));
         let open = Metadata { cell: None, ..boxed() };
-        let found = Assessment::verdict(Some(&c), &open);
-        assert_eq!(found.iter().find(|f| f.of == UseCase::PowerSpectrum).unwrap().word, Grade::NotApplicable);
+        let verdict = Assessment::verdict(Some(&c), &open);
+        assert_eq!(verdict.iter().find(|f| f.of == UseCase::PowerSpectrum).unwrap().word, Grade::NotApplicable);
     }
 
     #[test]
@@ -597,9 +604,9 @@ mod tests {
         };
         let fields = ["velocity", "spin", "heat"].map(|name| quantity(name, "km/s")).into();
         let metadata = Metadata { fields, ..boxed() };
-        let found = |error| Some(FieldAgreement { edge: 2.0, cells: 100, signal: 200.0, error });
+        let agreement = |error| Some(FieldAgreement { edge: 2.0, cells: 100, signal: 200.0, error });
         let mut each = [None; particlegs_core::model::CERTIFIED_FIELDS];
-        each[..3].copy_from_slice(&[found(40.0), found(100.0), Some(FieldAgreement::default())]);
+        each[..3].copy_from_slice(&[agreement(40.0), agreement(100.0), Some(FieldAgreement::default())]);
         let c = Certificate { fields: Some(FieldAgreements { each }), ..certificate() };
         let verdict = Assessment::verdict(Some(&c), &metadata);
         let fields: Vec<&Assessment> = verdict.iter().filter(|f| f.of == UseCase::Field).collect();

@@ -81,7 +81,7 @@ pub fn orbit_of(view: &View) -> &'static str {
     ORBITS.iter().find(|o| o.name == prefix).map_or("other", |o| o.name)
 }
 
-/// What a certificate says of the pictures that its scores are of.
+/// Size, seed and scores of a certificate's pictures.
 pub(super) fn view_metrics(seed: u64, orbits: [OrbitMetrics; 3]) -> ViewMetrics {
     ViewMetrics { width: SIZE.width as u16, height: SIZE.height as u16, seed, orbits }
 }

@@ -21,8 +21,8 @@ pub fn group_center(positions: &[[f64; 3]], members: &[u32], domain: &Domain) ->
     domain.local(each_axis(|k| domain.min[k] + first[k] + center[k]))
 }
 
-/// The place of a group's first member, and the offsets of all from it by the shortest way: a group is smaller than half the
-/// box.
+/// The place of a group's first member, and the offsets of all from it by the shortest way: a group is smaller than
+/// half the box.
 pub fn group_offsets(positions: &[[f64; 3]], members: &[u32], domain: &Domain) -> Option<([f64; 3], Vec<[f64; 3]>)> {
     let first = positions[*members.first()? as usize];
     let offset = |i: &u32| domain.shortest_way(each_axis(|k| positions[*i as usize][k] - first[k]));
@@ -37,7 +37,8 @@ fn square_between(p: &[f64; 3], c: &[f64; 3]) -> f64 {
     (0..3).map(|k| (p[k] - c[k]) * (p[k] - c[k])).sum()
 }
 
-/// Where spheres end that begin about `center` and shrink by a tenth a step, each about the mean of those in the last.
+/// The centre of the last of spheres that begin about `center` and shrink by a tenth a step, each about the mean of the
+/// places in the one before.
 pub fn shrunk_center(mut all: Vec<[f64; 3]>, mut center: [f64; 3], mut radius: f64) -> [f64; 3] {
     while all.len() > LEAST && radius > 0.0 {
         radius *= SHRINK;
@@ -101,20 +102,20 @@ pub fn aperture_mass(
     radius: f64,
     sizes: [u64; 2],
 ) -> ApertureMass {
-    let chosen: Vec<usize> = (0..groups.members.len())
+    let indices: Vec<usize> = (0..groups.members.len())
         .filter(|g| (sizes[0]..=sizes[1]).contains(&(groups.members[*g].len() as u64)) && truth[*g] > 0)
         .collect();
-    let mut ratios: Vec<f64> = chosen.iter().map(|g| per * other[*g] as f64 / truth[*g] as f64).collect();
+    let mut ratios: Vec<f64> = indices.iter().map(|g| per * other[*g] as f64 / truth[*g] as f64).collect();
     ratios.sort_by(f64::total_cmp);
     let at = |share| quantile(&ratios, share);
-    let sum = |v: &[u64]| chosen.iter().map(|g| v[*g]).sum::<u64>() as f64;
+    let sum = |v: &[u64]| indices.iter().map(|g| v[*g]).sum::<u64>() as f64;
     ApertureMass {
         radius,
         sizes,
-        groups: chosen.len() as u64,
+        groups: indices.len() as u64,
         median: at(0.5),
         quartiles: at(0.25).zip(at(0.75)).map(<[f64; 2]>::from),
-        total: (!chosen.is_empty()).then(|| per * sum(other) / sum(truth)),
+        total: (!indices.is_empty()).then(|| per * sum(other) / sum(truth)),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Are both subjects of one box, which holds them?
+//! The check that both subjects are of one box, which holds them.
 
 use super::Subject;
 use particlegs_core::space::{Bounds, Cell};
@@ -8,8 +8,7 @@ use particlegs_particles::{check_box, check_particles};
 /// Boxes whose lengths differ by no more than this share are of one size.
 const SAME: f64 = 1e-5;
 
-/// Refuses subjects that their boxes do not hold and boxes of different sizes; what a reader of the
-/// results must know beside.
+/// Refuses subjects that their boxes do not hold and boxes of different sizes; notes for a reader of the results.
 pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for subject in pair {
@@ -32,7 +31,7 @@ pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
     Ok(notes)
 }
 
-/// Where a subject lies.
+/// The box and the bounds of a subject, and its name in errors.
 struct BoxPlacement<'a> {
     name: &'a str,
     bounds: Bounds,
@@ -117,10 +116,15 @@ mod tests {
         };
         let [a, b, c] = [[6.0, 0.0, 0.0], [3.0, 5.0, 0.0], [1.0, 2.0, 6.0]];
         let one = tilted([a, b, c]);
-        let told = |vectors| checked(&one, &tilted(vectors));
-        assert!(told([a, [15.0, 5.0, 0.0], [-1.0, -2.0, -6.0]]).is_ok());
-        assert!(told([a, [15.0, 5.0, 0.0], [2.0, 2.0, 6.0]]).unwrap_err().to_string().contains("cannot be compared"));
-        assert!(told([[6.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 6.0]]).is_err());
+        let check_lattice = |vectors| checked(&one, &tilted(vectors));
+        assert!(check_lattice([a, [15.0, 5.0, 0.0], [-1.0, -2.0, -6.0]]).is_ok());
+        assert!(
+            check_lattice([a, [15.0, 5.0, 0.0], [2.0, 2.0, 6.0]])
+                .unwrap_err()
+                .to_string()
+                .contains("cannot be compared")
+        );
+        assert!(check_lattice([[6.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 6.0]]).is_err());
         // Neither is said to have no periodic box.
         assert!(checked(&one, &one).unwrap().is_empty());
     }

@@ -1,10 +1,10 @@
-//! What Gaussians carry into the cells of a grid.
+//! Quantities that Gaussians carry into the cells of a grid.
 
 use particlegs_core::math::Sym3;
 
-/// What the mass of a Gaussian carries into cells: nothing, or a field.
+/// A quantity that goes with the mass of a Gaussian into cells: nothing, or a field.
 pub(crate) trait CellQuantity {
-    /// What a cell adds up.
+    /// The sum in a cell.
     type Sum: Copy + Default + Send;
     /// Boxes that half a resolved Gaussian may fill along an axis.
     const WIDEST: f64;

@@ -5,7 +5,7 @@ use super::comparison_job::ComparisonJob;
 use super::dispersion::halo_dispersions;
 use super::haloes::HaloPlaces;
 use super::joint::joint_histograms;
-use super::linking::length_in;
+use super::linking::{LinkedGroups, length_in};
 use super::moments::axis_moments;
 use super::multipoles::momentum_spectra;
 use super::neighbours::with_distance_ratios;
@@ -20,6 +20,7 @@ use particlegs_core::context::Context;
 use particlegs_core::model::check_densities;
 use particlegs_particles::Particles;
 use serde::Serialize;
+use std::borrow::Cow;
 
 /// Everything measured; `None` = not asked for, or not to be had of a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -30,7 +31,7 @@ pub struct Statistics {
     pub domain: Domain,
     /// Particles, or those that a model stands for.
     pub particles: [u64; 2],
-    /// Is it a model's mixture itself?
+    /// Whether a side is a model's mixture itself.
     pub model: [bool; 2],
     /// Mean spacing of the truth's particles.
     pub spacing: f64,
@@ -71,14 +72,14 @@ pub struct Statistics {
     pub joint: Option<Vec<JointHistogram>>,
     /// The figures that a table shows.
     pub summary: Summary,
-    /// What a reader must know: choices made, things left out.
+    /// Notes for a reader: choices made, things left out.
     pub notes: Vec<String>,
 }
 
 /// Declares the figures of a summary, each with its value.
 macro_rules! summary {
     ($s:ident: $($(#[$about:meta])* $name:ident: $type:ty = $value:expr;)*) => {
-        /// `None` = not measured; of a limit: `within` says what it means.
+        /// `None` = not measured; of a limit, also where nothing reaches it.
         #[derive(Clone, Debug, Default, PartialEq, Serialize)]
         pub struct Summary {
             $($(#[$about])* pub $name: $type,)*
@@ -184,12 +185,7 @@ pub fn compare<'a>(
     o.check()?;
     let sides: [StatsSide<'_>; 2] = [truth.into(), other.into()];
     let [truth, other] = sides.map(|s| s.subject);
-    [truth, other].iter().filter_map(Subject::particles).try_for_each(Particles::check_files)?;
-    for (name, subject) in [("the truth", &truth), ("the other", &other)] {
-        if subject.count() == 0 {
-            return Err(Error::input(name, "there are no particles to measure"));
-        }
-    }
+    check_inputs([truth, other])?;
     let (converted, of_units) = other.in_units_of(truth)?;
     let other = match &converted {
         None => other,
@@ -198,94 +194,164 @@ pub fn compare<'a>(
     };
     let of_boxes = check_boxes([truth, other])?;
     let of_masses = check_masses([truth, other])?;
+    // A length that cannot be converted is refused before anything is measured.
     o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
     let fields = [sides[0].read_fields(o, context)?, sides[1].read_fields(o, context)?];
     let fields = fields.each_ref().map(Option::as_ref);
     let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, context };
-    let wants = |m| o.measures.contains(&m);
-    let mut notes = job.notes();
-    notes.extend(of_units.into_iter().chain(of_boxes).chain(of_masses));
-    let density = if wants(Measure::Density) { Some(job.density()?) } else { None };
-    let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
-    let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
-    let likelihood = if wants(Measure::Likelihood) { job.likelihood()? } else { None };
-    let profiles = if wants(Measure::Profile) {
-        Some(axis_profiles(job.pair, &job.domain, o.profile_bins, context)?)
-    } else {
-        None
-    };
-    let particles = job.both_particles();
-    let of_pairs = |m| particles.is_some() && wants(m);
-    let of_particles = [Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Rdf];
-    if particles.is_none() && of_particles.iter().any(|m| wants(*m)) {
-        notes.push("pairs, groups, neighbours and g(r) were skipped: recover particles from the model first".into());
-    }
-    let both = particles.filter(|_| wants(Measure::Neighbours));
-    let neighbours = both.map(|pair| job.neighbours(pair)).transpose()?;
+    let mut statistics = Statistics::unmeasured(&job);
+    statistics.notes.extend(of_units.into_iter().chain(of_boxes).chain(of_masses));
+    statistics.measure_densities(&job)?;
+    statistics.measure_neighbours(&job)?;
     let positions = job.positions()?;
     let positions = [&positions[0][..], &positions[1][..]];
-    let truth_groups = job.truth_groups(positions[0], &mut notes)?;
-    let xi_by_pairs = if of_pairs(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
-    let rdf = if of_pairs(Measure::Rdf) { Some(job.rdf(positions, &mut notes)?) } else { None };
-    let compared = truth_groups.as_ref().filter(|_| of_pairs(Measure::Groups));
-    let groups = compared.map(|truth| job.groups(positions, truth, &mut notes)).transpose()?.flatten();
-    let moving = if o.needs_velocities() { job.velocities(fields, &mut notes)? } else { None };
-    let about_centers = wants(Measure::Haloes) || wants(Measure::Dispersion) && moving.is_some();
-    let centers = if about_centers { job.centers(positions[0], truth_groups.as_ref(), &mut notes)? } else { None };
+    // Linked once: groups are compared, and are the centres of haloes where none are stated.
+    let truth_groups = job.truth_groups(positions[0], &mut statistics.notes)?;
+    if job.both_particles().is_some() {
+        statistics.measure_pairs(&job, positions, truth_groups.as_ref())?;
+    }
+    let velocities = if o.needs_velocities() { job.velocities(fields, &mut statistics.notes)? } else { None };
+    let about_centers = job.wants(&[Measure::Haloes]) || job.wants(&[Measure::Dispersion]) && velocities.is_some();
+    let centers =
+        if about_centers { job.centers(positions[0], truth_groups.as_ref(), &mut statistics.notes)? } else { None };
     let places = centers.as_ref().map(|(centers, radii)| HaloPlaces { centers, radii, bins: o.halo_bins });
-    let around = places.as_ref().filter(|_| wants(Measure::Haloes));
-    let haloes = around.map(|places| job.haloes(positions, places)).transpose()?;
-    let of_velocities = |m| moving.as_ref().filter(|_| wants(m)).map(|pair| [&*pair[0], &*pair[1]]);
-    let velocity_unit = moving.as_ref().and_then(unit_of).map(str::to_string);
-    let multipoles = of_velocities(Measure::Multipoles)
-        .map(|pair| job.multipoles(pair, velocity_unit.as_deref(), &mut notes))
-        .transpose()?
-        .flatten();
-    let momentum = of_velocities(Measure::Momentum)
-        .map(|pair| momentum_spectra(pair, &job.domain, &job.spectrum_options(), context))
-        .transpose()?;
-    let dispersion = of_velocities(Measure::Dispersion)
-        .zip(places.as_ref())
-        .map(|(pair, places)| halo_dispersions(pair, &job.domain, places, context))
-        .transpose()?;
-    let joint = if wants(Measure::Joint) {
-        Some(joint_histograms(sides.map(|s| s.subject), fields, o, &mut notes, context)?)
-    } else {
-        None
-    };
-    let mut statistics = Statistics {
-        options: o.clone(),
-        domain: job.domain,
-        particles: job.pair.map(|s| s.count()),
-        model: job.pair.map(|s| s.particles().is_none()),
-        spacing: job.spacing(0),
-        density,
-        spectra,
-        xi_by_transform,
-        xi_by_pairs,
-        groups,
-        neighbours,
-        moments,
-        likelihood,
-        rdf,
-        profiles,
-        haloes,
-        velocity_unit,
-        multipoles,
-        momentum,
-        dispersion,
-        joint: joint.filter(|all| !all.is_empty()),
-        summary: Summary::default(),
-        notes,
-    };
+    if let Some(places) = places.as_ref().filter(|_| job.wants(&[Measure::Haloes])) {
+        statistics.haloes = Some(job.haloes(positions, places)?);
+    }
+    if let Some(pair) = &velocities {
+        statistics.measure_velocities(&job, pair, places.as_ref())?;
+    }
+    if job.wants(&[Measure::Joint]) {
+        // Of a model it is asked alone whether it stores correlations, which does not depend on units.
+        let subjects = sides.map(|s| s.subject);
+        let joint = joint_histograms(subjects, fields, o, &mut statistics.notes, context)?;
+        statistics.joint = Some(joint).filter(|all| !all.is_empty());
+    }
     statistics.summary = Summary::new(&statistics);
     Ok(statistics)
 }
 
-/// Refuses sides whose densities sum different things. Where one states no masses and all of the other's are the same, the
-/// two are measured alike, which a reader of the results must know.
+impl Statistics {
+    /// The statistics of a job of which nothing is measured yet, with its notes.
+    fn unmeasured(job: &ComparisonJob<'_>) -> Statistics {
+        Statistics {
+            options: job.o.clone(),
+            domain: job.domain,
+            particles: job.pair.map(|s| s.count()),
+            model: job.pair.map(|s| s.particles().is_none()),
+            spacing: job.spacing(0),
+            density: None,
+            spectra: None,
+            xi_by_transform: None,
+            xi_by_pairs: None,
+            groups: None,
+            neighbours: None,
+            moments: None,
+            likelihood: None,
+            rdf: None,
+            profiles: None,
+            haloes: None,
+            velocity_unit: None,
+            multipoles: None,
+            momentum: None,
+            dispersion: None,
+            joint: None,
+            summary: Summary::default(),
+            notes: job.notes(),
+        }
+    }
+
+    /// Measures that particles and mixtures have alike: densities on a grid and along axes, spectra, moments,
+    /// likelihood.
+    fn measure_densities(&mut self, job: &ComparisonJob<'_>) -> Result<()> {
+        if job.wants(&[Measure::Density]) {
+            self.density = Some(job.density()?);
+        }
+        if job.wants(&[Measure::Spectrum]) {
+            (self.spectra, self.xi_by_transform) = job.spectrum()?;
+        }
+        if job.wants(&[Measure::Moments]) {
+            self.moments = Some(job.pair.map(axis_moments));
+        }
+        if job.wants(&[Measure::Likelihood]) {
+            self.likelihood = job.likelihood()?;
+        }
+        if job.wants(&[Measure::Profile]) {
+            self.profiles = Some(axis_profiles(job.pair, &job.domain, job.o.profile_bins, job.context)?);
+        }
+        Ok(())
+    }
+
+    /// Distances to nearest neighbours, and a note where a side has no particles that pairs are counted of.
+    fn measure_neighbours(&mut self, job: &ComparisonJob<'_>) -> Result<()> {
+        let particles = job.both_particles();
+        if particles.is_none() && job.wants(&[Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Rdf]) {
+            self.notes
+                .push("pairs, groups, neighbours and g(r) were skipped: recover particles from the model first".into());
+        }
+        if let Some(pair) = particles.filter(|_| job.wants(&[Measure::Neighbours])) {
+            self.neighbours = Some(job.neighbours(pair)?);
+        }
+        Ok(())
+    }
+
+    /// Pairs of particles by separation, and groups of linked ones.
+    fn measure_pairs(
+        &mut self,
+        job: &ComparisonJob<'_>,
+        positions: [&[[f64; 3]]; 2],
+        truth_groups: Option<&LinkedGroups>,
+    ) -> Result<()> {
+        if job.wants(&[Measure::Pairs]) {
+            self.xi_by_pairs = Some(job.pairs(positions, &mut self.notes)?);
+        }
+        if job.wants(&[Measure::Rdf]) {
+            self.rdf = Some(job.rdf(positions, &mut self.notes)?);
+        }
+        if let Some(truth) = truth_groups.filter(|_| job.wants(&[Measure::Groups])) {
+            self.groups = job.groups(positions, truth, &mut self.notes)?;
+        }
+        Ok(())
+    }
+
+    /// Spectra of velocities, and their dispersions about `places`.
+    fn measure_velocities(
+        &mut self,
+        job: &ComparisonJob<'_>,
+        pair: &[Cow<'_, ParticleFields>; 2],
+        places: Option<&HaloPlaces<'_>>,
+    ) -> Result<()> {
+        self.velocity_unit = unit_of(pair).map(str::to_string);
+        let pair = [&*pair[0], &*pair[1]];
+        if job.wants(&[Measure::Multipoles]) {
+            self.multipoles = job.multipoles(pair, self.velocity_unit.as_deref(), &mut self.notes)?;
+        }
+        if job.wants(&[Measure::Momentum]) {
+            self.momentum = Some(momentum_spectra(pair, &job.domain, &job.spectrum_options(), job.context)?);
+        }
+        if let Some(places) = places.filter(|_| job.wants(&[Measure::Dispersion])) {
+            self.dispersion = Some(halo_dispersions(pair, &job.domain, places, job.context)?);
+        }
+        Ok(())
+    }
+}
+
+/// Refuses particles in files that have become shorter since they were opened, and inputs without particles.
+fn check_inputs(pair: [Subject<'_>; 2]) -> Result<()> {
+    pair.iter().filter_map(Subject::particles).try_for_each(Particles::check_files)?;
+    for (name, subject) in ["the truth", "the other"].into_iter().zip(pair) {
+        if subject.count() == 0 {
+            return Err(Error::input(name, "there are no particles to measure"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses sides whose densities sum different things. Where one states no masses and all of the other's are the same,
+/// the two are measured alike, which a reader of the results must know.
 fn check_masses(pair: [Subject<'_>; 2]) -> Result<Option<String>> {
     let [truth, other] = pair.map(|s| s.density_of());
+    // Numbers of particles and equal masses are one density but for a factor, which contrasts do not have.
     let side = match (truth.0, other.0) {
         ("particles", "mass") if other.1.is_some() => "the truth",
         ("mass", "particles") if truth.1.is_some() => "the other input",

@@ -1,4 +1,4 @@
-//! What is compared: two subjects in one box, and the options.
+//! The two subjects that are compared, in one box, and the options.
 
 use super::points::local_positions;
 use super::{Convention, Domain, Measure, StatsOptions, Subject};

@@ -1,4 +1,4 @@
-//! How two densities on one grid agree, how they are distributed, and what a slice of them shows.
+//! Agreement and distribution of two densities on one grid, and slices of them.
 
 use super::comparison_job::ComparisonJob;
 use super::deposit::{deposit, deposit_bytes, deposit_steps};
@@ -198,8 +198,8 @@ impl ComparisonJob<'_> {
             deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
         )?;
         self.context.begin("density grids", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
-        let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.context);
-        let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
+        let field_of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.context);
+        let (a, b) = (field_of(self.pair[0])?, field_of(self.pair[1])?);
         self.context.end();
         let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
         let [(of_a, mass_a), (of_b, mass_b)] = self.pair.map(|s| s.density_of());
@@ -226,10 +226,12 @@ pub(super) fn show(d: &DensityReport, particles: u64, to: &mut Presentation) {
         "log10_density_low,log10_density_high,cells_truth,cells_other",
         bins.clone().map(|(e, (a, b))| row![e[0], e[1], a, b]),
     );
-    let all: f64 = d.cells.iter().map(|n| *n as f64).product();
-    let of = |(e, (a, b)): (&[f64], (&u64, &u64))| (10f64.powf(0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / all));
+    let cell_count: f64 = d.cells.iter().map(|n| *n as f64).product();
+    let row_of = |(e, (a, b)): (&[f64], (&u64, &u64))| {
+        (10f64.powf(0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / cell_count))
+    };
     let axes = [log("density / mean"), log("share of cells per bin (10 per decade)")];
-    to.plot(compared("density_pdf", "Distribution of density", axes, &bins.map(of).collect::<Vec<_>>(), 0.0));
+    to.plot(compared("density_pdf", "Distribution of density", axes, &bins.map(row_of).collect::<Vec<_>>(), 0.0));
     to.slices.extend(["x", "y", "z"].into_iter().zip(0..3).map(|(name, axis)| (name, slices(d, axis))));
     let [x, y, z] = d.cells;
     let each = particles as f64 / (x * y * z) as f64;

@@ -39,8 +39,8 @@ pub fn deposit_bytes(grid: &Grid, particles: u64) -> u64 {
     (4 + sums) * grid.len() as u64 + (BATCH * RUN * (size_of::<CellRecord>() + 16)) as u64
 }
 
-/// Are sums kept in f64 from batch to batch? They cost less than a third of the particles' own bytes
-/// then, and save a pass over the grid for every batch.
+/// Whether sums stay in f64 from batch to batch: they cost less than a third of the particles' own bytes then, and save
+/// a pass over the grid for every batch.
 fn sums_stay(grid: &Grid, particles: u64) -> bool {
     particles >= 2 * grid.len() as u64 && particles > (BATCH * RUN) as u64
 }
@@ -206,7 +206,7 @@ fn place(grid: &Grid, axis: usize, u: &mut f64) -> bool {
     false
 }
 
-/// Adds what a sorted chunk has in some planes; `out` holds those planes alone.
+/// Adds a sorted chunk's particles in some planes; `out` holds those planes alone.
 fn add_to_planes(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: Range<usize>, out: &mut [f64]) {
     let n = grid.cells[0];
     let reach = usize::from(scheme != Assignment::Ngp);
@@ -257,13 +257,13 @@ fn add_mixtures(
     context: &Context<'_>,
 ) -> Result<()> {
     let grid = field.grid;
-    let moved = Grid { min: each_axis(|k| grid.min[k] - shift * grid.side[k]), ..grid };
+    let moved_grid = Grid { min: each_axis(|k| grid.min[k] - shift * grid.side[k]), ..grid };
     let (plane, depth) = (grid.cells[1] * grid.cells[2], model_planes(&grid));
     parallel::try_for_each(field.mass.chunks_mut(depth * plane).enumerate(), |(slab, out)| {
         let planes = slab * depth..slab * depth + out.len() / plane;
         // Sums of many small shares: f64, rounded once.
         let (mut sum, mut splat) = (vec![0.0f64; out.len()], DepositScratch::default());
-        let mut slab = Slab { grid: &moved, planes, cells: &mut sum };
+        let mut slab = Slab { grid: &moved_grid, planes, cells: &mut sum };
         for m in parts {
             for i in 0..m.len() {
                 // A Gaussian as wide as the box takes milliseconds.

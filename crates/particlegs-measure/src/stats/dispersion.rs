@@ -13,8 +13,8 @@ use particlegs_core::{Error, Result, parallel};
 /// Particles of both sides in a sphere that is compared, at least.
 const LEAST: u64 = 10;
 
-/// Velocity dispersions within the largest radius about centres, and how the other's compare with the truth's. A
-/// dispersion is the rms velocity about the mean of the same particles, weighted by mass, in three dimensions.
+/// Velocity dispersions within the largest radius about centres, and those of the other over the truth's. A dispersion
+/// is the rms velocity about the mean of the same particles, weighted by mass, in three dimensions.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct HaloDispersions {
     /// Centres, world units.
@@ -59,7 +59,7 @@ pub fn halo_dispersions(
     let [a, b] = pair.map(|side| about_each(side, domain, places, context));
     let ((particles_a, a), (particles_b, b)) = (a?.into_iter().unzip(), b?.into_iter().unzip());
     context.end();
-    let mut found = HaloDispersions {
+    let mut dispersions = HaloDispersions {
         centers: places.centers.iter().map(|c| each_axis(|k| domain.min[k] + c[k])).collect(),
         radii: places.radii.to_vec(),
         particles: [particles_a, particles_b],
@@ -69,12 +69,12 @@ pub fn halo_dispersions(
         median: None,
         quartiles: None,
     };
-    let mut ratios: Vec<f64> = (0..places.centers.len()).filter_map(|i| found.ratio(i)).collect();
+    let mut ratios: Vec<f64> = (0..places.centers.len()).filter_map(|i| dispersions.ratio(i)).collect();
     ratios.sort_by(f64::total_cmp);
-    found.compared = ratios.len() as u64;
-    found.median = quantile(&ratios, 0.5);
-    found.quartiles = quantile(&ratios, 0.25).zip(quantile(&ratios, 0.75)).map(<[f64; 2]>::from);
-    Ok(found)
+    dispersions.compared = ratios.len() as u64;
+    dispersions.median = quantile(&ratios, 0.5);
+    dispersions.quartiles = quantile(&ratios, 0.25).zip(quantile(&ratios, 0.75)).map(<[f64; 2]>::from);
+    Ok(dispersions)
 }
 
 /// Particles and dispersion about each centre.
@@ -145,13 +145,13 @@ mod tests {
         let (truth, other) = (side([100.0, 200.0], 3), side([150.0, 200.0], 4));
         let centers = [[9.9, 0.05, 5.0], [4.0; 3], [7.0; 3]];
         let places = HaloPlaces { centers: &centers, radii: &[1.0, 1.0, 0.5], bins: 5 };
-        let found = halo_dispersions([&truth, &other], &domain, &places, &Context::SILENT).unwrap();
-        assert_eq!((found.count, found.compared, found.particles[0][2]), (3, 2, 0));
-        assert_eq!(&found.particles[0][..2], [n as u64; 2]);
-        let ratios = [found.ratio(0).unwrap(), found.ratio(1).unwrap()];
+        let dispersions = halo_dispersions([&truth, &other], &domain, &places, &Context::SILENT).unwrap();
+        assert_eq!((dispersions.count, dispersions.compared, dispersions.particles[0][2]), (3, 2, 0));
+        assert_eq!(&dispersions.particles[0][..2], [n as u64; 2]);
+        let ratios = [dispersions.ratio(0).unwrap(), dispersions.ratio(1).unwrap()];
         assert!((ratios[0] - 1.5).abs() < 0.04 && (ratios[1] - 1.0).abs() < 0.03, "{ratios:?}");
-        assert!((found.dispersion[0][0] - 3f64.sqrt() * 100.0).abs() < 4.0 && found.ratio(2).is_none());
-        assert!((found.median.unwrap() - 0.5 * (ratios[0] + ratios[1])).abs() < 1e-12);
+        assert!((dispersions.dispersion[0][0] - 3f64.sqrt() * 100.0).abs() < 4.0 && dispersions.ratio(2).is_none());
+        assert!((dispersions.median.unwrap() - 0.5 * (ratios[0] + ratios[1])).abs() < 1e-12);
         let still = side([0.0; 2], 1);
         let none = halo_dispersions([&still, &other], &domain, &places, &Context::SILENT).unwrap();
         assert_eq!((none.compared, none.median, none.quartiles), (0, None, None));

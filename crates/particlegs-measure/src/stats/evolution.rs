@@ -1,5 +1,5 @@
-//! The frames of a series one after the other: P(k), groups of particles drawn, and means of fields. All are measured by the
-//! lengths of the first frame, so that what changes is the frame and not the measure.
+//! The frames of a series one after the other: P(k), groups of particles drawn, and means of fields. All are measured
+//! by the lengths of the first frame, so that what changes is the frame and not the measure.
 
 use super::comparison_job::ComparisonJob;
 use super::likelihood::field_parts;
@@ -11,17 +11,17 @@ use particlegs_core::model::{Cosmology, LawKind, Mass, Model, Units};
 use particlegs_core::{Error, Result};
 use particlegs_fit::recover;
 
-/// What is measured of a frame.
+/// Statistics of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameStatistics {
     /// P(k) of the mixture, the longest waves first; empty where it is not asked for.
     pub spectrum: Vec<WaveShell>,
-    /// Particles of each group of those drawn, descending. `None` where groups are not asked for, or links are too long for
-    /// the box.
+    /// Particles of each group of those drawn, descending. `None` where groups are not asked for, or links are too long
+    /// for the box.
     pub groups: Option<Vec<u64>>,
     /// Means of the fields.
     pub fields: Vec<FieldMean>,
-    /// What a user should know, a sentence each.
+    /// Notes for a user, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -47,13 +47,13 @@ pub struct FieldMean {
     pub component: String,
     /// Unit, where it is known.
     pub unit: Option<String>,
-    /// Is it a total?
+    /// Whether it is a total.
     pub is_sum: bool,
     /// In that unit.
     pub value: f64,
 }
 
-/// What must be the same in all frames, or their numbers could not be compared.
+/// Units, cosmology and masses, which must be alike in all frames, or their numbers could not be compared.
 #[derive(Clone)]
 struct FrameScale {
     units: Units,
@@ -81,8 +81,8 @@ impl Evolution {
     /// Measures a frame, which `place` names in errors.
     ///
     /// # Errors
-    /// [`Error::Input`]: its units, cosmology or masses are not those of the first frame, or it has no particles; too little
-    /// memory.
+    /// [`Error::Input`]: its units, cosmology or masses are not those of the first frame, or it has no particles; too
+    /// little memory.
     pub fn measure(&mut self, model: &Model, place: &str, context: &Context<'_>) -> Result<FrameStatistics> {
         self.compare_scales(model, place)?;
         let wants = |measure| self.options.measures.contains(&measure);
@@ -92,23 +92,23 @@ impl Evolution {
             return Err(Error::input(place, "there are no particles to measure"));
         }
         let domain = if self.options.open { Domain::new(&subject.bounds(), None) } else { subject.domain() };
-        let mut found = FrameStatistics { fields: field_means(model), ..FrameStatistics::default() };
+        let mut statistics = FrameStatistics { fields: field_means(model), ..FrameStatistics::default() };
         if with_spectrum {
             if domain.periodic.contains(&false) {
-                found.notes.push("some axes are not periodic, but P(k) treats them as periodic".into());
+                statistics.notes.push("some axes are not periodic, but P(k) treats them as periodic".into());
             }
             let job = ComparisonJob { pair: [subject; 2], domain, o: &self.options, context };
-            let wanted = job.o.k_max.unwrap_or(std::f64::consts::PI / job.spacing(0));
-            let taken = CachedTransform::new(subject, &domain, &job.spectrum_options(), context)?;
-            let shells = taken.against_itself(context)?.shells.into_iter();
+            let k_max = job.o.k_max.unwrap_or(std::f64::consts::PI / job.spacing(0));
+            let transform = CachedTransform::new(subject, &domain, &job.spectrum_options(), context)?;
+            let shells = transform.against_itself(context)?.shells.into_iter();
             let shell = |s: super::Shell| WaveShell { edges: s.edges, k: s.k, modes: s.modes, power: s.power[0] };
-            found.spectrum = shells.map(shell).collect();
-            self.options.k_max = Some(wanted);
+            statistics.spectrum = shells.map(shell).collect();
+            self.options.k_max = Some(k_max);
         }
         if with_groups {
-            found.groups = self.groups(model, &domain, &mut found.notes, context)?;
+            statistics.groups = self.groups(model, &domain, &mut statistics.notes, context)?;
         }
-        Ok(found)
+        Ok(statistics)
     }
 
     fn groups(
@@ -123,12 +123,12 @@ impl Evolution {
         let positions = local_positions(&particles, domain);
         let subject = Subject::Particles(&particles);
         let job = ComparisonJob { pair: [subject; 2], domain: *domain, o: &self.options, context };
-        let found = job.find_groups(&positions, 0, notes)?;
-        if let Some(found) = &found {
-            let length = found.groups.linking_length;
+        let linked_groups = job.find_groups(&positions, 0, notes)?;
+        if let Some(linked_groups) = &linked_groups {
+            let length = linked_groups.groups.linking_length;
             self.options.linking_length.get_or_insert_with(|| length.to_string());
         }
-        Ok(found.map(|f| f.groups.sizes()))
+        Ok(linked_groups.map(|f| f.groups.sizes()))
     }
 
     fn compare_scales(&mut self, model: &Model, place: &str) -> Result<()> {
@@ -138,21 +138,21 @@ impl Evolution {
             return Err(Error::input(place, message));
         }
         let masses = model.layers.iter().map(|l| (l.name.clone(), l.mass));
-        let own = FrameScale { units: m.units.clone(), cosmology: m.cosmology, masses: masses.collect() };
-        let first = self.first.get_or_insert_with(|| own.clone());
+        let scale = FrameScale { units: m.units.clone(), cosmology: m.cosmology, masses: masses.collect() };
+        let first = self.first.get_or_insert_with(|| scale.clone());
         let stated = |mass: &Mass| (mass.is_weighted(), mass.unit().is_some());
-        let same_masses = own.masses.iter().all(|(name, mass)| {
+        let same_masses = scale.masses.iter().all(|(name, mass)| {
             let before = first.masses.iter().find(|(other, _)| other == name);
             before.is_none_or(|(_, other)| stated(other) == stated(mass))
         });
         let differing = [
-            ("units", first.units != own.units),
-            ("cosmology", first.cosmology != own.cosmology),
+            ("units", first.units != scale.units),
+            ("cosmology", first.cosmology != scale.cosmology),
             ("masses", !same_masses),
         ];
         match differing.into_iter().find(|d| d.1) {
             Some(("masses", _)) => Err(Error::input(place, "it does not state masses as the first frame does")),
-            Some((what, _)) => Err(Error::input(place, format!("its {what} are not those of the first frame"))),
+            Some((property, _)) => Err(Error::input(place, format!("its {property} are not those of the first frame"))),
             None => Ok(()),
         }
     }
@@ -167,9 +167,9 @@ fn field_means(model: &Model) -> Vec<FieldMean> {
             let (mut sum, mut weight) = (0.0, 0.0);
             for (unit, mixture, moments) in &parts {
                 for i in 0..mixture.len() {
-                    let own = unit * mixture.mass_of(i);
-                    sum += own * moments.overall_value(c, i, &mixture.cov_of(i));
-                    weight += own;
+                    let mass = unit * mixture.mass_of(i);
+                    sum += mass * moments.overall_value(c, i, &mixture.cov_of(i));
+                    weight += mass;
                 }
             }
             means.push(FieldMean {

@@ -19,7 +19,7 @@ struct GaussianField<const N: usize> {
     variance: [f64; N],
     /// Covariance with the place.
     with_place: [[f64; 3]; N],
-    /// Of a logarithmic field, what turns `mean` and half the variance into the logarithm of the values' mean.
+    /// Of a logarithmic field, the term that turns `mean` and half the variance into the logarithm of the values' mean.
     to_values: Option<f64>,
 }
 
@@ -92,9 +92,9 @@ impl<const N: usize> CellQuantity for GaussianField<N> {
     }
 }
 
-/// Mean and dispersion of a field of a model in each cell of a grid, x slowest: means over the cell, weighted by density
-/// as [`super::deposit`] integrates it. Of a sum, such as a charge, how much there is in a unit of volume, without a
-/// dispersion; dispersions of a logarithmic field are in dex.
+/// Mean and dispersion of a field of a model in each cell of a grid, x slowest: means over the cell, weighted by
+/// density as [`super::deposit`] integrates it. Of a sum, such as a charge, how much there is in a unit of volume,
+/// without a dispersion; dispersions of a logarithmic field are in dex.
 pub fn field_in_cells(model: &Model, name: &str, grid: &Grid, context: &Context<'_>) -> Result<MeanAndDispersion> {
     let parts = field_parts(model, name)?;
     let volume = is_sum(model, name).then(|| grid.side.iter().product::<f64>());
@@ -111,10 +111,12 @@ fn in_cells<const N: usize>(
     context: &Context<'_>,
 ) -> Result<MeanAndDispersion> {
     let (plane, depth) = (grid.cells[1] * grid.cells[2], model_planes(grid));
+    // Means and dispersions of all cells, and the sums of the slabs that threads work on at the same time.
     let at_once = parallel::threads().min(grid.cells[0].div_ceil(depth)) * depth * plane;
     let bytes = 16 * N as u64 * grid.len() as u64 + (size_of::<FieldSum<N>>() * at_once) as u64;
     particlegs_files::memory::require("a field on a grid", bytes)?;
     let (reference, logarithmic) = (overall_mean(parts), parts[0].2.excess.is_some());
+    // Means stay within the particles' range (docs/law/fields.md, "In the cells of a grid").
     let range: [[f64; 2]; N] = std::array::from_fn(|k| {
         let ends = parts.iter().map(|p| p.2.value_range(k));
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a), hi.max(b)])
@@ -134,27 +136,33 @@ fn in_cells<const N: usize>(
         let mut slab = Slab { grid, planes, cells: &mut sums };
         for (unit, m, f) in parts {
             for i in 0..m.len() {
+                // A Gaussian as wide as the box takes milliseconds, so a stop is looked for often.
                 if i.is_multiple_of(8) {
                     context.check()?;
                     context.advance((m.len() - i).min(8) as u64);
                 }
                 let (mean, cov) = grid.upright(m.mean_of(i), m.cov_of(i));
                 if slab.may_hold(mean, &cov) {
-                    let mut own = GaussianField::new(f, i, &m.cov_of(i), reference);
-                    own.with_place = own.with_place.map(|c| grid.tilt.as_ref().map_or(c, |t| t.upright(c)));
-                    splat.add_quantity(&mut slab, mean, &cov, (unit * m.mass_of(i), &own));
+                    let mut gaussian_field = GaussianField::new(f, i, &m.cov_of(i), reference);
+                    // Variances are the same in any axes; the covariance with the place follows the tilted box's edges.
+                    gaussian_field.with_place =
+                        gaussian_field.with_place.map(|c| grid.tilt.as_ref().map_or(c, |t| t.upright(c)));
+                    splat.add_quantity(&mut slab, mean, &cov, (unit * m.mass_of(i), &gaussian_field));
                 }
             }
         }
         for (cell, sum) in sums.iter().enumerate().filter(|(_, s)| s.mass > 0.0) {
             for k in 0..N {
+                // Sums are about the reference; values of a logarithmic field have it in their exponents already.
                 let mean = sum.first[k] / sum.mass;
                 let value = if logarithmic { sum.values / sum.mass } else { reference[k] + mean };
                 let value = value.clamp(range[k][0], range[k][1]);
                 if let Some(volume) = volume {
+                    // A sum's mean is per weight: with the weight in the cell it is the amount there.
                     columns[k][cell] = value * sum.mass / volume;
                     continue;
                 }
+                // The reference does not matter to a variance; near to the mean it keeps the digits of the difference.
                 let variance = (sum.second[k] / sum.mass - mean * mean).max(0.0);
                 columns[k][cell] = value;
                 columns[N + k][cell] = variance.sqrt() / if logarithmic { LN_10 } else { 1.0 };
@@ -165,7 +173,7 @@ fn in_cells<const N: usize>(
     Ok(out)
 }
 
-/// What is subtracted before squares are added up: the mean of all, so that dispersions keep their digits.
+/// The mean over all, which is subtracted before squares are added up, so that dispersions keep their digits.
 fn overall_mean<const N: usize>(parts: &[(f64, &Mixture, &FieldMoments)]) -> [f64; N] {
     let (mut sums, mut total) = ([0.0; N], 0.0);
     for (unit, m, f) in parts {
@@ -218,20 +226,21 @@ mod tests {
     fn sums(model: &Model, cells: usize) -> [[[f64; 2]; 3]; 2] {
         let grid = grid(cells);
         let density = deposit(Subject::Model(model), &grid, Assignment::Ngp, 0.0, &Context::SILENT).unwrap();
-        let found = field_in_cells(model, "velocity", &grid, &Context::SILENT).unwrap();
+        let field = field_in_cells(model, "velocity", &grid, &Context::SILENT).unwrap();
         let mut all = [[[0.0; 2]; 3]; 2];
         for k in 0..3 {
-            for (i, &mass) in density.mass.iter().enumerate().filter(|(i, _)| found.mean[k][*i].is_finite()) {
-                let [mass, mean, off] = [f64::from(mass), found.mean[k][i], found.dispersion[k][i]];
+            for (i, &mass) in density.mass.iter().enumerate().filter(|(i, _)| field.mean[k][*i].is_finite()) {
+                let [mass, mean, off] = [f64::from(mass), field.mean[k][i], field.dispersion[k][i]];
                 all[0][k][0] += mass * mean;
                 all[0][k][1] += mass * (mean * mean + off * off);
             }
             for (unit, m, f) in field_parts(model, "velocity").unwrap() {
                 for i in 0..m.len() {
                     let mass = unit * m.mass_of(i);
-                    let own = GaussianField::<3>::new(f, i, &m.cov_of(i), [0.0; 3]);
-                    all[1][k][0] += mass * own.mean[k];
-                    all[1][k][1] += mass * (own.mean[k] * own.mean[k] + own.variance[k]);
+                    let gaussian_field = GaussianField::<3>::new(f, i, &m.cov_of(i), [0.0; 3]);
+                    all[1][k][0] += mass * gaussian_field.mean[k];
+                    all[1][k][1] +=
+                        mass * (gaussian_field.mean[k] * gaussian_field.mean[k] + gaussian_field.variance[k]);
                 }
             }
         }
@@ -242,23 +251,23 @@ mod tests {
     fn cells_keep_the_sums_of_a_field() {
         // Wider than a cell; narrower than a tenth of one; from the one to the other.
         for (widths, cells) in [([0.5, 1.0], 32), ([0.001, 0.002], 16), ([0.02, 0.6], 16)] {
-            let [found, expected] = sums(&scene(40, widths), cells);
+            let [in_cells, in_gaussians] = sums(&scene(40, widths), cells);
             let mass: f64 = (0..40).map(|i| 10.0 + f64::from(i)).sum();
-            for (found, expected) in found.iter().zip(&expected) {
+            for (sum, expected) in in_cells.iter().zip(&in_gaussians) {
                 let deviation = (expected[1] / mass).sqrt();
-                let off = (found[0] - expected[0]).abs() / mass / deviation;
+                let off = (sum[0] - expected[0]).abs() / mass / deviation;
                 assert!(off < 1e-5, "{widths:?} {off}");
-                let ratio = found[1] / expected[1];
+                let ratio = sum[1] / expected[1];
                 assert!((ratio - 1.0).abs() < 1e-3, "{widths:?} {ratio}");
             }
         }
     }
 
-    /// Where cells are small the mean over one is the mean at its centre.
+    /// The mean over a small cell is the mean at its centre.
     #[test]
     fn small_cells_have_the_field_of_their_centres() {
         let (model, grid) = (scene(12, [0.8, 1.5]), grid(40));
-        let found = field_in_cells(&model, "velocity", &grid, &Context::SILENT).unwrap();
+        let field = field_in_cells(&model, "velocity", &grid, &Context::SILENT).unwrap();
         let centre = |i: usize| [i / 1600, i / 40 % 40, i % 40].map(|k| 0.25 * (k as f64 + 0.5));
         let places: Vec<[f64; 3]> = (0..64_000).map(centre).collect();
         let domain = Domain::upright([0.0; 3], [10.0; 3], [true; 3]);
@@ -268,7 +277,7 @@ mod tests {
         for k in 0..3 {
             let (mut off, mut square, mut total) = (0.0, 0.0, 0.0);
             for i in (0..64_000).filter(|i| density[*i] > 1e-3 * peak) {
-                let [mean, dispersion] = [found.mean[k][i], found.dispersion[k][i]].map(f64::from);
+                let [mean, dispersion] = [field.mean[k][i], field.dispersion[k][i]].map(f64::from);
                 off += density[i] * ((mean - at.mean[k][i]).powi(2) + (dispersion - at.dispersion[k][i]).powi(2));
                 square += density[i] * (at.mean[k][i].powi(2) + at.dispersion[k][i].powi(2));
                 total += density[i];
@@ -303,15 +312,15 @@ mod tests {
         };
         model.layers[0].content[0].gaussians.fields.set("heat", f);
         let grid = grid(20);
-        let found = field_in_cells(&model, "heat", &grid, &Context::SILENT).unwrap();
+        let field = field_in_cells(&model, "heat", &grid, &Context::SILENT).unwrap();
         for i in 0..20 {
             let x = 0.5 * (i as f64 + 0.5) - 5.0;
             let images = [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0].map(|n| x + 10.0 * n);
             let weights = images.map(|x| (-0.5 * x * x / 9.0).exp());
             let sum: f64 = images.iter().zip(weights).map(|(x, w)| 10.0 * x * w).sum();
             let mean = sum / weights.iter().sum::<f64>();
-            let own = found.mean[0][grid.index([i as usize, 10, 10])];
-            assert!((own - mean).abs() < 0.3, "{i}: {own} {mean}");
+            let cell_mean = field.mean[0][grid.index([i as usize, 10, 10])];
+            assert!((cell_mean - mean).abs() < 0.3, "{i}: {cell_mean} {mean}");
         }
     }
 }

@@ -4,8 +4,8 @@ use particlegs_core::codec::{FrameCoding, FrameEntry};
 use particlegs_core::model::{Epoch, Metadata, Units};
 use particlegs_core::text::{cell, one_line};
 
-/// A table whose first line names the columns. What they are, and their units, stand in lines behind `#`. Values are those
-/// of the frames that are there.
+/// A table whose first line names the columns; descriptions and units stand in lines behind `#`. Values are those of
+/// the frames that are there.
 pub struct FrameTable {
     head: String,
     remarks: String,
@@ -13,7 +13,7 @@ pub struct FrameTable {
     rows: Vec<(String, bool)>,
 }
 
-/// What a frame is, in a word.
+/// The kind of a frame, in a word.
 pub fn kind_of(kind: FrameCoding) -> &'static str {
     match kind {
         FrameCoding::Missing => "missing",
@@ -23,7 +23,7 @@ pub fn kind_of(kind: FrameCoding) -> &'static str {
 }
 
 impl FrameTable {
-    /// The number of each frame of a series, what it is, and when. `frames` are those that are there.
+    /// The number, kind and time of each frame of a series. `frames` are those that are there.
     pub fn new(entries: &[FrameEntry], frames: &[Metadata], units: &Units) -> FrameTable {
         let about_kind = "a model of its own (keyframe), changes from the frame before, or missing";
         let row = |(number, frame): (usize, &FrameEntry)| {

@@ -28,7 +28,7 @@ impl DepositScratch {
         self.add_quantity(slab, mean, cov, (mass, &()));
     }
 
-    /// Adds a Gaussian's mass and what it carries.
+    /// Adds a Gaussian's mass and the quantity that it carries.
     pub fn add_quantity<Q: CellQuantity>(
         &mut self,
         slab: &mut Slab<'_, Q::Sum>,
@@ -63,15 +63,15 @@ impl DepositScratch {
                 for &(c, wc) in &nodes[2] {
                     let from_mean: [f64; 3] = each_axis(|k| a * v[0][k] + b * v[1][k] + c * v[2][k]);
                     let at = each_axis(|k| mean[k] + a * v[0][k] + b * v[1][k] + c * v[2][k]);
-                    let own = quantity.part(from_mean, kernel);
-                    self.add_straight(slab, at, [kernel; 3], (mass * wa * wb * wc, &own));
+                    let part = quantity.part(from_mean, kernel);
+                    self.add_straight(slab, at, [kernel; 3], (mass * wa * wb * wc, &part));
                 }
             }
         }
         self.nodes = nodes;
     }
 
-    /// Adds a Gaussian whose axes are the grid's: exact, but what it carries is the same all over it.
+    /// Adds a Gaussian whose axes are the grid's: exact, but the quantity that it carries is the same all over it.
     fn add_straight<Q: CellQuantity>(
         &mut self,
         slab: &mut Slab<'_, Q::Sum>,
@@ -103,7 +103,7 @@ impl DepositScratch {
     }
 }
 
-/// Are any of the cells that [`shares`] gives along x among the planes?
+/// Whether any of the cells that [`shares`] gives along x is among the planes.
 fn touches(g: &Grid, planes: &Range<usize>, mean: f64, deviation: f64) -> bool {
     let n = g.cells[0] as i64;
     let (x, reach) = ((mean - g.min[0]) / g.side[0], TAIL * deviation / g.side[0]);
@@ -268,12 +268,12 @@ mod tests {
             assert!((out.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{s}: {}", out.iter().sum::<f64>());
             assert!(out.iter().all(|v| *v >= -1e-7 && v.is_finite()));
         }
-        let (here, there) =
+        let (at_corner, in_middle) =
             (deposit(&g, [0.0; 3], &turned([1.0, 0.5, 0.4])), deposit(&g, [6.0; 3], &turned([1.0, 0.5, 0.4])));
         let moved = |i: usize| (i + 6) % 12;
         for i in 0..1728 {
             let at = [i / 144, i / 12 % 12, i % 12];
-            assert!((here[i] - there[g.index(at.map(moved))]).abs() < 1e-6);
+            assert!((at_corner[i] - in_middle[g.index(at.map(moved))]).abs() < 1e-6);
         }
     }
 

@@ -18,14 +18,14 @@ pub struct Grid {
     pub side: [f64; 3],
     /// Cells along x, y and z.
     pub cells: [usize; 3],
-    /// Does the axis repeat?
+    /// Whether the axis repeats.
     pub periodic: [bool; 3],
-    /// Where the edges of cells point, if not along x, y and z.
+    /// Directions of the cells' edges, if not x, y and z.
     pub(crate) tilt: Option<Tilt>,
 }
 
 particlegs_core::named_values! {
-    /// How a particle is shared among cells (Hockney and Eastwood 1981).
+    /// Scheme that shares a particle among cells (Hockney and Eastwood 1981).
     #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "lowercase")]
     pub enum Assignment {
@@ -125,7 +125,7 @@ impl Grid {
         self.cells.iter().product()
     }
 
-    /// Never: a grid has at least one cell.
+    /// Whether it has no cells, which is never: a grid has at least one.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

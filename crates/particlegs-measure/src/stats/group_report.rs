@@ -55,8 +55,8 @@ impl ComparisonJob<'_> {
             Some(text) => length_in(text, &self.pair[0].unit_system())?,
             None => self.o.linking * linked.spacing,
         };
-        let found = linked.groups(positions, &self.domain, length, self.o.smallest_group, self.context)?;
-        match &found {
+        let linked_groups = linked.groups(positions, &self.domain, length, self.o.smallest_group, self.context)?;
+        match &linked_groups {
             None => {
                 let longest = longest_link(&self.domain);
                 notes.push(format!(
@@ -73,7 +73,7 @@ impl ComparisonJob<'_> {
             )),
             Some(_) => {}
         }
-        Ok(found)
+        Ok(linked_groups)
     }
 
     /// `None`, and a note, in a box too thin for links of the other's length.
@@ -123,12 +123,12 @@ impl ComparisonJob<'_> {
             return Ok(Vec::new());
         }
         let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
-        let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
-        let centers = parallel::map(&chosen.members, |m| group_center(positions[0], m, &self.domain));
+        let large_groups = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
+        let centers = parallel::map(&large_groups.members, |m| group_center(positions[0], m, &self.domain));
         let count = |side: usize| counts_within(positions[side], &self.domain, &centers, radius, self.context);
         let (a, b) = (count(0)?, count(1)?);
         let per = positions[0].len() as f64 / positions[1].len() as f64;
-        Ok(CORES.map(|sizes| aperture_mass(&chosen, &a, &b, per, radius, sizes)).to_vec())
+        Ok(CORES.map(|sizes| aperture_mass(&large_groups, &a, &b, per, radius, sizes)).to_vec())
     }
 }
 
@@ -136,11 +136,11 @@ impl ComparisonJob<'_> {
 pub(super) fn show(g: &GroupReport, to: &mut Presentation) {
     let row = |c: &SizeClass| row![c.from, maybe(c.to), c.groups[0], c.groups[1], maybe(c.ratio)];
     to.table("groups.csv", "from,to,groups_truth,groups_other,ratio", g.histogram.iter().map(row));
-    let of = |c: &SizeClass| {
+    let point_of = |c: &SizeClass| {
         let end = c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64);
         ((c.from as f64 * end).sqrt(), c.groups.map(|n| n as f64))
     };
-    let rows: Vec<_> = g.histogram.iter().map(of).collect();
+    let rows: Vec<_> = g.histogram.iter().map(point_of).collect();
     let axes = [log("particles in a group"), log("groups per bin")];
     to.plot(compared("groups", "Friends-of-friends groups by size", axes, &rows, 0.0));
     for c in &g.classes {

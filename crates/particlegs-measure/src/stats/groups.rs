@@ -45,14 +45,14 @@ struct CellRun {
     end: u32,
 }
 
-/// Which cells are looked at: those with a face, edge or corner in common, or the others.
+/// Cells that are looked at: those with a face, edge or corner in common, or the others.
 #[derive(Clone, Copy, PartialEq)]
 enum NeighbourCells {
     Touching,
     Apart,
 }
 
-/// How two rows are walked.
+/// Options of a walk along two rows, and the sets so far.
 struct RowWalk<'a> {
     length: f64,
     /// Square of the rows' distance.
@@ -110,6 +110,7 @@ pub fn find_groups(
     context.check()?;
     context.begin("friends of friends", 2 * (rows.rows.len() - 1) as u64);
     let mut sets = DisjointSets::new(rows.runs.len());
+    // Links of cells that touch join most of those further apart, which then need no look.
     for reach in [NeighbourCells::Touching, NeighbourCells::Apart] {
         let links = rows.links(linking_length, reach, &sets.roots(), context)?;
         links.iter().flatten().for_each(|(a, b)| sets.join(*a, *b));
@@ -121,15 +122,16 @@ pub fn find_groups(
 impl<'a> CellRows<'a> {
     fn new(positions: &[[f64; 3]], domain: &'a Domain, linking_length: f64) -> Self {
         // A little under the diagonal, so that rounding makes no friends.
-        let wanted = linking_length / domain.diagonal() * (1.0 - 1e-9);
+        let cell_side = linking_length / domain.diagonal() * (1.0 - 1e-9);
         let least = |k: usize| positions.iter().map(|x| domain.along(x, k)).fold(0.0, f64::min);
+        // An open axis begins at its lowest point, so that particles beyond the box have cells, too.
         let low: [f64; 3] = each_axis(|k| if domain.periodic[k] { 0.0 } else { least(k) });
         // Axes that repeat need whole cells; open ones may have any number.
         let cells: [i64; 3] = each_axis(|k| {
-            if domain.periodic[k] { ((domain.length[k] / wanted).ceil() as i64).min(MOST_CELLS) } else { i64::MAX }
+            if domain.periodic[k] { ((domain.length[k] / cell_side).ceil() as i64).min(MOST_CELLS) } else { i64::MAX }
         });
         let side: [f64; 3] =
-            each_axis(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
+            each_axis(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { cell_side });
         let height: [f64; 3] = each_axis(|k| side[k] / domain.stretch(k));
         // 2 in an upright box, but for edges that rounding makes a little short.
         let most =
@@ -150,6 +152,7 @@ impl<'a> CellRows<'a> {
                 _ => runs.push(CellRun { z: cell[2], first: at as u32, end: at as u32 + 1 }),
             }
         }
+        // The runs of a row end where the next one's begin: the last row needs a next one.
         rows.push(([i64::MAX; 2], runs.len() as u32));
         let mut planes: Vec<(i64, u32)> = Vec::new();
         for (i, (place, _)) in rows.iter().enumerate() {
@@ -213,16 +216,16 @@ impl<'a> CellRows<'a> {
         Some((self.planes[plane].1 as usize..self.planes[plane + 1].1 as usize, turns))
     }
 
-    /// The row of a plane at y, and the turns that bring it there; `near` is where one is looked for first.
+    /// The row of a plane at y, and the turns that bring it there; the search begins at `near`.
     fn row_beside(&self, y: i64, plane: &Range<usize>, near: &mut usize) -> Option<(usize, f64)> {
         let (y, turns) = self.wrapped(1, y)?;
         let at = |i: usize| self.rows[i].0[1];
         if *near > plane.start && at(*near - 1) >= y || *near < plane.end && at(*near) < y {
             *near = plane.start + self.rows[plane.clone()].partition_point(|r| r.0[1] < y);
         }
-        let found = (*near < plane.end && at(*near) == y).then_some((*near, turns));
-        *near += usize::from(found.is_some());
-        found
+        let row = (*near < plane.end && at(*near) == y).then_some((*near, turns));
+        *near += usize::from(row.is_some());
+        row
     }
 
     fn wrapped(&self, axis: usize, i: i64) -> Option<(i64, f64)> {
@@ -237,32 +240,36 @@ impl<'a> CellRows<'a> {
     fn link_rows(&self, a: usize, b: usize, turns: [f64; 2], walk: &RowWalk<'_>, links: &mut Vec<(u32, u32)>) {
         let most = self.most[2];
         let runs_of = |row: usize| self.rows[row].1 as usize..self.rows[row + 1].1 as usize;
-        let (own, others) = (runs_of(a), runs_of(b));
+        let (runs, other_runs) = (runs_of(a), runs_of(b));
         for image in [-1i64, 0, 1] {
             let turn = if image == 0 { 0 } else { image * self.cells[2] };
-            let beside = |run: usize, turn: i64, of: usize| (self.runs[run].z + turn - self.runs[of].z).abs() <= most;
+            let beside = |run: usize, turn: i64, reference: usize| {
+                (self.runs[run].z + turn - self.runs[reference].z).abs() <= most
+            };
             // Other images of the box matter at its seam alone.
             let seam = match image {
-                -1 => self.domain.periodic[2] && beside(others.end - 1, turn, own.start),
+                -1 => self.domain.periodic[2] && beside(other_runs.end - 1, turn, runs.start),
                 0 => true,
-                _ => self.domain.periodic[2] && beside(others.start, turn, own.end - 1),
+                _ => self.domain.periodic[2] && beside(other_runs.start, turn, runs.end - 1),
             };
             if !seam {
                 continue;
             }
             let shift = self.domain.turned([turns[0], turns[1], image as f64]);
             let same = a == b && turns == [0.0; 2];
-            let mut low = others.start;
-            for i in own.clone() {
+            // Both rows ascend along z: the first cell that a link reaches never lies before that of the cell before.
+            let mut low = other_runs.start;
+            for i in runs.clone() {
                 let cell = self.runs[i];
-                while low < others.end && self.runs[low].z + turn < cell.z - most {
+                while low < other_runs.end && self.runs[low].z + turn < cell.z - most {
                     low += 1;
                 }
-                for j in (low..others.end).take_while(|j| self.runs[*j].z + turn <= cell.z + most) {
+                for j in (low..other_runs.end).take_while(|j| self.runs[*j].z + turn <= cell.z + most) {
                     // Within one row each pair once, and never a cell with itself.
                     let once = !same || image > 0 || (image == 0 && j > i);
                     let steps = self.runs[j].z + turn - cell.z;
                     let dz = gap(steps) * self.height[2];
+                    // The cheap tests come first: looking at particles costs most.
                     if once
                         && (walk.apart || steps.abs() > 1) == (walk.reach == NeighbourCells::Apart)
                         && self.least_square(walk.gap, dz * dz) <= walk.length * walk.length
@@ -276,27 +283,27 @@ impl<'a> CellRows<'a> {
         }
     }
 
-    /// Is a particle of one cell within the linking length of one of the other? (False after a stop.)
+    /// Whether a particle of one cell is within the linking length of one of the other; false after a stop.
     fn friends(&self, a: CellRun, b: CellRun, shift: [f64; 3], walk: &RowWalk<'_>) -> bool {
         let square = walk.length * walk.length;
-        let [own, others] = [a, b].map(|c| &self.position[c.first as usize..c.end as usize]);
+        let [positions, others] = [a, b].map(|c| &self.position[c.first as usize..c.end as usize]);
         let moved = |x: &[f64; 3]| -> [f64; 3] { each_axis(|k| x[k] - shift[k]) };
         let any = |x: [f64; 3], others: &[[f64; 3]]| others.iter().any(|y| square_between(&x, y) <= square);
-        if own.len() * others.len() <= MANY {
-            return own.iter().any(|x| any(moved(x), others));
+        if positions.len() * others.len() <= MANY {
+            return positions.iter().any(|x| any(moved(x), others));
         }
         // Of crowded cells only those that are near the other's crowd: clumps apart are told so at once.
-        let own: Vec<[f64; 3]> = own.iter().map(moved).collect();
+        let moved_positions: Vec<[f64; 3]> = positions.iter().map(moved).collect();
         let near = |points: &[[f64; 3]], crowd: &[[f64; 3]]| -> Vec<[f64; 3]> {
             let mut bounds = Bounds::empty();
             crowd.iter().for_each(|x| bounds.include(*x));
             let nearest = |x: &[f64; 3]| each_axis(|k| x[k].clamp(bounds.min[k], bounds.max[k]));
             points.iter().filter(|x| square_between(x, &nearest(x)) <= square).copied().collect()
         };
-        let others = near(others, &own);
+        let others = near(others, &moved_positions);
         // Without one there are no bounds to be near to.
-        let own = if others.is_empty() { vec![] } else { near(&own, &others) };
-        own.iter().any(|x| !walk.context.cancelled() && any(*x, &others))
+        let near_positions = if others.is_empty() { vec![] } else { near(&moved_positions, &others) };
+        near_positions.iter().any(|x| !walk.context.cancelled() && any(*x, &others))
     }
 
     /// Particles of each large set, ascending; sets by size, then by their first particle.
@@ -320,6 +327,7 @@ impl<'a> CellRows<'a> {
                 .extend_from_slice(&self.index[self.runs[i].first as usize..self.runs[i].end as usize]);
         }
         parallel::for_each(&mut members, |m| m.sort_unstable());
+        // Groups of one size are ordered by their first particles, so that their order is always the same.
         members.sort_by(|a, b| b.len().cmp(&a.len()).then(a.first().cmp(&b.first())));
         members
     }
@@ -341,14 +349,16 @@ fn occupied(positions: &[[f64; 3]], place: &(impl Fn(&[f64; 3], usize) -> i64 + 
 fn sorted(positions: &[[f64; 3]], cell: &(impl Fn(&[f64; 3]) -> [i64; 3] + Sync), cells: [i64; 3]) -> Vec<u32> {
     let all = cells.iter().try_fold(1u64, |n, c| n.checked_mul(*c as u64));
     if all.is_none_or(|n| n > i64::MAX as u64) {
+        // The number of a cell among all does not fit into 64 bits: its three numbers are compared.
         let mut order: Vec<u32> = (0..positions.len() as u32).collect();
         order.sort_by_cached_key(|i| cell(&positions[*i as usize]));
         return order;
     }
     // Rows that are not more than the particles are counted, and sorted within.
     if let Some(rows) = cells[0].checked_mul(cells[1]).filter(|rows| *rows <= positions.len() as i64) {
-        let each =
-            |of: fn([i64; 3], i64) -> i64| parallel::map_range(positions.len(), |i| of(cell(&positions[i]), cells[1]));
+        let each = |key_of: fn([i64; 3], i64) -> i64| {
+            parallel::map_range(positions.len(), |i| key_of(cell(&positions[i]), cells[1]))
+        };
         let (start, mut order) = by_cell(&each(|[x, y, _], row| x * row + y), rows as usize);
         let along = each(|cell, _| cell[2]);
         for ends in start.windows(2) {
@@ -405,6 +415,7 @@ impl DisjointSets {
     }
 
     fn join(&mut self, a: u32, b: u32) {
+        // The smaller root stays, so that roots do not depend on the order of links.
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
     }

@@ -39,8 +39,8 @@ const SPREAD_POINTS: usize = 256;
 /// Measured on nbody128 at ratios 100, 300 and 1000 (docs/results/haloes.md).
 const MISFIT: [f64; 2] = [0.25, 0.7];
 
-/// Density and enclosed mass about centres, and how the other's compare with the truth's. Radii are in units of the
-/// largest of each centre.
+/// Density and enclosed mass about centres, and those of the other over the truth's. Radii are in units of the largest
+/// of each centre.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct HaloProfiles {
     /// Centres, world units.
@@ -70,7 +70,7 @@ pub struct HaloProfiles {
     pub total: Vec<Option<f64>>,
 }
 
-/// About which places, relative to the domain's corner, and how far.
+/// Places about which profiles are measured, relative to the domain's corner, and how far they go.
 pub struct HaloPlaces<'a> {
     pub centers: &'a [[f64; 3]],
     /// Largest radius of each.
@@ -106,13 +106,14 @@ pub fn halo_profiles(
     let (edges, halos) = (places.edges(), places.centers.len());
     particlegs_files::memory::require("profiles of haloes", 24 * (edges.len() * halos) as u64)?;
     context.begin("halo profiles", 2 * halos as u64);
-    let of = |side: HaloSide<'_>| match side.subject {
+    let masses_of = |side: HaloSide<'_>| match side.subject {
         Subject::Particles(p) => of_particles(p, side.positions, domain, places, &edges, context),
         Subject::Model(m) => of_model(m, domain, places, &edges, context),
     };
-    let enclosed = [of(pair[0])?, of(pair[1])?];
+    let enclosed = [masses_of(pair[0])?, masses_of(pair[1])?];
     context.end();
     let masses = pair.map(|s| all_mass(s.subject));
+    // Ratios are of shares of all mass, so that a side without masses or with fewer particles can be compared.
     let shares = masses.map(|m| 1.0 / m.max(f64::MIN_POSITIVE));
     let at = |i: usize| MassComparison::new(&enclosed, shares, i, edges.len());
     let compared: Vec<MassComparison> = (0..edges.len()).map(at).collect();
@@ -158,16 +159,16 @@ struct MassComparison {
 impl MassComparison {
     fn new([truth, other]: &[Vec<f64>; 2], shares: [f64; 2], edge: usize, edges: usize) -> Self {
         let here = |i: &usize| i % edges == edge && truth[*i] > 0.0;
-        let chosen: Vec<usize> = (0..truth.len()).filter(here).collect();
-        let mut ratios: Vec<f64> = chosen.iter().map(|i| other[*i] * shares[1] / (truth[*i] * shares[0])).collect();
+        let indices: Vec<usize> = (0..truth.len()).filter(here).collect();
+        let mut ratios: Vec<f64> = indices.iter().map(|i| other[*i] * shares[1] / (truth[*i] * shares[0])).collect();
         ratios.sort_by(f64::total_cmp);
         let at = |share| quantile(&ratios, share);
-        let sum = |v: &[f64]| chosen.iter().map(|i| v[*i]).sum::<f64>();
+        let sum = |v: &[f64]| indices.iter().map(|i| v[*i]).sum::<f64>();
         MassComparison {
-            number: chosen.len() as u64,
+            number: indices.len() as u64,
             median: at(0.5),
             quartiles: at(0.25).zip(at(0.75)).map(<[f64; 2]>::from),
-            total: (!chosen.is_empty()).then(|| sum(other) * shares[1] / (sum(truth) * shares[0])),
+            total: (!indices.is_empty()).then(|| sum(other) * shares[1] / (sum(truth) * shares[0])),
         }
     }
 }
@@ -184,18 +185,18 @@ fn gaussians(m: &Model) -> impl Iterator<Item = (f64, &particlegs_core::model::M
     mixtures(m).flat_map(|(unit, g)| (0..g.len()).map(move |i| (unit, g, i)))
 }
 
-/// The masses inside `edges` about every centre, as `of` one adds them.
+/// The masses inside `edges` about every centre, as `add` adds those about one.
 fn about_each(
     places: &HaloPlaces<'_>,
     edges: &[f64],
     context: &Context<'_>,
-    of: impl Fn([f64; 3], &[f64], &mut [f64]) -> Result<()> + Sync,
+    add: impl Fn([f64; 3], &[f64], &mut [f64]) -> Result<()> + Sync,
 ) -> Result<Vec<f64>> {
     let parts = parallel::try_map_range(places.centers.len(), |i| {
         let radii: Vec<f64> = edges.iter().map(|e| e * places.radii[i]).collect();
         let mut inside = vec![0.0; radii.len()];
         context.check()?;
-        of(places.centers[i], &radii, &mut inside)?;
+        add(places.centers[i], &radii, &mut inside)?;
         context.advance(1);
         Ok::<_, Error>(inside)
     })?;
@@ -219,6 +220,7 @@ fn of_particles(
             for i in run {
                 let x = points.position[i];
                 let square = (0..3).map(|k| (x[k] - at[k]) * (x[k] - at[k])).sum::<f64>();
+                // Each particle is added to one shell; the shells are then added up from inside out.
                 let first = squares.partition_point(|s| *s < square);
                 if let Some(shell) = inside.get_mut(first) {
                     *shell += unit * weights.map_or(1.0, |w| f64::from(w[points.index[i] as usize]));
@@ -247,12 +249,12 @@ pub(crate) struct GaussianSpheres {
     normals: [Vec<f64>; 3],
 }
 
-/// What a sphere holds of a model.
+/// Mass and particles of a model in a sphere.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EnclosedMass {
     pub mass: f64,
-    /// That of drawing each particle of each Gaussian alone, and that of particles which are not spread like their Gaussian
-    /// ([`MISFIT`]).
+    /// That of drawing each particle of each Gaussian alone, and that of particles which are not spread like their
+    /// Gaussian ([`MISFIT`]).
     pub variance: f64,
     /// Particles.
     pub number: f64,
@@ -275,8 +277,8 @@ impl GaussianSpheres {
         Ok(GaussianSpheres { classes: classes(m, domain, radius)?, rules: Rules::new(), normals })
     }
 
-    /// Calls `visit` with each Gaussian that may reach a sphere about a place, the place's offset from its mean, and its
-    /// number of particles.
+    /// Calls `visit` with each Gaussian that may reach a sphere about a place, the place's offset from its mean, and
+    /// its number of particles.
     fn visit(
         &self,
         center: [f64; 3],
@@ -288,8 +290,8 @@ impl GaussianSpheres {
             class.points.near(class.points.cell_of(center), class.reach + radius, |run, shift| {
                 for i in run.take_while(|i| i % CHECKED != 0 || !context.cancelled()) {
                     let index = class.points.index[i] as usize;
-                    let one = &class.gaussians[index];
-                    visit(one, each_axis(|k| center[k] - shift[k] - one.mean[k]), class.numbers[index]);
+                    let gaussian = &class.gaussians[index];
+                    visit(gaussian, each_axis(|k| center[k] - shift[k] - gaussian.mean[k]), class.numbers[index]);
                 }
             });
             context.check()?;
@@ -297,33 +299,35 @@ impl GaussianSpheres {
         Ok(())
     }
 
-    /// What is inside spheres of ascending `radii` about a place: of each Gaussian, the share of evenly spread points.
+    /// The mass inside spheres of ascending `radii` about a place: of each Gaussian, the share of evenly spread points.
     pub fn enclosed(&self, center: [f64; 3], radii: &[f64], context: &Context<'_>) -> Result<Vec<EnclosedMass>> {
         let mut inside = vec![EnclosedMass::default(); radii.len()];
-        let mut own = vec![0.0; radii.len()];
-        self.visit(center, radii.last().copied().unwrap_or(0.0), context, |one, offset, number| {
-            own.fill(0.0);
-            one.add_counted(offset, radii, &self.normals, &mut own);
-            if own.last().is_none_or(|mass| *mass <= 0.0) {
+        let mut gaussian_masses = vec![0.0; radii.len()];
+        self.visit(center, radii.last().copied().unwrap_or(0.0), context, |gaussian, offset, number| {
+            gaussian_masses.fill(0.0);
+            gaussian.add_counted(offset, radii, &self.normals, &mut gaussian_masses);
+            if gaussian_masses.last().is_none_or(|mass| *mass <= 0.0) {
                 return;
             }
             let number = number.max(f64::MIN_POSITIVE);
-            let spread = one.mass / number * misfit(number);
-            for (sum, mass) in inside.iter_mut().zip(&own) {
+            // Each particle is drawn by itself (a binomial variance), times the misfit of docs/results/haloes.md.
+            let spread = gaussian.mass / number * misfit(number);
+            for (sum, mass) in inside.iter_mut().zip(&gaussian_masses) {
                 sum.mass += mass;
-                sum.variance += spread * mass * (1.0 - mass / one.mass).max(0.0);
-                sum.number += number * (mass / one.mass);
+                sum.variance += spread * mass * (1.0 - mass / gaussian.mass).max(0.0);
+                sum.number += number * (mass / gaussian.mass);
             }
         })?;
         Ok(inside)
     }
 
-    /// Is the mass per volume at a place at least `least`?
+    /// Whether the mass per volume at a place is at least `least`.
     pub fn is_dense(&self, center: [f64; 3], least: f64, context: &Context<'_>) -> Result<bool> {
         let mut density = 0.0;
-        self.visit(center, 0.0, context, |one, offset, _| {
+        self.visit(center, 0.0, context, |gaussian, offset, _| {
+            // Once it is dense enough the other Gaussians need not be evaluated.
             if density < least {
-                density += one.density(offset);
+                density += gaussian.density(offset);
             }
         })?;
         Ok(density >= least)
@@ -339,8 +343,8 @@ fn of_model(
 ) -> Result<Vec<f64>> {
     let spheres = GaussianSpheres::new(m, domain, places.largest())?;
     about_each(places, edges, context, |center, radii, inside| {
-        spheres.visit(center, radii[radii.len() - 1], context, |one, offset, _| {
-            one.add_within(offset, radii, &spheres.rules, inside);
+        spheres.visit(center, radii[radii.len() - 1], context, |gaussian, offset, _| {
+            gaussian.add_within(offset, radii, &spheres.rules, inside);
         })
     })
 }
@@ -350,11 +354,12 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
     let widest = if domain.periodic == [true; 3] { WIDEST * domain.longest() } else { f64::MAX };
     let widths = [NARROWEST * domain.longest(), widest];
     particlegs_files::memory::require("Gaussians about centres", 290 * m.gaussians() as u64)?;
+    // Each class is looked up within its own reach: wide Gaussians do not widen the search of narrow ones.
     let mut by_size = BTreeMap::<i64, Vec<(GaussianInSphere, f64)>>::new();
     for (unit, g, i) in gaussians(m) {
         let mass = unit * g.mass_of(i);
-        let one = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), mass, widths);
-        by_size.entry(one.reach().log2().ceil() as i64).or_default().push((one, g.count[i]));
+        let gaussian = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), mass, widths);
+        by_size.entry(gaussian.reach().log2().ceil() as i64).or_default().push((gaussian, g.count[i]));
     }
     let class = |members: Vec<(GaussianInSphere, f64)>| {
         let (gaussians, numbers): (Vec<GaussianInSphere>, Vec<f64>) = members.into_iter().unzip();
@@ -383,9 +388,9 @@ impl ComparisonJob<'_> {
         let longest = repeats.fold(f64::INFINITY, f64::min);
         let default = (HALO_SPACINGS * self.spacing(0)).min(longest);
         let (centers, stated): (Vec<[f64; 3]>, Vec<Option<f64>>) = match (&self.o.centers, truth) {
-            (Some(given), _) => given.iter().map(|(c, r)| (self.domain.local(*c), *r)).unzip(),
-            (None, Some(found)) => {
-                let large = found.groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
+            (Some(stated), _) => stated.iter().map(|(c, r)| (self.domain.local(*c), *r)).unzip(),
+            (None, Some(linked)) => {
+                let large = linked.groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
                 let center = |m: &Vec<u32>| (group_center(positions, m, &self.domain), None);
                 parallel::map(large, center).into_iter().unzip()
             }
@@ -419,14 +424,14 @@ pub(super) fn show(h: &HaloProfiles, to: &mut Presentation) {
     let head = "centre,x,y,z,radius,r_low,r_high,density_truth,density_other,enclosed_truth,enclosed_other";
     to.table("haloes.csv", head, (0..h.radii.len()).flat_map(shells).map(row));
     let row = |(i, edge): (usize, &f64)| {
-        let [low, high] = [0, 1].map(|q| maybe(h.quartiles[i].map(|of| of[q])));
+        let [low, high] = [0, 1].map(|q| maybe(h.quartiles[i].map(|quartiles| quartiles[q])));
         let radius = maybe(h.radius.map(|r| r * edge));
         row![radius, edge, h.compared[i], maybe(h.median[i]), low, high, maybe(h.total[i])]
     };
     let head = "r,r_over_radius,haloes,median,quartile_low,quartile_high,total";
     to.table("halo_mass.csv", head, h.edges.iter().enumerate().map(row));
     let scale = h.radius.unwrap_or(1.0);
-    let of = |side: usize| {
+    let profile = |side: usize| {
         let density = |shell: usize| (0..h.radii.len()).map(|i| h.density(i, shell)[side]).sum::<f64>();
         let middle = |shell: usize| scale * (h.edges[shell] * h.edges[shell + 1]).sqrt();
         let per = h.count as f64 * h.mean_density[side];
@@ -436,7 +441,7 @@ pub(super) fn show(h: &HaloProfiles, to: &mut Presentation) {
     let r = h.radius.map_or("r / largest radius".into(), |_| format!("r{}", to.units.length));
     let title = format!("Density around {} centres; below, mass within r (median)", h.count);
     let axes = [log(r), log("density / mean of the box")];
-    to.plot(chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect()));
+    to.plot(chart("halo_profile", &title, axes, pair([profile(0), profile(1)]), ratio.collect()));
     let radius = h.radius.map_or("given".into(), |r| decimals(r) + &to.length);
     to.line("haloes: centres", format!("{}, largest radius {radius}", h.count));
     for share in [0.1, 0.3, 1.0] {
@@ -516,14 +521,17 @@ mod tests {
         let h = halo_profiles([side(Subject::Particles(&p), &positions); 2], &BOX, &places, &Context::SILENT).unwrap();
         for edge in 0..13 {
             let expected = n as f64 * mass(h.edges[edge] / scale) / mass(10.0);
-            let [found, same] = h.enclosed_mass(0, edge);
-            assert!(found == same && (found - expected).abs() < 4.0 * expected.sqrt(), "{edge}: {found} {expected}");
+            let [enclosed, same] = h.enclosed_mass(0, edge);
+            assert!(
+                enclosed == same && (enclosed - expected).abs() < 4.0 * expected.sqrt(),
+                "{edge}: {enclosed} {expected}"
+            );
         }
         for shell in 0..12 {
             let x = (h.edges[shell] * h.edges[shell + 1]).sqrt() / scale;
             let expected = n as f64 / (4.0 * PI * scale.powi(3) * mass(10.0)) / (x * (1.0 + x).powi(2));
-            let [found, _] = h.density(0, shell);
-            assert!((found / expected - 1.0).abs() < 0.15, "{shell}: {found} {expected}");
+            let [density, _] = h.density(0, shell);
+            assert!((density / expected - 1.0).abs() < 0.15, "{shell}: {density} {expected}");
         }
         assert_eq!((h.median[12], h.quartiles[0], h.radius), (Some(1.0), Some([1.0, 1.0]), Some(1.0)));
     }

@@ -14,7 +14,7 @@ use particlegs_particles::{FieldColumns, LayerFields, RUN, StarFormingGas};
 /// An axis of positive values is logarithmic if the largest is this many times the least.
 const DECADES: f64 = 100.0;
 
-/// How the mass of a layer is spread over the values of two fields, truth and other: over particles where these have no
+/// Shares of the mass of a layer by the values of two fields, truth and other: of particles where these have no
 /// weights. An axis goes over the truth's values.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct JointHistogram {
@@ -24,7 +24,7 @@ pub struct JointHistogram {
     pub fields: [String; 2],
     /// Their units, where they are known.
     pub units: [Option<String>; 2],
-    /// Are bins of equal factors? Else of equal steps.
+    /// Whether bins are of equal factors; else they are of equal steps.
     pub logarithmic: [bool; 2],
     /// Edges of the bins of either field: one more than bins.
     pub edges: [Vec<f64>; 2],
@@ -34,7 +34,7 @@ pub struct JointHistogram {
     pub outside: f64,
     /// Share of the mass that lies in other cells: half the sum of absolute differences.
     pub difference: f64,
-    /// What that is on average between two samples of the same distribution, as large as these.
+    /// The mean of `difference` between two samples of the same distribution, as large as these.
     pub noise: f64,
     /// Pearson's coefficient of the fields, truth and other, of logarithms along a logarithmic axis.
     pub correlation: [Option<f64>; 2],
@@ -74,6 +74,7 @@ pub fn joint_histograms(
         let has = |name: &String| other.layers[*b].find(name, StarFormingGas::Keep).is_ok_and(|f| f.columns.len() == 1);
         truth.layers[*a].scalars().into_iter().filter(has).collect()
     };
+    // Without a choice, the first two scalars that a particle type has on both sides (docs/guide/statistics.md).
     let first = || layers.iter().find_map(|pair| both(pair).first_chunk().cloned());
     let Some(names) = o.joint.clone().or_else(first) else {
         notes.push("no joint histogram: no particle type has the same two scalar fields on both sides".into());
@@ -81,14 +82,16 @@ pub fn joint_histograms(
     };
     let (mut all, mut missing) = (Vec::new(), true);
     for pair in layers {
-        let found = [(truth, pair[0]), (other, pair[1])].map(|(side, layer)| columns(&side.layers[layer], &names));
-        let [Some(of_truth), Some(of_other)] = found else { continue };
+        let column_pairs =
+            [(truth, pair[0]), (other, pair[1])].map(|(side, layer)| columns(&side.layers[layer], &names));
+        let [Some(of_truth), Some(of_other)] = column_pairs else { continue };
         missing = false;
         let layer = &truth.particles.layers()[pair[0]].name;
-        let own_name = &other.particles.layers()[pair[1]].name;
+        let other_layer = &other.particles.layers()[pair[1]].name;
+        // Without stored correlations, drawn values scatter about their means independently of each other.
         let refused = differing_unit(&names, &of_truth, &of_other)
             .or_else(|| uncorrelated(subjects[0], layer, &names))
-            .or_else(|| uncorrelated(subjects[1], own_name, &names));
+            .or_else(|| uncorrelated(subjects[1], other_layer, &names));
         if let Some(why) = refused {
             notes.push(format!("no joint histogram of {layer}: {why}"));
             continue;
@@ -97,19 +100,20 @@ pub fn joint_histograms(
             FieldPairs::read(truth, pair[0], &of_truth, context)?,
             FieldPairs::read(other, pair[1], &of_other, context)?,
         ];
-        for (side, own) in ["truth", "other"].iter().zip(&values).filter(|(_, own)| own.left_out > 0) {
-            let n = own.left_out;
+        for (side, pairs) in ["truth", "other"].iter().zip(&values).filter(|(_, pairs)| pairs.left_out > 0) {
+            let n = pairs.left_out;
             notes.push(format!(
                 "{n} particles of the {side} have no {} or no {}: they are left out",
                 names[0], names[1]
             ));
         }
+        // A unit that one side does not state is taken to be the other's.
         let units = [0, 1].map(|k| of_truth[k].unit.clone().or_else(|| of_other[k].unit.clone()));
-        all.extend(histogram(&values, o.joint_bins).map(|found| JointHistogram {
+        all.extend(histogram(&values, o.joint_bins).map(|histogram| JointHistogram {
             layer: layer.clone(),
             fields: names.clone(),
             units,
-            ..found
+            ..histogram
         }));
     }
     if missing {
@@ -142,15 +146,16 @@ fn differing_unit(names: &[String; 2], truth: &[FieldColumns; 2], other: &[Field
     })
 }
 
-/// Why particles drawn from a model do not tell how two fields go together; `None` where they do, and of particles.
+/// The reason for which particles drawn from a model do not show the correlation of two fields; `None` where they do,
+/// and of particles.
 fn uncorrelated(subject: Subject<'_>, layer: &str, names: &[String; 2]) -> Option<String> {
     let Subject::Model(model) = subject else { return None };
     let [a, b] = names;
     let is_stored = |model: &Model| {
-        let own =
+        let stored_name =
             |name: &str| model.metadata.fields.iter().find(|q| q.name.eq_ignore_ascii_case(name)).map(|q| &q.name);
         let mut blocks = model.layers.iter().filter(|l| l.name == layer).flat_map(|l| &l.content);
-        let (a, b) = (own(a)?, own(b)?);
+        let (a, b) = (stored_name(a)?, stored_name(b)?);
         blocks.all(|block| block.gaussians.is_empty() || block.gaussians.correlation(a, b).is_some()).then_some(())
     };
     is_stored(model).is_none().then(|| format!("the model does not store how {a} and {b} correlate"))
@@ -165,21 +170,21 @@ impl FieldPairs {
     ) -> Result<FieldPairs> {
         let particles = &side.particles.layers()[layer].content;
         require("the values of two fields", 24 * particles.len() as u64)?;
-        let (mut found, mut run) = (FieldPairs::default(), Vec::new());
+        let (mut pairs, mut run) = (FieldPairs::default(), Vec::new());
         for (id, start) in particles.clone().step_by(RUN).enumerate() {
             context.check()?;
             side.layers[layer].read_some(id as u64, |c| from.iter().any(|f| f.needs(c)), &mut run)?;
             for (i, pair) in from[0].values(&run, 0).zip(from[1].values(&run, 0)).enumerate() {
                 match pair.0.is_finite() && pair.1.is_finite() {
                     true => {
-                        found.values.push(pair.into());
-                        found.weights.push(side.weight(start + i));
+                        pairs.values.push(pair.into());
+                        pairs.weights.push(side.weight(start + i));
                     }
-                    false => found.left_out += 1,
+                    false => pairs.left_out += 1,
                 }
             }
         }
-        Ok(found)
+        Ok(pairs)
     }
 }
 
@@ -190,15 +195,17 @@ impl JointAxis {
         let [low, high] = pairs.values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends);
         let logarithmic = low > 0.0 && high >= DECADES * low;
         let [mut low, mut high] = if logarithmic { [low.log10(), high.log10()] } else { [low, high] };
+        // Values that are all alike need an axis of some width.
         if low == high {
             let half = if low == 0.0 { 0.5 } else { 0.01 * low.abs() };
             (low, high) = (low - half, high + half);
         }
+        // Divided before they are subtracted, the ends of the widest range do not overflow.
         let width = high / bins as f64 - low / bins as f64;
         (low <= high).then_some(JointAxis { logarithmic, low, width, bins })
     }
 
-    /// Where a value lies along it; not a number beyond a logarithmic one.
+    /// The place of a value along it, its decimal logarithm on a logarithmic one; NaN where that has none.
     fn place(&self, value: f64) -> f64 {
         match self.logarithmic {
             true if value > 0.0 => value.log10(),
@@ -227,13 +234,14 @@ impl JointAxis {
 /// Of both sides, without names; `None` where one has no particles with values.
 fn histogram(pairs: &[FieldPairs; 2], bins: usize) -> Option<JointHistogram> {
     let axes = [JointAxis::new(&pairs[0], 0, bins)?, JointAxis::new(&pairs[0], 1, bins)?];
-    let [truth, other] = pairs.each_ref().map(|own| cells(own, &axes));
+    let [truth, other] = pairs.each_ref().map(|side_pairs| cells(side_pairs, &axes));
     let (truth, other) = (truth?, other?);
     let cells = || truth.iter().zip(&other);
     let difference = 0.5 * cells().map(|(a, b)| (a[0] - b[0]).abs()).sum::<f64>();
     // The mean of a normal distribution's absolute values.
     let expected = |(a, b): (&[f64; 2], &[f64; 2])| (std::f64::consts::FRAC_2_PI * (a[1] + b[1])).sqrt();
     let noise = 0.5 * cells().map(expected).sum::<f64>();
+    // The truth defines the axes: only the other's values may lie beyond them.
     let outside = other[bins * bins][0];
     Some(JointHistogram {
         layer: String::new(),
@@ -244,8 +252,9 @@ fn histogram(pairs: &[FieldPairs; 2], bins: usize) -> Option<JointHistogram> {
         share: [truth, other].map(|all| all[..bins * bins].iter().map(|c| c[0]).collect()),
         outside,
         difference,
+        // Two histograms differ by no more than all of the mass.
         noise: noise.min(1.0),
-        correlation: pairs.each_ref().map(|own| correlation(own, &axes)),
+        correlation: pairs.each_ref().map(|side_pairs| correlation(side_pairs, &axes)),
     })
 }
 
@@ -257,6 +266,7 @@ fn cells(pairs: &FieldPairs, [x, y]: &[JointAxis; 2]) -> Option<Vec<[f64; 2]>> {
         let cell = x.bin(x.place(value[0])).zip(y.bin(y.place(value[1]))).map(|(i, j)| i * y.bins + j);
         let cell = &mut cells[cell.unwrap_or(x.bins * y.bins)];
         let share = w / total;
+        // Of a Poisson number of particles, the sum of squared weights is the variance of their sum.
         *cell = [cell[0] + share, cell[1] + share * share];
     }
     (total > 0.0).then_some(cells)
@@ -265,13 +275,14 @@ fn cells(pairs: &FieldPairs, [x, y]: &[JointAxis; 2]) -> Option<Vec<[f64; 2]>> {
 /// `None` where a field does not vary.
 fn correlation(pairs: &FieldPairs, axes: &[JointAxis; 2]) -> Option<f64> {
     let place = |v: &[f64; 2]| [axes[0].place(v[0]), axes[1].place(v[1])];
-    let there = || {
+    let placed_pairs = || {
         let placed = pairs.values.iter().zip(&pairs.weights).map(|(v, w)| (place(v), *w));
+        // Values from 0 down have no place on a logarithmic axis.
         placed.filter(|(p, _)| !p[0].is_nan() && !p[1].is_nan())
     };
-    let total: f64 = there().map(|(_, w)| w).sum();
-    let mean = [0, 1].map(|k| there().map(|(p, w)| w * p[k]).sum::<f64>() / total);
-    let moment = |j: usize, k: usize| there().map(|(p, w)| w * (p[j] - mean[j]) * (p[k] - mean[k])).sum::<f64>();
+    let total: f64 = placed_pairs().map(|(_, w)| w).sum();
+    let mean = [0, 1].map(|k| placed_pairs().map(|(p, w)| w * p[k]).sum::<f64>() / total);
+    let moment = |j: usize, k: usize| placed_pairs().map(|(p, w)| w * (p[j] - mean[j]) * (p[k] - mean[k])).sum::<f64>();
     let size = (moment(0, 0) * moment(1, 1)).sqrt();
     (size > 0.0).then(|| moment(0, 1) / size)
 }
@@ -303,6 +314,7 @@ pub(super) fn show(all: &[JointHistogram], to: &mut Presentation) {
 
 /// Truth and other side by side, a row a particle type: the logarithm of the share of mass in a cell over the largest.
 fn figure(all: &[JointHistogram]) -> Figure {
+    // Cells below the least share, and empty ones, are as white as the ground.
     let color = |share: f64| match share.log10() / -LEAST_SHARE.log10() + 1.0 {
         v if v >= 0.0 => Colormap::Viridis.color(v as f32),
         _ => [255; 3],
@@ -342,42 +354,52 @@ mod tests {
 
     /// Densities over three decades, and temperatures that fall or rise with them.
     fn pairs(n: u64, seed: u64, slope: f64) -> FieldPairs {
-        let mut found = FieldPairs::default();
+        let mut pairs = FieldPairs::default();
         for i in 0..n {
             let mut r = Random::new(seed, 0, i);
             let density = 0.4 * r.normal();
-            found.values.push([10f64.powf(density), 100.0 + 10.0 * (slope * density + 0.4 * r.normal())]);
-            found.weights.push(1.0 + (i % 3) as f64);
+            pairs.values.push([10f64.powf(density), 100.0 + 10.0 * (slope * density + 0.4 * r.normal())]);
+            pairs.weights.push(1.0 + (i % 3) as f64);
         }
-        found
+        pairs
     }
 
     #[test]
     fn samples_of_one_distribution_differ_by_their_noise() {
         for (n, bins, slack) in [(200_000, 20, 0.05), (20_000, 50, 0.1)] {
-            let found = histogram(&[pairs(n, 1, -0.8), pairs(2 * n, 2, -0.8)], bins).unwrap();
-            assert!((found.difference / found.noise - 1.0).abs() < slack, "{} {}", found.difference, found.noise);
-            assert_eq!((found.logarithmic, found.edges[0].len()), ([true, false], bins + 1));
+            let histogram = histogram(&[pairs(n, 1, -0.8), pairs(2 * n, 2, -0.8)], bins).unwrap();
+            assert!(
+                (histogram.difference / histogram.noise - 1.0).abs() < slack,
+                "{} {}",
+                histogram.difference,
+                histogram.noise
+            );
+            assert_eq!((histogram.logarithmic, histogram.edges[0].len()), ([true, false], bins + 1));
             let truth = -0.8 / (0.8f64 * 0.8 + 1.0).sqrt();
-            assert!(found.correlation.iter().all(|r| (r.unwrap() - truth).abs() < 0.02), "{:?}", found.correlation);
-            let sums = found.share.each_ref().map(|s| s.iter().sum::<f64>());
-            assert!((sums[0] - 1.0).abs() < 1e-9 && (sums[1] + found.outside - 1.0).abs() < 1e-9);
+            assert!(
+                histogram.correlation.iter().all(|r| (r.unwrap() - truth).abs() < 0.02),
+                "{:?}",
+                histogram.correlation
+            );
+            let sums = histogram.share.each_ref().map(|s| s.iter().sum::<f64>());
+            assert!((sums[0] - 1.0).abs() < 1e-9 && (sums[1] + histogram.outside - 1.0).abs() < 1e-9);
         }
     }
 
     #[test]
     fn what_moves_to_other_cells_is_counted_also_beyond_the_range() {
-        let of =
+        let pairs_of =
             |values: &[[f64; 2]]| FieldPairs { values: values.into(), weights: vec![1.0; values.len()], left_out: 0 };
-        let truth = of(&[[1.0, 1.0], [2.0, 1.0], [3.0, 4.0], [10.0, 4.0]]);
-        let same = histogram(&[of(&truth.values), of(&truth.values)], 4).unwrap();
+        let truth = pairs_of(&[[1.0, 1.0], [2.0, 1.0], [3.0, 4.0], [10.0, 4.0]]);
+        let same = histogram(&[pairs_of(&truth.values), pairs_of(&truth.values)], 4).unwrap();
         assert_eq!((same.difference, same.outside, same.share[0][0], same.share[0][15]), (0.0, 0.0, 0.5, 0.25));
-        let moved = histogram(&[truth, of(&[[1.0, 1.0], [2.0, 1.0], [3.0, 1.0], [-5.0, 4.0]])], 4).unwrap();
+        let moved = histogram(&[truth, pairs_of(&[[1.0, 1.0], [2.0, 1.0], [3.0, 1.0], [-5.0, 4.0]])], 4).unwrap();
         assert_eq!((moved.difference, moved.outside), (0.5, 0.25));
         // Nothing positive lies on a logarithmic axis; values that are all alike have a bin.
-        let wide = histogram(&[of(&[[1.0, 7.0], [1000.0, 7.0]]), of(&[[0.0, 7.0], [-1.0, 8.0]])], 3).unwrap();
+        let wide =
+            histogram(&[pairs_of(&[[1.0, 7.0], [1000.0, 7.0]]), pairs_of(&[[0.0, 7.0], [-1.0, 8.0]])], 3).unwrap();
         assert_eq!((wide.logarithmic, wide.outside, wide.difference), ([true, false], 1.0, 1.0));
         assert_eq!(wide.correlation, [None, None]);
-        assert!(histogram(&[of(&[]), of(&[[1.0, 1.0]])], 3).is_none());
+        assert!(histogram(&[pairs_of(&[]), pairs_of(&[[1.0, 1.0]])], 3).is_none());
     }
 }

@@ -1,5 +1,5 @@
-//! How likely particles are under a model: of particles that the fit has not seen, a yardstick that sees needles
-//! and holes where pictures and spectra do not.
+//! Likelihood of particles under a model: of particles that the fit has not seen, a measure that sees needles and holes
+//! where pictures and spectra do not.
 
 use super::comparison_job::ComparisonJob;
 use super::neighbours::sample;
@@ -66,34 +66,36 @@ pub fn likelihood(
         return Err(Error::input("likelihood", "there are no particles to score"));
     }
     context.begin("likelihood", RUNS as u64);
-    let chosen = sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed);
-    let places: Vec<[f64; 3]> = chosen.iter().map(|i| domain.local(particles.position(*i as usize))).collect();
+    let indices = sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed);
+    let places: Vec<[f64; 3]> = indices.iter().map(|i| domain.local(particles.position(*i as usize))).collect();
+    // With a side of 0 the number of points decides on the size of the cells.
     let points = PointGrid::new(&places, domain, 0.0)?;
     let (n, volume) = (points.position.len(), domain.volume());
-    let bells: Vec<GaussianDensity> =
+    let gaussians: Vec<GaussianDensity> =
         mixtures.iter().flat_map(|m| (0..m.len()).map(|i| GaussianDensity::new(m, i, m.count[i], domain))).collect();
-    let densities = densities(&bells, &points, context)?;
+    let densities = densities(&gaussians, &points, context)?;
     context.end();
     // Relative to uniform.
     let ratios: Vec<f64> = densities.iter().map(|d| volume / total * d).collect();
+    // Where the model has nothing a particle costs log2(1 / 0.001): one in a hole does not make the mean infinite.
     let bits: Vec<f64> = ratios.iter().map(|r| ((1.0 - UNIFORM) * r + UNIFORM).log2()).collect();
     let mean = bits.iter().sum::<f64>() / n as f64;
     let variance = bits.iter().map(|b| (b - mean) * (b - mean)).sum::<f64>() / n as f64;
-    let share = |number: usize, of: usize| number as f64 / of.max(1) as f64;
+    let share = |number: usize, whole: usize| number as f64 / whole.max(1) as f64;
     Ok(Likelihood {
         bits: mean,
         error: (variance / n as f64).sqrt(),
         sampled: n as u64,
         missed: share(ratios.iter().filter(|r| **r < UNIFORM).count(), n),
         volume,
-        gaussians: bells.len() as u64,
-        needles: share(bells.iter().filter(|b| b.needle).count(), bells.len()),
+        gaussians: gaussians.len() as u64,
+        needles: share(gaussians.iter().filter(|g| g.needle).count(), gaussians.len()),
     })
 }
 
 impl Likelihood {
-    /// What an adaptive kernel estimate on `fitted` particles gives a random sample of `particles`, the same as a model
-    /// is scored by, in bits a particle: a cubic spline to the 16th neighbour, of 8 to 32 the best on N-body data. It
+    /// Bits a particle of a random sample of `particles`, the same as a model is scored by, under an adaptive kernel
+    /// estimate on `fitted` particles: a cubic spline to the 16th neighbour, of 8 to 32 the best on N-body data. It
     /// keeps every particle; a model of fewer numbers that comes near has lost little.
     pub fn kernel_bits(
         fitted: &Particles,
@@ -124,16 +126,16 @@ pub fn density_at(domain: &Domain, model: &Model, places: &[[f64; 3]], context: 
         return Err(Error::argument(format!("point {i} is not finite")));
     }
     model.check_density(|_| true)?;
-    let mut bells = Vec::with_capacity(model.gaussians());
+    let mut gaussians = Vec::with_capacity(model.gaussians());
     for (unit, m) in mixtures(model) {
-        bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, unit * m.mass_of(i), domain)));
+        gaussians.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, unit * m.mass_of(i), domain)));
     }
     context.begin("density", (places.len().div_ceil(AT_ONCE) * RUNS) as u64);
     let mut all = vec![0.0; places.len()];
     for (places, all) in places.chunks(AT_ONCE).zip(all.chunks_mut(AT_ONCE)) {
         let local: Vec<[f64; 3]> = places.iter().map(|p| domain.local(*p)).collect();
         let points = PointGrid::new(&local, domain, 0.0)?;
-        let densities = densities(&bells, &points, context)?;
+        let densities = densities(&gaussians, &points, context)?;
         points.index.iter().zip(densities).for_each(|(i, density)| all[*i as usize] = density);
     }
     context.end();
@@ -145,7 +147,8 @@ pub fn density_at(domain: &Domain, model: &Model, places: &[[f64; 3]], context: 
 pub struct MeanAndDispersion<T = f64> {
     /// Means weighted by the Gaussians' densities, a column for each component, in the field's unit.
     pub mean: Vec<Vec<T>>,
-    /// Root mean squares of what single particles differ from them; of a logarithmic field of decimal logarithms (dex).
+    /// Root mean squares of single particles' differences from them; of a logarithmic field of decimal logarithms
+    /// (dex).
     pub dispersion: Vec<Vec<T>>,
 }
 
@@ -160,13 +163,13 @@ pub(super) fn field_parts<'a>(model: &'a Model, name: &str) -> Result<Vec<(f64, 
     }
 }
 
-/// Is a field of a model a sum, such as a charge?
+/// Whether a field of a model is a sum, such as a charge.
 pub(super) fn is_sum(model: &Model, name: &str) -> bool {
     model.metadata.fields.iter().any(|q| q.name == name && q.extensive)
 }
 
-/// Mean and dispersion of a field (of a sum, such as a charge, how much there is in a unit of volume) of a model at `places` of the world, in this domain, where it repeats with its images
-/// (docs/law/fields.md, "At a place").
+/// Mean and dispersion of a field of a model (of a sum, such as a charge, its density) at `places` of the world, in
+/// this domain, where it repeats with its images (docs/law/fields.md, "At a place").
 pub fn field_at(
     domain: &Domain,
     model: &Model,
@@ -180,7 +183,9 @@ pub fn field_at(
     let (parts, is_sum) = (field_parts(model, name)?, is_sum(model, name));
     let components = parts[0].2.components();
     let logarithmic = parts[0].2.excess.is_some();
+    // Sums at a point: density; mean and square of each component; of a logarithmic field, a scalar, the values.
     let width = 1 + 2 * components + usize::from(logarithmic);
+    // Moments of a logarithmic field are of natural logarithms, dispersions are given in dex (docs/law/fields.md).
     let unit = if logarithmic { std::f64::consts::LN_10 } else { 1.0 };
     let gaussians: Vec<(GaussianDensity, &FieldMoments, usize)> = parts
         .iter()
@@ -191,16 +196,18 @@ pub fn field_at(
     let empty = vec![vec![f64::NAN; places.len()]; components];
     let mut out = MeanAndDispersion { mean: empty.clone(), dispersion: empty };
     let local: Vec<[f64; 3]> = places.iter().map(|p| domain.local(*p)).collect();
+    // Every run of Gaussians has sums of its own at all points: few points at once bound the memory.
     for (first, local) in (0..).step_by(FIELDS_AT_ONCE).zip(local.chunks(FIELDS_AT_ONCE)) {
         let points = PointGrid::new(local, domain, 0.0)?;
         let runs = parallel::try_map(gaussians.chunks(gaussians.len().div_ceil(RUNS).max(1)), |run| {
             context.check()?;
             let mut sums = vec![0.0; width * local.len()];
-            for (bell, field, i) in run {
-                bell.visit(&points, |point, d, density| {
+            for (gaussian, field, i) in run {
+                gaussian.visit(&points, |point, d, density| {
                     let sums = &mut sums[width * point..][..width];
                     sums[0] += density;
                     for k in 0..components {
+                        // A Gaussian's field is normal about a mean that is linear in the place (docs/law/fields.md).
                         let mean = field.mean_at(k, *i, d);
                         sums[1 + 2 * k] += density * mean;
                         sums[2 + 2 * k] += density * (mean * mean + field.variance(k, *i));
@@ -213,16 +220,19 @@ pub fn field_at(
             Ok::<_, Error>(sums)
         })?;
         for (at, index) in points.index.iter().enumerate() {
+            // Runs are as many whatever the threads and added up in their order: threads change no bit.
             let sum = |k: usize| runs.iter().map(|r| r[width * at + k]).sum::<f64>();
             let density = sum(0);
             for k in (0..components).filter(|_| density > 0.0) {
                 let mean = sum(1 + 2 * k) / density;
                 let place = first + *index as usize;
+                // Of a sum the mean is per weight: times the density of weights it is the amount per volume.
                 if is_sum {
                     out.mean[k][place] = density * mean;
                     continue;
                 }
                 out.mean[k][place] = if logarithmic { sum(3) / density } else { mean };
+                // The spread between Gaussians counts, too; rounding may leave less than nothing of it.
                 out.dispersion[k][place] = (sum(2 + 2 * k) / density - mean * mean).max(0.0).sqrt() / unit;
             }
         }
@@ -231,15 +241,16 @@ pub fn field_at(
 }
 
 /// The sum of Gaussians at points, in the order of [`PointGrid::position`].
-fn densities(bells: &[GaussianDensity], points: &PointGrid, context: &Context<'_>) -> Result<Vec<f64>> {
+fn densities(gaussians: &[GaussianDensity], points: &PointGrid, context: &Context<'_>) -> Result<Vec<f64>> {
     let n = points.position.len();
-    let parts = parallel::try_map(bells.chunks(bells.len().div_ceil(RUNS).max(1)), |run| {
+    let parts = parallel::try_map(gaussians.chunks(gaussians.len().div_ceil(RUNS).max(1)), |run| {
         context.check()?;
         let mut density = vec![0f64; n];
-        run.iter().for_each(|bell| bell.add(points, &mut density));
+        run.iter().for_each(|gaussian| gaussian.add(points, &mut density));
         context.advance(1);
         Ok::<_, Error>(density)
     })?;
+    // In the order of the runs, so that sums do not depend on threads.
     Ok((0..n).map(|i| parts.iter().map(|p| p[i]).sum()).collect())
 }
 
@@ -274,7 +285,7 @@ impl GaussianDensity {
 
     /// Adds its density at the points, that of its images in a box that repeats among it.
     fn add(&self, points: &PointGrid, density: &mut [f64]) {
-        self.visit(points, |i, _, own| density[i] += own);
+        self.visit(points, |i, _, value| density[i] += value);
     }
 
     /// Calls `each` with the points that it reaches, their places from its mean, and its density there.
@@ -330,19 +341,19 @@ mod tests {
     fn the_truth_scores_its_own_entropy() {
         let s = 0.03;
         let model = model_of(&[([0.0; 3], Sym3::scaled_identity(s * s), 20_000.0)], BOX.length);
-        let found = likelihood(&model, &cloud(20_000, s, 3), &BOX, 1, &Context::SILENT).unwrap();
+        let score = likelihood(&model, &cloud(20_000, s, 3), &BOX, 1, &Context::SILENT).unwrap();
         // Differential entropy of a Gaussian against a unit box, and the uniform share.
         let expected = -1.5 * (TAU * s * s * std::f64::consts::E).log2() + (1.0 - UNIFORM).log2();
-        assert!((found.bits - expected).abs() < 4.0 * found.error, "{} {expected} {}", found.bits, found.error);
-        assert!(found.error < 0.03 && found.needles == 0.0 && found.missed == 0.0);
+        assert!((score.bits - expected).abs() < 4.0 * score.error, "{} {expected} {}", score.bits, score.error);
+        assert!(score.error < 0.03 && score.needles == 0.0 && score.missed == 0.0);
     }
 
     #[test]
     fn a_model_that_misses_costs_ten_bits_and_needles_are_counted() {
         let needle = Sym3([4e-4, 0.0, 0.0, 1e-5, 0.0, 1e-5]);
         let model = model_of(&[([0.5; 3], needle, 1000.0)], BOX.length);
-        let found = likelihood(&model, &cloud(1000, 0.03, 3), &BOX, 1, &Context::SILENT).unwrap();
-        assert!((found.bits - UNIFORM.log2()).abs() < 0.01 && found.missed == 1.0 && found.needles == 1.0);
+        let score = likelihood(&model, &cloud(1000, 0.03, 3), &BOX, 1, &Context::SILENT).unwrap();
+        assert!((score.bits - UNIFORM.log2()).abs() < 0.01 && score.missed == 1.0 && score.needles == 1.0);
     }
 
     #[test]
@@ -351,9 +362,9 @@ mod tests {
         let model = model_of(&[([0.02, 0.5, 0.5], round, 1000.0), ([0.5; 3], round, 500.0)], BOX.length);
         // On the first mean, on the second, across the seam from the first, nowhere near.
         let places = [[0.02, 0.5, 0.5], [0.5; 3], [0.97, 0.5, 0.5], [0.5, 0.0, 0.0]];
-        let found = density_at(&BOX, &model, &places, &Context::SILENT).unwrap();
+        let densities = density_at(&BOX, &model, &places, &Context::SILENT).unwrap();
         let peak = (TAU * 0.05f64.powi(2)).powf(-1.5);
-        for (got, want) in found.iter().zip([1000.0 * peak, 500.0 * peak, 1000.0 * peak * (-0.5f64).exp(), 0.0]) {
+        for (got, want) in densities.iter().zip([1000.0 * peak, 500.0 * peak, 1000.0 * peak * (-0.5f64).exp(), 0.0]) {
             assert!((got - want).abs() <= 1e-9 * peak * 1000.0, "{got} {want}");
         }
         assert!(density_at(&BOX, &model, &[[0.0, f64::NAN, 0.0]], &Context::SILENT).is_err());
@@ -373,12 +384,12 @@ mod tests {
         };
         model.layers[0].content[0].gaussians.fields.set("heat", field);
         let x = [0.06, 0.5, 0.5];
-        let found = field_at(&BOX, &model, "heat", &[x, [0.5, 0.0, 0.0]], &Context::SILENT).unwrap();
+        let field_values = field_at(&BOX, &model, "heat", &[x, [0.5, 0.0, 0.0]], &Context::SILENT).unwrap();
         // Both means are equally far: two thirds of the particles belong to the first, which has 10 + 100 0.04 there.
         let (mean, square) = ((2.0 * 14.0 + 40.0) / 3.0, (2.0 * (14.0 * 14.0 + 4.0) + 1600.0 + 9.0) / 3.0);
-        assert!((found.mean[0][0] - mean).abs() < 1e-9, "{}", found.mean[0][0]);
-        assert!((found.dispersion[0][0] - f64::sqrt(square - mean * mean)).abs() < 1e-9);
-        assert!(found.mean[0][1].is_nan() && found.dispersion[0][1].is_nan());
+        assert!((field_values.mean[0][0] - mean).abs() < 1e-9, "{}", field_values.mean[0][0]);
+        assert!((field_values.dispersion[0][0] - f64::sqrt(square - mean * mean)).abs() < 1e-9);
+        assert!(field_values.mean[0][1].is_nan() && field_values.dispersion[0][1].is_nan());
         assert!(field_at(&BOX, &model, "none", &[x], &Context::SILENT).is_err());
     }
 }

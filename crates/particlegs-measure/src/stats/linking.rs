@@ -1,4 +1,4 @@
-//! What friends of friends links, and how long links are: in a zoom the finest particles, by their own mean spacing.
+//! Particles that friends of friends links, and the length of links: in a zoom the finest, by their own mean spacing.
 
 use super::points::{PointGrid, gathered};
 use super::{Domain, Groups, find_groups, group_center, longest_link};
@@ -51,7 +51,7 @@ impl ParticleKind {
     }
 }
 
-/// Where particles lie along each edge: the lowest and highest place in each part of it.
+/// The extent of particles along each edge: the lowest and highest place in each part of it.
 struct AxisSpread([[[f64; 2]; PARTS]; 3]);
 
 impl AxisSpread {
@@ -68,7 +68,7 @@ impl AxisSpread {
         AxisSpread(spread)
     }
 
-    /// Beginning and length of what holds all of it along an edge; around the seam where it repeats.
+    /// Beginning and length of the stretch of an edge that holds all; around the seam where it repeats.
     fn region(&self, domain: &Domain, k: usize) -> [f64; 2] {
         let held = |part: usize| self.0[k][part % PARTS][0].is_finite();
         let parts: Vec<usize> = (0..PARTS).filter(|p| held(*p)).collect();
@@ -90,11 +90,11 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
     let weights = p.weights().map(|w| &w[..]);
     let mut kinds = Vec::new();
     for layer in p.layers() {
-        let own = weights.filter(|_| layer.mass.is_weighted());
-        let classes = own.and_then(|w| mass_classes(&w[layer.content.clone()]));
+        let layer_weights = weights.filter(|_| layer.mass.is_weighted());
+        let classes = layer_weights.and_then(|w| mass_classes(&w[layer.content.clone()]));
         // Masses that are not known, or all different, tell no levels apart.
-        let classes = if own.is_some() { classes?.into_iter().map(Some).collect() } else { vec![None] };
-        let unit = layer.mass.unit().or(own.map(|_| 1.0))?;
+        let classes = if layer_weights.is_some() { classes?.into_iter().map(Some).collect() } else { vec![None] };
+        let unit = layer.mass.unit().or(layer_weights.map(|_| 1.0))?;
         for weight in classes {
             let mass = unit * weight.map_or(1.0, f64::from);
             let spread = AxisSpread::new(std::iter::empty(), domain);
@@ -127,8 +127,8 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
     }
     let mut index: Vec<u32> = inner.iter().flat_map(|k| k.indices(weights)).map(|i| i as u32).collect();
     index.sort_unstable();
-    let own = Domain { length: each_axis(|k| place[k][1]), ..*domain };
-    let spacing = own.spacing(index.len());
+    let region_domain = Domain { length: each_axis(|k| place[k][1]), ..*domain };
+    let spacing = region_domain.spacing(index.len());
     (spacing > 0.0).then_some(LinkedParticles { index: Some(index), spacing })
 }
 
@@ -155,8 +155,8 @@ impl LinkedParticles {
         self.index.as_deref()
     }
 
-    /// The groups by links of a length, with members by their number among all particles; `None` where links are longer than
-    /// the box allows.
+    /// The groups by links of a length, with members by their number among all particles; `None` where links are longer
+    /// than the box allows.
     pub fn groups(
         &self,
         positions: &[[f64; 3]],
@@ -200,12 +200,13 @@ fn contaminated(
     domain: &Domain,
     context: &Context<'_>,
 ) -> Result<u64> {
-    let mut own = vec![false; positions.len()];
-    linked.iter().for_each(|i| own[*i as usize] = true);
-    let others: Vec<[f64; 3]> = positions.iter().zip(&own).filter(|(_, own)| !**own).map(|(x, _)| *x).collect();
+    let mut is_linked = vec![false; positions.len()];
+    linked.iter().for_each(|i| is_linked[*i as usize] = true);
+    let others: Vec<[f64; 3]> =
+        positions.iter().zip(&is_linked).filter(|(_, is_linked)| !**is_linked).map(|(x, _)| *x).collect();
     let points = PointGrid::new(&others, domain, 0.0)?;
     let square = |d: [f64; 3]| d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    let found = parallel::try_map(&groups.members, |members| {
+    let counts = parallel::try_map(&groups.members, |members| {
         context.check()?;
         let center = group_center(positions, members, domain);
         let away = |x: &[f64; 3]| square(domain.shortest_way(each_axis(|k| x[k] - center[k])));
@@ -217,7 +218,7 @@ fn contaminated(
         });
         Ok::<u64, Error>(u64::from(holds))
     })?;
-    Ok(found.into_iter().sum())
+    Ok(counts.into_iter().sum())
 }
 
 /// A length such as `0.02Mpc`, `20 kpc/h` or, in the unit that numbers are in, `0.02`.
@@ -241,8 +242,8 @@ pub(super) fn length_in(text: &str, system: &UnitSystem<'_>) -> Result<f64> {
         return Err(refused("the particles state no unit of length, so it cannot be converted".into()));
     }
     let units = Units::new(Some(unit), None, None);
-    let own = UnitSystem { units: &units, ..*system };
-    Ok(value * own.conversion(system).map_err(refused)?.length)
+    let stated_system = UnitSystem { units: &units, ..*system };
+    Ok(value * stated_system.conversion(system).map_err(refused)?.length)
 }
 
 #[cfg(test)]
@@ -257,8 +258,8 @@ mod tests {
 
     const BOX: Domain = Domain::upright([0.0; 3], [100.0; 3], [true; 3]);
 
-    /// Heavy particles in a box; a region of 10 about `corner` of light ones, with two clumps of 300 and 150, the second
-    /// with `intruders` heavy ones inside.
+    /// Heavy particles in a box; a region of 10 about `corner` of light ones, with two clumps of 300 and 150, the
+    /// second with `intruders` heavy ones inside.
     fn zoom(corner: f64, intruders: usize) -> Particles {
         let mut r = Random::new(2, 0, 0);
         let clumps = [
@@ -274,7 +275,7 @@ mod tests {
             .with_weights(Column::owned(weights))
     }
 
-    fn found(p: &Particles, share: f64) -> LinkedGroups {
+    fn groups_of(p: &Particles, share: f64) -> LinkedGroups {
         let x = local_positions(p, &BOX);
         let linked = LinkedParticles::new(p, &x, &BOX);
         linked.groups(&x, &BOX, share * linked.spacing, 20, &Context::SILENT).unwrap().unwrap()
@@ -285,13 +286,13 @@ mod tests {
     fn zooms_link_their_finest_particles() {
         for corner in [45.0, 95.0] {
             let p = zoom(corner, 0);
-            let f = found(&p, 0.2);
+            let f = groups_of(&p, 0.2);
             assert_eq!((f.linked, f.contaminated), (8450, Some(0)), "{corner}");
             assert!((f.groups.linking_length / 0.098 - 1.0).abs() < 0.02, "{}", f.groups.linking_length);
             let sizes = f.groups.sizes();
             assert!(sizes.len() == 2 && (300..310).contains(&sizes[0]) && (150..160).contains(&sizes[1]), "{sizes:?}");
             assert!(f.groups.members.iter().flatten().all(|i| p.weights().unwrap()[*i as usize] == 1.0));
-            assert_eq!(found(&zoom(corner, 2), 0.2).contaminated, Some(1));
+            assert_eq!(groups_of(&zoom(corner, 2), 0.2).contaminated, Some(1));
         }
     }
 
@@ -303,7 +304,7 @@ mod tests {
         let weights = levels.iter().flat_map(|(n, _, weight)| vec![*weight; *n]).collect();
         let sizes = levels.iter().flat_map(|(n, size, _)| vec![*size; *n]);
         let particles = from_points(sizes.map(|size| [0; 3].map(|_| 50.0 + size * (r.uniform() - 0.5))));
-        let f = found(&particles.with_weights(Column::owned(weights)), 0.2);
+        let f = groups_of(&particles.with_weights(Column::owned(weights)), 0.2);
         assert_eq!(f.linked, 6300);
     }
 
@@ -312,11 +313,11 @@ mod tests {
     fn boxes_that_are_no_zooms_link_all() {
         let p = zoom(45.0, 0);
         let same = p.clone().without_weights();
-        assert_eq!(found(&same, 0.02).linked, 15_450);
+        assert_eq!(groups_of(&same, 0.02).linked, 15_450);
         let weights = p.weights().unwrap().iter().map(|w| 8000.0 / w).collect();
-        assert_eq!(found(&same.clone().with_weights(Column::owned(weights)), 0.02).linked, 15_450);
+        assert_eq!(groups_of(&same.clone().with_weights(Column::owned(weights)), 0.02).linked, 15_450);
         let mixed = (0..15_450).map(|i| if i % 2 == 0 { 1.0 } else { 8.0 }).collect();
-        let f = found(&same.with_weights(Column::owned(mixed)), 0.02);
+        let f = groups_of(&same.with_weights(Column::owned(mixed)), 0.02);
         assert_eq!((f.linked, f.contaminated), (15_450, None));
         assert_eq!(f.groups.linking_length, 0.02 * BOX.spacing(15_450));
     }
@@ -324,7 +325,7 @@ mod tests {
     #[test]
     fn lengths_have_units() {
         let cosmology = Cosmology { hubble: Some(0.5), ..Cosmology::default() };
-        let of = |text: &str, unit: Option<&str>| {
+        let length_of = |text: &str, unit: Option<&str>| {
             let units = Units::new(unit, None, None);
             length_in(text, &UnitSystem::new(&units, &Epoch::default(), &cosmology))
         };
@@ -335,10 +336,10 @@ mod tests {
             ("20kpc", "kpc/h", 10.0),
             (" 3.5 ", "nm", 3.5),
         ] {
-            let length = of(text, Some(unit)).unwrap();
+            let length = length_of(text, Some(unit)).unwrap();
             assert!((length / expected - 1.0).abs() < 1e-9, "{text} in {unit}: {length}");
         }
-        assert_eq!(of("0.3", None).unwrap(), 0.3);
+        assert_eq!(length_of("0.3", None).unwrap(), 0.3);
         for (text, unit) in [
             ("0", "kpc"),
             ("-1kpc", "kpc"),
@@ -348,8 +349,8 @@ mod tests {
             ("2 Msun", "kpc"),
             ("1 parsnip", "kpc"),
         ] {
-            assert!(matches!(of(text, Some(unit)), Err(Error::Argument { .. })), "{text}");
+            assert!(matches!(length_of(text, Some(unit)), Err(Error::Argument { .. })), "{text}");
         }
-        assert!(of("1kpc", None).is_err());
+        assert!(length_of("1kpc", None).is_err());
     }
 }

@@ -16,7 +16,7 @@ const REACH: f64 = 2.0;
 const STEPS: usize = 200;
 const SETTLED: f64 = 1e-6;
 
-/// Where the middle of some mass is.
+/// The middle of some mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassCenter {
     /// In the world, in the box along edges that repeat.
@@ -38,8 +38,8 @@ pub fn mass_center(
     within: Option<&Bounds>,
 ) -> Result<Option<MassCenter>> {
     let which = if layers.is_empty() { vec![true; model.layers.len()] } else { model.which(layers)? };
-    let chosen = model.layers.iter().zip(which).filter(|l| l.1).map(|l| l.0);
-    let gaussians = chosen.flat_map(|l| l.content.iter().map(|b| (l.mass.unit_or_one(), &b.gaussians)));
+    let chosen_layers = model.layers.iter().zip(which).filter(|l| l.1).map(|l| l.0);
+    let gaussians = chosen_layers.flat_map(|l| l.content.iter().map(|b| (l.mass.unit_or_one(), &b.gaussians)));
     Ok(mass_center_of(domain, gaussians, within))
 }
 
@@ -51,8 +51,8 @@ fn mass_center_of<'a>(
     let is_in = |p: &[f64; 3]| within.is_none_or(|b| (0..3).all(|k| b.min[k] <= p[k] && p[k] < b.max[k]));
     let mut parts: Vec<([f64; 3], f64)> = Vec::new();
     for (unit, mixture) in gaussians {
-        let own = (0..mixture.len()).map(|i| (mixture.mean_of(i), unit * mixture.mass_of(i)));
-        parts.extend(own.filter(|(p, mass)| *mass > 0.0 && is_in(p)).map(|(p, mass)| (domain.local(p), mass)));
+        let points = (0..mixture.len()).map(|i| (mixture.mean_of(i), unit * mixture.mass_of(i)));
+        parts.extend(points.filter(|(p, mass)| *mass > 0.0 && is_in(p)).map(|(p, mass)| (domain.local(p), mass)));
     }
     let mass: f64 = parts.iter().map(|p| p.1).sum();
     if parts.is_empty() || !mass.is_finite() {
@@ -74,6 +74,7 @@ fn mass_center_of<'a>(
             along[a] = libm::atan2(sine, cosine) / TAU;
         }
     }
+    // The mean phase is a start; steps lead to where the shortest ways of all mass cancel.
     let mut center = domain.turned(along);
     for _ in 0..STEPS {
         let mut step = [0.0; 3];
@@ -91,8 +92,9 @@ fn mass_center_of<'a>(
     Some(MassCenter { place: domain.in_box(domain.world(center)), filled })
 }
 
-/// The centre of the mass about a place, found by steps from there: each to the mean of the mass in a sphere of a radius
-/// with a soft edge, a normal weight with as much spread as the sphere has. `None` where they lead away further than twice the radius.
+/// The centre of the mass about a place, found by steps from there: each to the mean of the mass in a sphere of a
+/// radius with a soft edge, a normal weight with as much spread as the sphere has. `None` where they lead away further
+/// than twice the radius.
 pub fn mass_center_near(domain: &Domain, model: &Model, place: [f64; 3], radius: f64) -> Option<[f64; 3]> {
     let square = 0.2 * radius * radius;
     let window = Sym3::scaled_identity(square);
@@ -111,9 +113,9 @@ pub fn mass_center_near(domain: &Domain, model: &Model, place: [f64; 3], radius:
         for (p, inverse, weight) in &parts {
             let d = domain.shortest_way(each_axis(|k| p[k] - center[k]));
             let pull = inverse.apply(d);
-            let own = weight * libm::exp(-0.5 * dot(d, pull));
-            mass += own;
-            (0..3).for_each(|k| step[k] += own * square * pull[k]);
+            let window_mass = weight * libm::exp(-0.5 * dot(d, pull));
+            mass += window_mass;
+            (0..3).for_each(|k| step[k] += window_mass * square * pull[k]);
         }
         if !(mass > 0.0 && mass.is_finite()) {
             return None;
@@ -145,9 +147,9 @@ mod tests {
         let small = Sym3::scaled_identity(0.01);
         let clump = |x: f64, mass: f64| ([x, 5.0, 2.0], small, mass);
         let model = model_of(&[clump(9.0, 3.0), clump(0.5, 3.0), clump(9.9, 2.0)], [10.0; 3]);
-        let found = mass_center(&domain, &model, &[], None).unwrap().unwrap();
+        let center = mass_center(&domain, &model, &[], None).unwrap().unwrap();
         // (3 (-1) + 3 (0.5) + 2 (-0.1)) / 8 = -0.2125
-        assert!(near(found.place, [9.7875, 5.0, 2.0]) && found.filled == [false; 3], "{found:?}");
+        assert!(near(center.place, [9.7875, 5.0, 2.0]) && center.filled == [false; 3], "{center:?}");
         let region = Bounds { min: [8.0, 0.0, 0.0], max: [10.0; 3] };
         let of_region = mass_center(&domain, &model, &[], Some(&region)).unwrap().unwrap();
         assert!(near(of_region.place, [9.36, 5.0, 2.0]), "{of_region:?}");
@@ -159,8 +161,8 @@ mod tests {
     fn mass_that_fills_the_box_has_no_centre_along_it() {
         let domain = Domain::upright([-5.0; 3], [10.0; 3], [true; 3]);
         let row = (0..20).map(|i| ([-5.0 + 0.5 * f64::from(i), 1.0, -2.0], Sym3::scaled_identity(0.1), 4.0));
-        let found = mass_center(&domain, &model_of(&row.collect::<Vec<_>>(), [10.0; 3]), &[], None).unwrap().unwrap();
-        assert!(near(found.place, [0.0, 1.0, -2.0]) && found.filled == [true, false, false], "{found:?}");
+        let center = mass_center(&domain, &model_of(&row.collect::<Vec<_>>(), [10.0; 3]), &[], None).unwrap().unwrap();
+        assert!(near(center.place, [0.0, 1.0, -2.0]) && center.filled == [true, false, false], "{center:?}");
     }
 
     #[test]
@@ -169,8 +171,8 @@ mod tests {
         let halo = |x: f64, mass: f64| ([x, 10.0, 10.0], Sym3::scaled_identity(0.09), mass);
         let background = ([10.0; 3], Sym3::scaled_identity(40.0), 500.0);
         let model = model_of(&[halo(0.2, 100.0), halo(6.0, 1000.0), background], [20.0; 3]);
-        let found = mass_center_near(&domain, &model, [19.7, 10.3, 9.8], 1.0).unwrap();
-        assert!((found[0] - 0.2).abs() < 0.02 && (found[1] - 10.0).abs() < 0.02, "{found:?}");
+        let center = mass_center_near(&domain, &model, [19.7, 10.3, 9.8], 1.0).unwrap();
+        assert!((center[0] - 0.2).abs() < 0.02 && (center[1] - 10.0).abs() < 0.02, "{center:?}");
         let lone = model_of(&[halo(0.2, 100.0)], [20.0; 3]);
         assert_eq!(mass_center_near(&domain, &lone, [10.0; 3], 0.1), None);
     }

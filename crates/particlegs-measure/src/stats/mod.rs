@@ -1,16 +1,15 @@
-//! What recovered particles, or a mixture itself, are good for, in numbers.
+//! Statistics of particles, or of a mixture itself, against those of a truth.
 //!
-//! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a
-//! [`Grid`] (`deposit`, `gaussian`, `resolved`; fields by `field_cells`), compared cell by cell (`density`) and transformed (`transform`)
-//! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
-//! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
-//! their cores (`aperture`); in zooms of the finest particles (`linking`); groups are compared by size (`sizes`); nearest neighbours use the particles' tree (`neighbours`).
-//! Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres (`haloes`) are of
-//! particles or of the Gaussians themselves (`sphere`), which particles are scored under, too (`likelihood`).
+//! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a [`Grid`] (`deposit`,
+//! `gaussian`, `resolved`; fields by `field_cells`), compared cell by cell (`density`) and transformed (`transform`)
+//! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). Measures of neighbours sort positions into cells: pair
+//! counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in their cores (`aperture`); in zooms
+//! of the finest particles (`linking`); groups are compared by size (`sizes`); nearest neighbours use the particles'
+//! tree (`neighbours`). Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres
+//! (`haloes`) are of particles or of the Gaussians themselves, which particles are scored under, too (`likelihood`).
 //! Particles with velocities (`velocities`) have power in redshift space and of their momentum (`multipoles`), and
-//! dispersions about centres (`dispersion`); those with scalars have joint histograms of two (`joint`).
-//! The frames of a series are measured one after the other (`evolution`); pictures of them follow centres of mass
-//! (`mass_center`).
+//! dispersions about centres (`dispersion`); those with scalars have joint histograms of two (`joint`). The frames of a
+//! series are measured one after the other (`evolution`); pictures of them follow centres of mass (`mass_center`).
 
 mod aperture;
 mod boxes;
@@ -124,7 +123,7 @@ particlegs_core::named_values! {
 }
 
 particlegs_core::named_values! {
-    /// Whose definitions are followed.
+    /// Source of the definitions that are followed.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "lowercase")]
     pub enum Convention {
@@ -137,12 +136,12 @@ particlegs_core::named_values! {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StatsOptions {
-    /// What to measure.
+    /// Measures to take.
     #[serde(alias = "only")]
     pub measures: Vec<Measure>,
-    /// Whose definitions.
+    /// Source of the definitions.
     pub convention: Convention,
-    /// Take no axis as periodic, whatever the truth says?
+    /// Whether no axis is taken as periodic, whatever the truth says.
     pub open: bool,
     /// Cells along the longest edge for densities; `None` = cells of eight particles ([`Grid::of_eight`]), by
     /// published definitions 256.
@@ -155,7 +154,7 @@ pub struct StatsOptions {
     pub spectrum_cells: usize,
     /// Assignment for spectra.
     pub spectrum_assignment: Assignment,
-    /// Average spectra with a grid moved by half a cell?
+    /// Whether spectra are averaged with those of a grid moved by half a cell.
     #[serde(alias = "interlacing")]
     pub interlaced: bool,
     /// Largest wave number; `None` = the truth's particle Nyquist frequency pi / spacing, as far as
@@ -179,7 +178,7 @@ pub struct StatsOptions {
     /// particles and more, the 1000 largest of them.
     #[serde(skip)]
     pub centers: Option<Vec<([f64; 3], Option<f64>)>>,
-    /// Largest radius about all centres; `None` = what is stated with each, else two mean spacings.
+    /// Largest radius about all centres; `None` = the one stated with each, else two mean spacings.
     pub halo_radius: Option<f64>,
     /// Shells about a centre.
     pub halo_bins: usize,
@@ -203,12 +202,12 @@ pub struct StatsOptions {
 }
 
 impl StatsOptions {
-    /// Is anything measured of velocities?
+    /// Whether anything is measured of velocities.
     pub fn needs_velocities(&self) -> bool {
         self.measures.iter().any(|m| OF_VELOCITIES.contains(m))
     }
 
-    /// Is anything measured of fields?
+    /// Whether anything is measured of fields.
     pub fn needs_fields(&self) -> bool {
         self.needs_velocities() || self.measures.contains(&Measure::Joint)
     }

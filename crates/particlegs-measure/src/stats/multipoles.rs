@@ -61,16 +61,18 @@ pub fn multipoles(
     let grid = Grid::new(domain, o.cells);
     let mut sums: [Option<ShellSums>; 3] = Default::default();
     for axis in 0..3 {
+        // Seen from far away any axis may be the line of sight; the mean of three scatters less.
         let [a, b] = pair.map(|v| v.in_redshift_space(axis, displacement));
         let (a, b) = (a?, b?);
         let subjects = [Subject::Particles(&a), Subject::Particles(&b)];
         let transforms = transform_pair(subjects, [None; 2], &grid, domain, o, context)?;
         for (sums, degree) in sums.iter_mut().zip(DEGREES) {
             let weight = |wave: [f64; 3], k: f64| legendre(degree, wave[axis] / k);
-            let own = ShellSums::new(&transforms, domain, o.k_max, weight, context)?;
+            let axis_sums = ShellSums::new(&transforms, domain, o.k_max, weight, context)?;
+            // All lines of sight have the same modes: wave numbers and counts are those of the first.
             match sums {
-                None => *sums = Some(own),
-                Some(sums) => sums.add_power(&own),
+                None => *sums = Some(axis_sums),
+                Some(sums) => sums.add_power(&axis_sums),
             }
         }
     }
@@ -79,6 +81,7 @@ pub fn multipoles(
     let power = |degree: i32, [_, weight, xx, yy, _]: [f64; 5]| {
         let noise = shot_noise.map(|n| n * weight);
         let lines_of_sight = 3.0;
+        // 2 l + 1 is what Legendre's polynomials are normalised by; sums over lines of sight become their mean.
         let factor = f64::from(2 * degree + 1) / lines_of_sight;
         [factor * (xx * domain.volume() - noise[0]), factor * (yy * domain.volume() - noise[1])]
     };
@@ -103,6 +106,7 @@ pub fn momentum_spectra(
         let p = &v.particles;
         p.total_mass() * p.meta.particle_mass.unwrap_or(1.0) / grid.len() as f64
     };
+    // Momenta are over the mean mass, since their own mean may vanish.
     let means = pair.map(|v| Some(cell(v)));
     let mut sums: Option<ShellSums> = None;
     for axis in 0..3 {
@@ -110,10 +114,11 @@ pub fn momentum_spectra(
         let (a, b) = (a?, b?);
         let subjects = [Subject::Particles(&a), Subject::Particles(&b)];
         let transforms = transform_pair(subjects, means, &grid, domain, o, context)?;
-        let own = ShellSums::new(&transforms, domain, o.k_max, |_, _| 1.0, context)?;
+        let axis_sums = ShellSums::new(&transforms, domain, o.k_max, |_, _| 1.0, context)?;
+        // Components have the same modes: wave numbers and counts are those of the first.
         match &mut sums {
-            None => sums = Some(own),
-            Some(sums) => sums.add_power(&own),
+            None => sums = Some(axis_sums),
+            Some(sums) => sums.add_power(&axis_sums),
         }
     }
     let shot_noise = pair.map(|v| v.momentum_noise(domain));
@@ -128,12 +133,12 @@ impl ComparisonJob<'_> {
         unit: Option<&str>,
         notes: &mut Vec<String>,
     ) -> Result<Option<Multipoles>> {
-        let moved = match self.domain.periodic {
+        let shift = match self.domain.periodic {
             [true, true, true] => displacement(self.pair, unit),
             _ => Err("the box is not periodic along all axes".into()),
         };
-        match moved {
-            Ok(moved) => multipoles(pair, moved, &self.domain, &self.spectrum_options(), self.context).map(Some),
+        match shift {
+            Ok(shift) => multipoles(pair, shift, &self.domain, &self.spectrum_options(), self.context).map(Some),
             Err(why) => {
                 notes.push(format!("no multipoles: {why}"));
                 Ok(None)
@@ -156,8 +161,8 @@ impl Multipoles {
 
     /// The largest difference of P2 in any judged shell, in units of the truth's P0.
     pub(super) fn largest_quadrupole_deviation(&self) -> Option<f64> {
-        let of = |s: &MultipoleShell| ((s.quadrupole[1] - s.quadrupole[0]) / s.monopole[0]).abs();
-        self.judged().map(of).reduce(f64::max)
+        let deviation = |s: &MultipoleShell| ((s.quadrupole[1] - s.quadrupole[0]) / s.monopole[0]).abs();
+        self.judged().map(deviation).reduce(f64::max)
     }
 }
 
@@ -176,12 +181,12 @@ pub(super) fn show(
         let head = "k_low,k_high,k,modes,p0_truth,p0_other,p2_truth,p2_other,p4_truth,p4_other";
         to.table("multipoles.csv", head, m.shells.iter().map(row));
         // P0 and the size of P2; the ratio is that of P0.
-        let of = |pick: fn(&MultipoleShell) -> f64| m.shells.iter().map(|h| (h.k, pick(h))).collect::<Points>();
+        let points_of = |pick: fn(&MultipoleShell) -> f64| m.shells.iter().map(|h| (h.k, pick(h))).collect::<Points>();
         let series = vec![
-            curve("P0, truth", TRUTH, false, of(|h| h.monopole[0])),
-            curve("P0, other", OTHER, false, of(|h| h.monopole[1])),
-            curve("|P2|, truth", TRUTH, true, of(|h| h.quadrupole[0].abs())),
-            curve("|P2|, other", OTHER, true, of(|h| h.quadrupole[1].abs())),
+            curve("P0, truth", TRUTH, false, points_of(|h| h.monopole[0])),
+            curve("P0, other", OTHER, false, points_of(|h| h.monopole[1])),
+            curve("|P2|, truth", TRUTH, true, points_of(|h| h.quadrupole[0].abs())),
+            curve("|P2|, other", OTHER, true, points_of(|h| h.quadrupole[1].abs())),
         ];
         let axes = [log(format!("k{}", to.units.wave)), log(format!("P(k){}", to.units.volume))];
         let ratio = m.shells.iter().filter(|h| h.monopole[0] > 0.0).map(|h| (h.k, h.monopole[1] / h.monopole[0]));
@@ -229,8 +234,8 @@ mod tests {
     fn wave(n: usize, amplitude: f64, velocity: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> ParticleFields {
         let place = |i: usize| [i / (n * n), i / n % n, i % n].map(|v| 4.0 * (v as f64 + 0.5) / n as f64);
         let q = || (0..n * n * n).map(place);
-        let moved = q().map(|[x, y, z]| [x + amplitude * (PI * x).sin(), y, z]);
-        ParticleFields::of_parts(particlegs_particles::testing::from_points(moved), |i| velocity(i, place(i)))
+        let moved_places = q().map(|[x, y, z]| [x + amplitude * (PI * x).sin(), y, z]);
+        ParticleFields::of_parts(particlegs_particles::testing::from_points(moved_places), |i| velocity(i, place(i)))
     }
 
     #[test]
@@ -241,9 +246,9 @@ mod tests {
         let subject = Subject::Particles(&p);
         let real = super::super::power_spectra([subject; 2], &domain, &o, &Context::SILENT).unwrap();
         let still = ParticleFields::of_parts(p.clone(), |_| [0.0; 3]);
-        let found = multipoles([&still; 2], 0.01, &domain, &o, &Context::SILENT).unwrap();
-        assert_eq!(found.shells.len(), real.shells.len());
-        for (s, r) in found.shells.iter().zip(&real.shells) {
+        let multipoles = multipoles([&still; 2], 0.01, &domain, &o, &Context::SILENT).unwrap();
+        assert_eq!(multipoles.shells.len(), real.shells.len());
+        for (s, r) in multipoles.shells.iter().zip(&real.shells) {
             assert!((s.monopole[0] / r.power[0] - 1.0).abs() < 1e-9 && s.modes == r.modes && s.k == r.k);
             // The mean over three lines of sight of each mode is zero.
             assert!((s.quadrupole[0] / s.monopole[0]).abs() < 1e-9, "{s:?}");
@@ -260,16 +265,16 @@ mod tests {
         let velocity = |_, [x, _, _]: [f64; 3]| [f * amplitude * (PI * x).sin() / displacement, 0.0, 0.0];
         let v = wave(24, amplitude, velocity);
         let o = SpectrumOptions { shot_noise_subtracted: true, ..options(24) };
-        let found = multipoles([&v; 2], displacement, &BOX, &o, &Context::SILENT).unwrap();
-        let noise = found.shot_noise[0];
-        let shell = found.shells.iter().find(|s| (s.edges[0]..s.edges[1]).contains(&PI)).unwrap();
+        let multipoles = multipoles([&v; 2], displacement, &BOX, &o, &Context::SILENT).unwrap();
+        let noise = multipoles.shot_noise[0];
+        let shell = multipoles.shells.iter().find(|s| (s.edges[0]..s.edges[1]).contains(&PI)).unwrap();
         // All power is in two modes; the lattice has no shot noise.
         let all = |l: f64| (amplitude * PI).powi(2) / 4.0 * 64.0 * 2.0 * l / shell.modes as f64;
         let enhanced = (1.0 + f) * (1.0 + f);
         let expected = [all(enhanced + 2.0) / 3.0, 5.0 / 3.0 * all(enhanced - 1.0)];
         let parts = [shell.monopole[0] + noise, shell.quadrupole[0]];
-        for (found, expected) in parts.iter().zip(expected) {
-            assert!((found / expected - 1.0).abs() < 0.03, "{shell:?} {expected:?}");
+        for (value, expected) in parts.iter().zip(expected) {
+            assert!((value / expected - 1.0).abs() < 0.03, "{shell:?} {expected:?}");
         }
         // Momentum: f amplitude k / displacement along x.
         let momentum = momentum_spectra([&v; 2], &BOX, &o, &Context::SILENT).unwrap();
@@ -289,8 +294,8 @@ mod tests {
         let o = options(32);
         let still = wave(40, amplitude, |_, _| [0.0; 3]);
         let power = |v: &ParticleFields, displacement| {
-            let found = multipoles([v; 2], displacement, &BOX, &o, &Context::SILENT).unwrap();
-            *found.shells.iter().find(|s| (s.edges[0]..s.edges[1]).contains(&PI)).unwrap()
+            let multipoles = multipoles([v; 2], displacement, &BOX, &o, &Context::SILENT).unwrap();
+            *multipoles.shells.iter().find(|s| (s.edges[0]..s.edges[1]).contains(&PI)).unwrap()
         };
         let (hot, cold) = (power(&v, deviation), power(&still, 1.0));
         let damping = (-(PI * deviation).powi(2)).exp();
@@ -322,11 +327,11 @@ mod tests {
         let run = |threads| {
             on_threads(threads, || momentum_spectra([&gas; 2], &BOX, &options(24), &Context::SILENT).unwrap())
         };
-        let found = run(1);
-        assert!(found == run(3));
+        let spectra = run(1);
+        assert!(spectra == run(3));
         let noise = 12_900.0 * 64.0 / 20_000.0;
-        assert!((found.shot_noise[0] / noise - 1.0).abs() < 1e-6);
-        for s in &found.shells {
+        assert!((spectra.shot_noise[0] / noise - 1.0).abs() < 1e-6);
+        for s in &spectra.shells {
             assert!(s.power[0].abs() < noise * (5.0 * (2.0 / s.modes as f64).sqrt() + 0.02), "{s:?} {noise}");
         }
     }

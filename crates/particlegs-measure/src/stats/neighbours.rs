@@ -74,17 +74,17 @@ pub fn nearest_distances(
     }
     particlegs_files::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
     context.begin("nearest neighbours", o.sample.min(n) as u64);
-    let chosen = places_of(particles, domain, &sample(n, o.sample, Purpose::NeighbourSample, o.seed));
+    let places = places_of(particles, domain, &sample(n, o.sample, Purpose::NeighbourSample, o.seed));
     context.check()?;
     let thinned = o.among_sample.then(|| {
-        let column = |k: usize| chosen.iter().map(|x| x[k]).collect();
+        let column = |k: usize| places.iter().map(|x| x[k]).collect();
         let mut thinned = Particles::from_columns(column(0), column(1), column(2));
         thinned.origin = particles.origin;
         thinned
     });
     let among = thinned.as_ref().unwrap_or(particles);
     let tree = Neighbours::new(among, domain);
-    let mut distances = parallel::try_map(chosen.chunks(1024), |run| {
+    let mut distances = parallel::try_map(places.chunks(1024), |run| {
         let one = |x| context.check().map(|()| tree.nearest(x));
         let distances = run.iter().map(|x| one(*x)).collect::<Result<Vec<f64>>>()?;
         context.advance(run.len() as u64);
@@ -125,8 +125,8 @@ impl ComparisonJob<'_> {
     pub fn neighbours(&self, particles: [&Particles; 2]) -> Result<[NearestDistances; 2]> {
         let options =
             NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
-        let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.context);
-        Ok([of(0)?, of(1)?])
+        let distances_of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.context);
+        Ok([distances_of(0)?, distances_of(1)?])
     }
 }
 
@@ -136,11 +136,11 @@ pub(super) fn with_distance_ratios<S: Serializer>(
 ) -> std::result::Result<S::Ok, S::Error> {
     let Some(distances) = pair else { return serializer.serialize_none() };
     let [truth, other] = distances;
-    let mut form = serializer.serialize_map(Some(3))?;
-    form.serialize_entry("distances", distances)?;
-    form.serialize_entry("mean_ratio", &(other.mean / truth.mean))?;
-    form.serialize_entry("median_ratio", &(other.median / truth.median))?;
-    form.end()
+    let mut map = serializer.serialize_map(Some(3))?;
+    map.serialize_entry("distances", distances)?;
+    map.serialize_entry("mean_ratio", &(other.mean / truth.mean))?;
+    map.serialize_entry("median_ratio", &(other.median / truth.median))?;
+    map.end()
 }
 
 /// Shows them.
@@ -150,12 +150,12 @@ pub(super) fn show(both: &[NearestDistances; 2], to: &mut Presentation) {
         .zip(both)
         .flat_map(|(side, d)| (0..d.counts.len()).map(move |i| row![side, d.edges[i], d.edges[i + 1], d.counts[i]]));
     to.table("neighbours.csv", "side,low,high,particles", rows);
-    let of = |d: &NearestDistances| {
+    let shares_of = |d: &NearestDistances| {
         (0..d.counts.len())
             .map(|i| ((d.edges[i] * d.edges[i + 1]).sqrt(), d.counts[i] as f64 / d.sampled as f64))
             .collect::<Vec<_>>()
     };
-    let [a, b] = both.each_ref().map(of);
+    let [a, b] = both.each_ref().map(shares_of);
     // Both histograms share one grid of edges, but may have other ends.
     let ratio = a
         .iter()
@@ -165,8 +165,8 @@ pub(super) fn show(both: &[NearestDistances; 2], to: &mut Presentation) {
     let axes = [log(format!("distance{}", to.units.length)), even("share per bin (20 per decade)")];
     to.plot(chart("neighbours", "Distance to the nearest neighbour", axes, pair([a, b]), ratio));
     let [truth, other] = both;
-    for (name, of) in [("mean", (|d| d.mean) as fn(&NearestDistances) -> f64), ("median", |d| d.median)] {
-        let (a, b) = (of(truth), of(other));
+    for (name, pick) in [("mean", (|d| d.mean) as fn(&NearestDistances) -> f64), ("median", |d| d.median)] {
+        let (a, b) = (pick(truth), pick(other));
         let value = format!("{}{}, truth {}: {:.3}", decimals(b), to.length, decimals(a), b / a);
         to.line(&format!("nearest neighbour, {name}"), value);
     }

@@ -66,14 +66,14 @@ pub fn logarithmic_edges(low: f64, high: f64, per_decade: usize) -> Vec<f64> {
 /// The mean over directions of the share of a box that a displacement of length `r` keeps inside:
 /// 1 for a periodic box, the isotropised set covariance of an open one (valid for r up to its
 /// shortest open edge).
-fn kept(domain: &Domain, r: f64) -> f64 {
+fn share_inside(domain: &Domain, r: f64) -> f64 {
     // Means of |x|, |x y| and |x y z| over the unit sphere: 1/2, 2/(3 pi), 1/(4 pi).
     let a: [f64; 3] = each_axis(|k| if domain.periodic[k] { 0.0 } else { r / domain.length[k] });
     1.0 - 0.5 * (a[0] + a[1] + a[2]) + 2.0 / (3.0 * PI) * (a[0] * a[1] + a[1] * a[2] + a[2] * a[0])
         - a[0] * a[1] * a[2] / (4.0 * PI)
 }
 
-/// The volume of a shell, weighted with [`kept`]: the integrand is a polynomial of degree 5, which
+/// The volume of a shell, weighted with [`share_inside`]: the integrand is a polynomial of degree 5, which
 /// three points of Gauss and Legendre take exactly.
 fn shell_volume(domain: &Domain, low: f64, high: f64) -> f64 {
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
@@ -82,7 +82,7 @@ fn shell_volume(domain: &Domain, low: f64, high: f64) -> f64 {
         .iter()
         .map(|(x, w)| {
             let r = middle + half * x;
-            w * half * 4.0 * PI * r * r * kept(domain, r)
+            w * half * 4.0 * PI * r * r * share_inside(domain, r)
         })
         .sum()
 }
@@ -120,6 +120,7 @@ pub fn count_pairs(
     };
     let mut first = 0;
     while first < bins {
+        // The first edge may be 0, so a band is measured from the end of its first bin.
         let last =
             (first + 1..=bins).take_while(|b| edges[*b] <= o.band * edges[first + 1]).last().unwrap_or(first + 1);
         let band = &edges[first..=last];
@@ -130,6 +131,7 @@ pub fn count_pairs(
         for b in first..last {
             counts.pairs[b] = pairs[b - first];
             counts.primaries[b] = primaries.len() as u64;
+            // A primary makes pairs with all particles but itself.
             let density = n.saturating_sub(1) as f64 / domain.volume();
             counts.expected[b] = primaries.len() as f64 * density * shell_volume(domain, edges[b], edges[b + 1]);
             counts.xi[b] =
@@ -317,12 +319,12 @@ pub(super) fn show(pairs: Option<&[PairCounts; 2]>, transform: Option<&XiByTrans
     }
     let middle = |e: &[f64], i: usize| (e[i] * e[i + 1]).sqrt();
     let axes = [log(format!("r{}", to.units.length)), log("xi(r)")];
-    let of = |edges: &[f64], xi: [&[f64]; 2]| {
+    let chart_of = |edges: &[f64], xi: [&[f64]; 2]| {
         let rows: Vec<_> = (0..xi[0].len()).map(|i| (middle(edges, i), [xi[0][i], xi[1][i]])).collect();
         compared("xi", "Two-point correlation", axes.clone(), &rows, 0.0)
     };
-    let by_pairs = pairs.map(|[a, b]| of(&a.edges, [&a.xi, &b.xi]));
-    let mut by_transform = transform.map(|x| of(&x.edges, x.xi.each_ref().map(|v| &v[..])));
+    let by_pairs = pairs.map(|[a, b]| chart_of(&a.edges, [&a.xi, &b.xi]));
+    let mut by_transform = transform.map(|x| chart_of(&x.edges, x.xi.each_ref().map(|v| &v[..])));
     for curve in by_transform.iter_mut().flat_map(|parts| &mut parts[0].series) {
         (curve.name, curve.dashed) = (format!("{}, by transform", curve.name), true);
     }

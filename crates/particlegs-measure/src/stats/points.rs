@@ -41,7 +41,7 @@ pub(crate) struct PointGrid {
     pub start: Vec<u32>,
     /// Positions by cell and, within a cell, in the order of the particles.
     pub position: Vec<[f64; 3]>,
-    /// Which particle each is.
+    /// Number of the particle of each.
     pub index: Vec<u32>,
 }
 
@@ -51,8 +51,8 @@ pub(super) fn points_bytes(n: usize) -> u64 {
     n as u64 * (24 + 24 + 4 + 8 + 32)
 }
 
-/// The first particle of each cell and their number, and the particles by cell and by number within one, from the cell of
-/// each.
+/// The first particle of each cell and their number, and the particles by cell and by number within one, from the cell
+/// of each.
 pub(super) fn by_cell(cell: &[i64], cells: usize) -> (Vec<u32>, Vec<u32>) {
     let mut start = vec![0u32; cells + 1];
     cell.iter().for_each(|c| start[*c as usize + 1] += 1);
@@ -130,8 +130,8 @@ impl PointGrid {
         (i - steps..=i + steps).map(|c| (c.rem_euclid(n) as usize, c.div_euclid(n) as f64)).collect()
     }
 
-    /// Calls `visit` with the number of each point within `radius` of a place, its offset from there and the square of its
-    /// distance. Each image of each point comes once.
+    /// Calls `visit` with the number of each point within `radius` of a place, its offset from there and the square of
+    /// its distance. Each image of each point comes once.
     pub fn within(&self, center: [f64; 3], radius: f64, mut visit: impl FnMut(usize, [f64; 3], f64)) {
         self.near(self.cell_of(center), radius, |run, shift| {
             for at in run {
@@ -190,16 +190,16 @@ pub(crate) fn counterparts(
     alike: impl Fn(usize, usize) -> bool,
 ) -> Result<Vec<Option<usize>>> {
     let points = PointGrid::new(centers, domain, 0.0)?;
-    let mut taken = vec![false; centers.len()];
+    let mut is_taken = vec![false; centers.len()];
     let find = |(number, (center, radius)): (usize, SearchSphere)| {
         let mut nearest: Option<(f64, usize)> = None;
         points.within(center, radius, |other, _, square| {
-            if nearest.is_none_or(|n| (square, other) < n) && !taken[other] && alike(number, other) {
+            if nearest.is_none_or(|n| (square, other) < n) && !is_taken[other] && alike(number, other) {
                 nearest = Some((square, other));
             }
         });
         nearest.map(|(_, other)| {
-            taken[other] = true;
+            is_taken[other] = true;
             other
         })
     };

@@ -1,5 +1,5 @@
-//! How results are shown: tables as CSV, plots, and lines of text. Each measure adds its own to a
-//! [`Presentation`], by `show` beside what it computes.
+//! Presentation of results: tables as CSV, plots, and lines of text. Each measure adds its own to a [`Presentation`],
+//! by `show` in its module.
 
 use particlegs_core::Result;
 use particlegs_core::model::per_length;
@@ -18,7 +18,7 @@ const LETTERS: f64 = 16.0;
 const POINTS: f64 = 9.0;
 const PAGE: f64 = 500.0;
 
-/// What is shown of statistics; each measure adds what is there of it.
+/// Tables, plots and text of statistics; each measure adds its own, where it was taken.
 pub(crate) struct Presentation {
     pub units: AxisUnits,
     /// The unit behind a length and a wave number in the text, if it is known.
@@ -37,7 +37,7 @@ impl Presentation {
     /// Lengths have this unit; the text begins with `first`.
     pub fn new(unit: Option<&str>, first: String) -> Self {
         let line = unit.map(one_line);
-        let after = |of: fn(&str) -> String| line.as_deref().map_or(String::new(), |u| format!(" {}", of(u)));
+        let after = |text_of: fn(&str) -> String| line.as_deref().map_or(String::new(), |u| format!(" {}", text_of(u)));
         let (length, wave, units) = (after(str::to_string), after(per_length), AxisUnits::new(unit));
         let (tables, plots, slices, figures) = Default::default();
         Presentation { units, length, wave, tables, plots, slices, figures, text: first }
@@ -108,7 +108,7 @@ pub(crate) struct AxisUnits {
 
 impl AxisUnits {
     pub fn new(unit: Option<&str>) -> Self {
-        let brackets = |of: fn(&str) -> String| unit.map_or(String::new(), |u| format!(" [{}]", of(u)));
+        let brackets = |text_of: fn(&str) -> String| unit.map_or(String::new(), |u| format!(" [{}]", text_of(u)));
         let cubed = |u: &str| if u.contains(['/', ' ']) { format!("({u})³") } else { format!("{u}³") };
         AxisUnits { length: brackets(str::to_string), wave: brackets(per_length), volume: brackets(cubed) }
     }
@@ -164,8 +164,14 @@ pub(crate) fn compared(
     least: f64,
 ) -> ChartParts {
     let side = |k: usize| rows.iter().map(|(at, values)| (*at, values[k])).collect();
-    let known = rows.iter().filter(|(_, [truth, _])| *truth > least);
-    chart(name, title, axes, pair([side(0), side(1)]), known.map(|(at, [truth, other])| (*at, other / truth)).collect())
+    let known_rows = rows.iter().filter(|(_, [truth, _])| *truth > least);
+    chart(
+        name,
+        title,
+        axes,
+        pair([side(0), side(1)]),
+        known_rows.map(|(at, [truth, other])| (*at, other / truth)).collect(),
+    )
 }
 
 /// other / truth, from 0.85 to 1.15 or as far as it goes within 0 to 2, in bands of 5 % and 10 %.

@@ -26,7 +26,7 @@ pub struct AxisProfile {
     pub mean: [f64; 2],
     /// Root of the mean squared difference of density / mean.
     pub relative_difference: f64,
-    /// What shot noise alone would make of it: two sets of particles, or one and a mixture, of one density.
+    /// That difference by shot noise alone: of two sets of particles, or of one and a mixture, of one density.
     pub shot_noise: f64,
     /// Half the distance between the quartiles of mass: half of it lies so near to the middle.
     pub half_mass_height: [f64; 2],
@@ -35,7 +35,8 @@ pub struct AxisProfile {
 /// Masses in the slabs along x, y and z.
 type AxisSlabs = [Vec<f64>; 3];
 
-/// Profiles along x, y and z, or the edges of a tilted domain, in `bins` slabs of it; mass beyond open edges is in none.
+/// Profiles along x, y and z, or the edges of a tilted domain, in `bins` slabs of it; mass beyond open edges is in
+/// none.
 pub fn axis_profiles(
     pair: [Subject<'_>; 2],
     domain: &Domain,
@@ -44,11 +45,11 @@ pub fn axis_profiles(
 ) -> Result<[AxisProfile; 3]> {
     let grid = Grid::stretched(domain, [bins; 3]);
     context.begin("profiles", 2 * PARTS as u64);
-    let of = |subject: Subject<'_>| match subject {
+    let slabs_of = |subject: Subject<'_>| match subject {
         Subject::Particles(p) => of_particles(p, &grid, context),
         Subject::Model(m) => of_model(m, &grid, context),
     };
-    let (truth, other) = (of(pair[0])?, of(pair[1])?);
+    let (truth, other) = (slabs_of(pair[0])?, slabs_of(pair[1])?);
     context.end();
     let noise = pair.map(|s| s.shot_noise(domain) / domain.volume()).iter().sum::<f64>();
     Ok([0, 1, 2].map(|k| AxisProfile::new(domain, k, [&truth[k], &other[k]], noise)))
@@ -81,7 +82,7 @@ impl AxisProfile {
 fn opposite(density: &[f64]) -> usize {
     let n = density.len();
     let angle = |i: usize| TAU * (i as f64 + 0.5) / n as f64;
-    let sum = |of: fn(f64) -> f64| density.iter().enumerate().map(|(i, d)| d * of(angle(i))).sum::<f64>();
+    let sum = |component: fn(f64) -> f64| density.iter().enumerate().map(|(i, d)| d * component(angle(i))).sum::<f64>();
     let middle = sum(f64::sin).atan2(sum(f64::cos)) / TAU;
     (((middle + 0.5).rem_euclid(1.0) * n as f64).round() as usize) % n
 }

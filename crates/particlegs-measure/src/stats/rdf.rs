@@ -11,9 +11,9 @@ use particlegs_figure::PlotAxis;
 use serde::ser::{SerializeMap, Serializer};
 
 const BINS: usize = 200;
-/// How far it goes, in mean spacings.
+/// Largest distance of g(r), in mean spacings.
 const RDF_SPACINGS: f64 = 4.0;
-/// A peak stands out from what is before and behind it by this share of its height, at least ...
+/// A peak is higher than lower values before and behind it by this share of its height, at least ...
 const PROMINENCE: f64 = 0.1;
 /// ... and by so many standard deviations of its pairs' number: 200 bins of noise span about six.
 const SIGMAS: f64 = 8.0;
@@ -36,9 +36,11 @@ impl PairCounts {
     pub fn first_peak(&self) -> Option<[f64; 2]> {
         let g = self.g();
         let least = |i: usize| {
+            // Each pair counts from both its ends, so that counts scatter by the root of twice their number.
             let deviation = (2.0 * self.pairs[i] as f64).sqrt() / self.expected[i].max(f64::MIN_POSITIVE);
             (PROMINENCE * g[i]).max(SIGMAS * deviation)
         };
+        // A top is far enough above the lowest value before it; it is the peak once a value is far enough below it.
         let (mut lowest, mut top) = (f64::INFINITY, None);
         for i in 0..g.len() {
             match top {
@@ -84,12 +86,12 @@ pub(super) fn with_g<S: Serializer>(
     serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {
     let Some(counts) = pair else { return serializer.serialize_none() };
-    let mut form = serializer.serialize_map(Some(4))?;
-    form.serialize_entry("edges", &counts[0].edges)?;
-    form.serialize_entry("pairs", &counts.each_ref().map(|c| &c.pairs))?;
-    form.serialize_entry("expected", &counts.each_ref().map(|c| &c.expected))?;
-    form.serialize_entry("g", &counts.each_ref().map(PairCounts::g))?;
-    form.end()
+    let mut map = serializer.serialize_map(Some(4))?;
+    map.serialize_entry("edges", &counts[0].edges)?;
+    map.serialize_entry("pairs", &counts.each_ref().map(|c| &c.pairs))?;
+    map.serialize_entry("expected", &counts.each_ref().map(|c| &c.expected))?;
+    map.serialize_entry("g", &counts.each_ref().map(PairCounts::g))?;
+    map.end()
 }
 
 /// Above this g(r), a linear axis would show only the peak.

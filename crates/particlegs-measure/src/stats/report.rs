@@ -10,7 +10,7 @@ use particlegs_files::output::{Outputs, write_json};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Statistics of two inputs, with what names these.
+/// Statistics of two inputs, with their names.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StatsReport {
     /// The truth's name.
@@ -21,7 +21,7 @@ pub struct StatsReport {
     pub length_unit: Option<String>,
     /// Version of the program.
     pub tool_version: &'static str,
-    /// What was measured.
+    /// The statistics.
     #[serde(flatten)]
     pub statistics: Statistics,
 }
@@ -48,8 +48,8 @@ impl StatsReport {
         })
     }
 
-    /// Writes `stats.json`, a CSV table of each measure, pictures of the density, and plots of each kind into a folder, all
-    /// or none. Lengths are in the unit of length.
+    /// Writes `stats.json`, a CSV table of each measure, pictures of the density, and plots of each kind into a folder,
+    /// all or none. Lengths are in the unit of length.
     ///
     /// # Errors
     /// [`particlegs_core::Error::Output`] for a file that is there and was not made by this function;
@@ -78,8 +78,8 @@ impl StatsReport {
         let side =
             |side: usize| format!("{}{} particles", if s.model[side] { "model of " } else { "" }, s.particles[side]);
         let first = format!("truth {}, other {}", side(0), side(1));
-        let mut shown = Presentation::new(self.length_unit.as_deref(), first);
-        show(s, &mut shown);
-        shown
+        let mut presentation = Presentation::new(self.length_unit.as_deref(), first);
+        show(s, &mut presentation);
+        presentation
     }
 }

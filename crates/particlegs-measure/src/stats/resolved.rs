@@ -41,7 +41,7 @@ pub(super) struct ResolvedGaussian<Q> {
     peak: f64,
     /// Ratios of neighbours along z have this ratio from one cell to the next.
     step: f64,
-    /// What its mass carries, by distances in parts.
+    /// The quantity that its mass carries, by distances in parts.
     quantity: Q,
 }
 

@@ -55,8 +55,8 @@ fn densities_spectra_and_moments_are_numpys() {
     let domain = subject.domain();
     let grid = Grid::new(&domain, 20);
     assert_eq!(grid.cells, [8, 20, 12]);
-    let of = |scheme| deposit(subject, &grid, scheme, 0.0, &Context::SILENT).unwrap();
-    let c = compare_density(&of(Assignment::Cic), &of(Assignment::Ngp));
+    let field_of = |scheme| deposit(subject, &grid, scheme, 0.0, &Context::SILENT).unwrap();
+    let c = compare_density(&field_of(Assignment::Cic), &field_of(Assignment::Ngp));
     close(c.variance[0], e["cic_variance"].as_f64().unwrap(), 1e-5);
     close(c.variance[1], e["ngp_variance"].as_f64().unwrap(), 1e-6);
     close(c.correlation, e["cic_ngp_correlation"].as_f64().unwrap(), 1e-6);

@@ -56,7 +56,7 @@ impl SeriesStatistics {
             let message = format!("{} compares two inputs; of a series alone there are {names}", measure.name());
             return Err(Error::argument(message));
         }
-        let taken = json!(&options);
+        let record = json!(&options);
         let mut evolution = Evolution::new(options)?;
         let mut decoder = SeriesDecoder::new(series);
         let (mut frames, mut found, mut without) = (Vec::new(), Vec::new(), None);
@@ -73,10 +73,10 @@ impl SeriesStatistics {
                     continue;
                 }
             };
-            let own = evolution.measure(&model, &series.name(number), context)?;
-            own.notes.iter().for_each(|note| context.note(note));
+            let statistics = evolution.measure(&model, &series.name(number), context)?;
+            statistics.notes.iter().for_each(|note| context.note(note));
             frames.push(model.metadata);
-            found.push(Some(own));
+            found.push(Some(statistics));
         }
         if found.iter().all(Option::is_none) {
             return Err(without.unwrap_or_else(|| Error::input(name, "the series has no frames")));
@@ -85,13 +85,13 @@ impl SeriesStatistics {
         let waves = chosen_waves(first);
         let linking_length = evolution.options.linking_length;
         let (name, units, clock, entries) = (name.to_string(), series.units()?, series.clock, series.frames.clone());
-        Ok(SeriesStatistics { clock, entries, name, options: taken, units, frames, found, linking_length, waves })
+        Ok(SeriesStatistics { clock, entries, name, options: record, units, frames, found, linking_length, waves })
     }
 
-    /// What was measured of each frame that is there, in order; `None` of one without the chosen layers.
+    /// The statistics of each frame that is there, in order; `None` of one without the chosen layers.
     pub fn frames(&self) -> impl Iterator<Item = (usize, &Metadata, Option<&FrameStatistics>)> {
         let all = self.there().zip(&self.frames).zip(&self.found);
-        all.map(|((number, metadata), found)| (number, metadata, found.as_ref()))
+        all.map(|((number, metadata), statistics)| (number, metadata, statistics.as_ref()))
     }
 
     fn there(&self) -> impl Iterator<Item = usize> {
@@ -126,8 +126,10 @@ impl SeriesStatistics {
     }
 
     /// Values of a component in the unit that the first frame has it in; frames with another have none.
-    fn mean(&self, of: &FieldMean) -> Vec<Option<f64>> {
-        let same = |m: &&FieldMean| m.component == of.component && m.unit == of.unit && m.is_sum == of.is_sum;
+    fn mean(&self, field_mean: &FieldMean) -> Vec<Option<f64>> {
+        let same = |m: &&FieldMean| {
+            m.component == field_mean.component && m.unit == field_mean.unit && m.is_sum == field_mean.is_sum
+        };
         self.values(|f| Some(f.fields.iter().find(same)?.value))
     }
 
@@ -170,11 +172,11 @@ impl SeriesStatistics {
     /// All spectra as CSV: a row for each shell of each frame.
     fn spectra(&self) -> String {
         let mut csv = "frame,time,step,redshift,scale_factor,k_low,k_high,k,modes,power\n".to_string();
-        for ((i, found), m) in self.there().zip(&self.found).zip(&self.frames) {
-            let Some(found) = found else { continue };
+        for ((i, statistics), m) in self.there().zip(&self.found).zip(&self.frames) {
+            let Some(statistics) = statistics else { continue };
             let when = [m.epoch.time, m.epoch.step.map(|s| s as f64), m.epoch.redshift(), m.epoch.scale_factor];
             let when = when.map(number).join(",");
-            for WaveShell { edges, k, modes, power } in &found.spectrum {
+            for WaveShell { edges, k, modes, power } in &statistics.spectrum {
                 let [low, high, k, power] = [edges[0], edges[1], *k, *power].map(|v| number(Some(v)));
                 let _ = writeln!(csv, "{i},{when},{low},{high},{k},{modes},{power}");
             }
@@ -182,8 +184,8 @@ impl SeriesStatistics {
         csv
     }
 
-    /// Writes `stats.json`, `frames.csv`, where there are spectra `power_frames.csv`, and plots of each kind into a folder,
-    /// all or none.
+    /// Writes `stats.json`, `frames.csv`, where there are spectra `power_frames.csv`, and plots of each kind into a
+    /// folder, all or none.
     ///
     /// # Errors
     /// [`Error::Output`] for a file that is there and was not made by this function; [`Error::Io`].
@@ -227,14 +229,18 @@ impl SeriesStatistics {
         }
         let mut fields: Vec<Plot> = Vec::new();
         let components = self.components();
-        for of in components.chunk_by(|a, b| a.field == b.field) {
-            let series = of.iter().enumerate().map(|(i, mean)| {
-                let name = if of.len() > 1 { &mean.component[..] } else { "" };
+        for field_components in components.chunk_by(|a, b| a.field == b.field) {
+            let series = field_components.iter().enumerate().map(|(i, mean)| {
+                let name = if field_components.len() > 1 { &mean.component[..] } else { "" };
                 self.curve(name, i, self.mean(mean).into_iter())
             });
             let title = if fields.is_empty() { "Fields over time" } else { "" };
-            let word = if of[0].is_sum { "total" } else { "mean" };
-            let y = PlotAxis::linear(format!("{word} {}{}", of[0].field, brackets(of[0].unit.clone())));
+            let word = if field_components[0].is_sum { "total" } else { "mean" };
+            let y = PlotAxis::linear(format!(
+                "{word} {}{}",
+                field_components[0].field,
+                brackets(field_components[0].unit.clone())
+            ));
             fields.extend(plot("fields_frames", title, y, series.collect()));
         }
         figures.push(fields);
@@ -254,10 +260,12 @@ impl SeriesStatistics {
     /// The first and the last value of each quantity, a line each.
     pub fn text(&self) -> String {
         let numbers: Vec<usize> = self.there().collect();
-        let there: Vec<usize> = (0..self.found.len()).filter(|&i| self.found[i].is_some()).collect();
-        let (Some(&first), Some(&last)) = (there.first(), there.last()) else { return String::new() };
+        let measured_frames: Vec<usize> = (0..self.found.len()).filter(|&i| self.found[i].is_some()).collect();
+        let (Some(&first), Some(&last)) = (measured_frames.first(), measured_frames.last()) else {
+            return String::new();
+        };
         let when = |i: usize| self.clock.text(self.entries[numbers[i]].time, &self.units);
-        let mut text = format!("{} frames, {} to {}", there.len(), when(first), when(last));
+        let mut text = format!("{} frames, {} to {}", measured_frames.len(), when(first), when(last));
         let mut line = |name: String, values: Vec<Option<f64>>, unit: Option<String>| {
             let shown = |i: usize| values[i].map_or("-".into(), short);
             let unit = unit.map_or(String::new(), |u| format!(" {u}"));
@@ -279,11 +287,11 @@ impl SeriesStatistics {
 
 impl Serialize for SeriesStatistics {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-        let mut there = self.frames();
+        let mut frames = self.frames();
         let mut record = |(frame, entry): (usize, &FrameEntry)| {
-            let measured = if entry.kind == FrameCoding::Missing { None } else { there.next() };
+            let measured = if entry.kind == FrameCoding::Missing { None } else { frames.next() };
             let missing = || json!({ "frame": frame, "kind": "missing" });
-            measured.map_or_else(missing, |(frame, metadata, found)| frame_record(frame, metadata, found))
+            measured.map_or_else(missing, |(frame, metadata, statistics)| frame_record(frame, metadata, statistics))
         };
         SeriesRecord {
             series: &self.name,
@@ -309,17 +317,17 @@ struct SeriesRecord<'a> {
     frames: Vec<Value>,
 }
 
-fn frame_record(frame: usize, m: &Metadata, found: Option<&FrameStatistics>) -> Value {
+fn frame_record(frame: usize, m: &Metadata, measurement: Option<&FrameStatistics>) -> Value {
     let nothing = FrameStatistics::default();
-    let found = found.unwrap_or(&nothing);
-    let groups: Option<Vec<Value>> = found.groups.as_ref().map(|sizes| {
+    let statistics = measurement.unwrap_or(&nothing);
+    let groups: Option<Vec<Value>> = statistics.groups.as_ref().map(|sizes| {
         let number = |from: &u64| sizes.iter().filter(|n| *n >= from).count();
         SIZES.iter().map(|from| json!({ "from": from, "groups": number(from) })).collect()
     });
     json!({
         "frame": frame, "time": m.epoch.time, "step": m.epoch.step, "redshift": m.epoch.redshift(),
-        "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": found.spectrum,
-        "groups": groups, "fields": found.fields,
+        "scale_factor": m.epoch.scale_factor, "particles": m.count, "spectrum": statistics.spectrum,
+        "groups": groups, "fields": statistics.fields,
     })
 }
 

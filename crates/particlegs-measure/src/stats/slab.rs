@@ -9,10 +9,10 @@ pub(super) const SMALLEST: f64 = 0.1;
 /// Nor than this share of the largest deviation: a bound on the lattice, for flat Gaussians.
 pub(super) const FLATTEST: f64 = 1.0 / 16.0;
 
-/// Some planes of a grid across x, and what their cells hold.
+/// Some planes of a grid across x, and the sums in their cells.
 pub struct Slab<'a, S = f64> {
     pub(crate) grid: &'a Grid,
-    /// Which of its planes.
+    /// Numbers of its planes.
     pub(crate) planes: Range<usize>,
     /// The cells of those planes alone.
     pub(crate) cells: &'a mut [S],

@@ -19,7 +19,7 @@ use particlegs_core::{Result, parallel};
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// How power spectra are measured.
+/// Options of power spectra.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SpectrumOptions {
     /// Cells along the longest edge.
@@ -60,7 +60,7 @@ pub struct Shell {
 /// Spectra of two fields.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Spectra {
-    /// How they were taken: what [`Statistics::options`](super::Statistics) come to.
+    /// Options that they were taken with, which [`Statistics::options`](super::Statistics) come to.
     pub(super) options: SpectrumOptions,
     /// Cells along each axis.
     pub cells: [usize; 3],
@@ -70,8 +70,7 @@ pub struct Spectra {
     pub shells: Vec<Shell>,
 }
 
-/// Interlaced, deconvolved modes of a subject's delta, and what the window left; in units of `mean`, a cell's mean, or of
-/// its own.
+/// Interlaced, deconvolved modes of a subject's delta; in units of `mean`, a cell's mean, or of its own.
 pub(super) fn modes_of(
     subject: Subject<'_>,
     mean: Option<f64>,
@@ -101,10 +100,12 @@ fn modes_of_fields(
     let grid = first.grid;
     let modes_of = |f: &Field| transform(f, mean.unwrap_or_else(|| mean_mass(f)), most, context);
     let mut modes = modes_of(&first)?;
+    // The first field is transformed already: the moved one takes its memory.
     let second = if o.interlaced { Some(modes_of(&field(1, Some(first))?)?) } else { None };
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
     let window: [Vec<f64>; 3] = each_axis(|k| {
+        // The window of a scheme is a power of sinc on each axis; to the power 0 it leaves the modes as they are.
         let power = if o.deconvolved { scheme.order() as i32 } else { 0 };
         (0..=most[k]).map(|m| sinc(PI * m as f64 / n[k]).powi(power)).collect()
     });
@@ -113,8 +114,9 @@ fn modes_of_fields(
         for (at, value) in plane.iter_mut().enumerate() {
             let (my, mz) = ((at / depth) as i64 - most[1] as i64, at % depth);
             if let Some(second) = &second {
-                let moved = PI * (mx as f64 / n[0] + my as f64 / n[1] + mz as f64 / n[2]);
-                let other = second.value[i * columns * depth + at] * Complex64::from_polar(1.0, moved);
+                // The phase of half a cell is taken back; odd aliases cancel (Sefusatti et al. 2016, equation 21).
+                let phase = PI * (mx as f64 / n[0] + my as f64 / n[1] + mz as f64 / n[2]);
+                let other = second.value[i * columns * depth + at] * Complex64::from_polar(1.0, phase);
                 *value = 0.5 * (*value + other);
             }
             *value /= window[0][mx.unsigned_abs() as usize] * window[1][my.unsigned_abs() as usize] * window[2][mz];
@@ -131,8 +133,9 @@ fn sinc(x: f64) -> f64 {
 /// exactly half is its own alias.
 pub(super) fn mode_limits(grid: &Grid, domain: &Domain, k_max: f64) -> [usize; 3] {
     each_axis(|k| {
-        let wanted = (k_max * domain.length[k] / (2.0 * PI) * (1.0 + 1e-12)).floor() as usize;
-        wanted.min((grid.cells[k] - 1) / 2)
+        // A mode whose wave number is k_max belongs to it, whatever the rounding.
+        let limit = (k_max * domain.length[k] / (2.0 * PI) * (1.0 + 1e-12)).floor() as usize;
+        limit.min((grid.cells[k] - 1) / 2)
     })
 }
 
@@ -164,7 +167,7 @@ pub(super) fn visit_plane(
     Ok(())
 }
 
-/// Transforms of both subjects, kept for what else is made of them.
+/// Transforms of both subjects, for spectra and xi(r).
 pub(super) struct TransformPair {
     /// Modes of the first and the second.
     pub modes: [Modes; 2],
@@ -184,6 +187,7 @@ pub(super) fn transform_pair(
     context: &Context<'_>,
 ) -> Result<TransformPair> {
     let most = mode_limits(grid, domain, o.k_max);
+    // Three sets of modes: those of both subjects, and those of a moved field until it is averaged in.
     particlegs_files::memory::require(
         "the power spectrum's grid",
         deposit_bytes(grid, [a, b].iter().filter_map(|s| s.particles()).map(|p| p.len() as u64).max().unwrap_or(0))
@@ -222,21 +226,24 @@ impl ShellSums {
         let zero = ShellSums { width, count: vec![0; bins], terms: vec![[0.0; 5]; bins] };
         let [a, b] = &pair.modes;
         let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
-            let mut own = zero.clone();
+            let mut sums = zero.clone();
             visit_plane(a, domain, i, k_max, context, |at, wave, k, times| {
+                // Shells are centred at multiples of their width; longer waves belong to the first.
                 let bin = (k / width - 0.5).max(0.0) as usize;
                 if bin < bins {
                     let (x, y, n, w) = (a.value[at], b.value[at], times as f64, weight(wave, k));
-                    own.count[bin] += times;
+                    // A mode whose conjugate is not stored stands for both.
+                    sums.count[bin] += times;
                     let terms = [k, w, w * x.norm_sqr(), w * y.norm_sqr(), w * (x * y.conj()).re];
-                    (0..5).for_each(|t| own.terms[bin][t] += n * terms[t]);
+                    (0..5).for_each(|t| sums.terms[bin][t] += n * terms[t]);
                 }
             })?;
-            Ok(own)
+            Ok(sums)
         })?;
-        let mut all = zero;
-        planes.iter().for_each(|p| all.add(p));
-        Ok(all)
+        let mut total = zero;
+        // Planes are added up in their order, so that sums do not depend on threads.
+        planes.iter().for_each(|p| total.add(p));
+        Ok(total)
     }
 
     fn add(&mut self, other: &ShellSums) {
@@ -283,6 +290,7 @@ pub(super) fn spectra_of_sums(
         .means()
         .map(|(edges, modes, [k, _, xx, yy, xy])| {
             let (raw, cross) = ([xx, yy].map(|v| v * domain.volume()), xy * domain.volume());
+            // Coherence without noise is given whatever the options: these decide on the power alone.
             let clean: [f64; 2] = std::array::from_fn(|s| raw[s] - shot_noise[s]);
             let power: [f64; 2] = std::array::from_fn(|s| raw[s] - noise[s]);
             let over = |p: [f64; 2]| (p[0] > 0.0 && p[1] > 0.0).then(|| cross / (p[0].sqrt() * p[1].sqrt()));
@@ -347,14 +355,18 @@ impl CachedTransform {
         self.pair([self.modes.clone(), self.modes.clone()], self.shot_noise, context)
     }
 
-    fn pair(&self, [other, own]: [Modes; 2], shot_noise: f64, context: &Context<'_>) -> Result<Spectra> {
-        let pair = TransformPair { modes: [own, other], shot_noise: [self.shot_noise, shot_noise], grid: self.grid };
+    fn pair(&self, [other_modes, own_modes]: [Modes; 2], shot_noise: f64, context: &Context<'_>) -> Result<Spectra> {
+        let pair = TransformPair {
+            modes: [own_modes, other_modes],
+            shot_noise: [self.shot_noise, shot_noise],
+            grid: self.grid,
+        };
         spectra(&pair, &self.domain, &self.options, context)
     }
 }
 
-/// Spectra of a mixture and particles whose fields were added up: `field` gives that of the particles (0) or the mixture
-/// (1), as it is (0) or moved by half a cell (1); `noise` is the particles' shot noise.
+/// Spectra of a mixture and particles whose fields were added up: `field` gives that of the particles (0) or the
+/// mixture (1), as it is (0) or moved by half a cell (1); `noise` is the particles' shot noise.
 pub(crate) fn spectra_of(
     field: &dyn Fn(usize, usize) -> Result<Field>,
     noise: f64,
@@ -375,14 +387,14 @@ impl ComparisonJob<'_> {
     pub fn spectrum_options(&self) -> SpectrumOptions {
         let cells = self.o.spectrum_cells;
         let grid_limit = PI * cells as f64 / self.domain.longest();
-        let wanted = self.o.k_max.unwrap_or(PI / self.spacing(0));
+        let k_max = self.o.k_max.unwrap_or(PI / self.spacing(0));
         SpectrumOptions {
             cells,
             assignment: if self.paper() { Assignment::Ngp } else { self.o.spectrum_assignment },
             interlaced: self.o.interlaced && !self.paper(),
             deconvolved: !self.paper(),
             shot_noise_subtracted: !self.paper(),
-            k_max: if self.paper() { grid_limit } else { wanted.min(grid_limit) },
+            k_max: if self.paper() { grid_limit } else { k_max.min(grid_limit) },
         }
     }
 
@@ -451,22 +463,22 @@ pub(super) fn last_while(places: impl Iterator<Item = (f64, bool)>) -> Option<f6
 /// Shows them.
 pub(super) fn show(p: &Spectra, convention: Convention, to: &mut Presentation) {
     to.spectra_table("power.csv", p);
-    let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
+    let power_of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
     let corrected = match convention {
         Convention::Correct => "shot noise subtracted",
         Convention::Paper => "shot noise included",
     };
-    let picked = |pick: fn(&Shell) -> Option<f64>| p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect();
+    let points_of = |pick: fn(&Shell) -> Option<f64>| p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect();
     let k = log(format!("k{}", to.units.wave));
     let power = [k.clone(), log(format!("P(k){}", to.units.volume))];
     let title = format!("Power spectrum ({corrected})");
     let curves = vec![
-        curve("with shot noise", OTHER, false, picked(|h| h.r)),
-        curve("without shot noise", THIRD, false, picked(|h| h.r_without_noise.filter(|r| *r < 1.5))),
+        curve("with shot noise", OTHER, false, points_of(|h| h.r)),
+        curve("without shot noise", THIRD, false, points_of(|h| h.r_without_noise.filter(|r| *r < 1.5))),
     ];
     let mut coherence = chart("coherence", "Cross-correlation coefficient", [k, even("r(k)")], curves, Vec::new());
     coherence[0].levels = [1.0, 0.99, 0.9].map(|level| (String::new(), level)).into();
-    to.plot(chart("power", &title, power, pair([of(0), of(1)]), picked(|h| h.ratio)));
+    to.plot(chart("power", &title, power, pair([power_of(0), power_of(1)]), points_of(|h| h.ratio)));
     to.plot(coherence);
     let ([x, y, z], wave) = (p.cells, to.wave.clone());
     let last = p.shells.last().map_or(0.0, |h| h.k);

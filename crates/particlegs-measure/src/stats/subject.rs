@@ -1,4 +1,4 @@
-//! What statistics are of: particles, or a model's mixture itself.
+//! The subject of statistics: particles, or a model's mixture itself.
 
 use super::Domain;
 use particlegs_core::Result;
@@ -39,7 +39,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Units, and what they are relative to.
+    /// Units, with the moment and cosmology that they are relative to.
     pub fn unit_system(&self) -> UnitSystem<'a> {
         match self {
             Subject::Particles(p) => p.meta.unit_system(),
@@ -47,21 +47,21 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// What its density sums, and the mass of a particle where all have the same; 1 where it is unknown.
+    /// The quantity that its density sums, and the mass of a particle where all have the same; 1 where it is unknown.
     pub(super) fn density_of(&self) -> (&'a str, Option<f64>) {
         match self {
             Subject::Particles(p) => {
                 (p.density_of(), p.weights().is_none().then(|| p.meta.particle_mass.unwrap_or(1.0)))
             }
             Subject::Model(m) => {
-                let one = m.layers[0].mass;
-                let alike = !one.is_weighted() && m.layers.iter().all(|l| l.mass == one);
-                (m.density_of(), alike.then(|| one.unit_or_one()))
+                let first_mass = m.layers[0].mass;
+                let alike = !first_mass.is_weighted() && m.layers.iter().all(|l| l.mass == first_mass);
+                (m.density_of(), alike.then(|| first_mass.unit_or_one()))
             }
         }
     }
 
-    /// It in the units of `truth`, where they differ; what a reader of the results must know of that.
+    /// The subject in the units of `truth`, where they differ, and notes for a reader of the results.
     pub(super) fn in_units_of(&self, truth: Subject<'_>) -> Result<(Option<ConvertedSubject>, Vec<String>)> {
         let to = truth.unit_system();
         let (by, words) = self.unit_system().conversion_of("the other", &to)?;

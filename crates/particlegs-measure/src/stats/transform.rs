@@ -49,8 +49,8 @@ fn place(m: i64, n: usize) -> usize {
     m.rem_euclid(n as i64) as usize
 }
 
-/// The modes of a field's delta, in units of the mean `mean` of a cell, up to `most`, each at most half the cells of its
-/// axis.
+/// The modes of a field's delta, in units of the mean `mean` of a cell, up to `most`, each at most half the cells of
+/// its axis.
 pub fn transform(field: &Field, mean: f64, most: [usize; 3], context: &Context<'_>) -> Result<Modes> {
     let n = field.grid.cells;
     assert!((0..3).all(|k| most[k] <= n[k] / 2), "modes that the grid has");
@@ -134,7 +134,7 @@ fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, context: &Context
     let (columns, depth) = modes.plane();
     let most = modes.most[0] as i64;
     let plan = FftPlanner::new().plan_fft_forward(nx);
-    let done = parallel::try_map_range(columns, |j| {
+    let mode_columns = parallel::try_map_range(columns, |j| {
         context.check()?;
         let mut run = vec![Complex64::default(); depth * nx];
         for i in 0..nx {
@@ -143,14 +143,14 @@ fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, context: &Context
             }
         }
         plan.process(&mut run);
-        let mut kept = Vec::with_capacity((2 * most as usize + 1) * depth);
+        let mut low_modes = Vec::with_capacity((2 * most as usize + 1) * depth);
         for m in -most..=most {
-            kept.extend((0..depth).map(|c| run[c * nx + place(m, nx)]));
+            low_modes.extend((0..depth).map(|c| run[c * nx + place(m, nx)]));
         }
-        Ok(kept)
+        Ok(low_modes)
     })?;
-    for (j, kept) in done.iter().enumerate() {
-        for (i, row) in kept.chunks(depth).enumerate() {
+    for (j, low_modes) in mode_columns.iter().enumerate() {
+        for (i, row) in low_modes.chunks(depth).enumerate() {
             let at = (i * columns + j) * depth;
             modes.value[at..at + depth].copy_from_slice(row);
         }

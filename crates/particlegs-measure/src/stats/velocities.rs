@@ -1,4 +1,4 @@
-//! Particles with fields: velocities, what is measured of them, and how far they move particles in redshift space.
+//! Particles with fields: velocities, momenta, and the way that particles move in redshift space.
 
 use super::comparison_job::ComparisonJob;
 use super::{Domain, Measure, OF_VELOCITIES, StatsOptions, Subject};
@@ -27,7 +27,7 @@ pub(crate) struct ParticleFields {
     unit: Option<String>,
 }
 
-/// What is measured. Of a model, fields are those of particles drawn from it.
+/// A side of a comparison. Of a model, fields are those of particles drawn from it.
 #[derive(Clone, Copy)]
 pub struct StatsSide<'a> {
     /// Particles, or a model.
@@ -43,14 +43,15 @@ impl<'a> From<Subject<'a>> for StatsSide<'a> {
 }
 
 impl StatsSide<'_> {
-    /// What `o` measures of the fields. Where it is everything, fields that cannot be used are left out with a note.
+    /// Fields that the measures of `o` need. Where these are all measures, fields that cannot be used are left out with
+    /// a note.
     pub(super) fn read_fields(&self, o: &StatsOptions, context: &Context<'_>) -> Result<Option<ParticleFields>> {
-        let found = match self.subject {
+        let fields = match self.subject {
             _ if !o.needs_fields() => return Ok(None),
             Subject::Particles(p) => ParticleFields::read(p, self.fields, o),
             Subject::Model(m) => ParticleFields::draw(m, o, context),
         };
-        match found {
+        match fields {
             Err(error @ (Error::Memory { .. } | Error::Input { .. })) if o.measures.len() == Measure::ALL.len() => {
                 context.note(&format!("fields are left out: {error}"));
                 Ok(None)
@@ -64,18 +65,18 @@ impl StatsSide<'_> {
 pub(super) type FieldPair<'a> = [Option<&'a ParticleFields>; 2];
 
 impl ParticleFields {
-    /// Particles with the `fields` of their layers, of which velocities are read if `o` needs them. `None` where there is
-    /// nothing to measure.
+    /// Particles with the `fields` of their layers, of which velocities are read if `o` needs them. `None` where there
+    /// is nothing to measure.
     pub fn read(particles: &Particles, fields: &[LayerFields], o: &StatsOptions) -> Result<Option<Self>> {
         if fields.len() != particles.layers().len() {
             return Ok(None);
         }
         let (particles, layers) = (particles.clone(), fields.to_vec());
-        let mut own = ParticleFields { particles, layers, velocity: Default::default(), unit: None };
+        let mut particle_fields = ParticleFields { particles, layers, velocity: Default::default(), unit: None };
         if o.needs_velocities() {
-            own.read_velocities()?;
+            particle_fields.read_velocities()?;
         }
-        Ok(Some(own))
+        Ok(Some(particle_fields))
     }
 
     /// Particles with velocities; `None` where a layer has none.
@@ -88,7 +89,7 @@ impl ParticleFields {
         self.velocity[0].len() == self.particles.len()
     }
 
-    /// What [`ParticleFields::read`] gives of particles drawn from `model`.
+    /// [`ParticleFields::read`] of particles drawn from `model`.
     pub fn draw(model: &Model, o: &StatsOptions, context: &Context<'_>) -> Result<Option<Self>> {
         if model.metadata.fields.is_empty() {
             return Ok(None);
@@ -102,20 +103,20 @@ impl ParticleFields {
     fn read_velocities(&mut self) -> Result<()> {
         let (particles, layers) = (&self.particles, &self.layers);
         let find = |l: &LayerFields| l.find("velocity", StarFormingGas::Keep).ok();
-        let Some(found) = layers.iter().map(find).collect::<Option<Vec<_>>>() else { return Ok(()) };
-        let unit = found.first().and_then(|f| f.unit.clone());
-        if found.iter().any(|f| f.columns.len() != 3 || f.unit != unit) {
+        let Some(field_columns) = layers.iter().map(find).collect::<Option<Vec<_>>>() else { return Ok(()) };
+        let unit = field_columns.first().and_then(|f| f.unit.clone());
+        if field_columns.iter().any(|f| f.columns.len() != 3 || f.unit != unit) {
             return Ok(());
         }
         require("velocities", 12 * particles.len() as u64)?;
         let mut velocity = [0; 3].map(|_| vec![0f32; particles.len()]);
         let mut run = Vec::new();
-        for ((layer, source), from) in particles.layers().iter().zip(layers).zip(&found) {
+        for ((layer, source), from) in particles.layers().iter().zip(layers).zip(&field_columns) {
             for (id, start) in layer.content.clone().step_by(RUN).enumerate() {
                 source.read_some(id as u64, |c| from.needs(c), &mut run)?;
                 for (k, column) in velocity.iter_mut().enumerate() {
-                    let own = column[start..layer.content.end].iter_mut().zip(from.values(&run, k));
-                    own.for_each(|(to, v)| *to = v as f32);
+                    let targets = column[start..layer.content.end].iter_mut().zip(from.values(&run, k));
+                    targets.for_each(|(to, v)| *to = v as f32);
                 }
             }
         }
@@ -168,8 +169,8 @@ impl ParticleFields {
         let parts: Vec<_> = parts.map(|(i, ((x, y), z))| (i * RUN, [x, y, z])).collect();
         parallel::for_each(parts, |(start, mut out)| {
             let mut buffer = ChunkBuffer::default();
-            let own = p.chunk(start..start + out[0].len(), &mut buffer);
-            out.iter_mut().zip(own.position).for_each(|(to, from)| to.copy_from_slice(from));
+            let chunk = p.chunk(start..start + out[0].len(), &mut buffer);
+            out.iter_mut().zip(chunk.position).for_each(|(to, from)| to.copy_from_slice(from));
             let by = &self.velocity[axis][start..];
             out[axis].iter_mut().zip(by).for_each(|(x, v)| *x = (f64::from(*x) + displacement * f64::from(*v)) as f32);
         });
@@ -186,7 +187,7 @@ impl ParticleFields {
     }
 }
 
-/// The velocities of both sides, in the units of the truth; else why there are none that can be compared.
+/// The velocities of both sides, in the units of the truth; else the reason for which they cannot be compared.
 pub(super) fn velocity_pair<'a>(
     subject: Subject<'_>,
     fields: FieldPair<'a>,
@@ -225,9 +226,9 @@ pub(super) fn displacement(subjects: [Subject<'_>; 2], unit: Option<&str>) -> st
     }
     let units = subjects[0].unit_system().units;
     let mut missing: Vec<&str> = Vec::new();
-    let mut stated = |name: &'static str, needed: bool, of: fn(&Epoch, &Cosmology) -> Option<f64>| {
-        let found = subjects.map(|s| s.moment()).map(|(epoch, cosmology)| of(epoch, cosmology));
-        match found {
+    let mut stated = |name: &'static str, needed: bool, pick: fn(&Epoch, &Cosmology) -> Option<f64>| {
+        let values = subjects.map(|s| s.moment()).map(|(epoch, cosmology)| pick(epoch, cosmology));
+        match values {
             [Some(a), Some(b)] if (a - b).abs() > SAME * a.abs() => {
                 Err(format!("{name} is {a} in the truth and {b} in the other"))
             }
@@ -251,8 +252,8 @@ pub(super) fn displacement(subjects: [Subject<'_>; 2], unit: Option<&str>) -> st
     };
     let square = if a == 1.0 { 1.0 } else { matter / a.powi(3) + (1.0 - matter - lambda) / (a * a) + lambda };
     let hubble = if power == 0.0 { 1.0 } else { h.powf(power) };
-    let moved = MEGAPARSEC / (100.0 * square.sqrt() * size.factor) * hubble / a.powf(f64::from(size.a));
-    if moved > 0.0 && moved.is_finite() { Ok(moved) } else { Err("its cosmology has no rate of expansion".into()) }
+    let length = MEGAPARSEC / (100.0 * square.sqrt() * size.factor) * hubble / a.powf(f64::from(size.a));
+    if length > 0.0 && length.is_finite() { Ok(length) } else { Err("its cosmology has no rate of expansion".into()) }
 }
 
 impl ComparisonJob<'_> {
@@ -262,12 +263,12 @@ impl ComparisonJob<'_> {
         fields: FieldPair<'s>,
         notes: &mut Vec<String>,
     ) -> Result<Option<[Cow<'s, ParticleFields>; 2]>> {
-        let found = velocity_pair(self.pair[0], fields)?;
-        if let Err(why) = &found {
-            let wanted: Vec<&str> = OF_VELOCITIES.iter().filter(|m| self.wants(&[**m])).map(|m| m.name()).collect();
-            notes.push(format!("no {}: {why}", wanted.join(", ")));
+        let pair = velocity_pair(self.pair[0], fields)?;
+        if let Err(why) = &pair {
+            let names: Vec<&str> = OF_VELOCITIES.iter().filter(|m| self.wants(&[**m])).map(|m| m.name()).collect();
+            notes.push(format!("no {}: {why}", names.join(", ")));
         }
-        Ok(found.ok())
+        Ok(pair.ok())
     }
 }
 
@@ -288,7 +289,7 @@ mod tests {
 
     #[test]
     fn displacements_follow_the_unit_of_length_and_the_cosmology() {
-        let moved = |p: &Particles| displacement([Subject::Particles(p); 2], Some("km/s"));
+        let displacement_of = |p: &Particles| displacement([Subject::Particles(p); 2], Some("km/s"));
         let rate = 100.0 * f64::sqrt(0.3 * 8.0 + 0.7);
         for (unit, comoving, h, expected) in [
             ("Mpc/h", Some(true), None, 2.0 / rate),
@@ -296,20 +297,20 @@ mod tests {
             ("Mpc", Some(true), Some(0.5), 2.0 / (0.5 * rate)),
             ("kpc", Some(false), Some(0.5), 1000.0 / (0.5 * rate)),
         ] {
-            let found = moved(&particles(Some(unit), comoving, 0.5, h)).unwrap();
-            assert!((found / expected - 1.0).abs() < 1e-6, "{unit}: {found} {expected}");
+            let length = displacement_of(&particles(Some(unit), comoving, 0.5, h)).unwrap();
+            assert!((length / expected - 1.0).abs() < 1e-6, "{unit}: {length} {expected}");
         }
         // Today the rate is the Hubble constant, whatever the densities.
         let mut today = particles(Some("Mpc/h"), None, 1.0, None);
         today.meta.cosmology = Cosmology::default();
-        assert!((moved(&today).unwrap() - 0.01).abs() < 1e-9);
-        let said = |p: &Particles| moved(p).unwrap_err();
+        assert!((displacement_of(&today).unwrap() - 0.01).abs() < 1e-9);
+        let refusal_of = |p: &Particles| displacement_of(p).unwrap_err();
         assert_eq!(
-            said(&particles(Some("Mpc/h"), None, 0.5, None)),
+            refusal_of(&particles(Some("Mpc/h"), None, 0.5, None)),
             "the files do not state whether lengths are comoving"
         );
-        assert_eq!(said(&particles(Some("kpc"), Some(true), 1.0, None)), "the files do not state h");
-        assert!(said(&particles(None, Some(true), 1.0, None)).contains("the unit of length"));
+        assert_eq!(refusal_of(&particles(Some("kpc"), Some(true), 1.0, None)), "the files do not state h");
+        assert!(refusal_of(&particles(None, Some(true), 1.0, None)).contains("the unit of length"));
         let other = particles(Some("Mpc/h"), Some(true), 0.6, None);
         let pair = [Subject::Particles(&today), Subject::Particles(&other)];
         assert_eq!(
@@ -318,7 +319,7 @@ mod tests {
         );
         let mut closed = particles(Some("Mpc/h"), Some(true), 0.5, None);
         closed.meta.cosmology.omega_lambda = Some(50.0);
-        assert!(said(&closed).contains("no rate of expansion"));
+        assert!(refusal_of(&closed).contains("no rate of expansion"));
     }
 
     #[test]
@@ -337,21 +338,21 @@ mod tests {
             [LayerFields::from_columns(vec![field(name, 0.5)], columns)]
         };
         let read = |name: &str, z: f64| ParticleFields::read(&p, &layers(name, z), &StatsOptions::default());
-        let found = read("Velocities", 5.0).unwrap().unwrap();
-        assert_eq!((found.of(1), found.unit.as_deref()), ([1.0, 2.0, 3.0], Some("km/s")));
-        let moved = found.in_redshift_space(2, 0.1).unwrap();
-        assert_eq!(moved.position(0), [1.0, 0.0, f64::from(0.75f32)]);
+        let fields = read("Velocities", 5.0).unwrap().unwrap();
+        assert_eq!((fields.of(1), fields.unit.as_deref()), ([1.0, 2.0, 3.0], Some("km/s")));
+        let moved_particles = fields.in_redshift_space(2, 0.1).unwrap();
+        assert_eq!(moved_particles.position(0), [1.0, 0.0, f64::from(0.75f32)]);
         let still = read("heat", 5.0).unwrap().unwrap();
         let error = read("vel", f64::NAN).err().unwrap();
         assert!(error.to_string().contains("the velocity of particle 0"), "{error}");
         // What one side does not state is as in the other.
-        let unstated = ParticleFields { unit: None, ..found.clone() };
-        let pair = velocity_pair(Subject::Particles(&p), [Some(&unstated), Some(&found)]).unwrap().unwrap();
+        let unstated = ParticleFields { unit: None, ..fields.clone() };
+        let pair = velocity_pair(Subject::Particles(&p), [Some(&unstated), Some(&fields)]).unwrap().unwrap();
         assert_eq!(unit_of(&pair), Some("km/s"));
-        let other = ParticleFields { unit: Some("m/s".into()), ..found.clone() };
+        let other = ParticleFields { unit: Some("m/s".into()), ..fields.clone() };
         let refused = |a, b| velocity_pair(Subject::Particles(&p), [a, b]).unwrap().err().unwrap();
-        assert_eq!(refused(Some(&found), Some(&other)), "velocities are in km/s in the truth and in m/s in the other");
-        assert_eq!(refused(Some(&found), None), "the other has no velocities");
-        assert_eq!(refused(Some(&still), Some(&found)), "the truth has no velocities");
+        assert_eq!(refused(Some(&fields), Some(&other)), "velocities are in km/s in the truth and in m/s in the other");
+        assert_eq!(refused(Some(&fields), None), "the other has no velocities");
+        assert_eq!(refused(Some(&still), Some(&fields)), "the truth has no velocities");
     }
 }

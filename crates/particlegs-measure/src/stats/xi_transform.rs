@@ -40,8 +40,8 @@ pub(super) fn xi_of_modes(
     for p in planes {
         sum.iter_mut().zip(p).for_each(|(s, v)| (0..2).for_each(|t| s[t] += v[t]));
     }
-    let of = |t: usize| (0..bins).map(|i| sum[i][t] / (edges[i + 1].powi(3) - edges[i].powi(3))).collect();
-    Ok([of(0), of(1)])
+    let xi_of = |t: usize| (0..bins).map(|i| sum[i][t] / (edges[i + 1].powi(3) - edges[i].powi(3))).collect();
+    Ok([xi_of(0), xi_of(1)])
 }
 
 /// 3 times the integral of r^2 sin(kr) / (kr) up to r.

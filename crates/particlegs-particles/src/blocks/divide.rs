@@ -19,6 +19,7 @@ pub fn divide(
     let runs: Vec<(usize, Range<usize>)> =
         layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.content)).collect();
     let buffers = parallel::Scratch::<ChunkBuffer>::default();
+    // Counted first: every run then has its own part of each block's columns to write to.
     let counts = parallel::try_map(&runs, |(_, run)| {
         context.check()?;
         let mut counts = vec![0u32; blocks];
@@ -60,7 +61,7 @@ fn runs_of(layer: usize, range: &Range<usize>) -> impl Iterator<Item = (usize, R
     range.clone().step_by(RUN).map(move |start| (layer, start..end.min(start + RUN)))
 }
 
-/// Where each run writes: for each block, its part of the block's columns.
+/// The destination of each run: for each block, its part of the block's columns.
 fn places<'a>(columns: &'a mut [Vec<ColumnBuffer>], counts: &[Vec<u32>]) -> Vec<Vec<Vec<&'a mut [f32]>>> {
     let mut places: Vec<Vec<Vec<&mut [f32]>>> = counts.iter().map(|_| Vec::with_capacity(columns.len())).collect();
     for (b, columns) in columns.iter_mut().enumerate() {
@@ -68,8 +69,8 @@ fn places<'a>(columns: &'a mut [Vec<ColumnBuffer>], counts: &[Vec<u32>]) -> Vec<
         for column in columns {
             let mut rest = &mut column[..];
             for (place, counts) in places.iter_mut().zip(counts) {
-                let (own, after) = rest.split_at_mut(counts[b] as usize);
-                place[b].push(own);
+                let (part, after) = rest.split_at_mut(counts[b] as usize);
+                place[b].push(part);
                 rest = after;
             }
         }

@@ -19,7 +19,7 @@ impl PositionSample {
         count.div_ceil(MOST).max(1)
     }
 
-    /// What is taken of a run whose first particle is number `first`: one of `every` particles, none for 0.
+    /// The sample of a run whose first particle is number `first`: one of `every` particles, none for 0.
     pub(super) fn of_run(chunk: &Chunk<'_>, first: u64, every: u64) -> [Vec<f32>; 3] {
         if every == 0 {
             return Default::default();

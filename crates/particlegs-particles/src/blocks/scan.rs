@@ -1,4 +1,4 @@
-//! What one pass over a snapshot tells, wherever it lies.
+//! Bounds, hash and sample of a snapshot by one pass over it, wherever it lies.
 
 use super::PositionSample;
 use crate::{
@@ -10,7 +10,7 @@ use particlegs_core::math::each_axis;
 use particlegs_core::space::Bounds;
 use std::sync::Mutex;
 
-/// What one pass over a snapshot tells.
+/// Results of one pass over a snapshot.
 pub struct SnapshotScan {
     /// Its runs, layer after layer, each layer beginning one.
     pub runs: Vec<RunScan>,
@@ -35,7 +35,7 @@ pub struct RunScan {
     pub hash: RunHash,
 }
 
-/// What is known of a run while it passes.
+/// Results of one run.
 #[derive(Default)]
 struct RunContent {
     scan: Option<RunScan>,
@@ -65,6 +65,7 @@ impl SnapshotScan {
             layer.read(source.origin, 0..layer.runs(), context, &|run, chunk| {
                 let first = start + run * RUN as u64;
                 let content = RunContent::new(&chunk, source, first, every);
+                // Runs come in any order; what depends on order is put together below.
                 *runs[run as usize].lock().unwrap_or_else(|e| e.into_inner()) = content;
                 Ok(())
             })?;
@@ -88,6 +89,7 @@ impl SnapshotScan {
             all.same_weight.push(first.filter(|w| weights.iter().all(|other| *other == Some(*w))));
         }
         context.end();
+        // Refused at the end, so that the error counts all invalid particles.
         if bad.count() > 0 {
             return Err(bad.refusal(place));
         }
@@ -112,9 +114,9 @@ impl SnapshotScan {
     /// Bounds of each layer, world units.
     pub fn layer_bounds(&self, source: &LayeredParticles) -> Vec<Bounds> {
         let mut runs = self.runs.iter();
-        let of =
+        let bounds_of =
             |n: u64| runs.by_ref().take(n as usize).fold(Bounds::empty(), |all, r| all.union(&r.bounds(source.origin)));
-        source.layers.iter().map(|l| l.runs()).map(of).collect()
+        source.layers.iter().map(|l| l.runs()).map(bounds_of).collect()
     }
 
     /// The snapshot's hash (`hash_of_runs`).

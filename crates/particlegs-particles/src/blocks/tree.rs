@@ -44,6 +44,7 @@ impl KdTree {
     /// Adds the nodes of `order`'s particles in `blocks` blocks; gives the first one's number.
     fn grow(&mut self, sample: &PositionSample, order: &mut [u32], blocks: u32) -> Result<u32> {
         let here = self.nodes.len() as u32;
+        // Its place is taken before those of its children, which must come after it.
         self.nodes.push(CutNode::Block(self.blocks));
         if blocks == 1 {
             self.blocks += 1;
@@ -62,6 +63,7 @@ impl KdTree {
         order.sort_unstable_by(|a, b| (column[*a as usize] >= at).cmp(&(column[*b as usize] >= at)));
         let split = order.partition_point(|&i| column[i as usize] < at);
         let (below, above) = order.split_at_mut(split);
+        // Every block gets a particle of the sample at least.
         if below.len() < lower as usize || above.len() < (blocks - lower) as usize {
             return Err(Error::argument("too many particles share one position: use fewer blocks"));
         }
@@ -94,21 +96,21 @@ impl KdTree {
 
     /// The blocks that a box (its corners included) reaches into, rising.
     pub fn blocks_in(&self, min: [f32; 3], max: [f32; 3]) -> Vec<u32> {
-        let (mut found, mut open) = (Vec::new(), vec![0u32]);
+        let (mut blocks, mut open) = (Vec::new(), vec![0u32]);
         while let Some(node) = open.pop() {
             match self.nodes[node as usize] {
-                CutNode::Block(block) => found.push(block),
+                CutNode::Block(block) => blocks.push(block),
                 CutNode::Cut { axis, at, below, above } => {
                     open.extend((max[axis] >= at).then_some(above));
                     open.extend((min[axis] < at).then_some(below));
                 }
             }
         }
-        found.sort_unstable();
-        found
+        blocks.sort_unstable();
+        blocks
     }
 
-    /// Is a tree that was read from a file one that [`KdTree::block_of`] can walk?
+    /// Whether [`KdTree::block_of`] can walk the tree: one that was read from a file may be damaged.
     pub fn is_sound(&self) -> bool {
         let blocks = self.nodes.iter().filter_map(|n| if let CutNode::Block(b) = n { Some(*b) } else { None });
         // Every node but the root has one parent: else walks would take time beyond measure.
@@ -193,12 +195,12 @@ mod tests {
         let s = cloud(5_000);
         let tree = KdTree::new(&s, 13).unwrap();
         for part in 0..50 {
-            let own: Vec<[f32; 3]> =
+            let points: Vec<[f32; 3]> =
                 (part * 100..part * 100 + 3).map(|i| [0, 1, 2].map(|k| s.position[k][i])).collect();
-            let ends = |f: fn(f32, f32) -> f32| [0, 1, 2].map(|k| own.iter().map(|p| p[k]).reduce(f).unwrap());
-            let found = tree.blocks_in(ends(f32::min), ends(f32::max));
-            assert!(own.iter().all(|p| found.contains(&tree.block_of(*p))));
-            assert_eq!(tree.blocks_in(own[0], own[0]), [tree.block_of(own[0])]);
+            let ends = |f: fn(f32, f32) -> f32| [0, 1, 2].map(|k| points.iter().map(|p| p[k]).reduce(f).unwrap());
+            let blocks = tree.blocks_in(ends(f32::min), ends(f32::max));
+            assert!(points.iter().all(|p| blocks.contains(&tree.block_of(*p))));
+            assert_eq!(tree.blocks_in(points[0], points[0]), [tree.block_of(points[0])]);
         }
         assert_eq!(tree.blocks_in([-1.0; 3], [5.0; 3]).len(), 13);
     }

@@ -1,4 +1,4 @@
-//! From what a footprint's pixels want to what its Gaussian's parameters want.
+//! From a footprint's sums over pixels to the gradient with its Gaussian's parameters.
 
 use super::parameters::{GaussianParameters, SH0};
 use super::raster::PixelSums;
@@ -36,8 +36,10 @@ pub(super) fn chain(eye: &Eye, one: &GaussianParameters, adapted: &Adaptation, s
     let (seen, with_cov) = through_eye(eye, &p, &g.cov, at, sharp);
     let mut out = Slopes {
         position: each_axis(|k| (0..3).map(|r| eye.axes[r][k] * seen[r]).sum()),
+        // d ln opacity = (1 - opacity) d logit, and the odds enter the logit by their logarithm.
         logit: sum * (1.0 - g.opacity),
         odds: sum * (1.0 - g.opacity) / adapted.odds,
+        // A grey level that is cut at black does not move.
         feature: if 0.5 + SH0 * one.feature > 0.0 { SH0 * grey } else { 0.0 },
         screen: (at[0] * eye.half[0]).hypot(at[1] * eye.half[1]),
         ..Slopes::default()
@@ -92,6 +94,7 @@ fn through_eye(eye: &Eye, p: &FootprintShape, cov: &Sym3, at: [f64; 2], sharp: [
     let forward = eye.axes[2];
     // Both rows are in proportion to focal / depth, and move with the slopes.
     let with_depth = -(dot(with_rows[0], rows[0]) + dot(with_rows[1], rows[1])) / depth;
+    // A slope that is held at the guard band does not move with the place.
     let with_slope = |row: [f64; 3], cut: bool| if cut { 0.0 } else { -unit * dot(row, forward) / depth };
     let [gu, gv] = [with_slope(with_rows[0], u_cut), with_slope(with_rows[1], v_cut)];
     let seen =
@@ -104,6 +107,7 @@ fn scales_and_rotation(one: &GaussianParameters, factor: f64, with_cov: &[[f64; 
     let root = one.root().map(|r| r.map(|v| factor * v));
     let with_root: [[f64; 3]; 3] =
         each_axis(|i| each_axis(|k| 2.0 * (0..3).map(|j| with_cov[i][j] * root[j][k]).sum::<f64>()));
+    // A column of the root is in proportion to its scale.
     out.log_scale = each_axis(|k| (0..3).map(|i| with_root[i][k] * root[i][k]).sum());
     out.scale = out.log_scale.iter().sum::<f64>() / factor;
     let norm = one.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();

@@ -1,4 +1,4 @@
-//! What can be chosen about training under the alpha-blend law.
+//! Options of training under the alpha-blend law.
 
 use particlegs_core::model::VizRanges;
 use particlegs_core::{Error, Result};
@@ -8,7 +8,7 @@ use particlegs_core::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlphaConfig {
-    /// Train the network that follows radius and opacity? Without it Gaussians stay the same.
+    /// Whether the network that follows radius and opacity is trained. Without it Gaussians stay the same.
     pub vizmapper: bool,
     pub ranges: VizRanges,
     pub vizmapper_rate: f64,
@@ -85,7 +85,7 @@ impl AlphaConfig {
     }
 
     pub fn check(&self) -> Result<()> {
-        let fail = |what: &str| Err(Error::argument(format!("training: alpha_blend: {what}")));
+        let fail = |message: &str| Err(Error::argument(format!("training: alpha_blend: {message}")));
         let rates = [
             self.position_rate,
             self.position_rate_end,
@@ -122,13 +122,13 @@ impl AlphaConfig {
         self.extent * (from + (to - from) * t).exp()
     }
 
-    /// What counts steps, in the proportion of `steps`.
+    /// Rescales the numbers that count steps by `steps`.
     pub(crate) fn schedule(&mut self, steps: impl Fn(u64) -> u64) {
         let counts = [&mut self.position_rate_steps, &mut self.densify_from, &mut self.reset_every];
         counts.into_iter().for_each(|count| *count = steps(*count));
     }
 
-    /// What opacities are reset to, at most.
+    /// The largest opacity after a reset.
     pub(super) fn reset_opacity(&self) -> f64 {
         (1.33 * self.least_opacity).max(0.01)
     }

@@ -14,7 +14,7 @@ const PIECES: u64 = 2;
 const SHRINK: f64 = 0.8 * PIECES as f64;
 
 impl AlphaLearner {
-    /// What is due after the step at `at`: densification, and a reset of opacities.
+    /// Whether densification and a reset of opacities are due after the step at `at`.
     fn dues(&self, at: &StepInfo) -> [bool; 2] {
         let (done, d, reset) = (at.iteration + 1, at.densify, self.config.reset_every);
         let goes_on = d.every > 0 && done < d.until;
@@ -56,10 +56,12 @@ impl AlphaLearner {
         let mut added = Vec::new();
         for i in chosen {
             let one = self.gaussians.parameters.get(i);
+            // Small ones lack neighbours, large ones cover too much (Kerbl et al. 2023, section 5.2).
             if one.log_scale.iter().fold(f64::MIN, |a, b| a.max(*b)).exp() <= largest {
                 added.push(one);
             } else {
                 keep[i] = false;
+                // A stream for each iteration, Gaussian and piece: a run that goes on from a checkpoint draws the same.
                 let first = (iteration << 32) + PIECES * i as u64;
                 let draw = |k| Random::from_purpose(Purpose::AlphaSplit, self.gaussians.scale.seed, first + k);
                 added.extend((0..PIECES).map(|k| piece(&one, draw(k))));
@@ -70,6 +72,7 @@ impl AlphaLearner {
         let n = self.gaussians.parameters.len();
         for g in ParameterGroup::ALL {
             let Averages { first, second, .. } = &mut self.gaussians.averages[g as usize];
+            // Adam knows nothing yet of those that were added, as in 3DGS.
             [first, second].into_iter().for_each(|column| column.resize(n * g.width(), 0.0));
         }
         self.gaussians.screen.resize(n, [0.0; 2]);
@@ -102,19 +105,19 @@ impl AlphaLearner {
                 keep_rows(column, g.width(), keep);
             }
         }
-        let mut kept = keep.iter();
-        self.gaussians.screen.retain(|_| kept.next().copied().unwrap_or(false));
+        let mut flags = keep.iter();
+        self.gaussians.screen.retain(|_| flags.next().copied().unwrap_or(false));
     }
 }
 
 /// One of the pieces of a Gaussian: a draw from it, smaller.
-fn piece(of: &GaussianParameters, mut draw: Random) -> GaussianParameters {
-    let norm = of.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let r = rotation_matrix(of.rotation.map(|v| v / norm));
-    let offset: [f64; 3] = each_axis(|k| of.log_scale[k].exp() * draw.normal());
+fn piece(gaussian: &GaussianParameters, mut draw: Random) -> GaussianParameters {
+    let norm = gaussian.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let r = rotation_matrix(gaussian.rotation.map(|v| v / norm));
+    let offset: [f64; 3] = each_axis(|k| gaussian.log_scale[k].exp() * draw.normal());
     GaussianParameters {
-        position: each_axis(|i| of.position[i] + (0..3).map(|k| r[i][k] * offset[k]).sum::<f64>()),
-        log_scale: of.log_scale.map(|v| v - SHRINK.ln()),
-        ..*of
+        position: each_axis(|i| gaussian.position[i] + (0..3).map(|k| r[i][k] * offset[k]).sum::<f64>()),
+        log_scale: gaussian.log_scale.map(|v| v - SHRINK.ln()),
+        ..*gaussian
     }
 }

@@ -20,7 +20,7 @@ pub(crate) struct AlphaLearner {
 }
 
 impl AlphaLearner {
-    /// Whose steps are those of `steps` for its Gaussians.
+    /// The same learner with the steps that `steps` gives for its Gaussians.
     pub fn by(self, steps: impl FnOnce(&Gaussians) -> Result<Box<dyn AlphaStepper>>) -> Result<Self> {
         Ok(AlphaLearner { steps: steps(&self.gaussians)?, ..self })
     }
@@ -67,14 +67,15 @@ impl Learner for AlphaLearner {
     }
 
     fn mixture(&self) -> Mixture {
-        let (mut mixture, of) = (Mixture::default(), &self.gaussians);
-        let mut law = AlphaBlend { vizmapper: of.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
-        let TrainingScale { frame, particles, .. } = of.scale;
-        let sum: f64 = (0..self.len()).map(|i| of.parameters.get(i).opacity()).sum();
+        let (mut mixture, gaussians) = (Mixture::default(), &self.gaussians);
+        let mut law = AlphaBlend { vizmapper: gaussians.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
+        let TrainingScale { frame, particles, .. } = gaussians.scale;
+        let sum: f64 = (0..self.len()).map(|i| gaussians.parameters.get(i).opacity()).sum();
         for i in 0..self.len() {
-            let one = of.parameters.get(i);
+            let one = gaussians.parameters.get(i);
             let mean = each_axis(|k| frame.center[k] + one.position[k] / frame.scale);
             let cov = Sym3(one.cov().0.map(|v| v / (frame.scale * frame.scale)));
+            // The law has no counts: particles go by opacity, as in the published recovery (docs/law/published.md).
             let count = particles as f64 * one.opacity() / sum;
             mixture.push(mean, cov, count, count);
             law.opacity.push(one.opacity());
@@ -85,21 +86,21 @@ impl Learner for AlphaLearner {
     }
 
     fn state(&self) -> TrainingState {
-        let (mut state, of) = (TrainingState::default(), &self.gaussians);
+        let (mut state, gaussians) = (TrainingState::default(), &self.gaussians);
         let mut column = |name: String, v: &[f32]| state.columns.insert(name, v.to_vec());
         for g in ParameterGroup::ALL {
-            let (name, averages) = (g.name(), &of.averages[g as usize]);
-            column(name.to_string(), &of.parameters.0[g as usize]);
+            let (name, averages) = (g.name(), &gaussians.averages[g as usize]);
+            column(name.to_string(), &gaussians.parameters.0[g as usize]);
             column(format!("{name}.first"), &averages.first);
             column(format!("{name}.second"), &averages.second);
         }
-        if let Some(m) = &of.mapper {
+        if let Some(m) = &gaussians.mapper {
             column("vizmapper".into(), &m.parameters);
-            column("vizmapper.first".into(), &of.mapper_averages.first);
-            column("vizmapper.second".into(), &of.mapper_averages.second);
+            column("vizmapper.first".into(), &gaussians.mapper_averages.first);
+            column("vizmapper.second".into(), &gaussians.mapper_averages.second);
         }
-        column("screen".into(), of.screen.as_flattened());
-        let steps = of.averages.iter().chain([&of.mapper_averages]).map(|a| a.steps as f64).collect();
+        column("screen".into(), gaussians.screen.as_flattened());
+        let steps = gaussians.averages.iter().chain([&gaussians.mapper_averages]).map(|a| a.steps as f64).collect();
         state.numbers.insert("steps".into(), steps);
         state
     }

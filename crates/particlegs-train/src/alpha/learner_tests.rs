@@ -307,8 +307,8 @@ fn density_control_by_hand() {
     );
 }
 
-/// What is trained and what is drawn from the model are one picture, and a model goes on where it
-/// was.
+/// The picture in training and the one drawn from the model are the same, and a model goes on where
+/// it was.
 #[test]
 fn models_hold_what_was_trained() {
     let lesson = lesson(QUICK, 2);

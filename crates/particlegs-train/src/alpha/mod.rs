@@ -1,10 +1,10 @@
 //! Training of the alpha-blend law: 3-D Gaussian splatting as published, with the network that
 //! follows radius and opacity (paper section III).
 //!
-//! `learner` holds the [`Gaussians`] in the training frame (`state`, `parameters`, `start`). A step ([`AlphaStepper`]) is a `pass`:
-//! adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian (`chain`) and through the network
-//! (`network`); and Adam. `density` clones, splits and prunes as published. The rates and all else that can be chosen
-//! stand in [`AlphaConfig`].
+//! `learner` holds the [`Gaussians`] in the training frame (`state`, `parameters`, `start`). A step
+//! ([`AlphaStepper`]) is a `pass`: adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian
+//! (`chain`) and through the network (`network`); and Adam. `density` clones, splits and prunes as published. The
+//! rates and all other options stand in [`AlphaConfig`].
 
 mod chain;
 mod config;

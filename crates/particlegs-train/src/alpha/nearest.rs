@@ -13,8 +13,8 @@ pub(super) fn mean_square_of_three(points: &[[f64; 3]]) -> Vec<f64> {
     parallel::map_range(points.len(), |i| {
         let mut best = [f64::INFINITY; 3];
         search(points, &order, 0, points[i], i as u32, &mut best);
-        let there: Vec<f64> = best.into_iter().filter(|d| d.is_finite()).collect();
-        if there.is_empty() { 0.0 } else { there.iter().sum::<f64>() / there.len() as f64 }
+        let squares: Vec<f64> = best.into_iter().filter(|d| d.is_finite()).collect();
+        if squares.is_empty() { 0.0 } else { squares.iter().sum::<f64>() / squares.len() as f64 }
     })
 }
 
@@ -30,24 +30,24 @@ fn arrange(points: &[[f64; 3]], order: &mut [u32], axis: usize) {
     parallel::join(|| arrange(points, low, (axis + 1) % 3), || arrange(points, &mut high[1..], (axis + 1) % 3));
 }
 
-fn search(points: &[[f64; 3]], order: &[u32], axis: usize, at: [f64; 3], own: u32, best: &mut [f64; 3]) {
+fn search(points: &[[f64; 3]], order: &[u32], axis: usize, at: [f64; 3], own_index: u32, best: &mut [f64; 3]) {
     if order.len() <= LEAF {
-        order.iter().for_each(|i| consider(points, *i, at, own, best));
+        order.iter().for_each(|i| consider(points, *i, at, own_index, best));
         return;
     }
     let middle = order.len() / 2;
-    consider(points, order[middle], at, own, best);
+    consider(points, order[middle], at, own_index, best);
     let beyond = at[axis] - points[order[middle] as usize][axis];
     let (low, high) = (&order[..middle], &order[middle + 1..]);
     let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
-    search(points, near, (axis + 1) % 3, at, own, best);
+    search(points, near, (axis + 1) % 3, at, own_index, best);
     if beyond * beyond < best[2] {
-        search(points, far, (axis + 1) % 3, at, own, best);
+        search(points, far, (axis + 1) % 3, at, own_index, best);
     }
 }
 
-fn consider(points: &[[f64; 3]], i: u32, at: [f64; 3], own: u32, best: &mut [f64; 3]) {
-    if i != own {
+fn consider(points: &[[f64; 3]], i: u32, at: [f64; 3], own_index: u32, best: &mut [f64; 3]) {
+    if i != own_index {
         let p = points[i as usize];
         let d = (0..3).map(|k| (p[k] - at[k]).powi(2)).sum::<f64>();
         if d < best[2] {
@@ -71,13 +71,13 @@ mod tests {
                 [0; 3].map(|_| if i % 3 == 0 { (4.0 * r.uniform()).floor() } else { 4.0 * r.uniform() })
             })
             .collect();
-        for (i, found) in mean_square_of_three(&points).into_iter().enumerate() {
+        for (i, mean_square) in mean_square_of_three(&points).into_iter().enumerate() {
             let mut all: Vec<f64> = (0..points.len())
                 .filter(|j| *j != i)
                 .map(|j| (0..3).map(|k| (points[j][k] - points[i][k]).powi(2)).sum())
                 .collect();
             all.sort_by(f64::total_cmp);
-            assert!((found - (all[0] + all[1] + all[2]) / 3.0).abs() < 1e-12);
+            assert!((mean_square - (all[0] + all[1] + all[2]) / 3.0).abs() < 1e-12);
         }
         assert_eq!(mean_square_of_three(&[[1.0; 3]]), [0.0]);
     }

@@ -30,11 +30,11 @@ struct NetworkScratch {
 
 /// A run of Gaussians on their way back through the network.
 struct NetworkRun<'a> {
-    /// What the network was given.
+    /// The network's inputs.
     inputs: &'a [[f32; 4]],
     /// The changes with the network's outputs.
     wanted: &'a [[f32; 2]],
-    /// Where the changes with the last two inputs go.
+    /// The changes with the last two inputs, to be filled.
     with_inputs: &'a mut [[f32; 2]],
 }
 
@@ -82,12 +82,14 @@ fn back<S: Simd>(
     // tanh' = 1 - tanh^2: the outputs are enough.
     last.extend(out.iter().zip(wanted).map(|(o, w)| [0, 1].map(|k| w[k] * (1.0 - o[k] * o[k]))));
     last.iter().for_each(|d| (0..2).for_each(|k| sums.last_bias[k] += d[k]));
+    // Steps of [1, width] read a run transposed: gradients of weights are sums over its Gaussians.
     let last = last.as_flattened();
     add_product(simd, [2, HIDDEN, n], Matrix { data: last, step: [1, 2] }, &hidden.value[1], &mut sums.weight[2]);
     second.clear();
     second.resize(n * HIDDEN, 0.0);
     add_product(simd, [n, HIDDEN, 2], Matrix { data: last, step: [2, 1] }, &network.last, second);
     times(simd, second, &hidden.slope[1]);
+    // A single 1 that is never stepped over stands for a row of ones: the product sums the run.
     add_product(simd, [1, HIDDEN, n], Matrix { data: &[1.0], step: [0, 0] }, second, &mut sums.bias[1]);
     add_product(
         simd,
@@ -102,6 +104,7 @@ fn back<S: Simd>(
     times(simd, first, &hidden.slope[0]);
     add_product(simd, [1, HIDDEN, n], Matrix { data: &[1.0], step: [0, 0] }, first, &mut sums.bias[0]);
     add_product(simd, [4, HIDDEN, n], Matrix { data: inputs.as_flattened(), step: [1, 4] }, first, &mut sums.weight[0]);
+    // The first two inputs are the picture's radius and opacity, which are not trained.
     for (row, with) in first.chunks_exact(HIDDEN).zip(with_inputs) {
         *with = [2, 3].map(|k| dot(row, &network.first[k * HIDDEN..(k + 1) * HIDDEN]));
     }
@@ -150,7 +153,7 @@ mod tests {
         let mut wanted = vec![[0f32; 2]; n];
         let few = [0, 77, RUN, STEP + 5, n - 1];
         few.iter().for_each(|i| wanted[*i] = [draw.normal() as f32, draw.normal() as f32]);
-        let (found, with_inputs) = slopes(Level::new(), &Network::new(&mapper), &x, &wanted);
+        let (with_parameters, with_inputs) = slopes(Level::new(), &Network::new(&mapper), &x, &wanted);
         let value = |p: &[f64], shift: Option<(usize, usize, f64)>| -> f64 {
             few.iter()
                 .map(|&i| {
@@ -168,13 +171,17 @@ mod tests {
         let mut p: Vec<f64> = mapper.parameters.iter().map(|v| f64::from(*v)).collect();
         let h = 1e-5;
         for at in 0..p.len() {
-            let kept = p[at];
-            p[at] = kept + h;
+            let original = p[at];
+            p[at] = original + h;
             let up = value(&p, None);
-            p[at] = kept - h;
+            p[at] = original - h;
             let law = (up - value(&p, None)) / (2.0 * h);
-            p[at] = kept;
-            assert!((law - f64::from(found[at])).abs() < 2e-5 * (1.0 + law.abs()), "{at}: {} for {law}", found[at]);
+            p[at] = original;
+            assert!(
+                (law - f64::from(with_parameters[at])).abs() < 2e-5 * (1.0 + law.abs()),
+                "{at}: {} for {law}",
+                with_parameters[at]
+            );
         }
         for (&i, k) in few.iter().flat_map(|i| [(i, 2), (i, 3)]) {
             let law = (value(&p, Some((i, k, h))) - value(&p, Some((i, k, -h)))) / (2.0 * h);

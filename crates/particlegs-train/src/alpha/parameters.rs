@@ -1,4 +1,4 @@
-//! Gaussians as what is trained: f32 columns in the training frame.
+//! Gaussians as parameters in training: f32 columns in the training frame.
 
 use particlegs_core::camera::Normalisation;
 use particlegs_core::math::{Sym3, each_axis};
@@ -87,12 +87,12 @@ fn quaternion(columns: [[f64; 3]; 3]) -> [f64; 4] {
     let twice = 2.0 * squares[largest].max(0.0).sqrt();
     let (x, y, z) = (m(2, 1) - m(1, 2), m(0, 2) - m(2, 0), m(1, 0) - m(0, 1));
     let (xy, xz, yz) = (m(0, 1) + m(1, 0), m(0, 2) + m(2, 0), m(1, 2) + m(2, 1));
-    let own = 0.25 * twice;
+    let component = 0.25 * twice;
     match largest {
-        0 => [own, x / twice, y / twice, z / twice],
-        1 => [x / twice, own, xy / twice, xz / twice],
-        2 => [y / twice, xy / twice, own, yz / twice],
-        _ => [z / twice, xz / twice, yz / twice, own],
+        0 => [component, x / twice, y / twice, z / twice],
+        1 => [x / twice, component, xy / twice, xz / twice],
+        2 => [y / twice, xy / twice, component, yz / twice],
+        _ => [z / twice, xz / twice, yz / twice, component],
     }
 }
 
@@ -140,7 +140,7 @@ impl GaussianParameters {
         Adaptation::STATIC.opacity(self.logit)
     }
 
-    /// What the network sees of its size.
+    /// Mean of its log-scales: its size as the network sees it.
     pub fn mean_log_scale(&self) -> f64 {
         self.log_scale.iter().sum::<f64>() / 3.0
     }
@@ -165,9 +165,9 @@ impl GaussianParameters {
     }
 }
 
-/// All Gaussians, f32 in the training frame, a column a group: positions, logarithms of the standard deviations along the axes
-/// and quaternions w, x, y, z of those, logits of opacities, grey levels as `(grey - 0.5) / SH0`; a Gaussian's numbers stand
-/// together.
+/// All Gaussians, f32 in the training frame, a column a group: positions, logarithms of the standard deviations
+/// along the axes and quaternions w, x, y, z of those, logits of opacities, grey levels as `(grey - 0.5) / SH0`; a
+/// Gaussian's numbers stand together.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AlphaParameters(pub [Vec<f32>; GROUPS]);
 
@@ -198,9 +198,9 @@ impl AlphaParameters {
     }
 
     pub(super) fn push_mixture(&mut self, m: &Mixture, frame: &Normalisation) -> Result<()> {
-        let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
+        let law = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
         for i in 0..m.len() {
-            self.push(&GaussianParameters::from_world(frame, m.mean_of(i), &m.cov_of(i), own.opacity[i], own.grey[i]));
+            self.push(&GaussianParameters::from_world(frame, m.mean_of(i), &m.cov_of(i), law.opacity[i], law.grey[i]));
         }
         Ok(())
     }

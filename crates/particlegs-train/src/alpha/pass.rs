@@ -1,4 +1,4 @@
-//! One picture forward and back: what every parameter wants.
+//! One picture forward and back: the gradient with every parameter.
 
 use super::chain::{Slopes, chain};
 use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
@@ -42,7 +42,7 @@ pub(super) struct Gradient {
     pub screen: Vec<(u32, f32)>,
 }
 
-/// Are all of a Gaussian's numbers numbers?
+/// Whether all of a Gaussian's numbers are finite.
 fn fine(one: &GaussianParameters) -> bool {
     let sum = one.position.iter().sum::<f64>() + one.rotation.iter().sum::<f64>() + one.mean_log_scale();
     (sum + one.logit + one.feature).is_finite()
@@ -60,18 +60,18 @@ impl<'a> ForwardPass<'a> {
     ) -> Result<Self> {
         let simd = context.simd();
         let n = parameters.len();
-        let mut own = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
+        let mut network_inputs = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
         let mut adapted = vec![Adaptation::STATIC; n];
         if let Some(mapper) = mapper {
-            let runs = own.chunks_mut(RUN).zip(adapted.chunks_mut(RUN)).enumerate();
-            parallel::for_each(runs, |(c, (own, adapted))| {
-                for (k, own) in own.iter_mut().enumerate() {
+            let runs = network_inputs.chunks_mut(RUN).zip(adapted.chunks_mut(RUN)).enumerate();
+            parallel::for_each(runs, |(c, (run_inputs, adapted))| {
+                for (k, input) in run_inputs.iter_mut().enumerate() {
                     let one = parameters.get(c * RUN + k);
                     // Zero times what is not a number is none either: it must not enter the sums.
-                    *own = if fine(&one) { inputs(setting, one.mean_log_scale(), one.logit) } else { [0.0; 4] };
+                    *input = if fine(&one) { inputs(setting, one.mean_log_scale(), one.logit) } else { [0.0; 4] };
                 }
-                let mut out = vec![[0f32; 2]; own.len()];
-                outputs(simd, &mapper.network, own, &mut out);
+                let mut out = vec![[0f32; 2]; run_inputs.len()];
+                outputs(simd, &mapper.network, run_inputs, &mut out);
                 adapted.iter_mut().zip(out).for_each(|(a, out)| *a = mapper.ranges.adapt(setting, out));
             });
         }
@@ -81,7 +81,7 @@ impl<'a> ForwardPass<'a> {
         };
         let plan = Plan::new(eye, n, gaussian, cut, context)?;
         let drawn = blend(&plan, eye.size, context)?;
-        Ok(ForwardPass { eye, parameters, mapper, setting, inputs: own, adapted, plan, drawn, simd })
+        Ok(ForwardPass { eye, parameters, mapper, setting, inputs: network_inputs, adapted, plan, drawn, simd })
     }
 
     /// Goes back, from the changes of the loss with each pixel's brightness.
@@ -117,21 +117,24 @@ impl<'a> ForwardPass<'a> {
         let hold = 2.0 * mapper.identity / self.parameters.len().max(1) as f64;
         let wanted = |a: &Adaptation, scale: f64, odds: f64| {
             let scale = scale + hold * (a.scale - radius);
+            // The floor does not move with the network.
             let odds = if a.floored { 0.0 } else { odds + hold * (a.odds - opacity) };
             let wanted = [scale * radius * ranges.scale, odds * opacity * ranges.opacity];
             // Gaussians whose gradient is not a number are named elsewhere.
             if wanted.iter().all(|v| v.is_finite()) { wanted.map(|v| v as f32) } else { [0.0; 2] }
         };
+        // Gaussians that the picture does not show are held to the identity as well.
         let mut all: Vec<[f32; 2]> = self.adapted.iter().map(|a| wanted(a, 0.0, 0.0)).collect();
         for (&i, s) in self.plan.indices.iter().zip(slopes) {
             all[i as usize] = wanted(&self.adapted[i as usize], s.scale, s.odds);
         }
         let (with_network, with_inputs) = network::slopes(self.simd, &mapper.network, &self.inputs, &all);
-        let own = particlegs_core::render::alpha::network::OWN.map(|[_, half]| 1.0 / half as f32);
+        let input_slopes = particlegs_core::render::alpha::network::OWN.map(|[_, half]| 1.0 / half as f32);
         let [_, scale, _, logit, _] = &mut out.0;
         for (i, with) in with_inputs.iter().enumerate() {
-            scale[3 * i..3 * i + 3].iter_mut().for_each(|s| *s += with[0] * own[0] / 3.0);
-            logit[i] += with[1] * own[1];
+            // The network sees the mean of three log-scales: each has a third of its change.
+            scale[3 * i..3 * i + 3].iter_mut().for_each(|s| *s += with[0] * input_slopes[0] / 3.0);
+            logit[i] += with[1] * input_slopes[1];
         }
         with_network
     }
@@ -140,17 +143,17 @@ impl<'a> ForwardPass<'a> {
 /// Groups and numbers of the Gaussians with parameters or gradients that are not finite: the first
 /// group at fault of each, in the order of the Gaussians.
 pub(super) fn faults(parameters: &AlphaParameters, gradient: &AlphaParameters) -> Vec<(usize, ParameterGroup)> {
-    let mut found: Vec<(usize, ParameterGroup)> = Vec::new();
+    let mut faults: Vec<(usize, ParameterGroup)> = Vec::new();
     for g in ParameterGroup::ALL {
         for column in [&parameters.0[g as usize], &gradient.0[g as usize]] {
             // One sum tells whether there is anything to look for.
             if !column.iter().map(|v| v * 0.0).sum::<f32>().is_finite() {
                 let rows = column.chunks(g.width()).enumerate();
-                found.extend(rows.filter(|(_, r)| r.iter().any(|v| !v.is_finite())).map(|(i, _)| (i, g)));
+                faults.extend(rows.filter(|(_, r)| r.iter().any(|v| !v.is_finite())).map(|(i, _)| (i, g)));
             }
         }
     }
-    found.sort_by_key(|(i, g)| (*i, *g as usize));
-    found.dedup_by_key(|(i, _)| *i);
-    found
+    faults.sort_by_key(|(i, g)| (*i, *g as usize));
+    faults.dedup_by_key(|(i, _)| *i);
+    faults
 }

@@ -1,6 +1,6 @@
-//! Walks the tiles front to back once more, and sums what the pixels want of every footprint.
+//! Walks the tiles front to back once more, and sums the gradients of the pixels for every footprint.
 //!
-//! What lies behind a footprint is the picture less what came before it, so nothing has to be kept
+//! Light from behind a footprint is the picture less what came before it, so nothing has to be kept
 //! from drawing but the picture.
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
@@ -65,6 +65,7 @@ fn gather(plan: &Plan, bands: &[Vec<PixelSums>]) -> Vec<PixelSums> {
         }
     }
     let mut out = vec![PixelSums::default(); plan.splats.len()];
+    // A bin holds one run of footprints: one task writes each sum, so its order does not depend on threads.
     parallel::for_each(out.chunks_mut(plan.run).zip(&plan.bins).enumerate(), |(b, (out, bin))| {
         for tile in 0..plan.tiles.number() {
             let entries = bin.in_tile(tile);
@@ -90,21 +91,23 @@ fn tile_sums<S: Simd>(simd: S, plan: &Plan, drawn: &BlendedTile<'_>, tile: &mut 
         let dx = lanes + (lit.origin[0] as f32 - s.x);
         let mut sums = [zero; 7];
         rows(s, lit, |row, at| {
-            let here = row * TILE..(row + 1) * TILE;
+            let range = row * TILE..(row + 1) * TILE;
             let (raw, alpha) = alphas(simd, s, &at, lanes, &plan.cut);
-            let left = f32x16::from_slice(simd, &tile.left[here.clone()]);
+            let left = f32x16::from_slice(simd, &tile.left[range.clone()]);
             let through = -alpha + 1.0;
             let next = left * through;
+            // As in blending: the footprint that would pass the limit is not drawn, and ends the pixel.
             let live = next.simd_ge(plan.cut.least_transmittance);
             let weight = live.select(left * alpha, zero);
-            let sum = f32x16::from_slice(simd, &tile.sum[here.clone()]) + weight * s.grey;
-            sum.store_slice(&mut tile.sum[here.clone()]);
-            live.select(next, zero).store_slice(&mut tile.left[here.clone()]);
-            let want = f32x16::from_slice(simd, &slope[here.clone()]);
+            let sum = f32x16::from_slice(simd, &tile.sum[range.clone()]) + weight * s.grey;
+            sum.store_slice(&mut tile.sum[range.clone()]);
+            live.select(next, zero).store_slice(&mut tile.left[range.clone()]);
+            let want = f32x16::from_slice(simd, &slope[range.clone()]);
             // Light from behind, as it arrives: dimmed by this alpha too, which the division below takes back.
-            let behind = f32x16::from_slice(simd, &total[here]) - sum;
+            let behind = f32x16::from_slice(simd, &total[range]) - sum;
             // An alpha that was cut moves no more.
             let moving = raw.simd_le(plan.cut.most_alpha).select(alpha, zero);
+            // The light that a larger alpha adds, less that from behind which it takes away.
             let h = live.select(moving * want * (left * s.grey - behind / through), zero);
             let hx = h * dx;
             let hy = h * at.dy;

@@ -1,4 +1,4 @@
-//! Where training starts: particles at random as published, a mixture of the optical-depth law, or a
+//! The start of training: particles at random as published, a mixture of the optical-depth law, or a
 //! model of this law.
 
 use super::config::AlphaConfig;

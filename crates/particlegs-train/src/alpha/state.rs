@@ -1,4 +1,4 @@
-//! Gaussians of the alpha-blend law in training: what steps move, and what they are of.
+//! Gaussians of the alpha-blend law in training: the numbers that steps move, and the scale of their snapshot.
 
 use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
 use crate::adam::Averages;
@@ -9,7 +9,7 @@ use particlegs_core::model::{Mixture, VIZMAPPER_PARAMETERS, VizMapper};
 use particlegs_core::render::alpha::Eye;
 use particlegs_core::render::alpha::network::Setting;
 
-/// What a learner must know of its snapshot.
+/// Properties of the snapshot that a learner needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainingScale {
     pub frame: Normalisation,
@@ -31,8 +31,8 @@ pub struct Gaussians {
     pub averages: [Averages; GROUPS],
     pub mapper: Option<VizMapper>,
     pub mapper_averages: Averages,
-    /// Of each Gaussian since the last densification: sizes of the changes with its centre on the picture, and in how many
-    /// pictures it was seen.
+    /// Of each Gaussian since the last densification: sizes of the changes with its centre on the picture, and in
+    /// how many pictures it was seen.
     pub screen: Vec<[f32; 2]>,
 }
 
@@ -50,7 +50,7 @@ impl Gaussians {
         }
     }
 
-    /// What a picture asks of the network.
+    /// The network's setting for a picture: radius and opacity over the defaults.
     pub fn setting(&self, sample: &TrainingSample<'_>) -> Setting {
         let TrainingScale { radius, opacity, .. } = self.scale;
         Setting { radius: sample.view.radius / radius, opacity: sample.view.opacity / opacity }
@@ -65,7 +65,7 @@ impl Gaussians {
     pub fn from_mixture(mixture: &Mixture, scale: TrainingScale) -> Result<Self> {
         let mut parameters = AlphaParameters::default();
         parameters.push_mixture(mixture, &scale.frame)?;
-        let network = mixture.law.alpha_blend().and_then(|own| own.vizmapper.as_deref().cloned());
+        let network = mixture.law.alpha_blend().and_then(|law| law.vizmapper.as_deref().cloned());
         Ok(Gaussians::new(parameters, network, scale))
     }
 }

@@ -17,7 +17,7 @@ const ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 };
 /// PyTorch's default, which the network has.
 const NETWORK_ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 };
 
-/// How far a step goes.
+/// The size of a step: rates, and the network's limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSize {
     /// Adam's rates, a group each.
@@ -30,18 +30,19 @@ pub struct StepSize {
 }
 
 pub trait AlphaStepper {
-    /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
-    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](AlphaStepper::fetch).
+    /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that
+    /// are not finite stay as they are, and are named. Moved parameters may lie elsewhere until they are
+    /// [fetched](AlphaStepper::fetch).
     fn step(
         &mut self,
-        of: &mut Gaussians,
+        gaussians: &mut Gaussians,
         sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport>;
 
     /// Brings everything up to date with the steps taken.
-    fn fetch(&mut self, _of: &mut Gaussians) -> Result<()> {
+    fn fetch(&mut self, _gaussians: &mut Gaussians) -> Result<()> {
         Ok(())
     }
 
@@ -63,17 +64,18 @@ impl Gaussians {
             let (rate, w) = (size.rates[g as usize], g.width());
             let (values, averages) = (&mut self.parameters.0[g as usize], &mut self.averages[g as usize]);
             let rows = |v: &[f32]| still.iter().flat_map(|(i, _)| v[i * w..(i + 1) * w].to_vec()).collect::<Vec<f32>>();
-            let kept = [rows(values), rows(&averages.first), rows(&averages.second)];
+            // Adam runs over whole columns: the rows that stay are put back after it.
+            let originals = [rows(values), rows(&averages.first), rows(&averages.second)];
             ADAM.step(values, &gradient.0[g as usize], averages, rate);
-            for (column, kept) in [values, &mut averages.first, &mut averages.second].into_iter().zip(&kept) {
-                for ((i, _), kept) in still.iter().zip(kept.chunks(w)) {
-                    column[i * w..(i + 1) * w].copy_from_slice(kept);
+            for (column, original) in [values, &mut averages.first, &mut averages.second].into_iter().zip(&originals) {
+                for ((i, _), row) in still.iter().zip(original.chunks(w)) {
+                    column[i * w..(i + 1) * w].copy_from_slice(row);
                 }
             }
         }
     }
 
-    /// Moves the network, its gradient cut to the largest norm. Is the gradient finite?
+    /// Moves the network, its gradient cut to the largest norm; returns whether the gradient is finite.
     fn descend_network(&mut self, mut gradient: Vec<f32>, size: &StepSize) -> bool {
         let Some(mapper) = &mut self.mapper else { return true };
         let norm = gradient.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
@@ -89,7 +91,7 @@ impl Gaussians {
     }
 }
 
-/// Brightness as it is shown, and the change with what was blended from that with what is shown.
+/// Brightness as it is shown: cut to [0, 1].
 fn shown(drawn: &Plane) -> Plane {
     Plane { size: drawn.size, data: drawn.data.iter().map(|b| b.clamp(0.0, 1.0)).collect() }
 }
@@ -97,19 +99,25 @@ fn shown(drawn: &Plane) -> Plane {
 impl AlphaStepper for AlphaCpuSteps {
     fn step(
         &mut self,
-        of: &mut Gaussians,
+        gaussians: &mut Gaussians,
         sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
-        let (eye, setting) = (of.eye(sample)?, of.setting(sample));
-        let mapper = of.mapper.as_ref().map(|m| LoadedNetwork {
+        let (eye, setting) = (gaussians.eye(sample)?, gaussians.setting(sample));
+        let mapper = gaussians.mapper.as_ref().map(|m| LoadedNetwork {
             network: Network::new(m),
             ranges: m.ranges,
             identity: size.identity,
         });
-        let pass =
-            ForwardPass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, sample.context)?;
+        let pass = ForwardPass::new(
+            &eye,
+            &gaussians.parameters,
+            mapper.as_ref(),
+            setting,
+            CutOffs::PUBLISHED,
+            sample.context,
+        )?;
         let mut valued = loss.evaluate(&shown(&pass.drawn), sample.target, sample.context.simd());
         // Brightness beyond white is cut: nothing there moves it.
         let beyond = valued.gradient.data.iter_mut().zip(&pass.drawn.data);
@@ -120,18 +128,20 @@ impl AlphaStepper for AlphaCpuSteps {
         if let Some((group, i, v)) = self.spoil.take() {
             gradient.parameters.0[group as usize][i * group.width()] = v;
         }
-        let still = faults(&of.parameters, &gradient.parameters);
+        // Parameters too: a Gaussian with one that is not finite was not drawn, and its gradient is zero.
+        let still = faults(&gaussians.parameters, &gradient.parameters);
         let mut not_finite =
             still.first().map(|(i, g)| NonFiniteGradient { group: g.name(), gaussian: *i, count: still.len() });
+        // Density control takes the mean over the pictures that a Gaussian is seen in.
         for (i, size) in &gradient.screen {
             if size.is_finite() {
-                let s = &mut of.screen[*i as usize];
+                let s = &mut gaussians.screen[*i as usize];
                 *s = [s[0] + size, s[1] + 1.0];
             }
         }
-        of.descend(&gradient.parameters, &still, size);
+        gaussians.descend(&gradient.parameters, &still, size);
         if let Some(g) = gradient.network
-            && !of.descend_network(g, size)
+            && !gaussians.descend_network(g, size)
         {
             not_finite = not_finite.or(Some(NonFiniteGradient { group: "vizmapper", gaussian: 0, count: 1 }));
         }

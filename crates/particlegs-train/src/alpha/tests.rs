@@ -40,43 +40,43 @@ fn some() -> AlphaParameters {
     p
 }
 
-fn check(position: [f64; 3], of: Setting, mapper: Option<VizMapper>) {
+fn check(position: [f64; 3], setting: Setting, mapper: Option<VizMapper>) {
     let eye = Eye::new(&view(position), SIZE, &FRAME).unwrap();
     let p = some();
     let mut draw = Random::new(8, 1, 2);
     let want: Vec<f32> = (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect();
     let identity = 0.01;
     let used = mapper.as_ref().map(|m| LoadedNetwork { network: Network::new(m), ranges: m.ranges, identity });
-    let pass = ForwardPass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Context::SILENT).unwrap();
-    let found = pass.back(&Plane { size: SIZE, data: want.clone() });
+    let pass = ForwardPass::new(&eye, &p, used.as_ref(), setting, SMOOTH, &Context::SILENT).unwrap();
+    let gradient = pass.back(&Plane { size: SIZE, data: want.clone() });
     let parameters = mapper.as_ref().map(|m| &m.parameters[..]);
     let mut twin = DoubleParameters::new(&p, parameters, VizRanges::TRAINING, identity);
     let want: Vec<f64> = want.into_iter().map(f64::from).collect();
     let h = 1e-5;
     let difference = |twin: &mut DoubleParameters, at: &dyn Fn(&mut DoubleParameters) -> &mut f64| {
-        let kept = *at(twin);
-        *at(twin) = kept + h;
-        let up = twin.value(&eye, of, &SMOOTH, &want);
-        *at(twin) = kept - h;
-        let down = twin.value(&eye, of, &SMOOTH, &want);
-        *at(twin) = kept;
+        let original = *at(twin);
+        *at(twin) = original + h;
+        let up = twin.value(&eye, setting, &SMOOTH, &want);
+        *at(twin) = original - h;
+        let down = twin.value(&eye, setting, &SMOOTH, &want);
+        *at(twin) = original;
         (up - down) / (2.0 * h)
     };
-    let close = |what: &str, found: &[f32], law: &[f64]| {
+    let close = |name: &str, slopes: &[f32], law: &[f64]| {
         let largest = law.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-        assert!(largest > 0.0, "{what}");
-        for (i, (f, l)) in found.iter().zip(law).enumerate() {
+        assert!(largest > 0.0, "{name}");
+        for (i, (f, l)) in slopes.iter().zip(law).enumerate() {
             let error = (f64::from(*f) - l).abs();
-            assert!(error < 1e-4 * largest + 1e-3 * l.abs(), "{what} {i}: {f} for {l}, largest {largest}");
+            assert!(error < 1e-4 * largest + 1e-3 * l.abs(), "{name} {i}: {f} for {l}, largest {largest}");
         }
     };
     for g in ParameterGroup::ALL {
         let law: Vec<f64> = (0..p.0[g as usize].len())
             .map(|i| difference(&mut twin, &move |t: &mut DoubleParameters| &mut t.columns[g as usize][i]))
             .collect();
-        close(g.name(), &found.parameters.0[g as usize], &law);
+        close(g.name(), &gradient.parameters.0[g as usize], &law);
     }
-    if let Some(network) = &found.network {
+    if let Some(network) = &gradient.network {
         let law: Vec<f64> = (0..network.len())
             .map(|i| difference(&mut twin, &move |t: &mut DoubleParameters| &mut t.network.as_mut().unwrap()[i]))
             .collect();
@@ -102,9 +102,9 @@ fn gradients_at_the_floor_are_differences_too() {
 fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     let eye = Eye::new(&view([0.3, 0.5, 3.0]), SIZE, &FRAME).unwrap();
     let want = Plane { size: SIZE, data: vec![1.0; SIZE.pixels()] };
-    let of = Setting { radius: 1.0, opacity: 1.0 };
+    let setting = Setting { radius: 1.0, opacity: 1.0 };
     let back = |p: &AlphaParameters| {
-        ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Context::SILENT).unwrap().back(&want)
+        ForwardPass::new(&eye, p, None, setting, CutOffs::PUBLISHED, &Context::SILENT).unwrap().back(&want)
     };
     let ones: Vec<GaussianParameters> = (0..40).map(|i| drawn(6, i)).collect();
     let mut forth = AlphaParameters::default();
@@ -123,7 +123,7 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     }
     let none = AlphaParameters::default();
     assert!(
-        ForwardPass::new(&eye, &none, None, of, CutOffs::PUBLISHED, &Context::SILENT)
+        ForwardPass::new(&eye, &none, None, setting, CutOffs::PUBLISHED, &Context::SILENT)
             .unwrap()
             .drawn
             .data
@@ -139,9 +139,9 @@ fn what_is_hidden_wants_nothing() {
     let eye = Eye::new(&view([0.0, 0.0, 3.0]), SIZE, &FRAME).unwrap();
     let mut draw = Random::new(8, 1, 3);
     let want = Plane { size: SIZE, data: (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect() };
-    let of = Setting { radius: 1.0, opacity: 1.0 };
+    let setting = Setting { radius: 1.0, opacity: 1.0 };
     let back = |p: &AlphaParameters| {
-        ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Context::SILENT).unwrap().back(&want)
+        ForwardPass::new(&eye, p, None, setting, CutOffs::PUBLISHED, &Context::SILENT).unwrap().back(&want)
     };
     let mut wall = AlphaParameters::default();
     for k in 0..3 {

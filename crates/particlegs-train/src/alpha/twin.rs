@@ -22,9 +22,9 @@ impl DoubleParameters {
     }
 
     /// The sum over pixels of `want` times brightness, and what holds the network.
-    pub fn value(&self, eye: &Eye, of: Setting, cut: &CutOffs, want: &[f64]) -> f64 {
+    pub fn value(&self, eye: &Eye, setting: Setting, cut: &CutOffs, want: &[f64]) -> f64 {
         let n = self.columns[ParameterGroup::Opacity as usize].len();
-        let mut held = 0.0;
+        let mut penalty = 0.0;
         let gaussians: Vec<Gaussian> = (0..n)
             .map(|i| {
                 let at = |g: ParameterGroup, k: usize| self.columns[g as usize][i * g.width() + k];
@@ -35,11 +35,11 @@ impl DoubleParameters {
                 let (mut scale, mut odds) = (1.0, 1.0);
                 if let Some(p) = &self.network {
                     let mean = (s[0] + s[1] + s[2]) / 3.0;
-                    let x = [of.radius - 1.0, of.opacity - 1.0, (mean + 8.0) / 2.0, (logit + 3.0) / 4.0];
+                    let x = [setting.radius - 1.0, setting.opacity - 1.0, (mean + 8.0) / 2.0, (logit + 3.0) / 4.0];
                     let [ds, d_o] = network(p, x);
-                    scale = of.radius * (1.0 + self.ranges.scale * ds);
-                    odds = (of.opacity * (1.0 + self.ranges.opacity * d_o)).max(self.ranges.floor);
-                    held += (scale - of.radius).powi(2) + (odds - of.opacity).powi(2);
+                    scale = setting.radius * (1.0 + self.ranges.scale * ds);
+                    odds = (setting.opacity * (1.0 + self.ranges.opacity * d_o)).max(self.ranges.floor);
+                    penalty += (scale - setting.radius).powi(2) + (odds - setting.opacity).powi(2);
                 }
                 let mut cov = Sym3::default();
                 for k in 0..3 {
@@ -55,7 +55,7 @@ impl DoubleParameters {
             })
             .collect();
         let picture = blend(eye, &gaussians, cut);
-        picture.iter().zip(want).map(|(b, w)| b * w).sum::<f64>() + self.identity * held / n as f64
+        picture.iter().zip(want).map(|(b, w)| b * w).sum::<f64>() + self.identity * penalty / n as f64
     }
 }
 

@@ -25,7 +25,7 @@ pub struct GaussianGradient {
 #[derive(Clone, Copy, Debug)]
 pub struct PieceDepth {
     pub moments: DepthMoments,
-    /// How the moments change with the Gaussian.
+    /// Changes of the moments with the Gaussian.
     pub slopes: DepthSlopes,
 }
 
@@ -46,6 +46,7 @@ impl GaussianGradient {
         // position on the plane t = base + carried * (inverse depth)
         let carried = [x - slope[0] * d, y - slope[1] * d];
         let t = [slope[0] + carried[0] * m.mean, slope[1] + carried[1] * m.mean];
+        // covariance = f^2 (rest square + c c^T variance + r^2 square (1 + t t^T)), c = `carried` (docs/law/depth.md).
         let round = f2 * lens.radius2;
         let by_t = [
             lens.focal * by.mean[0] + round * m.square * (2.0 * cxx * t[0] + cxy * t[1]),
@@ -62,12 +63,14 @@ impl GaussianGradient {
         ];
         let by_place = by_t[0] * carried[0] + by_t[1] * carried[1];
         let by_weight = f64::from(g.weight) * by.sum;
+        // The rest at a given depth is S_xx - g S_xz and so on: it moves with g = S_xz / S_zz too.
         let by_slope =
             [by_t[0] - by_carried[0] * d - rest[0] * xz - rest[1] * yz, by_t[1] - by_carried[1] * d - rest[2] * yz];
         let moments =
             |s: &DepthMoments| by_weight * s.weight + by_place * s.mean + by_square * s.square + by_spread * s.variance;
         self.mean[0] += by_carried[0];
         self.mean[1] += by_carried[1];
+        // Depth enters by its moments, and by c = x - g d.
         self.mean[2] += moments(&slopes.by_depth) - by_carried[0] * slope[0] - by_carried[1] * slope[1];
         self.count += lens.unit * m.weight * by.sum;
         self.cov[0] += rest[0];

@@ -16,7 +16,7 @@ use particlegs_core::codec::{Encoder, Precision, decode_block};
 use particlegs_core::model::{Block, Mixture};
 use particlegs_core::space::Bounds;
 
-/// Shares of the budget that settled Gaussians may take, and what a new precision aims at.
+/// Shares of the budget that settled Gaussians may take, and the one that a new precision aims at.
 const FILLED: std::ops::RangeInclusive<f64> = 0.98..=1.0;
 const AIM: f64 = 0.999;
 
@@ -45,23 +45,23 @@ impl DecodedGaussians {
         let encoder = Encoder::new(&Block { bounds: budget.bounds, count: budget.count, mass, gaussians })?;
         let bytes = encoder.encode(&Precision::BALANCED.scaled(factor));
         let decoded = decode_block(&bytes, "the Gaussians in training")?.gaussians;
-        let mut place = vec![0u32; m];
+        let mut rank = vec![0u32; m];
         for (k, &i) in encoder.order().iter().enumerate() {
-            place[i as usize] = k as u32;
+            rank[i as usize] = k as u32;
         }
-        let exact = DepthGaussians::from_mixture(&decoded, |i| place[i] as usize);
+        let exact = DepthGaussians::from_mixture(&decoded, |i| rank[i] as usize);
         Ok(DecodedGaussians { exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
     }
 
-    /// Does the file fit, and nearly fill its budget?
+    /// Whether the file fits, and nearly fills its budget.
     pub fn fits(&self) -> bool {
         FILLED.contains(&self.filled)
     }
 
     /// The factor that leads to the budget, for Gaussians like these.
     pub fn better_factor(&self, budget: &Budget) -> f64 {
-        let over = (self.filled - AIM) * budget.bytes as f64;
-        let doublings = Precision::doublings(over, self.exact.0.len()).clamp(-1.0, 1.0);
+        let excess = (self.filled - AIM) * budget.bytes as f64;
+        let doublings = Precision::doublings(excess, self.exact.0.len()).clamp(-1.0, 1.0);
         let [finest, coarsest] = Precision::FACTORS;
         (self.factor * doublings.exp2()).clamp(finest, coarsest)
     }

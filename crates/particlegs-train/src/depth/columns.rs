@@ -44,8 +44,8 @@ impl DepthGaussians {
 
     /// Moves every number a share of the way to `other`'s.
     pub fn approach(&mut self, other: &DepthGaussians, share: f64) {
-        parallel::for_each(self.0.chunks_mut(RUN).zip(other.0.chunks(RUN)), |(own, other)| {
-            let numbers = own.as_flattened_mut().iter_mut().zip(other.as_flattened());
+        parallel::for_each(self.0.chunks_mut(RUN).zip(other.0.chunks(RUN)), |(run, other)| {
+            let numbers = run.as_flattened_mut().iter_mut().zip(other.as_flattened());
             numbers.for_each(|(a, b)| *a += share * (b - *a));
         });
     }
@@ -55,8 +55,8 @@ impl DepthGaussians {
     pub fn change(&mut self, by: &[FrameChange]) {
         parallel::for_each(self.0.iter_mut().zip(by), |(n, by)| {
             let [_, _, _, a, b, c, d, e, f, _] = *n;
-            let d10 = by.map(f64::from);
-            let [u, v, w, p, s10, q, s20, s21, r, count] = d10;
+            let change = by.map(f64::from);
+            let [u, v, w, p, s10, q, s20, s21, r, count] = change;
             n[0] += a * u;
             n[1] += b * u + c * v;
             n[2] += d * u + e * v + f * w;

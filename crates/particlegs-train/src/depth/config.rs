@@ -1,4 +1,4 @@
-//! What can be chosen about training under the optical-depth law.
+//! Options of training under the optical-depth law.
 
 use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ pub struct DepthRates {
     pub count: f64,
 }
 
-/// How Gaussians of the optical-depth law are trained.
+/// Hyper-parameters of training under the optical-depth law.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DepthConfig {
@@ -26,7 +26,7 @@ pub struct DepthConfig {
     pub warm_up: u64,
     /// Relative rates of the groups.
     pub rates: DepthRates,
-    /// Neighbouring Gaussians, at most, whose counts sum to what they did: pictures move mass between
+    /// Neighbouring Gaussians, at most, whose counts keep their sum: pictures move mass between
     /// neighbours, not across the box; 0 = all.
     pub kept_among: u64,
     /// Share of ln(count / count at the start) taken back each step, times the rate: pictures do not
@@ -102,7 +102,7 @@ impl DepthConfig {
             ),
         ];
         match checks.iter().find(|c| !c.1) {
-            Some((what, _)) => Err(Error::argument(format!("training: optical_depth: {what}"))),
+            Some((message, _)) => Err(Error::argument(format!("training: optical_depth: {message}"))),
             None => Ok(()),
         }
     }

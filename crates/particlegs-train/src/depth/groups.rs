@@ -1,4 +1,4 @@
-//! Neighbouring Gaussians whose counts sum to what they did: pictures move mass between neighbours,
+//! Neighbouring Gaussians whose counts keep their sum: pictures move mass between neighbours,
 //! not across the box. The largest scales' power, and what is drawn with a large radius, hang on that.
 
 use super::columns::{FrameChange, Numbers};
@@ -12,8 +12,7 @@ const FARTHEST: f64 = 1.25;
 pub struct GaussianGroups {
     pub of: Vec<u32>,
     pub counts: Vec<f64>,
-    /// By group, what the parameters are to sum to so that what is decoded from them sums to
-    /// `counts`.
+    /// Sums of the parameters' counts, by group, with which the decoded ones sum to `counts`.
     pub aims: Vec<f64>,
 }
 
@@ -67,9 +66,9 @@ impl GaussianGroups {
     /// Aims so that groups whose `decoded` counts strayed come back.
     pub fn aim(&mut self, decoded: &[Numbers]) {
         let sums = self.sums(|i| decoded[i][9].exp());
-        for ((aim, kept), sum) in self.aims.iter_mut().zip(&self.counts).zip(sums) {
-            let astray = (CHASE * (kept / sum).ln()).exp();
-            *aim = (*aim * astray).clamp(kept / FARTHEST, kept * FARTHEST);
+        for ((aim, count), sum) in self.aims.iter_mut().zip(&self.counts).zip(sums) {
+            let correction = (CHASE * (count / sum).ln()).exp();
+            *aim = (*aim * correction).clamp(count / FARTHEST, count * FARTHEST);
         }
     }
 
@@ -84,10 +83,10 @@ impl GaussianGroups {
         }
     }
 
-    /// Adds to changes of logarithms of counts what keeps the groups' particles.
+    /// Shifts changes of logarithms of counts so that the groups keep their particles.
     pub(super) fn keep(&self, now: &[Numbers], changes: &mut [FrameChange]) {
         let changed = self.sums(|i| (now[i][9] + f64::from(changes[i][9])).exp());
-        let shift = |(kept, changed): (&f64, f64)| (kept / changed).ln() as f32;
+        let shift = |(aim, changed): (&f64, f64)| (aim / changed).ln() as f32;
         let shifts: Vec<f32> = self.aims.iter().zip(changed).map(shift).collect();
         changes.iter_mut().zip(&self.of).for_each(|(by, &g)| by[9] += shifts[g as usize]);
     }

@@ -19,7 +19,7 @@ use particlegs_core::model::{MASS, Mixture};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 
-/// What the Gaussians are trained for.
+/// The task that the Gaussians are trained for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DepthContext {
     /// Bounds of the particles, world units.
@@ -37,7 +37,7 @@ pub(crate) struct DepthLearner {
     parameters: Parameters,
     steps: Box<dyn DepthStepper>,
     coded: Option<DecodedGaussians>,
-    /// Does the precision stay as it is?
+    /// Whether the precision stays as it is.
     settled: bool,
     /// Mass a particle, where particles have weights; density control alone changes it.
     weight: Option<Vec<f64>>,
@@ -63,20 +63,22 @@ impl DepthLearner {
         })
     }
 
-    /// How far a step goes.
+    /// The size of the step at `at`.
     fn size(&self, at: &StepInfo) -> StepSize {
         let c = &self.config;
         let warm = ((at.iteration + 1) as f64 / (c.warm_up.max(1)) as f64).min(1.0);
+        // Of the share of steps or of time, whichever is more: rates reach their end when the time is up as well.
         let cosine = 0.5 * (1.0 + (std::f64::consts::PI * at.done.min(1.0)).cos());
         let rate = c.rate * warm * (c.last_rate + (1.0 - c.last_rate) * cosine);
-        let over = c.average.min(0.1 * (at.iteration + 1) as f64).max(1.0);
+        // A window longer than a tenth of the steps so far would keep the start in the average.
+        let window = c.average.min(0.1 * (at.iteration + 1) as f64).max(1.0);
         StepSize {
             rates: [c.rates.place, c.rates.shape, c.rates.count].map(|r| rate * r),
             beta1: c.beta1,
             beta2: c.beta2,
             epsilon: c.calm,
             decay: rate * c.count_pull,
-            average: 1.0 / over,
+            average: 1.0 / window,
         }
     }
 
@@ -88,6 +90,7 @@ impl DepthLearner {
         }
         self.steps.fetch(&mut self.parameters)?;
         self.settled = at.done >= self.config.settle_from;
+        // Once settled, a precision that meets the budget stays: any other is corrected at every coding.
         let factor = match &self.coded {
             Some(c) if self.settled && c.fits() => {
                 self.parameters.now.approach(&c.exact, self.config.settle);
@@ -104,7 +107,7 @@ impl DepthLearner {
         Ok(())
     }
 
-    /// What the file is to be, where that is known.
+    /// Bounds, count and bytes of the file, where the bytes are known.
     fn budget(&self) -> Option<Budget> {
         let DepthContext { bounds, particles, bytes, .. } = self.context;
         bytes.map(|bytes| Budget { bounds, count: particles, bytes })
@@ -116,8 +119,8 @@ impl DepthLearner {
         // A mean of logarithms is below that of the numbers.
         let scale = self.context.particles as f64 / mixture.count.iter().sum::<f64>();
         mixture.count.iter_mut().for_each(|c| *c *= scale);
-        let heavy = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
-        if let Some(masses) = self.weight.as_ref().map(heavy) {
+        let masses_of = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
+        if let Some(masses) = self.weight.as_ref().map(masses_of) {
             mixture.columns.set(MASS, masses);
         }
         mixture
@@ -148,16 +151,18 @@ impl Learner for DepthLearner {
         }
         self.steps.fetch(&mut self.parameters)?;
         let p = &mut self.parameters;
+        // By Adam's mean squares over the last steps, as a single step sees one picture only.
         let [place, shape, _] = &p.averages;
         let squares = place.second.chunks_exact(3).zip(shape.second.chunks_exact(6));
         let gradients: Vec<f64> =
             squares.map(|(p, s)| p.iter().chain(s).map(|&v| f64::from(v)).sum::<f64>().sqrt()).collect();
-        let heavy = |(w, n): (&f64, &Numbers)| w * n[9].exp();
-        let mut mass: Option<Vec<f64>> = self.weight.as_ref().map(|w| w.iter().zip(&p.now.0).map(heavy).collect());
+        let mass_of = |(w, n): (&f64, &Numbers)| w * n[9].exp();
+        let mut mass: Option<Vec<f64>> = self.weight.as_ref().map(|w| w.iter().zip(&p.now.0).map(mass_of).collect());
         let mut replaced = Vec::new();
         for Relocation { from, into, half_of } in relocate(&mut p.now, &gradients, self.config.relocate) {
             for i in [from, into, half_of] {
                 replaced.push(i);
+                // The pull towards the first count would otherwise undo the move.
                 p.first_log_count[i] = p.now.0[i][9];
                 for (a, k) in p.averages.iter_mut().zip(WIDTHS) {
                     a.first[k * i..k * (i + 1)].fill(0.0);

@@ -16,15 +16,15 @@ pub struct Parameters {
     pub bounds: Bounds,
     pub look: ToneStyle,
     pub now: DepthGaussians,
-    /// Their running average: what is scored and kept.
+    /// Their running average, which is scored and kept.
     pub averaged: DepthGaussians,
     /// The same as decoded and moved since, where they are coded on the way: pictures are drawn of these.
     pub decoded: Option<DepthGaussians>,
-    /// Those whose counts sum to what they did.
+    /// Neighbours whose counts keep their sum.
     pub groups: GaussianGroups,
     /// ln count at the start.
     pub first_log_count: Vec<f64>,
-    /// What Adam remembers of each group's numbers, Gaussian by Gaussian.
+    /// Adam's averages of each group's numbers, Gaussian by Gaussian.
     pub averages: [Averages; 3],
 }
 

@@ -81,9 +81,9 @@ impl Tape {
         let mut sum = GaussianGradient::default();
         for piece in pieces {
             let level = piece.placed.level;
-            let gathered = gather(self.simd, &planes[level], &self.levels[level], &piece.placed.stroke);
-            let by = of_footprint(&piece.footprint, &piece.placed, &gathered);
-            sum.add_piece(&self.lens, g, &piece.depth, &by);
+            let moments = gather(self.simd, &planes[level], &self.levels[level], &piece.placed.stroke);
+            let footprint_gradient = of_footprint(&piece.footprint, &piece.placed, &moments);
+            sum.add_piece(&self.lens, g, &piece.depth, &footprint_gradient);
         }
         sum.to_world(&self.lens)
     }

@@ -13,10 +13,10 @@ use particlegs_core::render::Scratch;
 use particlegs_core::{Result, parallel};
 
 const PIXELS: usize = 1 << 14;
-/// What is added to the root in Adam's division at least.
+/// The least number that is added to the root in Adam's division.
 pub const LEAST_EPSILON: f64 = 1e-15;
 
-/// How far a step goes.
+/// The size of a step: rates, decays and shares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSize {
     /// Adam's rates of place, shape and count.
@@ -34,25 +34,26 @@ pub struct StepSize {
 }
 
 pub trait DepthStepper {
-    /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
-    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](DepthStepper::fetch).
+    /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that
+    /// are not finite stay as they are, and are named. Moved parameters may lie elsewhere until they are
+    /// [fetched](DepthStepper::fetch).
     fn step(
         &mut self,
-        of: &mut Parameters,
+        parameters: &mut Parameters,
         sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport>;
 
     /// Brings the parameters up to date with the steps taken.
-    fn fetch(&mut self, of: &mut Parameters) -> Result<()>;
+    fn fetch(&mut self, parameters: &mut Parameters) -> Result<()>;
 
     /// The parameters were changed by others than steps.
     fn changed(&mut self);
 
-    /// Density control changed these Gaussians, which had been fetched, and what groups are to sum to; none are coded, and
+    /// Density control changed these Gaussians, which had been fetched, and the aims of groups; none are coded, and
     /// the average is of the present.
-    fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()>;
+    fn replaced(&mut self, parameters: &Parameters, which: &[usize]) -> Result<()>;
 }
 
 #[derive(Default)]
@@ -72,30 +73,30 @@ struct OwnFrameGradient {
 impl DepthStepper for DepthCpuSteps {
     fn step(
         &mut self,
-        of: &mut Parameters,
+        parameters: &mut Parameters,
         sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
         #[allow(unused_mut)]
-        let (value, mut world) = self.backward(of, sample, loss)?;
+        let (value, mut world) = self.backward(parameters, sample, loss)?;
         #[cfg(test)]
         if let Some(g) = self.poison.and_then(|i| world.get_mut(i)) {
             g.cov[1] = f64::NAN;
         }
-        let own = own(of, &world);
-        update(of, &own, size);
-        of.averaged.approach(&of.now, size.average);
-        Ok(StepReport { loss: value, not_finite: own.not_finite })
+        let gradient = own_frame_gradient(parameters, &world);
+        update(parameters, &gradient, size);
+        parameters.averaged.approach(&parameters.now, size.average);
+        Ok(StepReport { loss: value, not_finite: gradient.not_finite })
     }
 
-    fn fetch(&mut self, _of: &mut Parameters) -> Result<()> {
+    fn fetch(&mut self, _parameters: &mut Parameters) -> Result<()> {
         Ok(())
     }
 
     fn changed(&mut self) {}
 
-    fn replaced(&mut self, _of: &Parameters, _which: &[usize]) -> Result<()> {
+    fn replaced(&mut self, _parameters: &Parameters, _which: &[usize]) -> Result<()> {
         Ok(())
     }
 }
@@ -104,13 +105,15 @@ impl DepthCpuSteps {
     /// Loss of a sample, and its gradient with every Gaussian.
     fn backward(
         &mut self,
-        of: &Parameters,
+        parameters: &Parameters,
         sample: &TrainingSample<'_>,
         loss: &Loss,
     ) -> Result<(f64, Vec<GaussianGradient>)> {
-        let (simd, mixture) = (sample.context.simd(), of.seen().mixture());
-        let tape = Tape::draw(&mixture, &of.bounds, sample.view, &sample.crop, &mut self.scratch, sample.context)?;
-        let curve = BrightnessCurve::new(of.look, sample.view.opacity, sample.view.radius_pixels(sample.crop.full));
+        let (simd, mixture) = (sample.context.simd(), parameters.seen().mixture());
+        let tape =
+            Tape::draw(&mixture, &parameters.bounds, sample.view, &sample.crop, &mut self.scratch, sample.context)?;
+        let curve =
+            BrightnessCurve::new(parameters.look, sample.view.opacity, sample.view.radius_pixels(sample.crop.full));
         let size = tape.tau.size;
         let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
         let pixels = drawn.data.chunks_mut(PIXELS).zip(slope.data.chunks_mut(PIXELS));
@@ -124,10 +127,11 @@ impl DepthCpuSteps {
 }
 
 /// Gradients turned into the Gaussians' own frames; what is not finite counts as zero.
-fn own(of: &Parameters, world: &[GaussianGradient]) -> OwnFrameGradient {
-    let seen = &of.seen().0;
+fn own_frame_gradient(parameters: &Parameters, world: &[GaussianGradient]) -> OwnFrameGradient {
+    let seen = &parameters.seen().0;
     let turned = parallel::map_range(world.len(), |i| turned(&seen[i], &world[i]));
-    let mut own = OwnFrameGradient { groups: WIDTHS.map(|k| Vec::with_capacity(k * world.len())), not_finite: None };
+    let mut gradient =
+        OwnFrameGradient { groups: WIDTHS.map(|k| Vec::with_capacity(k * world.len())), not_finite: None };
     for (i, (t, g)) in turned.iter().zip(world).enumerate() {
         let t = if g.is_finite() && t.iter().all(|v| v.is_finite()) {
             *t
@@ -139,39 +143,40 @@ fn own(of: &Parameters, world: &[GaussianGradient]) -> OwnFrameGradient {
             } else {
                 "count"
             };
-            own.not_finite.get_or_insert(NonFiniteGradient { group, gaussian: i, count: 0 }).count += 1;
+            gradient.not_finite.get_or_insert(NonFiniteGradient { group, gaussian: i, count: 0 }).count += 1;
             [0.0; 10]
         };
-        own.groups[0].extend(&t[..3]);
-        own.groups[1].extend(&t[3..9]);
-        own.groups[2].push(t[9]);
+        gradient.groups[0].extend(&t[..3]);
+        gradient.groups[1].extend(&t[3..9]);
+        gradient.groups[2].push(t[9]);
     }
-    of.groups.share(&mut own.groups[2], seen);
-    own
+    // After zeros took the place of what is not finite: one such number would spoil its whole group.
+    parameters.groups.share(&mut gradient.groups[2], seen);
+    gradient
 }
 
 /// Adam's step, with the particles of every group of neighbours kept.
-fn update(of: &mut Parameters, own: &OwnFrameGradient, size: &StepSize) {
-    let m = of.len();
+fn update(parameters: &mut Parameters, gradient: &OwnFrameGradient, size: &StepSize) {
+    let m = parameters.len();
     let (beta1, beta2) = (size.beta1 as f32, size.beta2 as f32);
-    let mut by = WIDTHS.map(|k| vec![0.0f32; k * m]);
+    let mut moves = WIDTHS.map(|k| vec![0.0f32; k * m]);
     for (k, rate) in size.rates.into_iter().enumerate() {
         // In proportion to the group's own gradients, whose size hangs on the pictures and is not known before.
-        let epsilon = (size.epsilon * of.averages[k].mean_size(size.beta2)).max(LEAST_EPSILON) as f32;
-        Adam { beta1, beta2, epsilon }.step(&mut by[k], &own.groups[k], &mut of.averages[k], rate);
+        let epsilon = (size.epsilon * parameters.averages[k].mean_size(size.beta2)).max(LEAST_EPSILON) as f32;
+        Adam { beta1, beta2, epsilon }.step(&mut moves[k], &gradient.groups[k], &mut parameters.averages[k], rate);
     }
     let decay = size.decay as f32;
     let mut changes: Vec<FrameChange> = (0..m)
         .map(|i| {
-            let [p, s] = [&by[0][3 * i..3 * i + 3], &by[1][6 * i..6 * i + 6]];
-            let away = (of.now.0[i][9] - of.first_log_count[i]) as f32;
-            [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], by[2][i] - decay * away]
+            let [p, s] = [&moves[0][3 * i..3 * i + 3], &moves[1][6 * i..6 * i + 6]];
+            let away = (parameters.now.0[i][9] - parameters.first_log_count[i]) as f32;
+            [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], moves[2][i] - decay * away]
         })
         .collect();
     // After Adam, whose division does not keep the sums that the gradients keep.
-    of.groups.keep(&of.now.0, &mut changes);
-    of.now.change(&changes);
-    if let Some(decoded) = &mut of.decoded {
+    parameters.groups.keep(&parameters.now.0, &mut changes);
+    parameters.now.change(&changes);
+    if let Some(decoded) = &mut parameters.decoded {
         decoded.change(&changes);
     }
 }
@@ -183,6 +188,7 @@ fn turned(n: &Numbers, g: &GaussianGradient) -> [f32; 10] {
     let s = congruent(&[a, b, c, d, e, f], &full(&g.cov));
     let place = [a * x + b * y + d * z, c * y + e * z, f * z];
     let count = g.count * log_count.exp();
+    // By L (1 + D) the covariance changes by L (D + D^T) L^T, so the gradient is twice L^T G L.
     let all =
         [place[0], place[1], place[2], 2.0 * s[0], 2.0 * s[1], 2.0 * s[2], 2.0 * s[3], 2.0 * s[4], 2.0 * s[5], count];
     all.map(|v| v as f32)

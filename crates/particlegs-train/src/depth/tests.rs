@@ -131,7 +131,7 @@ fn plain(m: &Mixture, view: &View) -> f64 {
     value(grown)
 }
 
-/// How gradients are compared with differences of the plain law.
+/// A comparison of gradients with differences of the plain law.
 struct Trial {
     distance: f64,
     seed: u64,
@@ -148,10 +148,10 @@ struct Trial {
 fn against_plain(trial: &Trial) {
     let &Trial { distance, seed, share, jumps, tolerance } = trial;
     let (m, view) = (mixture(seed, 14), view(distance));
-    let found = drawn(&m, &view, &Crop::whole(SIZE)).gradient(&m, weights());
+    let gradients = drawn(&m, &view, &Crop::whole(SIZE)).gradient(&m, weights());
     let off: Vec<[f64; 2]> = (0..10)
         .map(|number| {
-            let mut squares: Vec<(f64, f64)> = found
+            let mut squares: Vec<(f64, f64)> = gradients
                 .iter()
                 .enumerate()
                 .map(|(i, g)| {
@@ -162,8 +162,8 @@ fn against_plain(trial: &Trial) {
                 })
                 .collect();
             squares.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let kept = &squares[..squares.len() - jumps];
-            [kept.iter().map(|s| s.0).sum::<f64>().sqrt(), squares.iter().map(|s| s.1).sum::<f64>().sqrt()]
+            let smallest_squares = &squares[..squares.len() - jumps];
+            [smallest_squares.iter().map(|s| s.0).sum::<f64>().sqrt(), squares.iter().map(|s| s.1).sum::<f64>().sqrt()]
         })
         .collect();
     for group in [0..3, 3..9, 9..10] {
@@ -196,12 +196,15 @@ fn neighbours_share_their_particles() {
     assert_eq!(groups.counts.len(), 8);
     let mut draw = Random::new(5, 0, 0);
     let mut gradient: Vec<f32> = (0..100).map(|_| draw.normal() as f32).collect();
-    let own = gradient.clone();
+    let original_gradient = gradient.clone();
     groups.share(&mut gradient, &now.0);
     for g in 0..8 {
-        let of = |v: &[f32]| (0..100).filter(|&i| groups.of[i] == g).map(|i| v[i]).collect::<Vec<f32>>();
-        let (left, own) = (of(&gradient).iter().sum::<f32>(), of(&own).iter().map(|v| v.abs()).sum::<f32>());
-        assert!(left.abs() < 1e-5 * own, "{left} of {own}");
+        let group_values = |v: &[f32]| (0..100).filter(|&i| groups.of[i] == g).map(|i| v[i]).collect::<Vec<f32>>();
+        let (sum, absolute_sum) = (
+            group_values(&gradient).iter().sum::<f32>(),
+            group_values(&original_gradient).iter().map(|v| v.abs()).sum::<f32>(),
+        );
+        assert!(sum.abs() < 1e-5 * absolute_sum, "{sum} of {absolute_sum}");
     }
     let mut changes: Vec<FrameChange> =
         gradient.iter().map(|&g| [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, g]).collect();
@@ -322,8 +325,8 @@ fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     };
     let mut learner = DepthLearner::new(&m, context(&m, ToneStyle::Expected), DepthConfig::default(), steps).unwrap();
     let at = moment(0, 10);
-    let told = learner.step(&sample, &Loss::PUBLISHED, &at).unwrap().not_finite.unwrap();
-    assert_eq!((told.group, told.gaussian, told.count), ("covariance", 3, 1));
+    let fault = learner.step(&sample, &Loss::PUBLISHED, &at).unwrap().not_finite.unwrap();
+    assert_eq!((fault.group, fault.gaussian, fault.count), ("covariance", 3, 1));
     let after = learner.mixture();
     assert!((0..3).all(|k| (after.mean_of(3)[k] - m.mean_of(3)[k]).abs() < 1e-12));
     assert!(after.mean_of(2) != m.mean_of(2));

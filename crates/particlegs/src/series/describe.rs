@@ -1,4 +1,4 @@
-//! What a series says of itself and of its frames.
+//! Facts on a series and its frames.
 
 use super::Series;
 use crate::input::FrameChoice;
@@ -15,11 +15,11 @@ use serde_json::Value;
 pub struct SeriesDescription {
     /// Size of the file.
     pub series_bytes: usize,
-    /// What its clock shows: `scale factor`, `time`, `step` or `frame`.
+    /// Its clock: `scale factor`, `time`, `step` or `frame`.
     pub clock: &'static str,
     /// The frames, in order.
     pub frames: Vec<FrameDescription>,
-    /// How it was made.
+    /// The recipe that made it.
     pub recipe: Value,
 }
 
@@ -40,7 +40,7 @@ pub enum FrameDescription {
         frame: usize,
         /// `keyframe` or `changes`.
         kind: &'static str,
-        /// What the clock shows.
+        /// Time by the series' clock.
         time: f64,
         /// Bytes that it takes in the file.
         bytes: usize,
@@ -49,7 +49,7 @@ pub enum FrameDescription {
     },
 }
 
-/// What a score of pictures is: column, unit, meaning, and where it is found.
+/// A score of pictures: its column, unit, meaning, and its value.
 type ScoreColumn = (&'static str, Option<&'static str>, &'static str, fn(PictureScore) -> Option<f64>);
 const SCORES: [ScoreColumn; 2] = [
     ("masked_psnr", Some("dB"), "of noise-free pictures, stored with the frame", |s| s.masked_psnr),
@@ -57,7 +57,7 @@ const SCORES: [ScoreColumn; 2] = [
 ];
 
 impl Series {
-    /// What the file says of itself, without decoding frames.
+    /// Facts that the file states, without decoding frames.
     ///
     /// # Errors
     /// [`crate::Error::Corrupt`].
@@ -112,9 +112,9 @@ impl Series {
         table.add(("gaussians", None), "of the frame", gaussians);
         let bytes: Vec<_> = numbers.iter().map(|&i| Some(decoder.series().frames[i].place.len() as f64)).collect();
         table.add(("bytes", None), "that the frame takes in the file", bytes);
-        for (name, unit, about, of) in SCORES {
+        for (name, unit, about, score_of) in SCORES {
             for (i, orbit) in ["far", "mid", "near"].into_iter().enumerate() {
-                let score = |c: &Option<Certificate>| c.as_ref()?.views.orbits[i].expected.model.and_then(of);
+                let score = |c: &Option<Certificate>| c.as_ref()?.views.orbits[i].expected.model.and_then(score_of);
                 table.add((&format!("{name}_{orbit}"), unit.map(String::from)), about, scores.iter().map(score));
             }
         }

@@ -16,17 +16,17 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
-/// How the snapshots of a run become a series.
+/// Options of making a series of the snapshots of a run.
 #[derive(Clone, Debug)]
 pub struct SeriesOptions {
-    /// How keyframes are compressed. Memory, blocks, fields and seed are those of every frame.
+    /// Options of compressing keyframes. Memory, blocks, fields and seed are those of every frame.
     pub compress: Options,
     /// Frames from one keyframe to the next, at least 1.
     pub keyframe_interval: usize,
     /// Frames of a trajectory; `None` for one snapshot a frame.
     pub frames: Option<FrameRange>,
-    /// Atoms, in the words of [`AtomSelection`], by which each frame is turned and moved onto the first. Aligned frames have
-    /// no periodic box.
+    /// Atoms, in the words of [`AtomSelection`], by which each frame is turned and moved onto the first. Aligned frames
+    /// have no periodic box.
     pub align: Option<String>,
     /// Whether a series that was made with other options, or of other snapshots, is replaced.
     pub replace: bool,
@@ -84,7 +84,7 @@ impl FrameRange {
 pub struct FrameResult {
     /// Its number, from 0.
     pub frame: usize,
-    /// What the series' clock shows.
+    /// Time by the series' clock.
     pub time: f64,
     /// Whether it is a model of its own.
     pub keyframe: bool,
@@ -109,8 +109,8 @@ pub struct SeriesResult {
 
 /// Makes a series of models of the snapshots of a run, or goes on with one: frames that `output` or the folder
 /// `OUTPUT.work` holds already are kept where their snapshots are the same, and new snapshots are added behind them.
-/// `snapshots` are files in any order of time, their folder, or one trajectory; a snapshot that cannot be read is a gap, of
-/// which the context is warned.
+/// `snapshots` are files in any order of time, their folder, or one trajectory; a snapshot that cannot be read is a
+/// gap, of which the context is warned.
 ///
 /// # Errors
 /// [`Error::Input`] for snapshots that are not those of one run; [`Error::Output`] for an `output` that was made with other
@@ -130,6 +130,7 @@ pub fn make_series(
     model_file::check_name(output)?;
     let recipe = work.recipe();
     let mut store = FrameStore::open(output, &recipe, options.replace)?;
+    // Frames of another recipe have other bytes: the whole series would have to be made anew.
     let mut old_frames = Vec::new();
     if goes_on {
         old_frames = frames_of(output, &recipe, context)?.ok_or_else(|| outputs.refused(output))?;
@@ -139,6 +140,7 @@ pub fn make_series(
         |number: usize, store: &FrameStore| old_frames.get(number).cloned().flatten().or_else(|| store.frame(number));
     let is_absent =
         |(number, source): &(usize, &FrameSource)| !source.path.exists() && old_frame(*number, &store).is_none();
+    // A path that is not there is rather a slip of the caller than a gap in the run: told before hours of work.
     if let Some((_, source)) = sources.iter().enumerate().find(is_absent) {
         let absent = std::io::Error::new(std::io::ErrorKind::NotFound, "there is no such file or folder");
         return Err(Error::io(&source.path, absent));
@@ -153,6 +155,7 @@ pub fn make_series(
         let old_frame = if all_kept { old_frame(number, &store) } else { None };
         let read = match work.read(source) {
             Ok(read) => work.aligned(source, read)?,
+            // These say nothing of the snapshot, so its frame is no gap.
             Err(e @ (Error::Cancelled | Error::Bound { .. })) => return Err(e),
             Err(e) => {
                 frames.push(work.keep_unread(number, old_frame, &e)?);
@@ -160,25 +163,28 @@ pub fn make_series(
                 continue;
             }
         };
-        let kept = match old_frame {
+        let kept_frame = match old_frame {
             Some(frame) => work.keep(number, &read, frame)?,
             None => None,
         };
-        frames.push(Some(match kept {
+        frames.push(Some(match kept_frame {
             Some(frame) => frame,
             None => {
                 all_kept = false;
                 let frame = work.make(number, &read)?;
+                // Written at once, so that a run that is stopped goes on from here.
                 store.keep(number, &frame)?;
                 frame
             }
         }));
     }
+    // Without any frame there is no series, and the last error tells why.
     if let Some(error) = unread.filter(|_| frames.iter().all(Option::is_none)) {
         return Err(error);
     }
     let bytes = assemble_series(work.builder.clock(), &recipe, &frames)?;
     output::write_bytes(output, &bytes)?;
+    // The series is whole by now: that its folder stays is no reason to fail.
     if let Err(error) = store.remove() {
         context.warn(&format!("the folder of unfinished work stays: {error}"));
     }
@@ -212,7 +218,7 @@ fn frames_of(path: &Path, recipe: &str, context: &Context<'_>) -> Result<Option<
     (series.recipe == recipe).then(frames).transpose()
 }
 
-/// Where a frame is read.
+/// The place that a frame is read from.
 struct FrameSource {
     path: PathBuf,
     frame: Option<i64>,
@@ -229,7 +235,7 @@ impl FrameSource {
 
 /// Particles of a frame, and their fields where some are stored.
 struct FrameParticles {
-    /// How errors name it.
+    /// Its name in errors.
     source: String,
     particles: Particles,
     fields: Vec<LayerFields>,
@@ -260,7 +266,7 @@ impl<'a> SeriesWork<'a> {
         Ok(SeriesWork { choice, options, compress, aligner, builder, raw_bytes: 0, name: name_of(output), context })
     }
 
-    /// What decides the bytes of a frame.
+    /// Text of all options that decide the bytes of a frame.
     fn recipe(&self) -> String {
         let Options { certificate, memory, blocks, .. } = &self.compress;
         let mut recipe = json!({
@@ -330,6 +336,7 @@ impl<'a> SeriesWork<'a> {
     fn keep_unread(&mut self, number: usize, frame: Option<CodedFrame>, error: &Error) -> Result<Option<CodedFrame>> {
         let outcome = if frame.is_some() { "is kept as it was" } else { "is missing" };
         self.context.warn(&format!("frame {number} {outcome}: {error}"));
+        // The first frame gives the atoms that all others are turned onto.
         if frame.is_some() && self.aligner.as_ref().is_some_and(|a| a.first.is_none()) {
             let message = format!("frame {number} cannot be read, and align needs the first frame: {error}");
             return Err(Error::argument_with(message, "bring its snapshot back"));
@@ -342,7 +349,8 @@ impl<'a> SeriesWork<'a> {
         Ok(frame)
     }
 
-    /// Goes on behind a frame that was made before, where it was made from these particles; `None` where it is replaced.
+    /// Goes on behind a frame that was made before, where it was made from these particles; `None` where it is
+    /// replaced.
     fn keep(&mut self, number: usize, read: &FrameParticles, frame: CodedFrame) -> Result<Option<CodedFrame>> {
         let place = self.place(number);
         let tracked = self.builder.decode(&frame, &place, self.context)?;
@@ -361,10 +369,10 @@ impl<'a> SeriesWork<'a> {
         }
     }
 
-    /// How particles differ from those that a model was made from.
+    /// The first difference of particles from those that a model was made from.
     fn difference(&self, read: &FrameParticles, model: &Model) -> Result<Option<String>> {
-        if let [[what, stored, now], ..] = &differences_from(&read.particles, model, false)[..] {
-            return Ok(Some(format!("its {what} was {stored} and is {now} now")));
+        if let [[name, stored, now], ..] = &differences_from(&read.particles, model, false)[..] {
+            return Ok(Some(format!("its {name} was {stored} and is {now} now")));
         }
         if model.metadata.source_hash != read.particles.source_hash() {
             return Ok(Some("its particles differ".into()));
@@ -482,13 +490,14 @@ mod tests {
         let make = |snapshots: &[PathBuf], name: &str| {
             let output = dir.path().join(name);
             let options = SeriesOptions { keyframe_interval: 2, ..options(5) };
-            let made = make_series(snapshots, &Choice::default(), &output, &options, &context).unwrap();
-            (made, std::fs::read(output).unwrap())
+            let result = make_series(snapshots, &Choice::default(), &output, &options, &context).unwrap();
+            (result, std::fs::read(output).unwrap())
         };
         make(&all[..2], "run.pgs");
-        let (made, bytes) = make(&all, "run.pgs");
-        let keyframes: Vec<bool> = made.frames.iter().map(|f| f.keyframe).collect();
-        assert_eq!((keyframes, made.missing, made.series_bytes), (vec![true, false, true], Vec::new(), bytes.len()));
+        let (result, bytes) = make(&all, "run.pgs");
+        let keyframes: Vec<bool> = result.frames.iter().map(|f| f.keyframe).collect();
+        let expected = (vec![true, false, true], Vec::new(), bytes.len());
+        assert_eq!((keyframes, result.missing, result.series_bytes), expected);
         assert!(bytes == make(&all, "whole.pgs").1);
     }
 
@@ -497,7 +506,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (all, output) = (snapshots(dir.path(), 1), dir.path().join("run.pgs"));
         let make = |options: &SeriesOptions| {
-            make_series(&all, &Choice::default(), &output, options, &Context::default()).map(|made| made.frames.len())
+            make_series(&all, &Choice::default(), &output, options, &Context::default()).map(|r| r.frames.len())
         };
         make(&options(5)).unwrap();
         assert!(matches!(make(&options(6)), Err(Error::Output { .. })));

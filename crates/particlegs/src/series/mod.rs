@@ -12,7 +12,8 @@ use std::fmt::{Debug, Formatter};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A series of models. What was decoded lately is kept, so that frames in order cost one step each; clones share that.
+/// A series of models. Frames that were decoded lately are kept, so that frames in order cost one step each; clones
+/// share that.
 #[derive(Clone)]
 pub struct Series {
     name: String,
@@ -82,12 +83,12 @@ impl Series {
         self.decoder.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What its clock shows: `scale factor`, `time`, `step` or `frame`.
+    /// Its clock: `scale factor`, `time`, `step` or `frame`.
     pub fn clock(&self) -> &'static str {
         self.decoder().series().clock.name()
     }
 
-    /// What the clock shows for each frame; `None` for a frame that is missing.
+    /// Time of each frame by the clock; `None` for a frame that is missing.
     pub fn times(&self) -> Vec<Option<f64>> {
         let time = |f: &FrameEntry| (f.kind != FrameCoding::Missing).then_some(f.time);
         self.decoder().series().frames.iter().map(time).collect()
@@ -101,7 +102,8 @@ impl Series {
         self.decoder().series().moment(text)
     }
 
-    /// The model of a frame or moment, between frames interpolated: a keyframe as it is, others coded anew in finer steps.
+    /// The model of a frame or moment, between frames interpolated: a keyframe as it is, others coded anew in finer
+    /// steps.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a frame that there is not; those of [`Series::moment`]; [`crate::Error::Cancelled`].

@@ -34,11 +34,11 @@ fn density_keeps_the_mass_of_a_periodic_box_in_every_format() {
     // Its units have no h: particles / Mpc^3.
     let physical = |v: f32| f64::from(v) * 0.68f64.powi(3);
     let number = |bytes: &[u8; 4]| f64::from(f32::from_be_bytes(*bytes));
-    let is_same = |(found, v): (&[u8; 4], &f32)| (number(found) - physical(*v)).abs() <= 1e-6 * physical(*v).abs();
+    let is_same = |(bytes, v): (&[u8; 4], &f32)| (number(bytes) - physical(*v)).abs() <= 1e-6 * physical(*v).abs();
     assert!(fits.windows(32_000).step_by(2880).any(|w| w.as_chunks::<4>().0.iter().zip(&turned).all(is_same)));
-    let described = dir.json("d.json");
-    assert_eq!(described["density"]["cells"], grid["cells"]);
-    assert_eq!(described["quantity"], "density");
+    let description = dir.json("d.json");
+    assert_eq!(description["density"]["cells"], grid["cells"]);
+    assert_eq!(description["quantity"], "density");
     // Cells of a given length are adjusted to fill the box.
     let of_side = exported(&dir, "m.pgs -o e.vti --cell 1.2");
     assert_eq!(of_side["grid"]["cells"], serde_json::json!([21, 21, 21]));
@@ -104,12 +104,12 @@ fn maps_for_viewers_of_molecules_are_in_angstrom() {
             assert_eq!(lost.contains("viewers take them for Angstrom"), model == "m", "{lost}");
         }
         let dx = String::from_utf8(dir.bytes(&format!("{model}.dx"))).unwrap();
-        let said = if model == "nm" {
+        let units = if model == "nm" {
             "lengths in Angstrom, density in particles / Angstrom^3"
         } else {
             "lengths as they are"
         };
-        assert!(dx.starts_with(&format!("# this file: {said}")), "{dx}");
+        assert!(dx.starts_with(&format!("# this file: {units}")), "{dx}");
         let words = |start: &str| -> Vec<f64> {
             let line = dx.lines().find(|l| l.starts_with(start)).unwrap();
             line[start.len()..].split(' ').map(|w| w.parse().unwrap()).collect()
@@ -121,8 +121,8 @@ fn maps_for_viewers_of_molecules_are_in_angstrom() {
         assert!(near(words("delta ")[0], scale * number("cell", 0)));
         let rows =
             dx.lines().skip_while(|l| !l.ends_with("data follows")).skip(1).take_while(|l| !l.starts_with("attribute"));
-        let seen: Vec<f32> = rows.flat_map(|l| l.split(' ')).map(|w| w.parse().unwrap()).collect();
-        assert!(seen == values);
+        let dx_values: Vec<f32> = rows.flat_map(|l| l.split(' ')).map(|w| w.parse().unwrap()).collect();
+        assert!(dx_values == values);
         let mrc = dir.bytes(&format!("{model}.mrc"));
         let word = |k: usize| <[u8; 4]>::try_from(&mrc[4 * k - 4..4 * k]).unwrap();
         let float = |k: usize| f64::from(f32::from_le_bytes(word(k)));

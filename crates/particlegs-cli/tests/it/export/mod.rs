@@ -42,26 +42,26 @@ fn every_export_says_what_it_is_and_what_is_lost() {
         assert_eq!(report["bytes"].as_u64(), Some(written.len() as u64), "{kind}");
         let lost = report["lost"][0].as_str().unwrap();
         // An array cannot hold text, so there is a JSON file.
-        let said = if kind == "npy" { dir.bytes("out.json") } else { written.clone() };
-        let said = match kind {
+        let bytes = if kind == "npy" { dir.bytes("out.json") } else { written.clone() };
+        let words = match kind {
             // Escaped characters, and characters of four bytes.
             "vti" => {
-                let text = String::from_utf8_lossy(&said).into_owned();
+                let text = String::from_utf8_lossy(&bytes).into_owned();
                 let notes = text.split("Name=\"notes\"").nth(1).unwrap();
                 let codes = notes.split('>').nth(1).unwrap().split('<').next().unwrap();
                 codes.split(' ').map(|c| c.parse::<u8>().unwrap() as char).collect()
             }
-            "npz" => said.iter().filter(|b| **b != 0).map(|b| *b as char).collect(),
+            "npz" => bytes.iter().filter(|b| **b != 0).map(|b| *b as char).collect(),
             "fits" => {
-                let head = String::from_utf8_lossy(&said[..2880 * 2]).into_owned();
+                let head = String::from_utf8_lossy(&bytes[..2880 * 2]).into_owned();
                 let cards: Vec<&str> = (0..head.len() / 80).map(|i| head[80 * i..80 * i + 80].trim_end()).collect();
                 cards.join("").replace("COMMENT  ", "").replace("COMMENT ", "")
             }
-            _ => String::from_utf8_lossy(&said).into_owned(),
+            _ => String::from_utf8_lossy(&bytes).into_owned(),
         };
         let squeezed = |text: &str| text.split_whitespace().collect::<String>();
-        assert!(squeezed(&said).contains(&squeezed(lost)), "{kind}: {lost}");
-        assert!(said.contains("nbody64") && said.contains("optical-depth"), "{kind}");
+        assert!(squeezed(&words).contains(&squeezed(lost)), "{kind}: {lost}");
+        assert!(words.contains("nbody64") && words.contains("optical-depth"), "{kind}");
         // To standard output, the same bytes.
         let printed = dir.command(&format!("export m.pgs -o - --kind {kind} -q {grid}")).assert().success();
         assert!(printed.get_output().stdout == written, "{kind}");

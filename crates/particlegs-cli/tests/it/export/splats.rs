@@ -77,10 +77,10 @@ fn an_alpha_blend_model_is_written_as_published() {
     assert_eq!(dir.listing(), ["a.ply", "b.ply", "m.pgs"]);
     // Opacities and grey levels are columns.
     let text = String::from_utf8(dir.makes("export m.pgs -o t.csv -q")).unwrap();
-    let own = &dir.model("m.pgs").layers[0].content[0].gaussians.law;
+    let law = &dir.model("m.pgs").layers[0].content[0].gaussians.law;
     let rows: Vec<&str> = text.lines().skip_while(|l| l.starts_with('#')).collect();
     assert!(rows[0].ends_with("count,opacity,grey,layer"), "{}", rows[0]);
-    for (row, opacity) in rows[1..].iter().zip(&own.alpha_blend().unwrap().opacity) {
+    for (row, opacity) in rows[1..].iter().zip(&law.alpha_blend().unwrap().opacity) {
         assert_eq!(row.split(',').nth(10).unwrap().parse::<f64>().unwrap(), *opacity);
     }
 }

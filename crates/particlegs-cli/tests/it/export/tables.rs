@@ -32,8 +32,8 @@ fn tables_hold_the_gaussians_to_the_last_digit() {
         dir.runs(&format!("convert {file} -o points -q --force --mass-field none"));
         let points = Particles::open_raw(&[dir.at("points")]).unwrap();
         assert_eq!(points.len(), all.len());
-        for (i, (_, g, own, _)) in all.iter().enumerate() {
-            assert!((0..3).all(|k| (points.position(i)[k] - g.mean[k][*own]).abs() < 1e-5));
+        for (i, (_, g, number, _)) in all.iter().enumerate() {
+            assert!((0..3).all(|k| (points.position(i)[k] - g.mean[k][*number]).abs() < 1e-5));
         }
     }
 }

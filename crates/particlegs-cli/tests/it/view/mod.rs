@@ -72,16 +72,16 @@ fn the_page_and_its_files_are_served() {
 fn a_large_model_has_a_poster() {
     let dir = TestFolder::new();
     dir.runs("compress SAMPLE --gaussians 101000 --effort fast --certificate=none --quiet -o large.pgs");
-    let drawn = |more: &str| {
+    let draw = |more: &str| {
         dir.runs(&format!("render large.pgs --style density --size 1280x720 --quiet {more}"));
     };
     // The page's initial range.
-    drawn("--raw -o values");
+    draw("--raw -o values");
     let values = dir.bytes("values/view.f32");
     let values = values.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect();
     let plane = Plane { size: Size { width: 1280, height: 720 }, data: values };
     let [low, high] = plane.first_range().unwrap();
-    drawn(&format!("--no-annotations --range {low},{high} -o large.png"));
+    draw(&format!("--no-annotations --range {low},{high} -o large.png"));
     let serving = TestServer::new(&dir, |c| c.arg("large.pgs"));
     assert!(serving.get("").text().contains("<img id=\"poster\" alt=\"large.pgs\" src=\"poster\">"));
     let poster = serving.get("poster");
@@ -103,8 +103,8 @@ fn impossible_views_are_refused_before_the_page_is_served() {
         dir.runs(&format!("compress spiral -o {unit}.pgs --length-unit {unit} {options}"));
     }
     dir.write("list.csv", "x,y,z,radius\n0,0,0,1\n");
-    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = taken.local_addr().unwrap().port();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
     let at = format!("cannot listen at 127.0.0.1, port {port}");
     for (words, code, text) in [
         ("spiral.pgs corrupt.pgs", 4, "corrupt.pgs"),
@@ -127,17 +127,17 @@ fn impossible_views_are_refused_before_the_page_is_served() {
 #[test]
 fn the_address_of_the_page_is_printed() {
     let dir = spiral();
-    let chosen = "0123456789abcdefABCDEF0123456789";
+    let token = "0123456789abcdefABCDEF0123456789";
     let serving = TestServer::new(&dir, |c| {
-        c.args(["spiral.pgs", "--json", "view.json"]).env("PARTICLEGS_TOKEN", chosen).env("USER", "ada");
+        c.args(["spiral.pgs", "--json", "view.json"]).env("PARTICLEGS_TOKEN", token).env("USER", "ada");
         c.env("SSH_CONNECTION", "203.0.113.9 51022 127.0.0.1 22")
     });
     let port = serving.parts().0.rsplit(':').next().unwrap().to_string();
-    assert_eq!(serving.url, format!("http://127.0.0.1:{port}/{chosen}/"));
+    assert_eq!(serving.url, format!("http://127.0.0.1:{port}/{token}/"));
     let report = dir.json("view.json");
     let ssh = format!("ssh -L {port}:127.0.0.1:{port} ada@127.0.0.1");
     assert_eq!((&report["url"], &report["ssh"]), (&json!(serving.url), &json!(ssh)));
-    assert_eq!((&report["token"], report["port"].to_string()), (&json!(chosen), port));
+    assert_eq!((&report["token"], report["port"].to_string()), (&json!(token), port));
     assert_eq!(report["models"], json!([{"name": "spiral.pgs", "gaussians": 40}]));
     let (_, out, _) = serving.end("-INT");
     assert!(out.lines().any(|l| l == ssh), "{out}");

@@ -14,7 +14,7 @@ fn requests_without_the_token_find_nothing() {
     let to = |path: &str, head: &str| {
         serving.raw(format!("GET {path} HTTP/1.1\r\n{head}Connection: close\r\n\r\n").as_bytes())
     };
-    let own = format!("Host: {host}\r\n");
+    let host_header = format!("Host: {host}\r\n");
     let other = if token.ends_with("0/") { '1' } else { '0' };
     let wrong = format!("{}{other}/", &token[..token.len() - 2]);
     let below = "../ %2e%2e/ ../../etc/passwd model/../../../etc/passwd model/..%2f..%2fetc%2fpasswd model/ model/1 \
@@ -22,7 +22,7 @@ fn requests_without_the_token_find_nothing() {
     let below = below.split(' ').map(|path| format!("{token}{path}"));
     let beside = "/ // /favicon.ico /robots.txt /../ /..%2f /%2e%2e/%2e%2e/etc/passwd".split(' ').map(String::from);
     for path in &below.chain(beside).chain([wrong, format!("/{token}")]).collect::<Vec<_>>() {
-        let answer = to(path, &own);
+        let answer = to(path, &host_header);
         assert_eq!(answer.status, 404, "{path}: {}", answer.text());
         assert!(!answer.text().contains(&token[1..token.len() - 1]), "{path}");
     }
@@ -31,15 +31,15 @@ fn requests_without_the_token_find_nothing() {
         let answer = to(token, &format!("Host: {name}\r\n"));
         assert_eq!(answer.status, 403, "{name}");
     }
-    for head in ["", "Host:\r\n", "Host: a b\r\n", "Host: 127.0.0.1:99999\r\n", &format!("{own}Host: evil.example\r\n")]
-    {
+    let two_hosts = format!("{host_header}Host: evil.example\r\n");
+    for head in ["", "Host:\r\n", "Host: a b\r\n", "Host: 127.0.0.1:99999\r\n", &two_hosts] {
         assert_eq!(to(token, head).status, 400, "{head:?}");
     }
     for origin in ["null", "https://evil.example", "http://127.0.0.1:1", "file://"] {
-        assert_eq!(to(token, &format!("{own}Origin: {origin}\r\n")).status, 403, "{origin}");
+        assert_eq!(to(token, &format!("{host_header}Origin: {origin}\r\n")).status, 403, "{origin}");
     }
-    assert_eq!(to(&format!("http://evil.example{token}"), &own).status, 400);
-    assert_eq!(to(token, &format!("{own}Origin: http://{host}\r\n")).status, 200);
+    assert_eq!(to(&format!("http://evil.example{token}"), &host_header).status, 400);
+    assert_eq!(to(token, &format!("{host_header}Origin: http://{host}\r\n")).status, 200);
     assert_eq!(to(token, &format!("Host: localhost{}\r\n", &host[9..])).status, 200);
     // Other methods.
     for method in ["POST", "PUT", "DELETE", "OPTIONS", "PATCH", "TRACE", "CONNECT", "BREW"] {

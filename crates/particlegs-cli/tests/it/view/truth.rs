@@ -9,13 +9,13 @@ use std::process::Child;
 use std::time::{Duration, Instant};
 
 /// A request for the spiral, with `change` applied.
-fn question(look: &str) -> Value {
+fn question(style: &str) -> Value {
     json!({
         "camera": {
             "position": [2.5, 1.25, 3.125], "focal_point": [0.1, 0.5, 0.0], "view_up": [0.0, 1.0, 0.0],
             "fov_deg": 30.0, "height_world": null, "clipping_range": null
         },
-        "radius": 0.012, "opacity": 0.3, "look": look, "width": 160, "height_pixels": 90
+        "radius": 0.012, "opacity": 0.3, "look": style, "width": 160, "height_pixels": 90
     })
 }
 
@@ -32,12 +32,12 @@ fn pictures_of_all_particles_are_those_of_reference() {
     (view["name"], view["radius"], view["opacity"]) = (json!("view"), q["radius"].clone(), q["opacity"].clone());
     let views = json!({ "width": 160, "height": 90, "views": [view] });
     dir.write("views.json", views.to_string());
-    for look in ["paraview", "paraview-no-fxaa", "expected"] {
-        reference(&format!("--views views.json --style {look} -o {look}.png"));
-        let answer = serving.truth(&question(look));
+    for style in ["paraview", "paraview-no-fxaa", "expected"] {
+        reference(&format!("--views views.json --style {style} -o {style}.png"));
+        let answer = serving.truth(&question(style));
         assert_eq!(answer.status, 200, "{}", answer.text());
-        let truth = particlegs_files::png::read_png(&dir.at(&format!("{look}.png"))).unwrap().data;
-        assert!(truth.iter().any(|&v| v > 20) && answer.body == truth, "{look}");
+        let truth = particlegs_files::png::read_png(&dir.at(&format!("{style}.png"))).unwrap().data;
+        assert!(truth.iter().any(|&v| v > 20) && answer.body == truth, "{style}");
     }
     reference("--views views.json --style density --smooth 32 --raw -o sigma");
     let sigma = dir.bytes("sigma/view.f32");
@@ -62,21 +62,21 @@ fn pictures_of_all_particles_are_those_of_reference() {
 fn coarse_pictures_are_of_fewer_particles() {
     let dir = spiral();
     let serving = of_the_sample(&dir);
-    let draw = |look: &str, share: f64| {
+    let draw = |style: &str, share: f64| {
         let mut q = long();
-        (q["look"], q["share"], q["radius"]) = (json!(look), json!(share), json!(0.1));
+        (q["look"], q["share"], q["radius"]) = (json!(style), json!(share), json!(0.1));
         (q["width"], q["height_pixels"], q["opacity"]) = (json!(96), json!(96), json!(0.2));
         let answer = serving.truth(&q);
         assert_eq!(answer.status, 200, "{}", answer.text());
         answer.body
     };
-    for look in ["paraview", "paraview-no-fxaa", "expected"] {
-        let (whole, half) = (draw(look, 1.0), draw(look, 0.5));
+    for style in ["paraview", "paraview-no-fxaa", "expected"] {
+        let (whole, half) = (draw(style, 1.0), draw(style, 0.5));
         let mean = |p: &[u8]| p.iter().map(|&v| f64::from(v)).sum::<f64>() / p.len() as f64;
         let difference = whole.iter().zip(&half).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / 96.0 / 96.0;
-        assert!(whole != half && (mean(&whole) - mean(&half)).abs() < 0.05 * mean(&whole), "{look}");
-        assert!(mean(&whole) > 20.0 && difference < 0.2 * mean(&whole), "{look}: {difference} of {}", mean(&whole));
-        assert!(draw(look, 0.5) == half, "the same particles again");
+        assert!(whole != half && (mean(&whole) - mean(&half)).abs() < 0.05 * mean(&whole), "{style}");
+        assert!(mean(&whole) > 20.0 && difference < 0.2 * mean(&whole), "{style}: {difference} of {}", mean(&whole));
+        assert!(draw(style, 0.5) == half, "the same particles again");
     }
     let sum = |share| {
         let bytes = draw("density", share);
@@ -187,9 +187,9 @@ fn a_closed_connection_cancels_its_picture() {
             return false;
         }
         let now = ticks(&serving.child);
-        let done = now <= last.1 + 1;
+        let is_idle = now <= last.1 + 1;
         last = (Instant::now(), now);
-        done
+        is_idle
     });
 }
 

@@ -19,7 +19,7 @@ const EDGE: f64 = 1e-9;
 /// logarithm is wanted.
 const LEAST_DET: f64 = 1e-72;
 
-/// What an alpha-blend scene has beside its Gaussians.
+/// Settings of an alpha-blend scene beside its Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend<'a> {
     /// Its network, if any.
@@ -55,7 +55,7 @@ impl<'a> Blend<'a> {
         })
     }
 
-    /// What a view asks of the network.
+    /// The view's radius and opacity over the defaults, for the network.
     pub fn setting(&self, view: &View) -> Setting {
         Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity }
     }
@@ -79,8 +79,8 @@ impl<'a> Blend<'a> {
             .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)));
         let gaussians = parallel::try_map(runs, |(m, first, start)| {
             self.run(context.simd(), m, start..m.len().min(start + RUN), setting, network.as_ref())
-                .map(|own| own.iter().map(|g| g.seen(eye)).collect::<Vec<_>>())
-                .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
+                .map(|gaussians| gaussians.iter().map(|g| g.seen(eye)).collect::<Vec<_>>())
+                .map_err(|(i, message)| Error::argument(format!("Gaussian {}: {message}", first + i)))
         })?;
         Ok(gaussians.into_iter().flatten().collect())
     }
@@ -93,17 +93,17 @@ impl<'a> Blend<'a> {
         setting: Setting,
         network: Option<&(Network, crate::model::VizRanges)>,
     ) -> std::result::Result<Vec<Gaussian>, (usize, String)> {
-        let mut own = Vec::with_capacity(range.len());
+        let mut network_inputs = Vec::with_capacity(range.len());
         let mut gaussians = range
             .map(|i| {
-                let t = self.trained(m, i).map_err(|what| (i, what))?;
-                own.push(inputs(setting, t.log_scale, t.logit));
+                let t = self.trained(m, i).map_err(|message| (i, message))?;
+                network_inputs.push(inputs(setting, t.log_scale, t.logit));
                 Ok(t.gaussian)
             })
             .collect::<std::result::Result<Vec<_>, _>>()?;
-        let mut out = vec![[0f32; 2]; own.len()];
+        let mut out = vec![[0f32; 2]; network_inputs.len()];
         if let Some((network, _)) = network {
-            outputs(simd, network, &own, &mut out);
+            outputs(simd, network, &network_inputs, &mut out);
         }
         for (g, out) in gaussians.iter_mut().zip(out) {
             let a = network.map_or(Adaptation::STATIC, |(_, ranges)| ranges.adapt(setting, out));
@@ -116,18 +116,18 @@ impl<'a> Blend<'a> {
     /// Gaussian `i` of a mixture as it was trained.
     ///
     /// # Errors
-    /// What is wrong with it: a number that is not finite, or a mixture without opacities.
+    /// A text that says what is wrong: a number that is not finite, or a mixture without opacities.
     pub fn trained(&self, m: &Mixture, i: usize) -> std::result::Result<UnadaptedGaussian, String> {
-        let own = m.law.alpha_blend().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
+        let law = m.law.alpha_blend().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
         let scale = self.frame.scale;
         let mean: [f64; 3] = each_axis(|k| (m.mean[k][i] - self.frame.center[k]) * scale);
         let cov = Sym3(m.cov_of(i).0.map(|v| v * scale * scale));
-        let (opacity, grey) = (own.opacity[i], own.grey[i]);
-        for (what, values) in
+        let (opacity, grey) = (law.opacity[i], law.grey[i]);
+        for (name, values) in
             [("mean", &mean[..]), ("covariance", &cov.0[..]), ("opacity", &[opacity]), ("grey level", &[grey])]
         {
             if values.iter().any(|v| !v.is_finite()) {
-                return Err(format!("the {what} is not finite"));
+                return Err(format!("the {name} is not finite"));
             }
         }
         let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
@@ -152,16 +152,16 @@ impl Model {
                 context.check()?;
                 blend
                     .run(context.simd(), m, range, setting, Some(&network))
-                    .map_err(|(i, what)| Error::argument(format!("Gaussian {i}: {what}")))
+                    .map_err(|(i, message)| Error::argument(format!("Gaussian {i}: {message}")))
             })?;
             for (i, g) in bent.into_iter().flatten().enumerate() {
                 (0..6).for_each(|k| m.cov[k][i] = g.cov.0[k] / (frame.scale * frame.scale));
-                if let Some(own) = m.law.alpha_blend_mut() {
-                    own.opacity[i] = g.opacity;
+                if let Some(law) = m.law.alpha_blend_mut() {
+                    law.opacity[i] = g.opacity;
                 }
             }
-            if let Some(own) = m.law.alpha_blend_mut() {
-                own.vizmapper = None;
+            if let Some(law) = m.law.alpha_blend_mut() {
+                law.vizmapper = None;
             }
         }
         Ok(self)

@@ -1,4 +1,4 @@
-//! Which footprints touch which tile.
+//! Footprints by the tiles that they touch.
 
 use super::project::ProjectedSplat;
 use crate::picture::Size;
@@ -30,7 +30,7 @@ impl Tiles {
         Tiles { across: size.width.div_ceil(TILE), down: size.height.div_ceil(TILE) }
     }
 
-    /// How many.
+    /// The number of tiles.
     pub fn number(&self) -> usize {
         self.across * self.down
     }
@@ -48,7 +48,7 @@ impl Tiles {
 }
 
 impl TileRange {
-    /// How many.
+    /// The number of tiles in it.
     pub fn number(&self) -> u64 {
         let span = |[from, to]: [u16; 2]| u64::from(to - from) + 1;
         span(self.columns) * span(self.rows)
@@ -65,7 +65,7 @@ impl TileRange {
 
 /// The footprints of one run in the order of depth, tile by tile.
 pub struct Bin {
-    /// Where each tile's begin, and the end of all.
+    /// The first entry of each tile, and the end of all.
     starts: Vec<u32>,
     /// Numbers in the plan.
     entries: Vec<u32>,

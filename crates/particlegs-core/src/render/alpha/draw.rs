@@ -21,17 +21,17 @@ pub fn depth_as_bright(brightness: f32) -> f32 {
 
 /// The optical depth that a picture's brightness b, cut to [0, 1], stands for: -ln(1 - b).
 pub(in crate::render) fn optical_depth<'a>(
-    of: &Blend,
+    blend: &Blend,
     parts: &[(&Mixture, f64)],
     view: &View,
     size: Size,
     scratch: &'a mut Scratch,
     context: &Context<'_>,
 ) -> Result<PlaneRows<'a>> {
-    let eye = Eye::new(view, size, &of.frame)?;
+    let eye = Eye::new(view, size, &blend.frame)?;
     let n: usize = parts.iter().map(|(m, _)| m.len()).sum();
     context.require_memory("a picture", 4 * size.pixels() as u64 + 256 * n as u64)?;
-    let gaussians = of.gaussians(parts, view, &eye, context)?;
+    let gaussians = blend.gaussians(parts, view, &eye, context)?;
     let plan = Plan::new(&eye, n, |i| Some(gaussians[i]), CutOffs::PUBLISHED, context)?;
     let data = &mut scratch.planes([size.pixels()].into_iter(), context)?[0];
     blend_into(&plan, size, data, context)?;

@@ -12,7 +12,7 @@ const NEAR: f64 = 0.2;
 /// `computeCov2D`).
 const GUARD: f64 = 1.3;
 
-/// Where the camera stands and looks, in the training frame. Axes are right, down, forward;
+/// The camera's place and axes in the training frame. Axes are right, down, forward;
 /// pixel centres have whole coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct Eye {

@@ -14,7 +14,7 @@ pub const RUN: usize = 128;
 /// Centre and half width of a Gaussian's own inputs, mean log-scale and logit opacity.
 pub const OWN: [[f64; 2]; 2] = [[-8.0, 2.0], [-3.0, 4.0]];
 
-/// Where each layer's weights and biases lie in [`VizMapper::parameters`].
+/// Ranges of each layer's weights and biases in [`VizMapper::parameters`].
 pub struct Places {
     /// Of the weights of each layer, a row an output.
     pub weight: [Range<usize>; 3],
@@ -45,14 +45,14 @@ pub struct Setting {
     pub opacity: f64,
 }
 
-/// What the network makes of one Gaussian.
+/// The network's changes to one Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adaptation {
     /// Factor on its scales: `f_r (1 + delta_s)`.
     pub scale: f64,
     /// Factor on the odds of its opacity: `max(f_a (1 + delta_o), floor)`.
     pub odds: f64,
-    /// Did the floor hold?
+    /// Whether the floor held.
     pub floored: bool,
 }
 
@@ -69,11 +69,11 @@ impl Adaptation {
 
 impl VizRanges {
     /// The law, from the network's two outputs in [-1, 1].
-    pub fn adapt(&self, of: Setting, out: [f32; 2]) -> Adaptation {
+    pub fn adapt(&self, setting: Setting, out: [f32; 2]) -> Adaptation {
         let [s, o] = out.map(f64::from);
-        let free = of.opacity * (1.0 + self.opacity * o);
+        let free = setting.opacity * (1.0 + self.opacity * o);
         Adaptation {
-            scale: of.radius * (1.0 + self.scale * s),
+            scale: setting.radius * (1.0 + self.scale * s),
             odds: free.max(self.floor),
             floored: free.is_nan() || free <= self.floor,
         }
@@ -98,9 +98,14 @@ impl VizMapper {
 }
 
 /// Inputs of one Gaussian from mean log-scale and logit opacity.
-pub fn inputs(of: Setting, log_scale: f64, logit: f64) -> [f32; INPUTS] {
-    let own = |v: f64, [centre, half]: [f64; 2]| ((v - centre) / half) as f32;
-    [(of.radius - 1.0) as f32, (of.opacity - 1.0) as f32, own(log_scale, OWN[0]), own(logit, OWN[1])]
+pub fn inputs(setting: Setting, log_scale: f64, logit: f64) -> [f32; INPUTS] {
+    let normalise = |v: f64, [centre, half]: [f64; 2]| ((v - centre) / half) as f32;
+    [
+        (setting.radius - 1.0) as f32,
+        (setting.opacity - 1.0) as f32,
+        normalise(log_scale, OWN[0]),
+        normalise(logit, OWN[1]),
+    ]
 }
 
 /// A network laid out for its arithmetic.
@@ -128,10 +133,10 @@ pub struct HiddenActivations {
 
 impl Network {
     /// Lays the parameters out.
-    pub fn new(of: &VizMapper) -> Self {
-        assert_eq!(of.parameters.len(), VIZMAPPER_PARAMETERS, "the network's shape is fixed");
+    pub fn new(vizmapper: &VizMapper) -> Self {
+        assert_eq!(vizmapper.parameters.len(), VIZMAPPER_PARAMETERS, "the network's shape is fixed");
         let places = Places::default();
-        let part = |r: &Range<usize>| of.parameters[r.clone()].to_vec();
+        let part = |r: &Range<usize>| vizmapper.parameters[r.clone()].to_vec();
         let weights = places.weight.each_ref().map(part);
         Network {
             first: transposed(&weights[0], INPUTS),
@@ -275,9 +280,9 @@ mod tests {
         let m = VizMapper::new(VizRanges::TRAINING, 7);
         assert_eq!(m, VizMapper::new(VizRanges::TRAINING, 7));
         let mut out = [[1f32; 2]];
-        let of = Setting { radius: 1.5, opacity: 0.25 };
-        outputs(Level::new(), &Network::new(&m), &[inputs(of, -5.0, 2.0)], &mut out);
-        let a = m.ranges.adapt(of, out[0]);
+        let setting = Setting { radius: 1.5, opacity: 0.25 };
+        outputs(Level::new(), &Network::new(&m), &[inputs(setting, -5.0, 2.0)], &mut out);
+        let a = m.ranges.adapt(setting, out[0]);
         assert_eq!((a.scale, a.odds, a.floored), (1.5, 0.4, true));
         let logit = (0.3f64 / 0.7).ln();
         assert!((Adaptation::STATIC.opacity(logit) - 0.3).abs() < 1e-15);

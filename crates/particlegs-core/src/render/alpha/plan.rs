@@ -12,7 +12,7 @@ const RUN: usize = 4096;
 /// Runs of bins, at most: each holds a number for every tile.
 const MOST_BINS: usize = 64;
 
-/// What is left out of a picture (3DGS, `renderCUDA`).
+/// Thresholds of the parts that are left out of a picture (3DGS, `renderCUDA`).
 #[derive(Clone, Copy, Debug)]
 pub struct CutOffs {
     /// Smaller alphas are not drawn.
@@ -40,7 +40,7 @@ pub struct Plan {
     pub run: usize,
     /// The picture's tiles.
     pub tiles: Tiles,
-    /// What is left out.
+    /// Thresholds of the parts that are left out.
     pub cut: CutOffs,
 }
 

@@ -50,7 +50,7 @@ pub struct ProjectedSplat {
     pub splat: Splat,
     /// Depth of its centre.
     pub depth: f32,
-    /// How far from its centre it is drawn in x and y, pixels.
+    /// The distance from its centre to which it is drawn in x and y, pixels.
     pub reach: [f32; 2],
 }
 
@@ -143,7 +143,7 @@ pub struct Splat {
     pub x: f32,
     /// Centre, pixels from the top.
     pub y: f32,
-    /// How far the crest moves with a row, pixels.
+    /// The shift of the crest from row to row, pixels.
     pub lean: f32,
     /// Fall along a row, 1/pixels^2; negative.
     pub along: f32,

@@ -70,7 +70,7 @@ impl TilePixels {
     }
 }
 
-/// What a tile's pixels have come to.
+/// The state of a tile's pixels.
 pub struct Tile {
     /// Transmittance; 0 once a pixel is done.
     pub left: Box<[f32; PIXELS]>,
@@ -95,7 +95,7 @@ impl Tile {
         }
     }
 
-    /// Are all pixels done?
+    /// Whether all pixels are done.
     pub fn done(&self) -> bool {
         self.left.iter().fold(0.0f32, |a, b| a.max(*b)) == 0.0
     }

@@ -80,7 +80,7 @@ fn agrees_with_the_plain_law() {
     }
 }
 
-/// What the stages hand over in f32 against f64 from end to end. Where rounding decides whether a footprint's
+/// Stages that hand over f32 against f64 from end to end. Where rounding decides whether a footprint's
 /// faintest pixel, or the last footprint of a pixel that is nearly done, is drawn, a pixel may differ by that.
 #[test]
 fn rounding_between_stages_does_not_show() {
@@ -178,8 +178,8 @@ fn one_gaussian_by_hand() {
     let peak = 0.5 * 0.6 * variance / (variance + 1.0);
     for d in 0..6 {
         let law = peak * (-0.5 * f64::from(d * d) / (variance + 1.0)).exp();
-        let found = f64::from(drawn.data[32 * 65 + 32 + d as usize]);
-        assert!((found - law).abs() < 1e-6, "{d}: {found} for {law}");
+        let brightness = f64::from(drawn.data[32 * 65 + 32 + d as usize]);
+        assert!((brightness - law).abs() < 1e-6, "{d}: {brightness} for {law}");
     }
 }
 
@@ -201,8 +201,8 @@ fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
     model
 }
 
-fn world_view(of: &Model) -> View {
-    let frame = Normalisation::new(&of.metadata.bounds);
+fn world_view(model: &Model) -> View {
+    let frame = Normalisation::new(&model.metadata.bounds);
     let mut v = view([1.0, 2.0, 4.0]);
     v.camera.position = each_axis(|k| frame.center[k] + v.camera.position[k] / frame.scale);
     v.camera.focal_point = frame.center;
@@ -241,7 +241,7 @@ fn models_are_drawn_by_their_law() {
     }
 }
 
-/// What the network makes of a model for a view, kept: drawn at any radius and opacity, it is that view.
+/// A model that the network bent for a view is that view, drawn at any radius and opacity.
 #[test]
 fn a_bent_model_needs_no_network() {
     let m = model(200, Some(crate::render::alpha::network::twin::stirred(2)));

@@ -33,7 +33,7 @@ pub struct CameraGaussian {
     pub lean: f32,
     /// Variance of x at a given depth and y.
     pub across: f32,
-    /// What it adds to the sum over pixels, times depth squared in perspective; its opacity under the alpha-blend
+    /// Its sum over pixels, times depth squared in perspective; its opacity under the alpha-blend
     /// law.
     pub weight: f32,
 }
@@ -87,7 +87,7 @@ pub fn inverse_moments(d: f64, e: f64) -> DepthMoments {
     }
 }
 
-/// How [`DepthMoments`] change with the Gaussian's mean depth and with its variance of depth.
+/// Changes of [`DepthMoments`] with the Gaussian's mean depth and with its variance of depth.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthSlopes {
     /// With the mean depth.
@@ -223,7 +223,7 @@ impl Footprint {
         covariance([self.down, self.lean, self.across])
     }
 
-    /// What it adds at a point of the picture, in pixels.
+    /// Its value at a point of the picture, in pixels.
     pub fn at(&self, pixel: [f64; 2]) -> f64 {
         let [dx, dy] = [0, 1].map(|k| pixel[k] - f64::from(self.mean[k]));
         let [down, lean, across, sum] = [self.down, self.lean, self.across, self.sum].map(f64::from);

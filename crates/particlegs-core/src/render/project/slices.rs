@@ -19,7 +19,7 @@ const POINTS: usize = 8;
 /// More pieces than this are never made; they grow coarser instead.
 const MOST: f64 = 1024.0;
 
-/// Is the Gaussian drawn whole, cut, or not at all?
+/// Whether a Gaussian is drawn whole, cut, or not at all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClipClass {
     /// In one piece.
@@ -47,8 +47,8 @@ pub fn clip_class(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
     }
 }
 
-/// Does a Gaussian lie outside the four side planes of what the picture sees? Spares the work of cutting those that the
-/// camera passes by.
+/// Whether a Gaussian lies outside the four side planes of what the picture sees. Spares the work of cutting those that
+/// the camera passes by.
 pub fn misses(lens: &Lens, g: &CameraGaussian) -> bool {
     let ([x, y, depth], [xx, _, yy], zz) = (g.mean.map(f64::from), g.rest(), f64::from(g.depth));
     let along = g.slope.map(f64::from);
@@ -141,8 +141,8 @@ fn slice<const N: usize>(lens: &Lens, mean: f64, variance: f64, mut emit: impl F
     let (from, to) = if lens.perspective { (libm::log(lo), libm::log(hi)) } else { (lo, hi) };
     let length = to - from;
     // In the axis' unit: no coarser than the Gaussian itself, nor than perspective allows.
-    let own = 0.35 * sigma / if lens.perspective { hi.min(mean.max(lo)) } else { 1.0 };
-    let step = if lens.perspective { STEP.min(own) } else { own };
+    let gaussian_step = 0.35 * sigma / if lens.perspective { hi.min(mean.max(lo)) } else { 1.0 };
+    let step = if lens.perspective { STEP.min(gaussian_step) } else { gaussian_step };
     let steps = (length / step).ceil().clamp(1.0, MOST);
     let step = length / steps;
     let mut pieces = vec![[0.0f64; N]; steps as usize + 3];

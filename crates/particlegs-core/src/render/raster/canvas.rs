@@ -39,9 +39,9 @@ impl<'a> RasterCanvas<'a> {
             let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
             let number = level.first_band + b;
             for bin in bins {
-                for strokes in bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize].chunks(CHECK) {
+                for splats in bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize].chunks(CHECK) {
                     context.check()?;
-                    super::draw(simd, &mut band, strokes);
+                    super::draw(simd, &mut band, splats);
                 }
             }
             Ok(())

@@ -22,15 +22,15 @@ pub struct Band<'a> {
 }
 
 /// Adds strokes to a band, in their order.
-pub fn draw(level: Level, band: &mut Band, strokes: &[RasterSplat]) {
-    fearless_simd::dispatch!(level, simd => draw_all(simd, band, strokes));
+pub fn draw(level: Level, band: &mut Band, splats: &[RasterSplat]) {
+    fearless_simd::dispatch!(level, simd => draw_all(simd, band, splats));
 }
 
 #[inline(always)]
-fn draw_all<S: Simd>(simd: S, band: &mut Band, strokes: &[RasterSplat]) {
+fn draw_all<S: Simd>(simd: S, band: &mut Band, splats: &[RasterSplat]) {
     let rows = band.data.len() / band.stride;
     let lanes = f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-    for s in strokes {
+    for s in splats {
         let y = s.y - band.first as f32;
         let top = (y - s.half).ceil().max(0.0) as usize;
         let bottom = (y + s.half).floor().min(rows as f32 - 1.0);
@@ -41,6 +41,7 @@ fn draw_all<S: Simd>(simd: S, band: &mut Band, strokes: &[RasterSplat]) {
         for row in top..=bottom as usize {
             let dy = row as f32 - y;
             let fall = s.down * (dy * dy);
+            // Powers are negative: what `fall` leaves of `end`, over `along`, is the square of the row's half width.
             let left_over = (s.end - fall) * inverse;
             if left_over < 0.0 {
                 continue;

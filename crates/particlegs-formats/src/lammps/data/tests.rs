@@ -16,9 +16,9 @@ fn sections_styles_and_labels_are_read() {
         assert_eq!((d.meta.units.length_text(), d.meta.epoch.step), (Some("Angstrom"), Some(100)));
         let cell = d.meta.cell.unwrap();
         assert_eq!((cell.origin, cell.vectors[1]), ([0.0, 0.0, -5.0], [3.0, 20.0, 0.0]));
-        let of = |s: usize| (&d.species[s].name[..], &d.species[s].mass);
-        assert_eq!(of(0), ("type 2", &SpeciesMass::Each(15.999)));
-        assert_eq!(of(1), ("type 1", &SpeciesMass::Each(12.011)));
+        let name_and_mass = |s: usize| (&d.species[s].name[..], &d.species[s].mass);
+        assert_eq!(name_and_mass(0), ("type 2", &SpeciesMass::Each(15.999)));
+        assert_eq!(name_and_mass(1), ("type 1", &SpeciesMass::Each(12.011)));
         assert!(d.species[0].aliases.contains(&"o".to_string()));
         assert_eq!(read(&*snapshot, 0, &Choice::default()).unwrap().positions, [[4.0, 5.0, 6.0], [7.0, 8.0, -4.0]]);
         let velocity = vectors(&*snapshot, 0, "velocity");

@@ -31,13 +31,13 @@ impl ParaviewKernels {
     pub fn new(device: &Device) -> ParaviewKernels {
         use BufferUse::{Read, Uniform, Write};
         // Over slices of the pixels of splats: the view, positions, slices, and the kernel's own.
-        let over_slices = |label, sources: &[&str], own: &[BufferUse]| {
+        let over_slices = |label, sources: &[&str], uses: &[BufferUse]| {
             let all = [sources, &[VIEW, SHARE, EXACT, PROJECT, QUAD, SLICE]].concat();
-            Kernel::new(device, label, &all, &[&[Uniform, Read, Read], own].concat())
+            Kernel::new(device, label, &all, &[&[Uniform, Read, Read], uses].concat())
         };
-        let over_pixels = |label, sources: &[&str], own: &[BufferUse]| {
+        let over_pixels = |label, sources: &[&str], uses: &[BufferUse]| {
             let all = [sources, &[VIEW, EXACT, BLEND]].concat();
-            Kernel::new(device, label, &all, &[&[Uniform], own].concat())
+            Kernel::new(device, label, &all, &[&[Uniform], uses].concat())
         };
         ParaviewKernels {
             count: over_slices("pixels of splats", &[include_str!("count_main.wgsl")], &[Write]),

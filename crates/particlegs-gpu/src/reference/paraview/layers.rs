@@ -53,7 +53,7 @@ pub struct ParaviewCanvas {
     pub(super) strips: Vec<Strip>,
     /// Two words: what a peel found.
     pub(super) found: wgpu::Buffer,
-    /// Where each slice's keys begin, and how many they are.
+    /// The first of each slice's keys, and their number.
     pub(super) offsets: wgpu::Buffer,
     pub(super) counts: wgpu::Buffer,
     /// Pixels and grey levels of fragments.
@@ -71,8 +71,8 @@ impl ParaviewCanvas {
         let most = limits.strip.min(device.largest_binding() / WIDEST) as usize;
         let rows = (most / size.width / WHOLE).max(1) * WHOLE;
         let strips = (0..size.height).step_by(rows).map(|above| {
-            let of = size.height - size.height.min(above + rows)..size.height - above;
-            Strip::new(device, size.width, of.start as u32..of.end as u32)
+            let strip_rows = size.height - size.height.min(above + rows)..size.height - above;
+            Strip::new(device, size.width, strip_rows.start as u32..strip_rows.end as u32)
         });
         let here = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
         let slices = limits.slices as u64;

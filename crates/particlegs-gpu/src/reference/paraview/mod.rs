@@ -11,8 +11,8 @@
 //! | fxaa.wgsl | `reference::fxaa` | antialiasing |
 //!
 //! Nothing depends on the order of threads. A peel keeps least and greatest depths and largest levels, by atomic maxima of
-//! whole numbers. What the peels left depends on the particles' order: such fragments are written in that order, sorted by
-//! pixel without changing it, and blended one after the other; as many at a time as there is room for.
+//! whole numbers. Fragments that the peels left depend on the particles' order: they are written in that order, sorted
+//! by pixel without changing it, and blended one after the other; as many at a time as there is room for.
 //!
 //! Every stage goes through the particles anew: to count their pixels, for the ranges of depths, for each peel, for the rest.
 //! If a picture has more layers than a GPU can bind, strips of rows are drawn, stage by stage, since VTK's last
@@ -41,7 +41,7 @@ use particlegs_core::splat::PEELS;
 use slices::{Batches, GROUP, GroupSlice};
 use std::sync::Arc;
 
-/// What is done at a time.
+/// Limits of the work that is done at a time.
 #[derive(Clone, Copy, Debug)]
 struct DispatchLimits {
     /// Slices of a dispatch.
@@ -127,7 +127,8 @@ impl PictureRequest<'_> {
         self.finish(fxaa)
     }
 
-    /// Peels; is there a rest to blend? VTK stops once a whole peel writes no back layer anywhere, and blends no rest then.
+    /// Peels, and says whether there is a rest to blend: VTK stops once a whole peel writes no back layer anywhere, and
+    /// blends no rest then.
     fn peels(&self, source: &dyn ParticleSource, work: &[StripWork<'_>]) -> Result<bool> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.peel);
         for _ in 0..PEELS {
@@ -152,7 +153,7 @@ impl PictureRequest<'_> {
         Ok(true)
     }
 
-    /// Ends a peel: did it write a back layer anywhere, and is anything left?
+    /// Ends a peel: whether it wrote a back layer anywhere, and whether anything is left.
     fn settle(&self) -> Result<[u32; 2]> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.settle);
         self.device().queue.write_buffer(&canvas.found, 0, &[0; 8]);
@@ -166,7 +167,7 @@ impl PictureRequest<'_> {
         Ok(bytemuck::pod_read_unaligned(&bytes))
     }
 
-    /// How many pixels of every strip the boxes of every 64 particles have, piece by piece.
+    /// The number of pixels in every strip of the boxes of every 64 particles, piece by piece.
     fn work(&self, source: &dyn ParticleSource) -> Result<Vec<StripWork<'_>>> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.count);
         let mut work: Vec<_> = canvas.strips.iter().map(|strip| StripWork { strip, counts: Vec::new() }).collect();
@@ -178,9 +179,9 @@ impl PictureRequest<'_> {
                 wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             );
             let bound = kernel.bind(self.device(), &[&canvas.view, &points.positions, &canvas.slices, &counts]);
-            for own in &mut work {
-                self.run(kernel, &bound, self.of(points, own.strip), groups(u64::from(points.count)));
-                own.counts.push(bytemuck::pod_collect_to_vec(&self.device().read(&counts, 4 * u64::from(all))?));
+            for strip_work in &mut work {
+                self.run(kernel, &bound, self.of(points, strip_work.strip), groups(u64::from(points.count)));
+                strip_work.counts.push(bytemuck::pod_collect_to_vec(&self.device().read(&counts, 4 * u64::from(all))?));
             }
             Ok(())
         })?;

@@ -1,4 +1,4 @@
-//! What the peels left, blended in the order of the particles.
+//! Fragments that the peels left, blended in the order of the particles.
 
 use super::slices::GroupSlice;
 use super::{DispatchLimits, PictureRequest, Strip, StripWork};
@@ -13,12 +13,12 @@ impl PictureRequest<'_> {
     /// Blends the rest, band of a strip's rows by band.
     pub(super) fn rest(&self, source: &dyn ParticleSource, work: &[StripWork<'_>]) -> Result<()> {
         let height = band_of(self.record.size[0], &self.paraview.limits);
-        for own in work {
-            let rows = own.strip.rows.clone();
+        for strip_work in work {
+            let rows = strip_work.strip.rows.clone();
             for first in rows.clone().step_by(height as usize) {
                 let last = rows.end.min(first.saturating_add(height));
-                let band = ViewRecord { first, last, ..self.within(own.strip) };
-                self.each_batch(source, std::slice::from_ref(own), &mut |points, strip, batch| {
+                let band = ViewRecord { first, last, ..self.within(strip_work.strip) };
+                self.each_batch(source, std::slice::from_ref(strip_work), &mut |points, strip, batch| {
                     self.rest_of_batch(points, strip, batch, band)
                 })?;
             }
@@ -75,12 +75,12 @@ pub(super) fn band_of(width: u32, limits: &DispatchLimits) -> u32 {
 fn runs(counts: &[u32], most: u32) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     let (mut start, mut held) = (0, 0);
-    for (k, &own) in counts.iter().enumerate() {
-        if held + own > most {
+    for (k, &count) in counts.iter().enumerate() {
+        if held + count > most {
             runs.push(start..k);
             (start, held) = (k, 0);
         }
-        held += own;
+        held += count;
     }
     if held > 0 {
         runs.push(start..counts.len());
@@ -88,8 +88,8 @@ fn runs(counts: &[u32], most: u32) -> Vec<Range<usize>> {
     runs
 }
 
-/// What stands before each.
+/// The sum of those before each.
 fn starts(counts: &[u32]) -> Vec<u32> {
-    let before = |sum: &mut u32, own: &u32| Some(std::mem::replace(sum, *sum + own));
+    let before = |sum: &mut u32, count: &u32| Some(std::mem::replace(sum, *sum + count));
     counts.iter().scan(0, before).collect()
 }

@@ -39,9 +39,9 @@ impl Iterator for Batches<'_> {
                 break;
             }
             batch.push(self.next);
-            let own = SLICE.min(all - self.next[1]);
-            pixels += u64::from(own);
-            self.next[1] += own;
+            let slice_pixels = SLICE.min(all - self.next[1]);
+            pixels += u64::from(slice_pixels);
+            self.next[1] += slice_pixels;
         }
         (!batch.is_empty()).then_some(batch)
     }

@@ -33,9 +33,9 @@ fn points(device: &Device, columns: &[Vec<f32>; 3], pieces: usize) -> Vec<Device
     (0..pieces).map(|k| DeviceParticles::upload(device, piece(k)).unwrap()).collect()
 }
 
-fn draw(there: &Paraview, canvas: &ParaviewCanvas, view: &View, source: &dyn ParticleSource, fxaa: bool) -> Gray8 {
+fn draw(paraview: &Paraview, canvas: &ParaviewCanvas, view: &View, source: &dyn ParticleSource, fxaa: bool) -> Gray8 {
     let range = view.camera.clipping_range.unwrap();
-    there.shot(canvas, view, [0.0; 3], range).unwrap().draw(source, fxaa).unwrap()
+    paraview.shot(canvas, view, [0.0; 3], range).unwrap().draw(source, fxaa).unwrap()
 }
 
 /// Pixels that differ, those that are lit, and the largest difference.
@@ -46,19 +46,19 @@ fn apart(a: &Gray8, b: &Gray8) -> (usize, usize, u8) {
 
 /// Draws a view of both, in both looks; the lit pixels, of which as good as none may differ.
 fn compare(device: &Arc<Device>, columns: &[Vec<f32>; 3], view: &View) -> usize {
-    let there = Paraview::new(device).unwrap();
-    let (particles, canvas) = (particles(columns), there.canvas(SIZE).unwrap());
-    let own = reference::Reference::new(&particles);
+    let paraview = Paraview::new(device).unwrap();
+    let (particles, canvas) = (particles(columns), paraview.canvas(SIZE).unwrap());
+    let cpu_reference = reference::Reference::new(&particles);
     let mut most = 0;
-    for (fxaa, look) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
-        let card = draw(&there, &canvas, view, &points(device, columns, 1), fxaa);
-        let (differ, lit, worst) = apart(&card, &own.draw(view, SIZE, look, &Context::SILENT).unwrap());
+    for (fxaa, style) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
+        let card = draw(&paraview, &canvas, view, &points(device, columns, 1), fxaa);
+        let (differ, lit, worst) = apart(&card, &cpu_reference.draw(view, SIZE, style, &Context::SILENT).unwrap());
         let (at, radius, opacity) = (view.camera.position, view.radius, view.opacity);
-        let message =
-            format!("{at:?} radius {radius} opacity {opacity} {}: {differ} of {lit}, largest {worst}", look.name());
-        println!("{message}");
+        let summary =
+            format!("{at:?} radius {radius} opacity {opacity} {}: {differ} of {lit}, largest {worst}", style.name());
+        println!("{summary}");
         // None does on Mesa's software; a card's last bits may tell otherwise where two roundings are as near.
-        assert!(differ * 10_000 <= lit, "{message}");
+        assert!(differ * 10_000 <= lit, "{summary}");
         most = most.max(lit);
     }
     most
@@ -114,19 +114,19 @@ fn slow_no_division_of_the_work_shows() {
     let small = DispatchLimits { slices: 7, pixels: 20_000, keys: 5000, band: 6400, strip: 13_000 };
     let mut all = Vec::new();
     for (limits, pieces) in [(LIMITS, 1), (LIMITS, 3), (small, 1), (small, 3)] {
-        let there = Paraview::within(&device, limits).unwrap();
-        let canvas = there.canvas(SIZE).unwrap();
+        let paraview = Paraview::within(&device, limits).unwrap();
+        let canvas = paraview.canvas(SIZE).unwrap();
         poison(&device, &canvas);
         let points = points(&device, &columns, pieces);
-        all.push(views.each_ref().map(|v| draw(&there, &canvas, v, &points, true)));
+        all.push(views.each_ref().map(|v| draw(&paraview, &canvas, v, &points, true)));
     }
-    let there = Paraview::new(&device).unwrap();
-    let canvas = there.canvas(SIZE).unwrap();
+    let paraview = Paraview::new(&device).unwrap();
+    let canvas = paraview.canvas(SIZE).unwrap();
     let columns_of = |range: std::ops::Range<usize>| columns.each_ref().map(|c| c[range.clone()].to_vec());
     let mut snapshot = ParticleStream::new(&device, 1500, Box::new(columns_of)).in_pieces(400);
     for bytes in [0, 12 * 800, 1 << 30] {
         snapshot.keep(bytes, &mut |_| Ok(())).unwrap();
-        all.push(views.each_ref().map(|v| draw(&there, &canvas, v, &snapshot, true)));
+        all.push(views.each_ref().map(|v| draw(&paraview, &canvas, v, &snapshot, true)));
     }
     for (k, drawn) in all.iter().enumerate() {
         assert!(drawn == &all[0], "pictures {k} differ");
@@ -142,16 +142,16 @@ fn slow_strips_of_odd_pictures_leave_no_trace() {
     let size = Size { width: 61, height: 45 };
     for (n, radius, opacity) in [(9, 0.02, 0.5), (300, 0.1, 0.3), (2000, 0.1, 0.002), (4000, 0.05, 1.0)] {
         let columns = columns(n);
-        let own = particles(&columns);
-        let own = reference::Reference::new(&own);
+        let particles = particles(&columns);
+        let cpu_reference = reference::Reference::new(&particles);
         let view = view(FAR, radius, opacity);
-        for (fxaa, look) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
-            let expected = own.draw(&view, size, look, &Context::SILENT).unwrap();
+        for (fxaa, style) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
+            let expected = cpu_reference.draw(&view, size, style, &Context::SILENT).unwrap();
             for (strip, strips) in [(u64::MAX, 1), (1000, 3), (1, 12)] {
-                let there = Paraview::within(&device, DispatchLimits { strip, ..LIMITS }).unwrap();
-                let canvas = there.canvas(size).unwrap();
+                let paraview = Paraview::within(&device, DispatchLimits { strip, ..LIMITS }).unwrap();
+                let canvas = paraview.canvas(size).unwrap();
                 assert_eq!(canvas.strips.len(), strips);
-                let drawn = draw(&there, &canvas, &view, &points(&device, &columns, 2), fxaa);
+                let drawn = draw(&paraview, &canvas, &view, &points(&device, &columns, 2), fxaa);
                 let (differ, lit, worst) = apart(&drawn, &expected);
                 assert!(differ * 1000 <= lit, "{n} {radius} {opacity} {fxaa} {strips}: {differ} of {lit}, {worst}");
             }
@@ -166,13 +166,13 @@ fn slow_a_picture_of_8k_is_drawn() {
     let device = device();
     let (columns, size) = (columns(300), Size { width: 7680, height: 4320 });
     let view = view(FAR, 0.02, 0.3);
-    let there = Paraview::new(&device).unwrap();
-    let canvas = there.canvas(size).unwrap();
-    let card = draw(&there, &canvas, &view, &points(&device, &columns, 1), true);
-    let own = particles(&columns);
+    let paraview = Paraview::new(&device).unwrap();
+    let canvas = paraview.canvas(size).unwrap();
+    let card = draw(&paraview, &canvas, &view, &points(&device, &columns, 1), true);
+    let particles = particles(&columns);
     let (differ, lit, worst) = apart(
         &card,
-        &reference::Reference::new(&own).draw(&view, size, ToneStyle::Paraview, &Context::SILENT).unwrap(),
+        &reference::Reference::new(&particles).draw(&view, size, ToneStyle::Paraview, &Context::SILENT).unwrap(),
     );
     assert!(lit > 100_000 && differ * 10_000 <= lit, "{differ} of {lit}, largest {worst}");
 }
@@ -185,9 +185,9 @@ fn slow_the_order_of_particles_is_kept() {
     let columns = columns(4000);
     let turned = columns.each_ref().map(|c| c.iter().rev().copied().collect::<Vec<_>>());
     let view = view(FAR, 0.1, 0.3);
-    let there = Paraview::new(&device).unwrap();
-    let canvas = there.canvas(SIZE).unwrap();
-    let [a, b] = [&columns, &turned].map(|c| draw(&there, &canvas, &view, &points(&device, c, 1), false));
+    let paraview = Paraview::new(&device).unwrap();
+    let canvas = paraview.canvas(SIZE).unwrap();
+    let [a, b] = [&columns, &turned].map(|c| draw(&paraview, &canvas, &view, &points(&device, c, 1), false));
     assert!(apart(&a, &b).0 > 100, "{:?}", apart(&a, &b));
     assert!(compare(&device, &turned, &view) > 20_000);
 }

@@ -1,7 +1,7 @@
 //! A rival of the atomic adds, to be measured beside them: strokes are listed for each tile of 8 x 8 pixels of each plane,
-//! and a pixel is summed by one thread. The same whole numbers are added, so that pictures have the same bits. How long the
-//! lists are is counted first and read back. Gaussians that are cut along depth are drawn by atomic adds after it. Not parted
-//! into dispatches, however long lists are: slow GPUs may treat a long one as hung.
+//! and a pixel is summed by one thread. The same whole numbers are added, so that pictures have the same bits. The
+//! lengths of the lists are counted first and read back. Gaussians that are cut along depth are drawn by atomic adds
+//! after it. Not parted into dispatches, however long lists are: slow GPUs may treat a long one as hung.
 
 use super::kernels::sources::{FRAME, PLANES, ROWS, SCALE, SPAN, STROKE};
 use super::{DepthCanvas, DepthRenderer, GaussianBatch, Gaussians};
@@ -29,7 +29,7 @@ pub struct DepthTiles<'a> {
     pub(super) most: u32,
 }
 
-/// What is bound for lists of so many entries.
+/// Bind groups for lists of so many entries.
 struct TileLists {
     room: u32,
     fills: Vec<wgpu::BindGroup>,
@@ -87,9 +87,9 @@ impl<'a> DepthTiles<'a> {
     ///
     /// # Errors
     /// As there; [`Error::Argument`] where lists are too long for the device.
-    pub fn submit(&mut self, view: &View, look: ToneStyle) -> Result<()> {
+    pub fn submit(&mut self, view: &View, style: ToneStyle) -> Result<()> {
         let (renderer, canvas) = (self.renderer, self.canvas);
-        let lens = renderer.seen(self.gaussians, canvas, view, look)?;
+        let lens = renderer.seen(self.gaussians, canvas, view, style)?;
         let mut encoder = self.encoder();
         renderer.begin(&mut encoder, self.gaussians, canvas, &lens);
         let cuts = self.gaussians.may_be_cut(&lens);
@@ -103,7 +103,7 @@ impl<'a> DepthTiles<'a> {
         }
         let mut pass = encoder.begin_compute_pass(&Default::default());
         renderer.sum_planes(&mut pass, canvas);
-        renderer.tones.run(&mut pass, &canvas.tone, canvas.planes.size, look);
+        renderer.tones.run(&mut pass, &canvas.tone, canvas.planes.size, style);
         drop(pass);
         renderer.device.queue.submit([encoder.finish()]);
         renderer.device.check()

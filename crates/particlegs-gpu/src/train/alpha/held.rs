@@ -23,7 +23,7 @@ const NETWORK_PARTS: usize = 512;
 /// Buffers, and what they are bound to.
 pub(super) struct AlphaBuffers {
     count: usize,
-    /// What pictures are drawn of.
+    /// The Gaussians that pictures are drawn of.
     pub seen: Gaussians,
     pub columns: wgpu::Buffer,
     pub bent: wgpu::Buffer,
@@ -55,8 +55,8 @@ fn parts_of_network(count: usize) -> usize {
 }
 
 impl AlphaBuffers {
-    pub fn new(device: &Device, blender: &Blender, of: &alpha::Gaussians) -> Result<AlphaBuffers> {
-        let count = of.parameters.len();
+    pub fn new(device: &Device, blender: &Blender, gaussians: &alpha::Gaussians) -> Result<AlphaBuffers> {
+        let count = gaussians.parameters.len();
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
         if count > most {
             return Err(crate::train::too_many(device, count, most));
@@ -70,7 +70,7 @@ impl AlphaBuffers {
         // Without a network they stay as they are.
         let bent = device.filled("bent", &vec![[1.0f32; 2]; count], usage);
         let step = device.buffer("step", size_of::<AlphaStepRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
-        let network = of.mapper.as_ref().map(|_| {
+        let network = gaussians.mapper.as_ref().map(|_| {
             let weights = buffer("network", VIZMAPPER_PARAMETERS);
             let parts = buffer("parts of the network's gradient", parts_of_network(count) * VIZMAPPER_PARAMETERS);
             let by_network = buffer("the network's gradient", VIZMAPPER_PARAMETERS);
@@ -85,9 +85,9 @@ impl AlphaBuffers {
                 by_network,
             }
         });
-        let alpha::TrainingScale { frame, radius, opacity, .. } = of.scale;
+        let alpha::TrainingScale { frame, radius, opacity, .. } = gaussians.scale;
         let blend = Blend { vizmapper: None, frame, radius, opacity };
-        let drawn_by = network.as_ref().zip(of.mapper.as_ref()).map(|(n, m)| (n.weights.clone(), m.ranges));
+        let drawn_by = network.as_ref().zip(gaussians.mapper.as_ref()).map(|(n, m)| (n.weights.clone(), m.ranges));
         let seen = Gaussians::of_buffers(device, [columns.clone(), bent.clone()], count as u32, drawn_by, blend);
         let unfold = kernels.unfold.bind(device, &[&step, &trained, &columns]);
         device.check()?;
@@ -107,19 +107,19 @@ impl AlphaBuffers {
         })
     }
 
-    /// Are they for as many Gaussians, with a network or without?
-    pub fn fits(&self, of: &alpha::Gaussians) -> bool {
-        self.count == of.parameters.len() && self.network.is_some() == of.mapper.is_some()
+    /// Whether they are for as many Gaussians, with a network or without.
+    pub fn fits(&self, gaussians: &alpha::Gaussians) -> bool {
+        self.count == gaussians.parameters.len() && self.network.is_some() == gaussians.mapper.is_some()
     }
 
-    /// What is written before it is read.
+    /// Buffers that are written before they are read.
     #[cfg(test)]
     pub fn scratch(&self) -> Vec<&wgpu::Buffer> {
         let network = self.network.iter().flat_map(|n| [&n.parts, &n.by_network]);
         [&self.columns, &self.gradient, &self.by_output].into_iter().chain(network).collect()
     }
 
-    /// How far the next step goes; pictures are drawn of what there is now.
+    /// Sets the size of the next step; pictures are drawn of the Gaussians as they are now.
     pub fn begin(&self, device: &Device, blender: &Blender, record: &AlphaStepRecord) {
         device.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(record));
         self.seen.changed();
@@ -131,53 +131,56 @@ impl AlphaBuffers {
     }
 
     /// Moves the Gaussians and the network by their gradients.
-    pub fn update(&self, device: &Device, pass: &mut wgpu::ComputePass<'_>, blender: &Blender, told: &wgpu::Buffer) {
+    pub fn update(&self, device: &Device, pass: &mut wgpu::ComputePass<'_>, blender: &Blender, faults: &wgpu::Buffer) {
         let kernels = &blender.kernels;
         if let Some(n) = &self.network {
             kernels.network.run(pass, &n.backward, [parts_of_network(self.count) as u32, 1]);
             kernels.network_total.run(pass, &n.total, groups(VIZMAPPER_PARAMETERS as u64));
-            let adam = kernels.network_adam.bind(device, &[&self.step, &n.by_network, &n.weights, &n.averages, told]);
+            let adam = kernels.network_adam.bind(device, &[&self.step, &n.by_network, &n.weights, &n.averages, faults]);
             kernels.network_adam.run(pass, &adam, [1, 1]);
         }
-        let adam = kernels.adam.bind(device, &[&self.step, &self.gradient, &self.trained, &self.averages, told]);
+        let adam = kernels.adam.bind(device, &[&self.step, &self.gradient, &self.trained, &self.averages, faults]);
         kernels.adam.run(pass, &adam, groups(self.count as u64));
     }
 
-    pub fn put(&self, device: &Device, of: &alpha::Gaussians) -> Result<()> {
+    pub fn put(&self, device: &Device, gaussians: &alpha::Gaussians) -> Result<()> {
         let write = |buffer: &wgpu::Buffer, words: &[f32]| {
             device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
         };
-        write(&self.trained, &self.columns_of(of.parameters.0.each_ref()));
-        let mut averages = self.columns_of(of.averages.each_ref().map(|a| &a.first));
-        averages.extend(self.columns_of(of.averages.each_ref().map(|a| &a.second)));
+        write(&self.trained, &self.columns_of(gaussians.parameters.0.each_ref()));
+        let mut averages = self.columns_of(gaussians.averages.each_ref().map(|a| &a.first));
+        averages.extend(self.columns_of(gaussians.averages.each_ref().map(|a| &a.second)));
         write(&self.averages, &averages);
-        write(&self.screen, of.screen.as_flattened());
-        if let (Some(n), Some(mapper)) = (&self.network, &of.mapper) {
+        write(&self.screen, gaussians.screen.as_flattened());
+        if let (Some(n), Some(mapper)) = (&self.network, &gaussians.mapper) {
             write(&n.weights, &mapper.parameters);
-            write(&n.averages, &[of.mapper_averages.first.as_slice(), &of.mapper_averages.second].concat());
+            write(
+                &n.averages,
+                &[gaussians.mapper_averages.first.as_slice(), &gaussians.mapper_averages.second].concat(),
+            );
         }
         device.wait()
     }
 
-    pub fn get(&self, device: &Device, of: &mut alpha::Gaussians) -> Result<()> {
+    pub fn get(&self, device: &Device, gaussians: &mut alpha::Gaussians) -> Result<()> {
         let read = |buffer: &wgpu::Buffer, words: usize| -> Result<Vec<f32>> {
             let bytes = device.read(buffer, 4 * words as u64)?;
             Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
         };
         let all = NUMBERS * self.count;
-        of.parameters.0 = self.groups_of(&read(&self.trained, all)?);
+        gaussians.parameters.0 = self.groups_of(&read(&self.trained, all)?);
         let averages = read(&self.averages, 2 * all)?;
         let (first, second) = averages.split_at(all);
         for (a, (first, second)) in
-            of.averages.iter_mut().zip(self.groups_of(first).into_iter().zip(self.groups_of(second)))
+            gaussians.averages.iter_mut().zip(self.groups_of(first).into_iter().zip(self.groups_of(second)))
         {
             *a = Averages { first, second, steps: a.steps };
         }
-        of.screen = read(&self.screen, 2 * self.count)?.chunks_exact(2).map(|s| [s[0], s[1]]).collect();
-        if let (Some(n), Some(mapper)) = (&self.network, &mut of.mapper) {
+        gaussians.screen = read(&self.screen, 2 * self.count)?.chunks_exact(2).map(|s| [s[0], s[1]]).collect();
+        if let (Some(n), Some(mapper)) = (&self.network, &mut gaussians.mapper) {
             let averages = read(&n.averages, 2 * VIZMAPPER_PARAMETERS)?;
             let (first, second) = averages.split_at(VIZMAPPER_PARAMETERS);
-            (of.mapper_averages.first, of.mapper_averages.second) = (first.to_vec(), second.to_vec());
+            (gaussians.mapper_averages.first, gaussians.mapper_averages.second) = (first.to_vec(), second.to_vec());
             *mapper = VizMapper { parameters: read(&n.weights, VIZMAPPER_PARAMETERS)?, ranges: mapper.ranges };
         }
         Ok(())
@@ -185,18 +188,18 @@ impl AlphaBuffers {
 
     /// A column a number, of groups whose Gaussians' numbers stand together.
     fn columns_of(&self, groups: [&Vec<f32>; alpha::GROUPS]) -> Vec<f32> {
-        let of = |(all, width): (&Vec<f32>, usize)| -> Vec<f32> {
+        let group_columns = |(all, width): (&Vec<f32>, usize)| -> Vec<f32> {
             (0..width).flat_map(|k| (0..self.count).map(move |i| (i, k))).map(|(i, k)| all[width * i + k]).collect()
         };
-        groups.into_iter().zip(WIDTHS).flat_map(of).collect()
+        groups.into_iter().zip(WIDTHS).flat_map(group_columns).collect()
     }
 
     fn groups_of(&self, columns: &[f32]) -> [Vec<f32>; alpha::GROUPS] {
         let mut first = 0;
         WIDTHS.map(|width| {
-            let own = &columns[first * self.count..(first + width) * self.count];
+            let group = &columns[first * self.count..(first + width) * self.count];
             first += width;
-            (0..self.count).flat_map(|i| (0..width).map(move |k| own[k * self.count + i])).collect()
+            (0..self.count).flat_map(|i| (0..width).map(move |k| group[k * self.count + i])).collect()
         })
     }
 }

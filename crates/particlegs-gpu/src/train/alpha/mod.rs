@@ -35,7 +35,7 @@ use std::sync::Arc;
 /// Groups of parameters, by their numbers in adam_main.wgsl.
 const GROUPS: [&str; 5] = ["position", "scale", "rotation", "opacity", "feature"];
 
-/// What draws and what takes steps by this law.
+/// The renderer and the kernels of steps by this law.
 pub(super) struct Blender {
     renderer: AlphaRenderer,
     kernels: AlphaTrainingKernels,
@@ -54,7 +54,7 @@ pub(crate) struct AlphaSteps {
     shared: Arc<TrainingKernels>,
     blender: Arc<Blender>,
     held: AlphaBuffers,
-    /// Are those on the device newer than the caller's, older, or neither?
+    /// Whether those on the device are newer than the caller's, older, or neither.
     newer: ParameterLocation,
     /// Of the last step's size.
     picture: Option<AlphaTrainingPicture>,
@@ -65,25 +65,25 @@ impl AlphaSteps {
         device: &Arc<Device>,
         shared: &Arc<TrainingKernels>,
         blender: &Arc<Blender>,
-        of: &Gaussians,
+        gaussians: &Gaussians,
     ) -> Result<Self> {
         Ok(AlphaSteps {
             device: device.clone(),
             shared: shared.clone(),
             blender: blender.clone(),
-            held: AlphaBuffers::new(device, blender, of)?,
+            held: AlphaBuffers::new(device, blender, gaussians)?,
             newer: ParameterLocation::Here,
             picture: None,
         })
     }
 
     /// The Gaussians as the caller has them, on the device.
-    fn send(&mut self, of: &Gaussians) -> Result<()> {
-        if !self.held.fits(of) {
+    fn send(&mut self, gaussians: &Gaussians) -> Result<()> {
+        if !self.held.fits(gaussians) {
             self.picture = None;
-            self.held = AlphaBuffers::new(&self.device, &self.blender, of)?;
+            self.held = AlphaBuffers::new(&self.device, &self.blender, gaussians)?;
         }
-        self.held.put(&self.device, of)
+        self.held.put(&self.device, gaussians)
     }
 
     /// Memory for the pictures of a sample: that of the last step where it had that size.
@@ -91,7 +91,7 @@ impl AlphaSteps {
         let shape = (sample.crop.size, loss.dssim > 0.0);
         // Where it had not, its memory goes before the next one's is taken.
         match self.picture.take().filter(|p| p.shape() == shape) {
-            Some(kept) => Ok(kept),
+            Some(picture) => Ok(picture),
             None => AlphaTrainingPicture::new(&self.device, (&self.shared, &self.blender), &self.held, shape),
         }
     }
@@ -100,41 +100,41 @@ impl AlphaSteps {
 impl AlphaStepper for AlphaSteps {
     fn step(
         &mut self,
-        of: &mut Gaussians,
+        gaussians: &mut Gaussians,
         sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
-        let (eye, setting) = (of.eye(sample)?, of.setting(sample));
+        let (eye, setting) = (gaussians.eye(sample)?, gaussians.setting(sample));
         if self.newer == ParameterLocation::Here {
-            self.send(of)?;
+            self.send(gaussians)?;
         }
         let mut picture = self.picture_of(sample, loss)?;
         let (device, blender, held) = (&*self.device, &*self.blender, &self.held);
-        held.begin(device, blender, &AlphaStepRecord::new(of, &eye, setting, size));
+        held.begin(device, blender, &AlphaStepRecord::new(gaussians, &eye, setting, size));
         picture.compared.set(device, sample.target, loss);
         blender.renderer.blend_all(&held.seen, &mut picture.canvas, &eye, setting)?;
         picture.compare(device, (&self.shared, blender));
         blender.renderer.backward(&picture.canvas, &mut picture.back)?;
         let mut encoder = device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        blender.kernels.chain.run(&mut pass, &picture.chain, groups(of.parameters.len() as u64));
+        blender.kernels.chain.run(&mut pass, &picture.chain, groups(gaussians.parameters.len() as u64));
         held.update(device, &mut pass, blender, &picture.compared.told);
         drop(pass);
         device.queue.submit([encoder.finish()]);
-        let (told, network_moved) = stepped(&device.read(&picture.compared.told, 28)?);
+        let (report, network_moved) = stepped(&device.read(&picture.compared.told, 28)?);
         self.picture = Some(picture);
-        of.averages.iter_mut().for_each(|a| a.steps += 1);
-        if of.mapper.is_some() && network_moved {
-            of.mapper_averages.steps += 1;
+        gaussians.averages.iter_mut().for_each(|a| a.steps += 1);
+        if gaussians.mapper.is_some() && network_moved {
+            gaussians.mapper_averages.steps += 1;
         }
         self.newer = ParameterLocation::Device;
-        Ok(told)
+        Ok(report)
     }
 
-    fn fetch(&mut self, of: &mut Gaussians) -> Result<()> {
+    fn fetch(&mut self, gaussians: &mut Gaussians) -> Result<()> {
         if self.newer == ParameterLocation::Device {
-            self.held.get(&self.device, of)?;
+            self.held.get(&self.device, gaussians)?;
             self.newer = ParameterLocation::Both;
         }
         Ok(())
@@ -158,7 +158,7 @@ impl AlphaSteps {
     }
 }
 
-/// What a step tells, of faults.wgsl's words, and whether the network was moved.
+/// The report of a step, of faults.wgsl's words, and whether the network was moved.
 fn stepped(words: &[u8]) -> (StepReport, bool) {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let [count, first, network] = [4, 5, 6].map(|k| u32::from_le_bytes(word(k)));

@@ -33,13 +33,14 @@ impl AlphaTrainingPicture {
         let back = BackwardBuffers::new(device, &canvas)?;
         let frame = device.filled("frame", &[FrameRecord::of_planes(&PlaneLayout::new(size))], Use::UNIFORM);
         let compared = LossBuffers::new(device, shared, &frame, size, with_dssim);
-        let LossBuffers { drawn, target, loss, sums, by_structure, told, .. } = &compared;
+        let LossBuffers { drawn, target, loss, sums, by_structure, told: faults, .. } = &compared;
         let blended = canvas.brightness();
         let kernels = &blender.kernels;
-        let gradient = [&frame, blended, target, loss, told, by_structure, &back.by_pixel];
-        let of = [canvas.frame(), &held.step, &held.columns, &held.bent, &held.trained, canvas.touched()];
-        let chain = [of.as_slice(), &[&back.sums, &held.gradient, &held.by_output, &held.screen]].concat();
-        let own = AlphaTrainingPicture {
+        let gradient = [&frame, blended, target, loss, faults, by_structure, &back.by_pixel];
+        let gaussian_buffers = [canvas.frame(), &held.step, &held.columns, &held.bent, &held.trained, canvas.touched()];
+        let chain =
+            [gaussian_buffers.as_slice(), &[&back.sums, &held.gradient, &held.by_output, &held.screen]].concat();
+        let picture = AlphaTrainingPicture {
             loss: kernels.loss.bind(device, &[&frame, blended, target, loss, drawn, sums]),
             gradient: kernels.loss_gradient.bind(device, &gradient),
             chain: kernels.chain.bind(device, &chain),
@@ -48,7 +49,7 @@ impl AlphaTrainingPicture {
             compared,
         };
         device.check()?;
-        Ok(own)
+        Ok(picture)
     }
 
     /// Its size, and whether it has what SSIM takes.

@@ -28,21 +28,21 @@ pub(super) struct AlphaStepRecord {
 
 impl AlphaStepRecord {
     /// Of the next step of these Gaussians.
-    pub fn new(of: &Gaussians, eye: &Eye, setting: Setting, size: &StepSize) -> AlphaStepRecord {
-        let [position, scale, rotation, opacity, feature] = &of.averages;
+    pub fn new(gaussians: &Gaussians, eye: &Eye, setting: Setting, size: &StepSize) -> AlphaStepRecord {
+        let [position, scale, rotation, opacity, feature] = &gaussians.averages;
         let corrected = |averages: &Averages, rate: f64| {
             let steps = (averages.steps + 1).min(i32::MAX as u64) as i32;
             let [first, second] = BETA.map(|beta| 1.0 - f64::from(beta).powi(steps));
             [(rate / first) as f32, (1.0 / second) as f32]
         };
         let r = size.rates;
-        let own = [position, scale, rotation, opacity].into_iter().zip(r).map(|(a, rate)| corrected(a, rate));
-        let own: Vec<[f32; 2]> = own.collect();
-        let more = [corrected(feature, r[4]), corrected(&of.mapper_averages, size.network)];
-        let ranges = of.mapper.as_ref().map_or(VizRanges::TRAINING, |m| m.ranges);
+        let pairs = [position, scale, rotation, opacity].into_iter().zip(r).map(|(a, rate)| corrected(a, rate));
+        let corrections: Vec<[f32; 2]> = pairs.collect();
+        let more = [corrected(feature, r[4]), corrected(&gaussians.mapper_averages, size.network)];
+        let ranges = gaussians.mapper.as_ref().map_or(VizRanges::TRAINING, |m| m.ranges);
         AlphaStepRecord {
-            rate: std::array::from_fn(|k| own[k][0]),
-            unroot: std::array::from_fn(|k| own[k][1]),
+            rate: std::array::from_fn(|k| corrections[k][0]),
+            unroot: std::array::from_fn(|k| corrections[k][1]),
             rate_more: more.map(|m| m[0]),
             unroot_more: more.map(|m| m[1]),
             beta: BETA,
@@ -50,9 +50,9 @@ impl AlphaStepRecord {
             wanted: [setting.radius, setting.opacity].map(|v| v as f32),
             shares: [ranges.scale, ranges.opacity].map(|v| v as f32),
             floor: ranges.floor as f32,
-            hold: (2.0 * size.identity / of.parameters.len().max(1) as f64) as f32,
+            hold: (2.0 * size.identity / gaussians.parameters.len().max(1) as f64) as f32,
             clip: size.clip as f32,
-            count: of.parameters.len() as u32,
+            count: gaussians.parameters.len() as u32,
         }
     }
 }

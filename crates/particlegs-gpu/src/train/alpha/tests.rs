@@ -38,8 +38,12 @@ fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) ->
         let mut r = Random::new(seed, 1, i);
         let [position, scale, rotation, logit, feature] = &mut parameters.0;
         position.extend([0; 3].map(|_| (frame.scale * (2.0 * r.uniform() - 1.0)) as f32));
-        let own = size + 0.5 * r.normal();
-        scale.extend([own as f32, (own - flatness * r.uniform()) as f32, (own - flatness * r.uniform()) as f32]);
+        let log_size = size + 0.5 * r.normal();
+        scale.extend([
+            log_size as f32,
+            (log_size - flatness * r.uniform()) as f32,
+            (log_size - flatness * r.uniform()) as f32,
+        ]);
         rotation.extend([0; 4].map(|_| r.normal() as f32));
         logit.push((-1.0 + 2.0 * r.normal()) as f32);
         feature.push((0.5 * r.normal()) as f32);
@@ -85,12 +89,17 @@ fn cases() -> Vec<AlphaTrainingCase> {
 /// Rates that move Gaussians by about as much as published ones do in a hundred steps.
 const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], network: 1e-3, clip: 1.0, identity: 0.01 };
 
-fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<StepReport> {
+fn steps(
+    steps: &mut dyn AlphaStepper,
+    gaussians: &mut Gaussians,
+    case: &AlphaTrainingCase,
+    number: usize,
+) -> Vec<StepReport> {
     let target = target(case.crop.size);
     let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let told = (0..number).map(|_| steps.step(of, &sample, &case.loss, &STEP).unwrap()).collect();
-    steps.fetch(of).unwrap();
-    told
+    let reports = (0..number).map(|_| steps.step(gaussians, &sample, &case.loss, &STEP).unwrap()).collect();
+    steps.fetch(gaussians).unwrap();
+    reports
 }
 
 /// The root mean square of differences over that of the first.
@@ -112,18 +121,17 @@ fn gradients_and_losses_are_the_cpus() {
     let device = device();
     let trainer = Trainer::new(&device).unwrap();
     for case in cases() {
-        let (mut here, mut there) = (case.gaussians.clone(), case.gaussians.clone());
-        let ours = steps(&mut AlphaCpuSteps::default(), &mut here, &case, 1);
-        let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 1);
+        let (mut cpu, mut gpu) = (case.gaussians.clone(), case.gaussians.clone());
+        let ours = steps(&mut AlphaCpuSteps::default(), &mut cpu, &case, 1);
+        let theirs = steps(&mut *trainer.alpha_steps(&gpu).unwrap(), &mut gpu, &case, 1);
         // Adam's first mean is a tenth of the gradient.
-        let mut by: Vec<f64> =
-            here.averages.iter().zip(&there.averages).map(|(a, b)| apart(&a.first, &b.first)).collect();
-        if here.mapper.is_some() {
-            by.push(apart(&here.mapper_averages.first, &there.mapper_averages.first));
+        let mut by: Vec<f64> = cpu.averages.iter().zip(&gpu.averages).map(|(a, b)| apart(&a.first, &b.first)).collect();
+        if cpu.mapper.is_some() {
+            by.push(apart(&cpu.mapper_averages.first, &gpu.mapper_averages.first));
         }
-        let sizes = |of: &Gaussians| of.screen.iter().map(|s| s[0]).collect::<Vec<f32>>();
-        by.push(apart(&sizes(&here), &sizes(&there)));
-        assert!(here.screen.iter().zip(&there.screen).all(|(a, b)| a[1] == b[1]), "{}: others are seen", case.name);
+        let sizes = |gaussians: &Gaussians| gaussians.screen.iter().map(|s| s[0]).collect::<Vec<f32>>();
+        by.push(apart(&sizes(&cpu), &sizes(&gpu)));
+        assert!(cpu.screen.iter().zip(&gpu.screen).all(|(a, b)| a[1] == b[1]), "{}: others are seen", case.name);
         let loss = (ours[0].loss - theirs[0].loss).abs() / ours[0].loss.abs();
         println!(
             "{}: {}; loss {loss:.1e}",
@@ -143,23 +151,23 @@ fn steps_go_where_the_cpus_go() {
     let trainer = Trainer::new(&device).unwrap();
     for case in [0, 1, 11].map(|k| cases().swap_remove(k)) {
         let start = &case.gaussians;
-        let [mut here, mut there, mut poisoned, mut both] = std::array::from_fn(|_| start.clone());
-        let ours = steps(&mut AlphaCpuSteps::default(), &mut here, &case, 12);
-        let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 12);
-        let mut own = AlphaSteps::new(&device, &trainer.kernels, &trainer.blender, start).unwrap();
+        let [mut cpu, mut gpu, mut poisoned, mut both] = std::array::from_fn(|_| start.clone());
+        let ours = steps(&mut AlphaCpuSteps::default(), &mut cpu, &case, 12);
+        let theirs = steps(&mut *trainer.alpha_steps(&gpu).unwrap(), &mut gpu, &case, 12);
+        let mut device_steps = AlphaSteps::new(&device, &trainer.kernels, &trainer.blender, start).unwrap();
         for _ in 0..12 {
-            steps(&mut own, &mut poisoned, &case, 1);
-            own.poison();
+            steps(&mut device_steps, &mut poisoned, &case, 1);
+            device_steps.poison();
         }
-        assert!(poisoned == there, "{}: what was there before is seen", case.name);
+        assert!(poisoned == gpu, "{}: what was there before is seen", case.name);
         // Begun on one, and gone on on the other.
         steps(&mut AlphaCpuSteps::default(), &mut both, &case, 6);
         steps(&mut *trainer.alpha_steps(&both).unwrap(), &mut both, &case, 6);
-        let passed: Vec<f64> = here.parameters.0.iter().zip(&both.parameters.0).map(|(a, b)| apart(a, b)).collect();
+        let passed: Vec<f64> = cpu.parameters.0.iter().zip(&both.parameters.0).map(|(a, b)| apart(a, b)).collect();
         assert!(passed.iter().all(|v| *v < 1e-4), "{}: {passed:?}", case.name);
-        let columns = here.parameters.0.iter().zip(&there.parameters.0).zip(&start.parameters.0);
+        let columns = cpu.parameters.0.iter().zip(&gpu.parameters.0).zip(&start.parameters.0);
         let mut by: Vec<f64> = columns.map(|((a, b), start)| strayed(a, b, start)).collect();
-        if let [Some(a), Some(b), Some(start)] = [&here.mapper, &there.mapper, &start.mapper] {
+        if let [Some(a), Some(b), Some(start)] = [&cpu.mapper, &gpu.mapper, &start.mapper] {
             by.push(strayed(&a.parameters, &b.parameters, &start.parameters));
         }
         let loss = (ours[11].loss - theirs[11].loss).abs() / ours[11].loss;
@@ -179,22 +187,22 @@ fn what_density_control_changed_is_sent() {
     let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
-    let mut of = case.gaussians.clone();
-    let mut own = trainer.alpha_steps(&of).unwrap();
-    steps(&mut *own, &mut of, &case, 2);
-    for (column, width) in of.parameters.0.iter_mut().zip([3, 3, 4, 1, 1]) {
+    let mut gaussians = case.gaussians.clone();
+    let mut device_steps = trainer.alpha_steps(&gaussians).unwrap();
+    steps(&mut *device_steps, &mut gaussians, &case, 2);
+    for (column, width) in gaussians.parameters.0.iter_mut().zip([3, 3, 4, 1, 1]) {
         column.truncate(500 * width);
     }
-    for (a, column) in of.averages.iter_mut().zip(&of.parameters.0) {
+    for (a, column) in gaussians.averages.iter_mut().zip(&gaussians.parameters.0) {
         a.first.truncate(column.len());
         a.second.truncate(column.len());
     }
-    of.screen.truncate(500);
-    own.changed();
-    let mut fresh = of.clone();
-    let told = steps(&mut *own, &mut of, &case, 2);
-    assert_eq!(told, steps(&mut *trainer.alpha_steps(&fresh).unwrap(), &mut fresh, &case, 2));
-    assert!(of == fresh && of.parameters.len() == 500);
+    gaussians.screen.truncate(500);
+    device_steps.changed();
+    let mut fresh = gaussians.clone();
+    let reports = steps(&mut *device_steps, &mut gaussians, &case, 2);
+    assert_eq!(reports, steps(&mut *trainer.alpha_steps(&fresh).unwrap(), &mut fresh, &case, 2));
+    assert!(gaussians == fresh && gaussians.parameters.len() == 500);
 }
 
 /// Numbers that are none are told as on the processor, and stay.
@@ -206,15 +214,15 @@ fn numbers_that_are_none_are_told_and_survived() {
     let mut case = cases().swap_remove(0);
     case.gaussians.parameters.0[2][4 * 33 + 1] = f32::NAN;
     case.gaussians.parameters.0[3][40] = f32::INFINITY;
-    let (mut here, mut there) = (case.gaussians.clone(), case.gaussians.clone());
-    let ours = steps(&mut AlphaCpuSteps::default(), &mut here, &case, 1);
-    let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 1);
+    let (mut cpu, mut gpu) = (case.gaussians.clone(), case.gaussians.clone());
+    let ours = steps(&mut AlphaCpuSteps::default(), &mut cpu, &case, 1);
+    let theirs = steps(&mut *trainer.alpha_steps(&gpu).unwrap(), &mut gpu, &case, 1);
     assert_eq!(ours[0].not_finite, theirs[0].not_finite);
     assert_eq!(theirs[0].not_finite, Some(NonFiniteGradient { group: "rotation", gaussian: 33, count: 2 }));
     let start = &case.gaussians.parameters.0;
-    assert_eq!(there.parameters.0[0][3 * 33..3 * 34], start[0][3 * 33..3 * 34]);
-    assert_ne!(there.parameters.0[0][3 * 34..3 * 35], start[0][3 * 34..3 * 35]);
-    assert!(there.mapper.unwrap().parameters.iter().all(|v| v.is_finite()));
+    assert_eq!(gpu.parameters.0[0][3 * 33..3 * 34], start[0][3 * 33..3 * 34]);
+    assert_ne!(gpu.parameters.0[0][3 * 34..3 * 35], start[0][3 * 34..3 * 35]);
+    assert!(gpu.mapper.unwrap().parameters.iter().all(|v| v.is_finite()));
 }
 
 /// A device that is gone in the midst of a run: an error, and what was fetched before stays.
@@ -224,16 +232,16 @@ fn a_device_that_is_gone_is_an_error() {
     let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
-    let mut of = case.gaussians.clone();
-    let mut own = trainer.alpha_steps(&of).unwrap();
-    steps(&mut *own, &mut of, &case, 2);
-    let before = of.parameters.clone();
+    let mut gaussians = case.gaussians.clone();
+    let mut device_steps = trainer.alpha_steps(&gaussians).unwrap();
+    steps(&mut *device_steps, &mut gaussians, &case, 2);
+    let before = gaussians.parameters.clone();
     device.device.destroy();
     let target = target(SIZE);
     let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let error = own.step(&mut of, &sample, &case.loss, &STEP).unwrap_err().to_string();
+    let error = device_steps.step(&mut gaussians, &sample, &case.loss, &STEP).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
-    assert!(of.parameters == before);
+    assert!(gaussians.parameters == before);
 }
 
 /// The published recipe, scaled, on the processor and on the device.
@@ -254,7 +262,7 @@ fn slow_a_short_run_reaches_the_cpus_score() {
     }
 }
 
-/// What a run scores before and after.
+/// A run's scores before and after.
 fn scores(config: &Config, seed: u64, device: Option<Arc<dyn Accelerator>>) -> [f64; 2] {
     let limits = Limits { device, ..Limits::default() };
     let training = Some(config.clone());

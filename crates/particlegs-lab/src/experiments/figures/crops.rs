@@ -7,7 +7,7 @@ const SHARE: f64 = 0.3;
 /// Approximate width of a panel in pixels.
 const WIDTH: usize = 480;
 
-/// What captions say of [`brightened`].
+/// Note of captions on [`brightened`].
 pub(super) const BRIGHTENED: &str = "Grey levels are brightened: the pictures show the square root of each level.";
 
 /// The square root of a level's share of white.

@@ -37,35 +37,35 @@ const STREAKS: &str = "SZ3";
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
-    let made = lab.model(snapshot, &ModelSettings::ratio(RATIO, lab.settings.seed))?;
+    let build = lab.model(snapshot, &ModelSettings::ratio(RATIO, lab.settings.seed))?;
     let frames = if lab.settings.quick { 2 } else { FRAMES.max(lab.settings.frames) };
-    let views = evaluation_views(&made.model.metadata, lab.settings.size, lab.settings.seed, frames);
+    let views = evaluation_views(&build.model.metadata, lab.settings.size, lab.settings.seed, frames);
     let truth = ReferenceViews::in_views(lab, snapshot, views)?;
-    let pictures = of_model(lab, &made, &truth)?;
+    let pictures = of_model(lab, &build, &truth)?;
     let scores = others::scores(&truth, &pictures)?;
     let shown = FigureViews::new(&truth, &pictures, &scores);
-    let (others, failed) = others::at_size(lab, snapshot, made.bytes.len() as u64, &shown.truth)?;
-    let three = three_way::three_way(lab, snapshot, &made, &truth, pictures, scores)?;
-    let mut found = ExperimentResults { notes: notes(&made, snapshot, &others), ..ExperimentResults::default() };
-    found.notes.push(three.note);
+    let (others, failed) = others::at_size(lab, snapshot, build.bytes.len() as u64, &shown.truth)?;
+    let three = three_way::three_way(lab, snapshot, &build, &truth, pictures, scores)?;
+    let mut results = ExperimentResults { notes: notes(&build, snapshot, &others), ..ExperimentResults::default() };
+    results.notes.push(three.note);
     let pictures = others.iter().map(|o| (o.name.clone(), &o.scores[..]));
-    found.notes.extend(identical_note([("the model".to_string(), &shown.scores[..])].into_iter().chain(pictures)));
-    found.notes.extend(failed);
-    found.tables = vec![table(&shown, &made, &others, snapshot)];
-    found.tables.extend(three.tables);
-    found.plots = three.plots;
-    found.pictures = [artefact(&shown, &others), qualitative(&shown, &others)].into_iter().flatten().collect();
-    found.pictures.extend(three.pictures);
-    Ok(found)
+    results.notes.extend(identical_note([("the model".to_string(), &shown.scores[..])].into_iter().chain(pictures)));
+    results.notes.extend(failed);
+    results.tables = vec![table(&shown, &build, &others, snapshot)];
+    results.tables.extend(three.tables);
+    results.plots = three.plots;
+    results.pictures = [artefact(&shown, &others), qualitative(&shown, &others)].into_iter().flatten().collect();
+    results.pictures.extend(three.pictures);
+    Ok(results)
 }
 
 /// The model's pictures of the views, cached.
-fn of_model(lab: &Lab<'_>, made: &ModelBuild, truth: &ReferenceViews) -> Result<Vec<Gray8>> {
-    let hash = blake3::hash(&made.bytes).to_hex().to_string();
+fn of_model(lab: &Lab<'_>, build: &ModelBuild, truth: &ReferenceViews) -> Result<Vec<Gray8>> {
+    let hash = blake3::hash(&build.bytes).to_hex().to_string();
     let mut draw = None;
     let picture = |view: &View| {
         kept_picture(lab, &("model", &hash, cache_key(view, truth.size)), || {
-            or_made(&mut draw, || lab.draws_model(&made.model))?(view, truth.size)
+            or_made(&mut draw, || lab.draws_model(&build.model))?(view, truth.size)
         })
     };
     truth.views.iter().map(picture).collect()
@@ -80,14 +80,15 @@ struct FigureViews {
 
 impl FigureViews {
     fn new(truth: &ReferenceViews, pictures: &[Gray8], scores: &[Score]) -> FigureViews {
-        let first = |of: &str| truth.views.iter().position(|v| orbit(&v.name) == of);
+        let first = |orbit_name: &str| truth.views.iter().position(|v| orbit(&v.name) == orbit_name);
         let chosen: Vec<usize> = [first("far"), first("near")].into_iter().flatten().collect();
-        let of = |list: &[Gray8]| chosen.iter().map(|i| list[*i].clone()).collect::<Vec<_>>();
+        let select = |list: &[Gray8]| chosen.iter().map(|i| list[*i].clone()).collect::<Vec<_>>();
         let views = chosen.iter().map(|i| truth.views[*i].clone()).collect();
-        let pictured = ReferenceViews { views, size: truth.size, bounds: truth.bounds, pictures: of(&truth.pictures) };
+        let pictured =
+            ReferenceViews { views, size: truth.size, bounds: truth.bounds, pictures: select(&truth.pictures) };
         FigureViews {
             truth: pictured,
-            model: of(pictures),
+            model: select(pictures),
             scores: chosen.iter().map(|i| scores[*i].clone()).collect(),
         }
     }
@@ -97,10 +98,10 @@ impl FigureViews {
         let mut panels = Vec::new();
         for (i, view) in self.truth.views.iter().enumerate() {
             let said = |s: &Score| s.masked.map_or("identical".into(), |v| format!("{v:.2} dB"));
-            let of = orbit(&view.name);
-            panels.push((format!("{of}: all particles"), cut(&self.truth.pictures[i])));
-            panels.push((format!("{of}: the model, {}", said(&self.scores[i])), cut(&self.model[i])));
-            panels.push((format!("{of}: {}, {}", other.name, said(&other.scores[i])), cut(&other.pictures[i])));
+            let orbit_name = orbit(&view.name);
+            panels.push((format!("{orbit_name}: all particles"), cut(&self.truth.pictures[i])));
+            panels.push((format!("{orbit_name}: the model, {}", said(&self.scores[i])), cut(&self.model[i])));
+            panels.push((format!("{orbit_name}: {}, {}", other.name, said(&other.scores[i])), cut(&other.pictures[i])));
         }
         panels
     }
@@ -116,8 +117,8 @@ fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPict
 fn artefact(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, STREAKS)?;
     let title = format!("Close up: all particles, the model and {} at one file size", other.name);
-    let message = "The centre 30 % of the first far and the first near view, as ParaView draws all particles.";
-    Some(beside(shown, other, "artefact", title, message, close_up))
+    let caption = "The centre 30 % of the first far and the first near view, as ParaView draws all particles.";
+    Some(beside(shown, other, "artefact", title, caption, close_up))
 }
 
 fn qualitative(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
@@ -131,10 +132,10 @@ fn beside(
     other: &MethodPictures,
     name: &str,
     title: String,
-    what: &str,
+    description: &str,
     cut: fn(&Gray8) -> Rgb8,
 ) -> Pictures {
-    let (caption, panels) = (format!("{what} {}", sizes(other)), shown.panels(other, cut));
+    let (caption, panels) = (format!("{description} {}", sizes(other)), shown.panels(other, cut));
     Pictures { name: name.into(), title, caption, columns: 3, colours: None, panels }
 }
 
@@ -150,7 +151,7 @@ fn sizes(other: &MethodPictures) -> String {
 
 /// Crops all panels around their centres to the smallest width and height.
 fn same_size(panels: &mut [(String, Rgb8)]) {
-    let least = |of: fn(&Rgb8) -> usize| panels.iter().map(|p| of(&p.1)).min().unwrap_or(0);
+    let least = |side: fn(&Rgb8) -> usize| panels.iter().map(|p| side(&p.1)).min().unwrap_or(0);
     let (width, height) = (least(|p| p.size.width), least(|p| p.size.height));
     for (_, picture) in panels {
         let (across, down) = (picture.size.width, picture.size.height);
@@ -161,7 +162,7 @@ fn same_size(panels: &mut [(String, Rgb8)]) {
     }
 }
 
-fn table(shown: &FigureViews, made: &ModelBuild, others: &[MethodPictures], snapshot: &Snapshot) -> ResultTable {
+fn table(shown: &FigureViews, build: &ModelBuild, others: &[MethodPictures], snapshot: &Snapshot) -> ResultTable {
     let unit = snapshot.unit();
     let (bound, error) = (format!("bound, {unit}"), format!("largest error, {unit}"));
     let columns = ["method", "ratio", "bytes", &bound, &error, "far: masked PSNR, dB", "near, dB", "mean, dB", "SSIM"];
@@ -169,22 +170,22 @@ fn table(shown: &FigureViews, made: &ModelBuild, others: &[MethodPictures], snap
     let raw = snapshot.position_bytes() as f64;
     let scored = |scores: &[Score]| {
         let decibels = |value: Option<f64>| TableCell::decibels(value.as_slice());
-        let of = |o| decibels(mean_of(scores, o, masked));
-        [of("far"), of("near"), decibels(mean(scores, masked)), TableCell::number(mean(scores, ssim), 4)]
+        let cell_of = |o| decibels(mean_of(scores, o, masked));
+        [cell_of("far"), cell_of("near"), decibels(mean(scores, masked)), TableCell::number(mean(scores, ssim), 4)]
     };
     let row = |name: &str, bytes: u64, bounds: [Option<f64>; 2], scores: &[Score]| {
         let bounds = bounds.map(|b| TableCell::number(b, 4));
         let first = [TableCell::text(name), TableCell::number(raw / bytes as f64, 1), TableCell::count(bytes)];
         first.into_iter().chain(bounds).chain(scored(scores)).collect::<Vec<_>>()
     };
-    t.row(row("the model", made.bytes.len() as u64, [None; 2], &shown.scores));
+    t.row(row("the model", build.bytes.len() as u64, [None; 2], &shown.scores));
     for o in others {
         t.row(row(&o.name, o.bytes, [o.bound.map(|b| b.asked), o.bound.map(|b| b.largest_error)], &o.scores));
     }
     t
 }
 
-fn notes(made: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> Vec<String> {
+fn notes(build: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> Vec<String> {
     let names: Vec<&str> = others.iter().map(|o| o.name.as_str()).collect();
     let unit = snapshot.unit();
     let streaks = match others.iter().any(|o| o.name.starts_with(STREAKS)) {
@@ -198,8 +199,8 @@ fn notes(made: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> V
          their nearest; where a method has a bound ({unit}), every decoded coordinate was checked against \
          it.{streaks} Pictures of particles follow ParaView's exact rules, and the model's pictures have the same \
          look. The radius and the opacity of each view are drawn from the published ranges.",
-        snapshot.position_bytes() as f64 / made.bytes.len() as f64,
-        made.bytes.len(),
+        snapshot.position_bytes() as f64 / build.bytes.len() as f64,
+        build.bytes.len(),
         names.join("; "),
     )]
 }

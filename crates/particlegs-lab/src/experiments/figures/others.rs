@@ -54,15 +54,15 @@ fn other(
     let seed = lab.settings.seed;
     let inputs = (method.source(lab), &snapshot.hash, bytes, seed);
     // Made on demand, for the first picture or number that is not cached.
-    let mut kept: Option<MethodOutput> = None;
+    let mut cached_output: Option<MethodOutput> = None;
     let keep = || -> Result<MethodOutput> { method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed) };
     let (size, bound) = lab.store.result("other", &inputs, || {
-        let made = kept.insert(keep()?);
-        Ok((made.bytes, made.bound))
+        let output = cached_output.insert(keep()?);
+        Ok((output.bytes, output.bound))
     })?;
     let draw = |view: &View| {
         kept_picture(lab, &("other", &inputs, cache_key(view, truth.size)), || {
-            let FileContent::Particles(particles, factor) = &or_made(&mut kept, keep)?.content else {
+            let FileContent::Particles(particles, factor) = &or_made(&mut cached_output, keep)?.content else {
                 return Err(Error::input(method.name(lab), "returned no particles"));
             };
             let view = View { radius: view.radius * factor, ..view.clone() };

@@ -41,14 +41,14 @@ pub(super) struct ThreeWayComparison {
 pub(super) fn three_way(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
-    made: &ModelBuild,
+    build: &ModelBuild,
     truth: &ReferenceViews,
     pictures: Vec<Gray8>,
     scores: Vec<Score>,
 ) -> Result<ThreeWayComparison> {
     let mut ways = vec![RendererScores { name: "model".into(), pictures, scores }];
     for method in METHODS {
-        ways.push(drawn(lab, snapshot, made, truth, method)?);
+        ways.push(drawn(lab, snapshot, build, truth, method)?);
     }
     Ok(ThreeWayComparison {
         tables: vec![table(&ways)],
@@ -62,17 +62,17 @@ pub(super) fn three_way(
 fn drawn(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
-    made: &ModelBuild,
+    build: &ModelBuild,
     truth: &ReferenceViews,
     method: Method,
 ) -> Result<RendererScores> {
     let seed = lab.settings.seed;
-    let hash = blake3::hash(&made.bytes).to_hex().to_string();
+    let hash = blake3::hash(&build.bytes).to_hex().to_string();
     let mut particles = None;
     let draw = |view: &View| {
         let inputs = ("recovered", &snapshot.hash, &hash, method.name(), seed, cache_key(view, truth.size));
         kept_picture(lab, &inputs, || {
-            let particles = or_made(&mut particles, || lab.drawn(made.model.clone(), method, seed))?;
+            let particles = or_made(&mut particles, || lab.drawn(build.model.clone(), method, seed))?;
             lab.draws_particles(particles, particles.bounds(), Style::Paraview)?(view, truth.size)
         })
     };
@@ -82,8 +82,8 @@ fn drawn(
 }
 
 /// Masked PSNR of the views of one orbit, or of all.
-fn masked(scores: &[Score], of: Option<&str>) -> Vec<f64> {
-    scores.iter().filter(|s| of.is_none_or(|o| orbit(&s.view) == o)).filter_map(views::masked).collect()
+fn masked(scores: &[Score], orbit_name: Option<&str>) -> Vec<f64> {
+    scores.iter().filter(|s| orbit_name.is_none_or(|o| orbit(&s.view) == o)).filter_map(views::masked).collect()
 }
 
 fn table(ways: &[RendererScores]) -> ResultTable {
@@ -129,14 +129,14 @@ fn plot(ways: &[RendererScores]) -> Plot {
 /// A whole far view and a close-up of a near one: all particles, model, particles drawn by `count`.
 fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
     let mut panels = Vec::new();
-    for of in ["far", "near"] {
-        let Some(i) = truth.views.iter().position(|v| orbit(&v.name) == of) else { continue };
-        let cut = |p: &Gray8| if of == "far" { whole(p) } else { close_up(p) };
-        panels.push((format!("{of}: all particles"), cut(&truth.pictures[i])));
+    for orbit_name in ["far", "near"] {
+        let Some(i) = truth.views.iter().position(|v| orbit(&v.name) == orbit_name) else { continue };
+        let cut = |p: &Gray8| if orbit_name == "far" { whole(p) } else { close_up(p) };
+        panels.push((format!("{orbit_name}: all particles"), cut(&truth.pictures[i])));
         for way in ways.iter().take(2) {
             let name = way.label();
             let score = way.scores[i].masked.map_or("identical".into(), |v| format!("{v:.2} dB"));
-            panels.push((format!("{of}: {name}, {score}"), cut(&way.pictures[i])));
+            panels.push((format!("{orbit_name}: {name}, {score}"), cut(&way.pictures[i])));
         }
     }
     // Panels need one size.

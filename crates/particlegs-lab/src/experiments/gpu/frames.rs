@@ -21,7 +21,7 @@ const QUICK_FRAMES: [usize; 2] = [4, 2];
 const BEHIND: usize = 32;
 /// Number of frames whose kernels are timed.
 const TIMED: usize = 4;
-/// What changes from frame to frame.
+/// Names of the change from frame to frame.
 const CAMERA: &str = "camera";
 const SETTING: &str = "radius and opacity";
 /// View whose work is counted.
@@ -36,7 +36,7 @@ struct FrameKind {
     law: LawKind,
     look: ToneStyle,
     changes: &'static str,
-    /// How pixels are summed.
+    /// The way in which pixels are summed.
     way: &'static str,
     /// Footprints of a frame.
     footprints: u64,
@@ -45,25 +45,25 @@ struct FrameKind {
 }
 
 /// All rows for a scene of the optical-depth law at one size.
-pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, scene: &TiledScene, size: Size) -> Result<()> {
     let renderer = DepthRenderer::new(bench.device)?;
-    let there = Gaussians::upload(bench.device, &Scene::from_mixture(&made.gaussians, made.bounds))?;
-    let canvas = renderer.canvas(&there, size)?;
+    let gaussians = Gaussians::upload(bench.device, &Scene::from_mixture(&scene.gaussians, scene.bounds))?;
+    let canvas = renderer.canvas(&gaussians, size)?;
     for (changes, look, by_tiles) in [
         (CAMERA, ToneStyle::Expected, false),
         (CAMERA, ToneStyle::Expected, true),
         (SETTING, ToneStyle::Expected, false),
         (CAMERA, ToneStyle::Paraview, false),
     ] {
-        let views = views(made, size, changes == CAMERA);
-        let work = DepthWork::new(made, &views[COUNTED], size)?;
+        let views = views(scene, size, changes == CAMERA);
+        let work = DepthWork::new(scene, &views[COUNTED], size)?;
         let way = if by_tiles { "tiles of 8 x 8" } else { "atomic adds" };
-        let (law, least) = (LawKind::OpticalDepth, work.frame(made.gaussians.len(), size));
+        let (law, least) = (LawKind::OpticalDepth, work.frame(scene.gaussians.len(), size));
         let kind = FrameKind { law, look, changes, way, footprints: work.footprints, least };
-        let mut tiles = by_tiles.then(|| DepthTiles::new(&renderer, &there, &canvas)).transpose()?;
-        bench.frames(tables, (made, size, &views), &kind, |view, read_back| {
+        let mut tiles = by_tiles.then(|| DepthTiles::new(&renderer, &gaussians, &canvas)).transpose()?;
+        bench.frames(tables, (scene, size, &views), &kind, |view, read_back| {
             match &mut tiles {
-                None => renderer.submit(&there, &canvas, view, look)?,
+                None => renderer.submit(&gaussians, &canvas, view, look)?,
                 Some(tiles) => tiles.submit(view, look)?,
             }
             if read_back { renderer.picture(&canvas).map(drop) } else { Ok(()) }
@@ -73,24 +73,24 @@ pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
 }
 
 /// All rows for a scene of the alpha-blend law at one size. The network runs if radius and opacity change.
-pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, tiles: &TiledScene, size: Size) -> Result<()> {
     let renderer = AlphaRenderer::new(bench.device)?;
-    let scene = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY);
-    let there = alpha::Gaussians::upload(bench.device, &scene)?;
+    let scene = Scene::from_law(&tiles.gaussians, tiles.bounds, tiles.radius, OPACITY);
+    let gaussians = alpha::Gaussians::upload(bench.device, &scene)?;
     for changes in [CAMERA, SETTING] {
-        let views = views(made, size, changes == CAMERA);
-        let work = BlendWork::new(made, &views[COUNTED], size, bench.context)?;
+        let views = views(tiles, size, changes == CAMERA);
+        let work = BlendWork::new(tiles, &views[COUNTED], size, bench.context)?;
         let kind = FrameKind {
             law: LawKind::AlphaBlend,
             look: ToneStyle::Paraview,
             changes,
             way: "tiles of 16 x 16",
             footprints: work.footprints,
-            least: work.frame(made.gaussians.len(), size, changes == SETTING),
+            least: work.frame(tiles.gaussians.len(), size, changes == SETTING),
         };
-        let mut canvas = renderer.canvas(&there, size)?;
-        bench.frames(tables, (made, size, &views), &kind, |view, read_back| {
-            renderer.submit(&there, &mut canvas, view)?;
+        let mut canvas = renderer.canvas(&gaussians, size)?;
+        bench.frames(tables, (tiles, size, &views), &kind, |view, read_back| {
+            renderer.submit(&gaussians, &mut canvas, view)?;
             if read_back { renderer.picture(&canvas).map(drop) } else { Ok(()) }
         })?;
     }
@@ -102,7 +102,7 @@ impl GpuBench<'_> {
     fn frames(
         self,
         tables: &mut GpuTables,
-        (made, size, views): (&TiledScene, Size, &[View]),
+        (scene, size, views): (&TiledScene, Size, &[View]),
         kind: &FrameKind,
         mut draw: impl FnMut(&View, bool) -> Result<()>,
     ) -> Result<()> {
@@ -112,10 +112,11 @@ impl GpuBench<'_> {
         self.per_second(views, self.either(1, 3), |view| draw(view, false))?;
         let per_second = self.per_second(views, most, |view| draw(view, false))?;
         let read_back = self.per_second(views, most_read, |view| draw(view, true))?;
-        let (law, look, gaussians) = (kind.law.name(), kind.look.name(), made.gaussians.len());
-        let of = format!("frame of {gaussians}, {}, {law}, {look}, {}, {}", pixels(size), kind.changes, kind.way);
-        tables.time_kernels(self, &of, timed, || self.per_second(views, timed, |view| draw(view, false)).map(drop))?;
-        let own = [
+        let (law, look, gaussians) = (kind.law.name(), kind.look.name(), scene.gaussians.len());
+        let label = format!("frame of {gaussians}, {}, {law}, {look}, {}, {}", pixels(size), kind.changes, kind.way);
+        tables
+            .time_kernels(self, &label, timed, || self.per_second(views, timed, |view| draw(view, false)).map(drop))?;
+        let cells = [
             TableCell::count(gaussians as u64),
             TableCell::text(pixels(size)),
             TableCell::text(law),
@@ -127,7 +128,7 @@ impl GpuBench<'_> {
             TableCell::number(per_second, 1),
             TableCell::number(read_back, 1),
         ];
-        tables.frames.row(own.into_iter().chain(self.work(per_second, &kind.least)));
+        tables.frames.row(cells.into_iter().chain(self.work(per_second, &kind.least)));
         self.context.advance(1);
         Ok(())
     }

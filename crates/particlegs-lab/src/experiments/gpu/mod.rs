@@ -1,4 +1,4 @@
-//! How fast a GPU draws and trains. The scenes are built in.
+//! Speed of a GPU in drawing and training. The scenes are built in.
 
 mod frames;
 mod particles;
@@ -101,14 +101,14 @@ fn measure(timed: &TimedDevice, quick: bool, context: &Context<'_>) -> Result<(V
     let (few, more, most) = (few?, more?, most?);
     context.begin("measuring", 2 * (frames::OF_DEPTH + frames::OF_ALPHA) * sizes.len() as u64 + 4);
     let mut tables = GpuTables::new();
-    for made in [&few, &more] {
+    for scene in [&few, &more] {
         for &size in sizes {
-            tables.attempt(made, size, |tables| frames::of_depth(bench, tables, made, size))?;
-            tables.attempt(made, size, |tables| frames::of_alpha(bench, tables, &made.published(), size))?;
+            tables.attempt(scene, size, |tables| frames::of_depth(bench, tables, scene, size))?;
+            tables.attempt(scene, size, |tables| frames::of_alpha(bench, tables, &scene.published(), size))?;
         }
     }
-    for made in [&few, &most] {
-        tables.attempt(made, hd, |tables| steps::of_depth(bench, tables, made, hd))?;
+    for scene in [&few, &most] {
+        tables.attempt(scene, hd, |tables| steps::of_depth(bench, tables, scene, hd))?;
         context.advance(1);
     }
     tables.attempt(&few, hd, |tables| steps::of_alpha(bench, tables, &few.published(), hd))?;
@@ -116,8 +116,8 @@ fn measure(timed: &TimedDevice, quick: bool, context: &Context<'_>) -> Result<(V
     tables.attempt(&few, hd, |tables| particles::row(bench, tables, &few, hd))?;
     context.end();
     let columns = ["copies, GB/s", "G atomic adds/s", "G float32 operations/s"];
-    let mut own = ResultTable::new("gpu-rates", "Highest rates of the GPU", &columns);
-    own.row([rates.copied_bytes, rates.additions, rates.operations].map(|rate| TableCell::number(1e-9 * rate, 2)));
+    let mut rates_table = ResultTable::new("gpu-rates", "Highest rates of the GPU", &columns);
+    rates_table.row([rates.copied_bytes, rates.additions, rates.operations].map(|r| TableCell::number(1e-9 * r, 2)));
     let mut notes = vec![format!(
         "Measured on {}. Copies, adds, ops: the minimum work of a frame, a step or a picture as a percentage of the \
          GPU's highest rates; 100 % is the fastest possible.",
@@ -127,18 +127,18 @@ fn measure(timed: &TimedDevice, quick: bool, context: &Context<'_>) -> Result<(V
         notes.push("Kernels were not timed: the GPU has no timer queries.".into());
     }
     notes.append(&mut tables.failed);
-    Ok((vec![own, tables.frames, tables.steps, tables.particles, tables.kernels], notes))
+    Ok((vec![rates_table, tables.frames, tables.steps, tables.particles, tables.kernels], notes))
 }
 
 /// Trains by the published recipe for some minutes, on particles drawn from a scene.
-fn recipe(lab: &Lab<'_>, made: &TiledScene) -> Result<[ResultTable; 2]> {
-    let (own, settings) = (usize::from(lab.settings.quick), &lab.settings);
-    let [x, y, z] = made.particles(PARTICLES[own]);
+fn recipe(lab: &Lab<'_>, scene: &TiledScene) -> Result<[ResultTable; 2]> {
+    let (quick_index, settings) = (usize::from(lab.settings.quick), &lab.settings);
+    let [x, y, z] = scene.particles(PARTICLES[quick_index]);
     let snapshot = Snapshot::new("tiled".into(), "tiled".into(), Particles::from_columns(x, y, z), None);
-    let scale = settings.scale.unwrap_or(SCALE[own]);
+    let scale = settings.scale.unwrap_or(SCALE[quick_index]);
     let config = scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale)?;
-    let of = config.iterations();
-    let piece = Duration::from_secs_f64(60.0 * settings.minutes.unwrap_or(MINUTES[own]));
+    let total_steps = config.iterations();
+    let piece = Duration::from_secs_f64(60.0 * settings.minutes.unwrap_or(MINUTES[quick_index]));
     let task = TrainingTask::published(config, 1, settings.seed);
     let run = trained_on(lab, &snapshot.particles, &snapshot.hash, &task, Some(piece))?;
     let title = "The published recipe so far: run the same command again until all steps are done";
@@ -147,8 +147,8 @@ fn recipe(lab: &Lab<'_>, made: &TiledScene) -> Result<[ResultTable; 2]> {
     table.row([
         TableCell::number(scale, 3),
         TableCell::count(snapshot.particles.len() as u64),
-        TableCell::count(run.unfinished.unwrap_or(of)),
-        TableCell::count(of),
+        TableCell::count(run.unfinished.unwrap_or(total_steps)),
+        TableCell::count(total_steps),
         TableCell::number(run.made.seconds, 0),
         TableCell::count(run.made.model.gaussians() as u64),
         TableCell::number(run.curve.iter().filter_map(|e| e.held_out_masked_psnr).reduce(f64::max), 2),
@@ -158,7 +158,7 @@ fn recipe(lab: &Lab<'_>, made: &TiledScene) -> Result<[ResultTable; 2]> {
 
 impl GpuTables {
     fn new() -> GpuTables {
-        let table = |name, title, own: &[&str]| ResultTable::new(name, title, &[own, &WORK].concat());
+        let table = |name, title, columns: &[&str]| ResultTable::new(name, title, &[columns, &WORK].concat());
         let frames = ["Gaussians", "pixels", "law", "look", "changes", "summed by", "radius, px", "footprints"];
         let frames = [&frames[..], &["frames/s", "frames/s, read back"]].concat();
         let steps = ["Gaussians", "pixels", "law", "footprints", "steps", "steps/s", "first loss", "last loss"];
@@ -173,13 +173,13 @@ impl GpuTables {
     }
 
     /// Records a failure, so that the other measurements go on.
-    fn attempt(&mut self, made: &TiledScene, size: Size, work: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+    fn attempt(&mut self, scene: &TiledScene, size: Size, work: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         match work(self) {
             Err(Error::Cancelled) => Err(Error::Cancelled),
             Err(e) => {
                 self.failed.push(format!(
                     "Not measured completely: {} Gaussians, {}: {e}",
-                    made.gaussians.len(),
+                    scene.gaussians.len(),
                     pixels(size)
                 ));
                 Ok(())
@@ -193,7 +193,7 @@ impl GpuTables {
     fn time_kernels(
         &mut self,
         bench: GpuBench<'_>,
-        of: &str,
+        label: &str,
         number: usize,
         work: impl FnOnce() -> Result<()>,
     ) -> Result<()> {
@@ -202,7 +202,7 @@ impl GpuTables {
         for k in all {
             let (runs, ms) = (k.runs as f64 / number as f64, 1e3 * k.seconds / number as f64);
             let cells = [TableCell::number(runs, 1), TableCell::number(ms, 3)];
-            self.kernels.row([TableCell::text(of), TableCell::text(k.kernel)].into_iter().chain(cells));
+            self.kernels.row([TableCell::text(label), TableCell::text(k.kernel)].into_iter().chain(cells));
         }
         Ok(())
     }

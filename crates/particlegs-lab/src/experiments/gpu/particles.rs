@@ -20,17 +20,17 @@ const PIECES: usize = 24;
 const LOOK: ToneStyle = ToneStyle::Expected;
 
 /// The noise-free picture of particles drawn from the scene: one chunk, repeated and shifted.
-pub(super) fn row(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+pub(super) fn row(bench: GpuBench<'_>, tables: &mut GpuTables, scene: &TiledScene, size: Size) -> Result<()> {
     let (pieces, each) = if bench.quick { (2, 100_000) } else { (PIECES, MOST) };
-    let (count, columns) = (pieces * each, made.particles(each));
+    let (count, columns) = (pieces * each, scene.particles(each));
     let started = Instant::now();
-    let moved = Box::new(|range: Range<usize>| moved(&columns, made, range));
-    let input = ParticleInput { origin: made.bounds.center(), bounds: made.bounds, count, columns: moved };
-    let mut there = ParticlePictures::new(bench.device, input)?;
-    there.keep_all(&mut |_| bench.context.check())?;
+    let moved = Box::new(|range: Range<usize>| moved(&columns, scene, range));
+    let input = ParticleInput { origin: scene.bounds.center(), bounds: scene.bounds, count, columns: moved };
+    let mut renderer = ParticlePictures::new(bench.device, input)?;
+    renderer.keep_all(&mut |_| bench.context.check())?;
     let to_load = started.elapsed().as_secs_f64();
-    let views = views(made, size, true);
-    let draw = |k: usize| there.draw(&views[k], size, LOOK, bench.context).map(drop);
+    let views = views(scene, size, true);
+    let draw = |k: usize| renderer.draw(&views[k], size, LOOK, bench.context).map(drop);
     draw(0)?;
     let (started, mut pictures) = (Instant::now(), 0);
     while pictures < bench.either(1, PICTURES) && started.elapsed() < LIMIT {
@@ -38,9 +38,9 @@ pub(super) fn row(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene
         draw(pictures)?;
     }
     let each = started.elapsed().as_secs_f64() / pictures as f64;
-    let of = format!("picture of {count} particles, {}, {}", pixels(size), LOOK.name());
-    tables.time_kernels(bench, &of, 1, || draw(0))?;
-    let own = [
+    let label = format!("picture of {count} particles, {}, {}", pixels(size), LOOK.name());
+    tables.time_kernels(bench, &label, 1, || draw(0))?;
+    let cells = [
         TableCell::count(count as u64),
         TableCell::text(pixels(size)),
         TableCell::text(LOOK.name()),
@@ -49,13 +49,13 @@ pub(super) fn row(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene
         TableCell::number(to_load, 1),
     ];
     let least = WorkBound::of_particles(count, views[0].radius_pixels(size), size);
-    tables.particles.row(own.into_iter().chain(bench.work(1.0 / each, &least)));
+    tables.particles.row(cells.into_iter().chain(bench.work(1.0 / each, &least)));
     Ok(())
 }
 
 /// Particles of a range: the drawn ones, repeated with a periodic shift, so that they stay as clumped.
-fn moved(columns: &[Vec<f32>; 3], made: &TiledScene, range: Range<usize>) -> [Vec<f32>; 3] {
-    let (each, extent) = (columns[0].len(), made.bounds.extent().map(|e| e as f32));
+fn moved(columns: &[Vec<f32>; 3], scene: &TiledScene, range: Range<usize>) -> [Vec<f32>; 3] {
+    let (each, extent) = (columns[0].len(), scene.bounds.extent().map(|e| e as f32));
     [0, 1, 2].map(|k| {
         let (column, half) = (&columns[k], 0.5 * extent[k]);
         let at = |i: usize| {

@@ -1,4 +1,4 @@
-//! What a device does at most: beside it stands what is measured.
+//! Highest rates of a device, beside which its measurements stand.
 
 use particlegs_core::Result;
 use particlegs_gpu::Device;
@@ -12,7 +12,7 @@ const WORDS: u64 = 1 << 21;
 const ADDERS: [u32; 2] = [16384, 64];
 /// Threads that compute, in groups, and operations of each: as many as operations_main.wgsl has.
 const COMPUTERS: [u32; 2] = [4096, 256 * 32];
-/// How long each is measured, about.
+/// Approximate time of each measurement.
 const LONG: Duration = Duration::from_millis(500);
 
 /// Rates of a device.
@@ -44,7 +44,7 @@ impl Rates {
         let computed = rate(device, |encoder| {
             kernel.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, [COMPUTERS[0], 1]);
         })?;
-        let each = |[groups, own]: [u32; 2]| f64::from(64 * groups) * f64::from(own);
+        let each = |[groups, operations]: [u32; 2]| f64::from(64 * groups) * f64::from(operations);
         Ok(Rates {
             copied_bytes: 2.0 * BYTES as f64 * copied,
             additions: each(ADDERS) * added,
@@ -53,7 +53,7 @@ impl Rates {
     }
 }
 
-/// How often a second.
+/// Runs of `each` a second.
 fn rate(device: &Device, each: impl Fn(&mut wgpu::CommandEncoder)) -> Result<f64> {
     let run = |times: usize| -> Result<f64> {
         let started = Instant::now();

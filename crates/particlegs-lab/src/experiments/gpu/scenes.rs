@@ -36,11 +36,11 @@ pub fn tiled(sample: usize, tiles: [usize; 3]) -> Result<TiledScene> {
     for x in 0..tiles[0] {
         for y in 0..tiles[1] {
             for z in 0..tiles[2] {
-                for own in model.blocks().map(|b| &b.gaussians) {
-                    for i in 0..own.len() {
-                        let (at, tile) = (own.mean_of(i), [x, y, z]);
+                for mixture in model.blocks().map(|b| &b.gaussians) {
+                    for i in 0..mixture.len() {
+                        let (at, tile) = (mixture.mean_of(i), [x, y, z]);
                         let mean = each_axis(|k| at[k] + tile[k] as f64 * side[k]);
-                        gaussians.push(mean, own.cov_of(i), own.count[i], own.count[i]);
+                        gaussians.push(mean, mixture.cov_of(i), mixture.count[i], mixture.count[i]);
                     }
                 }
             }
@@ -53,12 +53,12 @@ pub fn tiled(sample: usize, tiles: [usize; 3]) -> Result<TiledScene> {
 }
 
 /// Views from the far orbit: around it, or from one position with changing radius and opacity.
-pub fn views(made: &TiledScene, size: Size, around: bool) -> Vec<View> {
-    let cameras: Vec<Camera> = spiral(made.bounds.center(), base_distance(&made.bounds, size), 64, None);
+pub fn views(scene: &TiledScene, size: Size, around: bool) -> Vec<View> {
+    let cameras: Vec<Camera> = spiral(scene.bounds.center(), base_distance(&scene.bounds, size), 64, None);
     let view = |(i, camera): (usize, &Camera)| {
         let change = if around { 1.0 } else { 0.5 + i as f64 / 64.0 };
         let camera = if around { *camera } else { cameras[16] };
-        View { name: "far".into(), camera, radius: made.radius * change, opacity: OPACITY * change }
+        View { name: "far".into(), camera, radius: scene.radius * change, opacity: OPACITY * change }
     };
     cameras.iter().enumerate().map(view).collect()
 }
@@ -87,8 +87,8 @@ impl TiledScene {
         let (m, center) = (&self.gaussians, self.bounds.center());
         let one = |i: usize| -> [f32; 3] {
             let mut r = Random::new(1, 1, i as u64);
-            let of = (r.uniform() * m.len() as f64) as usize % m.len();
-            let (mean, e) = (m.mean_of(of), m.cov_of(of).eigen());
+            let index = (r.uniform() * m.len() as f64) as usize % m.len();
+            let (mean, e) = (m.mean_of(index), m.cov_of(index).eigen());
             let along = e.values.map(|v| v.max(0.0).sqrt() * r.normal());
             let at = |k: usize| mean[k] - center[k] + (0..3).map(|a| along[a] * e.vectors[a][k]).sum::<f64>();
             each_axis(at).map(|v| v as f32)

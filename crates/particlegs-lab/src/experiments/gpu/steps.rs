@@ -27,31 +27,31 @@ const TARGETS: usize = 8;
 
 /// Steps of the optical-depth law: counts of Gaussians start too high or too low by half, targets are the pictures of
 /// the original.
-pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
-    let lesson = TrainingPictures::new(bench, made, &Scene::from_mixture(&made.gaussians, made.bounds), size)?;
-    let mut gaussians = made.gaussians.clone();
+pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, scene: &TiledScene, size: Size) -> Result<()> {
+    let lesson = TrainingPictures::new(bench, scene, &Scene::from_mixture(&scene.gaussians, scene.bounds), size)?;
+    let mut gaussians = scene.gaussians.clone();
     gaussians.count.iter_mut().enumerate().for_each(|(i, n)| *n *= if i % 2 == 0 { 0.5 } else { 1.5 });
-    let mut of = Parameters::new(&gaussians, made.particles, 48, made.bounds, ToneStyle::Expected);
-    let mut steps = GpuAccelerator::new(bench.device.clone()).depth_steps(&of)?;
+    let mut parameters = Parameters::new(&gaussians, scene.particles, 48, scene.bounds, ToneStyle::Expected);
+    let mut steps = GpuAccelerator::new(bench.device.clone()).depth_steps(&parameters)?;
     let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, epsilon: 0.5, decay: 0.0, average: 0.01 };
-    let work = DepthWork::new(made, &lesson.views[0], size)?;
-    let work = (work.footprints, work.step(made.gaussians.len(), size));
-    lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
+    let work = DepthWork::new(scene, &lesson.views[0], size)?;
+    let work = (work.footprints, work.step(scene.gaussians.len(), size));
+    lesson.take(bench, tables, work, |shot| steps.step(&mut parameters, shot, &Loss::PUBLISHED, &pace))
 }
 
 /// Steps of the alpha-blend law at the published rates: opacities start too high or too low by half.
-pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
-    let scene = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY);
-    let lesson = TrainingPictures::new(bench, made, &scene, size)?;
-    let mut gaussians = made.gaussians.clone();
+pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, tiles: &TiledScene, size: Size) -> Result<()> {
+    let scene = Scene::from_law(&tiles.gaussians, tiles.bounds, tiles.radius, OPACITY);
+    let lesson = TrainingPictures::new(bench, tiles, &scene, size)?;
+    let mut gaussians = tiles.gaussians.clone();
     if let Some(law) = gaussians.law.alpha_blend_mut() {
         let change = |(i, o): (usize, &mut f64)| *o = (*o * if i % 2 == 0 { 0.5 } else { 1.5 }).min(0.95);
         law.opacity.iter_mut().enumerate().for_each(change);
     }
-    let frame = Normalisation::new(&made.bounds);
-    let scale = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
-    let mut of = alpha::Gaussians::from_mixture(&gaussians, scale)?;
-    let mut steps = GpuAccelerator::new(bench.device.clone()).alpha_steps(&of)?;
+    let frame = Normalisation::new(&tiles.bounds);
+    let scale = TrainingScale { frame, radius: tiles.radius, opacity: OPACITY, particles: tiles.particles, seed: 1 };
+    let mut parameters = alpha::Gaussians::from_mixture(&gaussians, scale)?;
+    let mut steps = GpuAccelerator::new(bench.device.clone()).alpha_steps(&parameters)?;
     let c = AlphaConfig::default();
     let pace = alpha::StepSize {
         rates: [c.position_rate * c.extent, c.scale_rate, c.rotation_rate, c.opacity_rate, c.feature_rate],
@@ -59,9 +59,9 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
         clip: c.vizmapper_clip,
         identity: c.identity,
     };
-    let work = BlendWork::new(made, &lesson.views[0], size, bench.context)?;
-    let work = (work.footprints, work.step(made.gaussians.len(), size));
-    lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
+    let work = BlendWork::new(tiles, &lesson.views[0], size, bench.context)?;
+    let work = (work.footprints, work.step(tiles.gaussians.len(), size));
+    lesson.take(bench, tables, work, |shot| steps.step(&mut parameters, shot, &Loss::PUBLISHED, &pace))
 }
 
 /// Training pictures.
@@ -76,15 +76,15 @@ struct TrainingPictures<'a> {
 
 impl<'a> TrainingPictures<'a> {
     /// Pictures of the original scene.
-    fn new(bench: GpuBench<'_>, made: &'a TiledScene, scene: &Scene, size: Size) -> Result<Self> {
-        let views: Vec<View> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
+    fn new(bench: GpuBench<'_>, tiles: &'a TiledScene, scene: &Scene, size: Size) -> Result<Self> {
+        let views: Vec<View> = views(tiles, size, true).into_iter().step_by(64 / TARGETS).collect();
         let pictures = ScenePictures::new(bench.device, scene)?;
         let one = |view| {
             let levels = pictures.draw(view, size, ToneStyle::Expected, bench.context)?;
             Ok(Plane { size, data: levels.data.iter().map(|&v| f32::from(v) / 255.0).collect() })
         };
         let targets = views.iter().map(one).collect::<Result<_>>()?;
-        Ok(TrainingPictures { law: scene.law(), made, size, views, targets })
+        Ok(TrainingPictures { law: scene.law(), made: tiles, size, views, targets })
     }
 
     /// Takes all steps, or as many as the time allows, and adds a row.
@@ -110,9 +110,9 @@ impl<'a> TrainingPictures<'a> {
         }
         let per_second = steps as f64 / started.elapsed().as_secs_f64();
         let (law, gaussians) = (self.law.name(), self.made.gaussians.len());
-        let of = format!("step of {gaussians}, {}, {law}", pixels(self.size));
-        tables.time_kernels(bench, &of, timed, || (0..timed).try_for_each(|k| one(2 + steps + k).map(drop)))?;
-        let own = [
+        let label = format!("step of {gaussians}, {}, {law}", pixels(self.size));
+        tables.time_kernels(bench, &label, timed, || (0..timed).try_for_each(|k| one(2 + steps + k).map(drop)))?;
+        let cells = [
             TableCell::count(gaussians as u64),
             TableCell::text(pixels(self.size)),
             TableCell::text(law),
@@ -122,7 +122,7 @@ impl<'a> TrainingPictures<'a> {
             TableCell::number(losses[0], 5),
             TableCell::number(losses[1], 5),
         ];
-        tables.steps.row(own.into_iter().chain(bench.work(per_second, &least)));
+        tables.steps.row(cells.into_iter().chain(bench.work(per_second, &least)));
         Ok(())
     }
 }

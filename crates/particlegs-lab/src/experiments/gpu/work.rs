@@ -54,22 +54,22 @@ const ADAM: f64 = 15.0;
 
 impl DepthWork {
     /// Counts a scene in a view.
-    pub fn new(made: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
+    pub fn new(scene: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
         const RUN: usize = 4096;
-        let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
+        let (lens, levels, m) = (Lens::optical(view, size, &scene.bounds)?, levels(size), &scene.gaussians);
         let runs = parallel::map((0..m.len()).step_by(RUN), |start| {
-            let mut own = DepthWork { footprints: 0, additions: 0.0 };
+            let mut work = DepthWork { footprints: 0, additions: 0.0 };
             for g in
                 (start..m.len().min(start + RUN)).filter_map(|i| CameraGaussian::from_mixture(&lens, m, i, m.count[i]))
             {
                 pieces(&lens, &g, |moments| {
                     let Some(placed) = place(&levels, &g.footprint(&lens, &moments)) else { return };
                     let s = placed.stroke;
-                    own.footprints += 1;
-                    own.additions += PI * f64::from(-s.end) / (f64::from(s.along) * f64::from(s.down)).sqrt();
+                    work.footprints += 1;
+                    work.additions += PI * f64::from(-s.end) / (f64::from(s.along) * f64::from(s.down)).sqrt();
                 });
             }
-            own
+            work
         });
         let footprints = runs.iter().map(|run| run.footprints).sum();
         Ok(DepthWork { footprints, additions: runs.iter().map(|run| run.additions).sum() })
@@ -115,12 +115,12 @@ impl BlendWork {
     const SORTED: f64 = 20.0;
 
     /// Counts a scene in a view.
-    pub fn new(made: &TiledScene, view: &View, size: Size, context: &Context<'_>) -> Result<BlendWork> {
-        let Some(blend) = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY).blend() else {
+    pub fn new(scene: &TiledScene, view: &View, size: Size, context: &Context<'_>) -> Result<BlendWork> {
+        let Some(blend) = Scene::from_law(&scene.gaussians, scene.bounds, scene.radius, OPACITY).blend() else {
             return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });
         };
         let eye = Eye::new(view, size, &blend.frame)?;
-        let seen = blend.gaussians(&[(&made.gaussians, 1.0)], view, &eye, context)?;
+        let seen = blend.gaussians(&[(&scene.gaussians, 1.0)], view, &eye, context)?;
         let plan = Plan::new(&eye, seen.len(), |i| Some(seen[i]), CutOffs::PUBLISHED, context)?;
         let tiles = parallel::map_range(plan.tiles.number(), |tile| in_tile(&plan, tile, size));
         let [entries, blends] = [0, 1].map(|k| tiles.iter().map(|t| t[k]).sum());

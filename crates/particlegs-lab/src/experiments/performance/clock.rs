@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Instant;
 
-/// What times depend on besides the work: program, CPU, threads.
+/// Conditions that times depend on besides the work: program, CPU, threads.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Machine {
     commit: Option<&'static str>,
@@ -78,11 +78,11 @@ impl FrameTimes {
         TableCell::spread(&all, digits(Spread::new(&all).map_or(0.0, |s| s.median)))
     }
 
-    /// How many times faster these are than others, for each view that both have.
+    /// Speed-up of these over others, for each view that both have.
     pub fn faster_than(&self, others: &FrameTimes) -> Vec<f64> {
         let median = |v: &Vec<f64>| Some(Spread::new(v)?.median);
-        let of = |(own, other): (&Vec<f64>, &Vec<f64>)| Some(median(other)? / median(own)?);
-        self.views.iter().zip(&others.views).filter_map(of).collect()
+        let ratio = |(times, other): (&Vec<f64>, &Vec<f64>)| Some(median(other)? / median(times)?);
+        self.views.iter().zip(&others.views).filter_map(ratio).collect()
     }
 }
 

@@ -107,11 +107,11 @@ fn watch(child: &mut Child, context: &Context<'_>) -> Result<(std::process::Exit
 
 /// Bytes that no file backs, from /proc/PID/status; `None` if the process has ended.
 fn unbacked(status: &str) -> Option<u64> {
-    let of = |name: &str| {
+    let kibibytes_of = |name: &str| {
         let line = status.lines().find(|l| l.starts_with(name))?;
         line.split_whitespace().nth(1)?.parse::<u64>().ok()
     };
-    Some(1024 * (of("RssAnon:")? + of("RssShmem:").unwrap_or(0)))
+    Some(1024 * (kibibytes_of("RssAnon:")? + kibibytes_of("RssShmem:").unwrap_or(0)))
 }
 
 /// CPU seconds of this process's ended children; `None` without /proc.

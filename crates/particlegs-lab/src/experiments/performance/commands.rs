@@ -22,8 +22,8 @@ pub(super) struct CommandTiming {
 /// Decoding a model's file, and one picture of the model and of all particles.
 pub(super) fn measure(
     lab: &Lab<'_>,
-    of: &Snapshot,
-    made: &ModelBuild,
+    snapshot: &Snapshot,
+    build: &ModelBuild,
     sizes: &[Size],
     raw: &RawCopy<'_>,
     machine: &Machine,
@@ -31,13 +31,13 @@ pub(super) fn measure(
     let model = || {
         let path = raw.folder()?.join("model.pgs");
         if !path.exists() {
-            std::fs::write(&path, &made.bytes).map_err(|e| Error::io(&path, e))?;
+            std::fs::write(&path, &build.bytes).map_err(|e| Error::io(&path, e))?;
         }
         Ok::<_, Error>(path)
     };
-    let hash = blake3::hash(&made.bytes).to_hex()[..16].to_string();
+    let hash = blake3::hash(&build.bytes).to_hex()[..16].to_string();
     let times = |key: String, make: &dyn Fn(&std::path::Path) -> Result<Command>| {
-        let inputs = (&of.hash, &hash, &key, machine);
+        let inputs = (&snapshot.hash, &hash, &key, machine);
         let run_all = || {
             let folder = raw.folder()?;
             let one = |i: usize| {
@@ -64,11 +64,11 @@ pub(super) fn measure(
     })?;
     let mut all = vec![CommandTiming { what: "`info`: decode the model file".into(), runs: info }];
     for size in sizes {
-        let told = format!("one picture of {}x{}", size.width, size.height);
+        let picture = format!("one picture of {}x{}", size.width, size.height);
         let runs = drawing("render", &model, size)?;
-        all.push(CommandTiming { what: format!("`render`: {told} of the model"), runs });
+        all.push(CommandTiming { what: format!("`render`: {picture} of the model"), runs });
         let runs = drawing("reference", &|| raw.snapshot(), size)?;
-        all.push(CommandTiming { what: format!("`reference`: {told} of all particles"), runs });
+        all.push(CommandTiming { what: format!("`reference`: {picture} of all particles"), runs });
     }
     Ok(all)
 }
@@ -88,21 +88,21 @@ pub(super) fn table(
         row(&mut table, "`compress`: the model at that ratio, with its certificate", std::slice::from_ref(&all.ran));
     }
     timed.iter().for_each(|t| row(&mut table, &t.what, &t.runs));
-    for (size, found) in vtk {
-        let message = format!("VTK, including Python: load and draw all frames of {}x{}", size.width, size.height);
-        let ran = match found {
+    for (size, vtk_result) in vtk {
+        let label = format!("VTK, including Python: load and draw all frames of {}x{}", size.width, size.height);
+        let ran = match vtk_result {
             Ok(v) => CommandRun { cost: Some(v.cost.clone()), said: String::new() },
             // The notes say why.
             Err(_) => CommandRun { cost: None, said: String::new() },
         };
-        row(&mut table, &message, &[ran]);
+        row(&mut table, &label, &[ran]);
     }
     table
 }
 
-fn row(table: &mut ResultTable, what: &str, runs: &[CommandRun]) {
+fn row(table: &mut ResultTable, label: &str, runs: &[CommandRun]) {
     let costs: Vec<&Cost> = runs.iter().filter_map(|r| r.cost.as_ref()).collect();
-    let name = TableCell::text(what);
+    let name = TableCell::text(label);
     match costs[..] {
         [] => {
             let why = runs.first().map_or("", |r| &r.said);
@@ -111,8 +111,8 @@ fn row(table: &mut ResultTable, what: &str, runs: &[CommandRun]) {
         }
         [one] => table.row(std::iter::once(name).chain(one.cells())),
         _ => {
-            let spread = |of: &dyn Fn(&Cost) -> Option<f64>, most: usize| {
-                let values: Vec<f64> = costs.iter().filter_map(|c| of(c)).collect();
+            let spread = |measure: &dyn Fn(&Cost) -> Option<f64>, most: usize| {
+                let values: Vec<f64> = costs.iter().filter_map(|c| measure(c)).collect();
                 match Spread::new(&values) {
                     Some(s) => TableCell::spread(&values, digits(s.median).min(most)),
                     None => TableCell::text("not measured: no /proc"),

@@ -16,7 +16,7 @@ use std::process::Command;
 #[derive(Serialize, Deserialize)]
 pub(super) struct GrowthPoint {
     pub particles: u64,
-    /// How they were made from the snapshot.
+    /// Their origin in the snapshot, in words.
     pub what: String,
     /// Bytes of the file; `None` if the command failed.
     pub bytes: Option<u64>,
@@ -24,42 +24,47 @@ pub(super) struct GrowthPoint {
 }
 
 /// Random subsets, all particles, and, with full settings and a periodic box, four copies.
-pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &RawCopy<'_>, machine: &Machine) -> Result<Vec<GrowthPoint>> {
+pub(super) fn measure(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    raw: &RawCopy<'_>,
+    machine: &Machine,
+) -> Result<Vec<GrowthPoint>> {
     let parts: &[u64] = if lab.settings.quick { &[8, 2, 1] } else { &[64, 16, 4, 1] };
     let mut all = Vec::new();
     for part in parts {
-        let n = of.particles.len() as u64 / part;
+        let n = snapshot.particles.len() as u64 / part;
         if n > 0 {
             let sample = (*part > 1).then_some(n);
             let selection = Selection { sample, seed: lab.settings.seed, ..Selection::all() };
-            let message = if *part > 1 { format!("a random 1/{part}") } else { "all".into() };
-            all.push(one(lab, of, message, n, machine, |name| raw.written(name, Tiling::single(), selection))?);
+            let label = if *part > 1 { format!("a random 1/{part}") } else { "all".into() };
+            all.push(one(lab, snapshot, label, n, machine, |name| raw.written(name, Tiling::single(), selection))?);
         }
     }
-    if let (false, Ok(tiling)) = (lab.settings.quick, Tiling::new([2, 2, 1], &of.particles)) {
-        let (what, n) = ("2 x 2 x 1 copies of the box".to_string(), 4 * of.particles.len() as u64);
-        all.push(one(lab, of, what, n, machine, |name| raw.written(name, tiling, Selection::all()))?);
+    if let (false, Ok(tiling)) = (lab.settings.quick, Tiling::new([2, 2, 1], &snapshot.particles)) {
+        let (label, n) = ("2 x 2 x 1 copies of the box".to_string(), 4 * snapshot.particles.len() as u64);
+        all.push(one(lab, snapshot, label, n, machine, |name| raw.written(name, tiling, Selection::all()))?);
     }
     Ok(all)
 }
 
 fn one(
     lab: &Lab<'_>,
-    of: &Snapshot,
-    what: String,
+    snapshot: &Snapshot,
+    label: String,
     particles: u64,
     machine: &Machine,
     write: impl FnOnce(&str) -> Result<std::path::PathBuf>,
 ) -> Result<GrowthPoint> {
-    let inputs = (&of.hash, particles, COMPARED, lab.settings.seed, machine);
+    let inputs = (&snapshot.hash, particles, COMPARED, lab.settings.seed, machine);
     let compressed = || {
-        let snapshot = write(&format!("n{particles}"))?;
-        let parent = snapshot.parent().unwrap_or(&snapshot).to_path_buf();
+        let path = write(&format!("n{particles}"))?;
+        let parent = path.parent().unwrap_or(&path).to_path_buf();
         let out = parent.join(format!("n{particles}.pgs"));
-        let mut command = compress(lab, &snapshot, &out);
+        let mut command = compress(lab, &path, &out);
         let ran = run(&mut command, "", &parent, lab.context)?;
         let bytes = ran.cost.is_some().then(|| std::fs::metadata(&out).map(|m| m.len()).ok()).flatten();
-        Ok(GrowthPoint { particles, what, bytes, ran })
+        Ok(GrowthPoint { particles, what: label, bytes, ran })
     };
     lab.store.result_if("timed-growth", &inputs, compressed, |g: &GrowthPoint| !g.ran.failed())
 }
@@ -119,8 +124,8 @@ pub(super) fn not(why: &str) -> String {
 
 /// Seconds and memory by the number of particles.
 pub(super) fn plots(all: &[GrowthPoint]) -> Vec<Plot> {
-    let plot = |name: &str, title: &str, y: &str, of: fn(&GrowthPoint) -> Option<f64>| {
-        let points: Vec<Point> = all.iter().filter_map(|g| Some(Point::new(g.particles as f64, of(g)?))).collect();
+    let plot = |name: &str, title: &str, y: &str, measure: fn(&GrowthPoint) -> Option<f64>| {
+        let points: Vec<Point> = all.iter().filter_map(|g| Some(Point::new(g.particles as f64, measure(g)?))).collect();
         let mut series = vec![PlotSeries { name: "compress".into(), style: 0, dashed: false, points }];
         series.extend(proportional(&series[0].points));
         let (x, y) = (PlotAxis::logarithmic("particles"), PlotAxis::logarithmic(y));

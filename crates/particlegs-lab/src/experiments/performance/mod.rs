@@ -38,25 +38,25 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
-    let (of, machine) = (&snapshots[0], Machine::here());
-    let raw = RawCopy::new(lab, of);
-    let opening = ours::opening(lab, of, &machine)?;
+    let (snapshot, machine) = (&snapshots[0], Machine::here());
+    let raw = RawCopy::new(lab, snapshot);
+    let opening = ours::opening(lab, snapshot, &machine)?;
     let efforts = [("fast", Effort::Fast), ("default", Effort::Default)];
     let compressions = efforts
         .into_iter()
-        .map(|(name, effort)| Ok((name, ours::compression(lab, of, effort, &machine)?)))
+        .map(|(name, effort)| Ok((name, ours::compression(lab, snapshot, effort, &machine)?)))
         .collect::<Result<Vec<_>>>()?;
-    let made = lab.model(of, &ours::recipe(lab, Effort::Default))?;
-    let decoding = ours::decoding(lab, of, &made, &machine)?;
+    let build = lab.model(snapshot, &ours::recipe(lab, Effort::Default))?;
+    let decoding = ours::decoding(lab, snapshot, &build, &machine)?;
     let sizes = views::sizes(lab);
-    let timed = commands::measure(lab, of, &made, &sizes, &raw, &machine)?;
-    let grown = growth::measure(lab, of, &raw, &machine)?;
-    let all = frames(lab, of, &made, &sizes, &raw, &machine)?;
-    let scale = scale::measure(lab, of)?;
+    let timed = commands::measure(lab, snapshot, &build, &sizes, &raw, &machine)?;
+    let grown = growth::measure(lab, snapshot, &raw, &machine)?;
+    let all = frames(lab, snapshot, &build, &sizes, &raw, &machine)?;
+    let scale = scale::measure(lab, snapshot)?;
 
     let steps = StartupTimes { opening: &opening, decoding: &decoding, compressions: &compressions };
     let timings = PerformanceTimings { steps: &steps, frames: &all, grown: &grown, commands: &timed, scale: &scale };
-    let notes = notes::notes(of, &timings, &machine);
+    let notes = notes::notes(snapshot, &timings, &machine);
     let mut tables = vec![tables::frames(&all), tables::steps(&steps, &all), tables::phases(&compressions)];
     tables.extend(tables::agreement(&all));
     let vtk: Vec<_> = all.into_iter().map(|a| (a.size, a.vtk)).collect();
@@ -68,8 +68,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
 /// All renderers at every size; pictures are compared at the first.
 fn frames(
     lab: &Lab<'_>,
-    of: &Snapshot,
-    made: &ModelBuild,
+    snapshot: &Snapshot,
+    build: &ModelBuild,
     sizes: &[Size],
     raw: &RawCopy<'_>,
     machine: &Machine,
@@ -77,15 +77,15 @@ fn frames(
     lab.context.begin("frames", 4 * sizes.len() as u64);
     let mut all = Vec::new();
     for size in sizes {
-        let shots = TimingViews::new(lab, &made.model.metadata, *size);
-        let ours = |what: RenderSource| {
-            let frames = ours::frames(lab, of, what, made, &shots, machine);
+        let shots = TimingViews::new(lab, &build.model.metadata, *size);
+        let ours = |source: RenderSource| {
+            let frames = ours::frames(lab, snapshot, source, build, &shots, machine);
             lab.context.advance(1);
             frames
         };
         let (model, paraview, expected) =
             (ours(RenderSource::Model)?, ours(RenderSource::Paraview)?, ours(RenderSource::Expected)?);
-        let vtk = point_gaussian::measure(lab, of, &shots, all.is_empty(), raw, machine)?;
+        let vtk = point_gaussian::measure(lab, snapshot, &shots, all.is_empty(), raw, machine)?;
         lab.context.advance(1);
         all.push(SizeTimings { size: *size, model, paraview, expected, vtk });
     }

@@ -20,7 +20,7 @@ pub(super) struct PerformanceTimings<'a> {
     pub scale: &'a ScaleBlocks,
 }
 
-pub(super) fn notes(of: &Snapshot, all: &PerformanceTimings<'_>, machine: &Machine) -> Vec<String> {
+pub(super) fn notes(snapshot: &Snapshot, all: &PerformanceTimings<'_>, machine: &Machine) -> Vec<String> {
     let gaussians = all.steps.compressions.last().map_or(0, |c| c.1.gaussians);
     let mut notes = vec![
         format!(
@@ -32,7 +32,7 @@ pub(super) fn notes(of: &Snapshot, all: &PerformanceTimings<'_>, machine: &Machi
              published ranges with one camera. The model's frames were drawn three times each, the others once. \
              Speed-ups are ratios for the same view in the same run.",
             machine.describe(),
-            of.particles.len(),
+            snapshot.particles.len(),
         ),
         format!(
             "The paper used an {}, {:.0} million particles and {:.0} thousand Gaussians. Machine and number of \
@@ -87,11 +87,11 @@ fn vtk(all: &[SizeTimings]) -> Vec<String> {
 }
 
 fn growth(grown: &[GrowthPoint]) -> Option<String> {
-    let of = |f: fn(&Cost) -> Option<f64>| {
+    let growth_power = |f: fn(&Cost) -> Option<f64>| {
         scale::power(grown.iter().filter_map(|g| Some([g.particles as f64, f(g.ran.cost.as_ref()?)?])))
     };
-    let seconds = of(|c| Some(c.seconds))?;
-    let memory = of(|c| c.peak.map(|b| b as f64));
+    let seconds = growth_power(|c| Some(c.seconds))?;
+    let memory = growth_power(|c| c.peak.map(|b| b as f64));
     let memory = memory.map_or(String::new(), |m| format!(", and peak memory as N^{m:.2}"));
     Some(format!(
         "Growth: for these numbers of particles N, the time of a compression grows as N^{seconds:.2}{memory} (least \
@@ -129,11 +129,11 @@ fn loads(all: &PerformanceTimings<'_>) -> String {
     loads.extend(all.steps.compressions.iter().map(|c| c.1.load));
     loads.extend([all.steps.decoding.load, all.steps.opening.as_ref().and_then(|t| t.load)]);
     let loads: Vec<f64> = loads.into_iter().flatten().collect();
-    let told = Spread::new(&loads).map_or("is not available on this system".into(), |s| {
+    let load_text = Spread::new(&loads).map_or("is not available on this system".into(), |s| {
         format!("was {:.1} ({:.1} to {:.1}) during the measurements", s.median, s.low, s.high)
     });
     format!(
-        "The load of the machine (mean number of runnable processes over a minute, with this one) {told}. If it \
+        "The load of the machine (mean number of runnable processes over a minute, with this one) {load_text}. If it \
          exceeds the number of threads, the machine was busy. Like all results, times are stored by commit, CPU and \
          number of threads: to measure again, use another folder."
     )

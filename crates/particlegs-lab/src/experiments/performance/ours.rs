@@ -40,33 +40,33 @@ pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> ModelSettings {
 }
 
 /// Opening, reading and checking the snapshot; `None` if it was read with options.
-pub(super) fn opening(lab: &Lab<'_>, of: &Snapshot, machine: &Machine) -> Result<Option<Times>> {
-    lab.store.result("timed-opening", &(&of.hash, &of.path, machine), || {
+pub(super) fn opening(lab: &Lab<'_>, snapshot: &Snapshot, machine: &Machine) -> Result<Option<Times>> {
+    lab.store.result("timed-opening", &(&snapshot.hash, &snapshot.path, machine), || {
         let choice = Choice::default();
-        let read = || choice.read(std::slice::from_ref(&of.path), &Storage::Memory, lab.context);
-        let same = read().ok().is_some_and(|p| p.source_hash() == of.particles.source_hash());
+        let read = || choice.read(std::slice::from_ref(&snapshot.path), &Storage::Memory, lab.context);
+        let same = read().ok().is_some_and(|p| p.source_hash() == snapshot.particles.source_hash());
         if same { Times::new(TIMES, read).map(Some) } else { Ok(None) }
     })
 }
 
 /// A compression; its model is cached for the other experiments.
-pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine: &Machine) -> Result<Phases> {
+pub(super) fn compression(lab: &Lab<'_>, snapshot: &Snapshot, effort: Effort, machine: &Machine) -> Result<Phases> {
     let recipe = recipe(lab, effort);
-    lab.store.result("timed-compression", &(&of.hash, &recipe, machine), || {
+    lab.store.result("timed-compression", &(&snapshot.hash, &recipe, machine), || {
         let start = std::time::Instant::now();
-        let done = compress(&of.particles, &recipe.options(), &mut NoCheckpoints, lab.context)?;
+        let done = compress(&snapshot.particles, &recipe.options(), &mut NoCheckpoints, lab.context)?;
         let seconds = start.elapsed().as_secs_f64();
         let phases = done.seconds.iter().map(|(name, s)| (name.to_string(), *s)).collect();
         let (bytes, gaussians) = (done.bytes.len() as u64, done.model.gaussians() as u64);
-        lab.keep(of, &recipe, done, seconds)?;
+        lab.keep(snapshot, &recipe, done, seconds)?;
         Ok(Phases { phases, seconds, bytes, gaussians, load: load() })
     })
 }
 
-pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &ModelBuild, machine: &Machine) -> Result<Times> {
-    let key = (&of.hash, recipe(lab, Effort::Default), machine);
+pub(super) fn decoding(lab: &Lab<'_>, snapshot: &Snapshot, build: &ModelBuild, machine: &Machine) -> Result<Times> {
+    let key = (&snapshot.hash, recipe(lab, Effort::Default), machine);
     lab.store.result("timed-decoding", &key, || {
-        Times::new(TIMES, || codec::decode_with(&made.bytes, "the model", lab.context))
+        Times::new(TIMES, || codec::decode_with(&build.bytes, "the model", lab.context))
     })
 }
 
@@ -91,35 +91,39 @@ pub(super) struct FrameTimings {
 /// particles has none.
 pub(super) fn frames(
     lab: &Lab<'_>,
-    of: &Snapshot,
-    what: RenderSource,
-    made: &ModelBuild,
+    snapshot: &Snapshot,
+    source: RenderSource,
+    build: &ModelBuild,
     shots: &TimingViews,
     machine: &Machine,
 ) -> Result<FrameTimings> {
-    lab.store.result("timed-frames", &(&of.hash, what, shots.key(), recipe(lab, Effort::Default), machine), || {
-        let (scene, mut scratch) = (Scene::new(&made.model), Scratch::default());
-        let reference = Reference::new(&of.particles);
-        let (times, look) = match what {
-            RenderSource::Model => (DRAWN, ToneStyle::Paraview),
-            RenderSource::Paraview => (1, ToneStyle::Paraview),
-            RenderSource::Expected => (1, ToneStyle::Expected),
-        };
-        let mut picture = Gray8::black(shots.size);
-        let mut draw = |view: &View| match what {
-            RenderSource::Model => {
-                let pixels = Pixels::new(shots.size, &mut picture.data)?;
-                draw_into(&scene, view, look, pixels, &mut scratch, lab.context)
-            }
-            _ => reference.draw(view, shots.size, look, lab.context).map(drop),
-        };
-        // The first frame allocates memory.
-        draw(&shots.first)?;
-        Ok(FrameTimings {
-            cameras: each(&shots.cameras, times, &mut draw)?,
-            settings: each(&shots.settings, times, &mut draw)?,
-        })
-    })
+    lab.store.result(
+        "timed-frames",
+        &(&snapshot.hash, source, shots.key(), recipe(lab, Effort::Default), machine),
+        || {
+            let (scene, mut scratch) = (Scene::new(&build.model), Scratch::default());
+            let reference = Reference::new(&snapshot.particles);
+            let (times, look) = match source {
+                RenderSource::Model => (DRAWN, ToneStyle::Paraview),
+                RenderSource::Paraview => (1, ToneStyle::Paraview),
+                RenderSource::Expected => (1, ToneStyle::Expected),
+            };
+            let mut picture = Gray8::black(shots.size);
+            let mut draw = |view: &View| match source {
+                RenderSource::Model => {
+                    let pixels = Pixels::new(shots.size, &mut picture.data)?;
+                    draw_into(&scene, view, look, pixels, &mut scratch, lab.context)
+                }
+                _ => reference.draw(view, shots.size, look, lab.context).map(drop),
+            };
+            // The first frame allocates memory.
+            draw(&shots.first)?;
+            Ok(FrameTimings {
+                cameras: each(&shots.cameras, times, &mut draw)?,
+                settings: each(&shots.settings, times, &mut draw)?,
+            })
+        },
+    )
 }
 
 fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>) -> Result<FrameTimes> {
@@ -128,7 +132,7 @@ fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>)
 }
 
 /// All particles in the first view by our renderer, to compare with VTK.
-pub(super) fn picture(lab: &Lab<'_>, of: &Snapshot, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
-    let key = ("all particles", &of.hash, crate::views::cache_key(view, size), look.name());
-    crate::views::kept_picture(lab, &key, || Reference::new(&of.particles).draw(view, size, look, lab.context))
+pub(super) fn picture(lab: &Lab<'_>, snapshot: &Snapshot, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
+    let key = ("all particles", &snapshot.hash, crate::views::cache_key(view, size), look.name());
+    crate::views::kept_picture(lab, &key, || Reference::new(&snapshot.particles).draw(view, size, look, lab.context))
 }

@@ -78,7 +78,7 @@ fn installed(python: &Path) -> Option<String> {
 /// next time.
 pub(super) fn measure(
     lab: &Lab<'_>,
-    of: &Snapshot,
+    snapshot: &Snapshot,
     shots: &TimingViews,
     compared: bool,
     raw: &RawCopy<'_>,
@@ -88,9 +88,9 @@ pub(super) fn measure(
         return Ok(Err("it needs a Python with the packages of lab/requirements.txt".into()));
     };
     let script = blake3::hash(SCRIPT.as_bytes()).to_hex()[..16].to_string();
-    let key = (&of.hash, shots.key(), limit(lab), compared, (script, installed(python)), machine);
-    let kept = lab.store.result("timed-vtk", &key, || child(lab, of, shots, compared, raw, python));
-    match kept {
+    let key = (&snapshot.hash, shots.key(), limit(lab), compared, (script, installed(python)), machine);
+    let timings = lab.store.result("timed-vtk", &key, || child(lab, snapshot, shots, compared, raw, python));
+    match timings {
         Err(Error::Input { what, .. }) => Ok(Err(what)),
         other => other.map(Ok),
     }
@@ -98,7 +98,7 @@ pub(super) fn measure(
 
 fn child(
     lab: &Lab<'_>,
-    of: &Snapshot,
+    snapshot: &Snapshot,
     shots: &TimingViews,
     compared: bool,
     raw: &RawCopy<'_>,
@@ -122,8 +122,8 @@ fn child(
         .map_err(|e| Error::input(python, format!("the answer does not come from lab/point_gaussian.py: {e}")))?;
     let agrees = match compared {
         true => Some([
-            agreement(lab, of, shots, folder, "plain.gray", ToneStyle::ParaviewNoFxaa)?,
-            agreement(lab, of, shots, folder, "fxaa.gray", ToneStyle::Paraview)?,
+            agreement(lab, snapshot, shots, folder, "plain.gray", ToneStyle::ParaviewNoFxaa)?,
+            agreement(lab, snapshot, shots, folder, "fxaa.gray", ToneStyle::Paraview)?,
         ]),
         false => None,
     };
@@ -142,7 +142,7 @@ fn child(
 
 fn agreement(
     lab: &Lab<'_>,
-    of: &Snapshot,
+    snapshot: &Snapshot,
     shots: &TimingViews,
     folder: &Path,
     name: &str,
@@ -153,7 +153,7 @@ fn agreement(
     if data.len() != size.pixels() {
         return Err(Error::input(&path, format!("has {} pixels, not {}", data.len(), size.pixels())));
     }
-    Ok(Agreement::new(&Gray8 { size, data }, &ours::picture(lab, of, &shots.first, size, look)?))
+    Ok(Agreement::new(&Gray8 { size, data }, &ours::picture(lab, snapshot, &shots.first, size, look)?))
 }
 
 #[cfg(test)]
@@ -169,16 +169,16 @@ mod tests {
 
     /// VTK of so many particles by a Python, in a folder of its own.
     fn measured(python: Option<PathBuf>) -> std::result::Result<PointGaussian, String> {
-        let of = Snapshot::new("s".into(), "s".into(), lattice(3000, |v| (v / 100.0).powi(2)), None);
+        let snapshot = Snapshot::new("s".into(), "s".into(), lattice(3000, |v| (v / 100.0).powi(2)), None);
         let folder = tempfile::tempdir().unwrap();
         let lab = Lab::new(Settings { size: SIZE, ..Settings::new(true, "".into()) }, folder.path(), &Context::SILENT);
         let mut lab = lab.unwrap();
         lab.settings.python = python;
-        let mut model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
+        let mut model = lab.model(&snapshot, &ModelSettings::ratio(10.0, 1)).unwrap().model;
         // Splats that are seen.
         model.metadata.default_radius *= 10.0;
         let shots = TimingViews::new(&lab, &model.metadata, SIZE);
-        measure(&lab, &of, &shots, true, &RawCopy::new(&lab, &of), &Machine::here()).unwrap()
+        measure(&lab, &snapshot, &shots, true, &RawCopy::new(&lab, &snapshot), &Machine::here()).unwrap()
     }
 
     #[test]
@@ -192,12 +192,12 @@ mod tests {
     #[test]
     fn vtk_draws_the_same_picture() {
         let Some(python) = std::env::var_os("PARTICLEGS_LAB_PYTHON") else { return };
-        let found = measured(Some(python.into())).unwrap();
-        let [plain, _] = found.agrees.unwrap();
+        let timings = measured(Some(python.into())).unwrap();
+        let [plain, _] = timings.agrees.unwrap();
         // Pixels at the very edge of a splat may fall to either side.
         assert!(plain.psnr.is_none_or(|d| d > 60.0) && plain.differ < 0.01, "{plain:?}");
-        assert_eq!((found.cameras.views.len(), found.settings.views.len()), (3, 3));
-        assert!(found.first > 0.0 && !found.opengl.is_empty(), "{found:?}");
+        assert_eq!((timings.cameras.views.len(), timings.settings.views.len()), (3, 3));
+        assert!(timings.first > 0.0 && !timings.opengl.is_empty(), "{timings:?}");
     }
 
     #[test]

@@ -16,8 +16,8 @@ pub(super) struct RawCopy<'a> {
 }
 
 impl<'a> RawCopy<'a> {
-    pub fn new(lab: &'a Lab<'a>, of: &'a Snapshot) -> RawCopy<'a> {
-        RawCopy { lab, of, set: OnceCell::new() }
+    pub fn new(lab: &'a Lab<'a>, snapshot: &'a Snapshot) -> RawCopy<'a> {
+        RawCopy { lab, of: snapshot, set: OnceCell::new() }
     }
 
     pub fn folder(&self) -> Result<&Path> {
@@ -35,8 +35,8 @@ impl<'a> RawCopy<'a> {
     pub fn written(&self, name: &str, tiling: Tiling, selection: Selection) -> Result<PathBuf> {
         let path = self.folder()?.join(name);
         if !path.exists() {
-            let kept = SelectedParticles::new(&self.of.particles, tiling, selection, self.lab.context)?;
-            kept.write_raw(&path, RawForm::Columns, self.lab.context)?;
+            let particles = SelectedParticles::new(&self.of.particles, tiling, selection, self.lab.context)?;
+            particles.write_raw(&path, RawForm::Columns, self.lab.context)?;
         }
         Ok(path)
     }

@@ -24,7 +24,7 @@ const HALVINGS: [u32; 5] = [4, 3, 2, 1, 0];
 /// Size, and number per orbit, of the pictures that measure quality, as in the search of `compress`.
 const SIZE: Size = Size { width: 1920, height: 1080 };
 const FRAMES: usize = 2;
-/// How far the target is below the whole box's score, dB: means over six views of one model differ by about as much.
+/// Distance of the target below the whole box's score, dB: means over six views of one model differ by about as much.
 pub(super) const BELOW: f64 = 1.0;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -47,13 +47,13 @@ pub(super) struct ScaleBlocks {
 
 /// Blocks at the lower and upper corner of the box, smallest first; with quick settings only the lower, and three
 /// sizes.
-pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<ScaleBlocks> {
-    let quality = quality(lab, of)?;
+pub(super) fn measure(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<ScaleBlocks> {
+    let quality = quality(lab, snapshot)?;
     let (least, corners): (u32, &[bool]) = if lab.settings.quick { (2, &[false]) } else { (4, &[false, true]) };
     let mut blocks = Vec::new();
     for halvings in HALVINGS.into_iter().filter(|h| *h <= least) {
         for upper in corners.iter().take(if halvings == 0 { 1 } else { 2 }) {
-            blocks.push(block(lab, of, halvings, *upper, quality)?);
+            blocks.push(block(lab, snapshot, halvings, *upper, quality)?);
         }
     }
     blocks.sort_by_key(|b| b.particles);
@@ -61,11 +61,11 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<ScaleBlocks> {
 }
 
 /// [`BELOW`] the whole box's score at the compared ratio, in tenths of a decibel.
-fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
+fn quality(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
     let recipe = recipe(Target::Ratio(COMPARED), lab.settings.seed);
-    let scored = lab.store.result("scale-quality", &(&of.hash, &recipe, SIZE, FRAMES), || {
-        let model = lab.model(of, &recipe)?.model;
-        let (scene, truth) = (Scene::new(&model), Reference::new(&of.particles));
+    let scored = lab.store.result("scale-quality", &(&snapshot.hash, &recipe, SIZE, FRAMES), || {
+        let model = lab.model(snapshot, &recipe)?.model;
+        let (scene, truth) = (Scene::new(&model), Reference::new(&snapshot.particles));
         let views = evaluation_views(&model.metadata, SIZE, recipe.seed, FRAMES);
         let of_view = |view| {
             let drawn = draw(&scene, view, SIZE, ToneStyle::Expected, lab.context)?;
@@ -75,7 +75,7 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
         let scores: Vec<f64> = scores.into_iter().flatten().collect();
         Ok((!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64))
     })?;
-    let scored = scored.ok_or_else(|| Error::input(&of.name, "its pictures are identical to the model's"))?;
+    let scored = scored.ok_or_else(|| Error::input(&snapshot.name, "its pictures are identical to the model's"))?;
     Ok((10.0 * (scored - BELOW)).floor() / 10.0)
 }
 
@@ -100,13 +100,14 @@ fn corner(all: &Bounds, halvings: u32, upper: bool) -> Bounds {
     b
 }
 
-fn block(lab: &Lab<'_>, of: &Snapshot, halvings: u32, upper: bool, quality: f64) -> Result<ScaleBlock> {
+fn block(lab: &Lab<'_>, snapshot: &Snapshot, halvings: u32, upper: bool, quality: f64) -> Result<ScaleBlock> {
     let recipe = recipe(Target::Psnr(quality), lab.settings.seed);
-    let region = corner(&of.particles.bounds(), halvings, upper);
-    let key = (&of.hash, halvings, format!("{region:?}"), &recipe);
+    let region = corner(&snapshot.particles.bounds(), halvings, upper);
+    let key = (&snapshot.hash, halvings, format!("{region:?}"), &recipe);
     lab.store.result("scale-block", &key, || {
         let crop = (halvings > 0).then_some(region);
-        let particles = of.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.context)?;
+        let particles =
+            snapshot.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.context)?;
         let model = match compress(&particles, &recipe.options(), &mut NoCheckpoints, lab.context) {
             Ok(done) => Ok([done.bytes.len() as u64, done.model.gaussians() as u64]),
             // A block without particles, or below the quality, records the reason.
@@ -121,10 +122,10 @@ impl ScaleBlocks {
     /// Exponents of bytes and Gaussians over particles, by least squares in logarithms; `None` for fewer than two
     /// blocks.
     pub fn powers(&self) -> Option<[f64; 2]> {
-        let of = |k: usize| {
+        let power_of = |k: usize| {
             power(self.blocks.iter().filter_map(|b| Some([b.particles as f64, b.model.as_ref().ok()?[k] as f64])))
         };
-        Some([of(0)?, of(1)?])
+        Some([power_of(0)?, power_of(1)?])
     }
 
     pub fn table(&self) -> ResultTable {
@@ -165,14 +166,14 @@ impl ScaleBlocks {
 
     pub fn plot(&self) -> Plot {
         let point = |b: &ScaleBlock| Some(Point::new(b.particles as f64, b.model.as_ref().ok()?[0] as f64));
-        let of = |name: &str, style, upper| {
+        let corner_series = |name: &str, style, upper| {
             // The whole box is the last point of both.
-            let own = self.blocks.iter().filter(|b| b.upper == upper || b.halvings == 0);
-            PlotSeries { name: name.into(), style, dashed: false, points: own.filter_map(point).collect() }
+            let blocks = self.blocks.iter().filter(|b| b.upper == upper || b.halvings == 0);
+            PlotSeries { name: name.into(), style, dashed: false, points: blocks.filter_map(point).collect() }
         };
-        let mut series = vec![of("lower corner", 0, false)];
+        let mut series = vec![corner_series("lower corner", 0, false)];
         if self.blocks.iter().any(|b| b.upper) {
-            series.push(of("upper corner", 1, true));
+            series.push(corner_series("upper corner", 1, true));
         }
         series.extend(proportional(&series[0].points));
         Plot {
@@ -191,7 +192,7 @@ pub(super) fn power(points: impl Iterator<Item = [f64; 2]>) -> Option<f64> {
     let logs: Vec<[f64; 2]> = points.map(|p| p.map(f64::ln)).collect();
     let mean = |k: usize| logs.iter().map(|p| p[k]).sum::<f64>() / logs.len() as f64;
     let [mx, my] = [mean(0), mean(1)];
-    let sum = |of: &dyn Fn(&[f64; 2]) -> f64| logs.iter().map(of).sum::<f64>();
+    let sum = |term: &dyn Fn(&[f64; 2]) -> f64| logs.iter().map(term).sum::<f64>();
     let slope = sum(&|p| (p[0] - mx) * (p[1] - my)) / sum(&|p| (p[0] - mx).powi(2));
     (logs.len() > 1 && slope.is_finite()).then_some(slope)
 }

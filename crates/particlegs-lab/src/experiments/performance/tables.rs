@@ -45,7 +45,7 @@ pub(super) fn frames(all: &[SizeTimings]) -> ResultTable {
             let (model, paraview) = (pick(&at.model), pick(&at.paraview));
             let vtk = at.vtk.as_ref().map(|v| if settings { &v.settings } else { &v.cameras });
             let published = paper::frame(at.size.height, settings);
-            let of = |value: fn(&paper::PublishedFrame) -> f64, digits| {
+            let published_cell = |value: fn(&paper::PublishedFrame) -> f64, digits| {
                 TableCell::number(published.as_ref().map(value), digits)
             };
             table.row([
@@ -57,9 +57,9 @@ pub(super) fn frames(all: &[SizeTimings]) -> ResultTable {
                 vtk.map_or_else(|_| TableCell::text("not measured"), FrameTimes::cell),
                 TableCell::spread(&model.faster_than(paraview), 1),
                 vtk.map_or(TableCell::Empty, |v| TableCell::spread(&model.faster_than(v), 0)),
-                of(|f| f.paraview, 0),
-                of(|f| f.published, 2),
-                of(|f| f.ratio, 0),
+                published_cell(|f| f.paraview, 0),
+                published_cell(|f| f.published, 2),
+                published_cell(|f| f.ratio, 0),
             ]);
         }
     }

@@ -1,4 +1,4 @@
-//! Which analyses recovered particles support, judged only by the numbers of the other tables.
+//! Analyses that recovered particles support, judged only by the numbers of the other tables.
 
 use super::facts::Facts;
 use super::{RecoveryMeasurements, SizeRecovery};

@@ -14,7 +14,7 @@ use particlegs_particles::Particles;
 pub(super) const METHODS: [Method; 6] =
     [Method::Count, Method::Stratified, Method::Spaced, Method::Volume, Method::Ellipsoid, Method::Grid];
 
-/// What to measure on a set of particles.
+/// The measurements on a set of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum MeasurementScope {
     /// Density, spectra, xi, groups, neighbours.
@@ -107,8 +107,8 @@ impl RecoverySource<'_> {
 
     /// The decoded model and its file.
     pub fn model(&self) -> Result<(Model, Vec<u8>)> {
-        let made = self.lab.model(self.snapshot, &self.recipe)?;
-        Ok((made.model, made.bytes))
+        let build = self.lab.model(self.snapshot, &self.recipe)?;
+        Ok((build.model, build.bytes))
     }
 
     /// As many particles as the snapshot has, as `particlegs recover` writes them.

@@ -123,8 +123,8 @@ fn of_size(drawn: &RecoverySource<'_>) -> Result<SizeRecovery> {
 }
 
 fn of_blocks(drawn: &RecoverySource<'_>) -> Result<BlocksRecovery> {
-    let of = |depth| drawn.facts_of_seeds(Method::Count, depth);
-    let (all, paper) = (of(MeasurementScope::All)?, of(MeasurementScope::Paper)?);
+    let facts_of = |depth| drawn.facts_of_seeds(Method::Count, depth);
+    let (all, paper) = (facts_of(MeasurementScope::All)?, facts_of(MeasurementScope::Paper)?);
     drawn.lab.context.advance(1);
     Ok(BlocksRecovery { blocks: drawn.recipe.blocks, size: drawn.size()?, all, paper })
 }

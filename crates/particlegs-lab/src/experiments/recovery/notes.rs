@@ -6,7 +6,7 @@ use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs_fit::recover::Method;
 
-/// How it was measured, and what differs from the paper and why.
+/// Notes on the measurements, and on differences from the paper and their reasons.
 pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) -> Vec<String> {
     let n = snapshot.particles.len();
     let o = MeasurementScope::All.options(n, lab.settings.quick);
@@ -68,11 +68,12 @@ pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) 
 
 /// Summary of the tables at the ratio of the methods.
 fn found(m: &RecoveryMeasurements) -> String {
-    let median = |method: Method, of: fn(&super::Facts) -> Option<f64>| {
+    let median = |method: Method, measure: fn(&super::Facts) -> Option<f64>| {
         let facts = m.methods.iter().find(|o| o.method == method)?;
-        crate::results::Spread::new(&facts.all.iter().filter_map(of).collect::<Vec<_>>()).map(|s| s.median)
+        crate::results::Spread::new(&facts.all.iter().filter_map(measure).collect::<Vec<_>>()).map(|s| s.median)
     };
-    let said = |method, of, digits: usize| median(method, of).map_or("–".into(), |v| format!("{v:.digits$}"));
+    let said =
+        |method, measure, digits: usize| median(method, measure).map_or("–".into(), |v| format!("{v:.digits$}"));
     let best = m.methods.iter().filter_map(|o| Some((o.method, median(o.method, |f| f.correlation)?)));
     let best = best.max_by(|a, b| a.1.total_cmp(&b.1)).map_or("none", |b| b.0.name());
     format!(

@@ -49,8 +49,8 @@ fn shells(facts: &Facts) -> Vec<Power> {
             None => joined.push((bin, vec![*s])),
         }
     }
-    let mean = |list: &[Power], of: fn(&Power) -> Option<f64>| {
-        let values: Vec<f64> = list.iter().filter_map(of).collect();
+    let mean = |list: &[Power], measure: fn(&Power) -> Option<f64>| {
+        let values: Vec<f64> = list.iter().filter_map(measure).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     };
     let one = |(_, list): (i64, Vec<Power>)| Power {
@@ -61,20 +61,20 @@ fn shells(facts: &Facts) -> Vec<Power> {
     joined.into_iter().map(one).collect()
 }
 
-fn power_points(facts: &[Facts], of: fn(&Power) -> Option<f64>) -> Vec<Point> {
-    points(&facts.iter().map(shells).collect::<Vec<_>>(), |s| s.k, of)
+fn power_points(facts: &[Facts], measure: fn(&Power) -> Option<f64>) -> Vec<Point> {
+    points(&facts.iter().map(shells).collect::<Vec<_>>(), |s| s.k, measure)
 }
 
-fn xi_points(facts: &[Facts], of: fn(&Xi) -> Option<f64>) -> Vec<Point> {
-    points(&facts.iter().map(|f| f.xi.clone()).collect::<Vec<_>>(), Xi::middle, of)
+fn xi_points(facts: &[Facts], measure: fn(&Xi) -> Option<f64>) -> Vec<Point> {
+    points(&facts.iter().map(|f| f.xi.clone()).collect::<Vec<_>>(), Xi::middle, measure)
 }
 
-fn of_methods(m: &RecoveryMeasurements, of: impl Fn(&MethodRecovery) -> Vec<Point>) -> Vec<PlotSeries> {
+fn of_methods(m: &RecoveryMeasurements, points_of: impl Fn(&MethodRecovery) -> Vec<Point>) -> Vec<PlotSeries> {
     let one = |(style, o): (usize, &MethodRecovery)| PlotSeries {
         name: tables::name(o.method),
         style,
         dashed: tables::name(o.method) != o.method.name() && style > 0,
-        points: of(o),
+        points: points_of(o),
     };
     m.methods.iter().enumerate().map(one).collect()
 }

@@ -25,14 +25,14 @@ pub(super) fn name(method: Method) -> String {
 }
 
 /// One number over seeds.
-fn spread(facts: &[Facts], digits: usize, of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
-    TableCell::spread(&facts.iter().filter_map(of).collect::<Vec<_>>(), digits)
+fn spread(facts: &[Facts], digits: usize, measure: impl Fn(&Facts) -> Option<f64>) -> TableCell {
+    TableCell::spread(&facts.iter().filter_map(measure).collect::<Vec<_>>(), digits)
 }
 
 /// Largest k of a limit over seeds; 0 if not even the first shell is within it.
-fn up_to(facts: &[Facts], of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
-    match facts.iter().any(|f| of(f).is_some()) {
-        true => spread(facts, 2, |f| Some(of(f).unwrap_or(0.0))),
+fn up_to(facts: &[Facts], measure: impl Fn(&Facts) -> Option<f64>) -> TableCell {
+    match facts.iter().any(|f| measure(f).is_some()) {
+        true => spread(facts, 2, |f| Some(measure(f).unwrap_or(0.0))),
         false => TableCell::text("nowhere"),
     }
 }
@@ -61,7 +61,7 @@ fn as_published(m: &RecoveryMeasurements, all: &[Facts], of_paper: &[Facts]) -> 
 fn published_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     let truth = m.methods.iter().find_map(|o| Some(o.paper.first()?.nearest?[0]));
     let truth = truth.map_or(String::new(), |t| format!(" (truth {t:.3})"));
-    let own = [
+    let columns = [
         "density correlation".to_string(),
         "MAE of delta".into(),
         format!("nearest neighbour: mean{truth}, {}", m.unit),
@@ -69,7 +69,7 @@ fn published_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
         "xi error, %: all bins".into(),
         "xi error, %: from one mean spacing".into(),
     ];
-    first.iter().map(|s| (*s).to_string()).chain(own).chain(PAPER.map(String::from)).collect()
+    first.iter().map(|s| (*s).to_string()).chain(columns).chain(PAPER.map(String::from)).collect()
 }
 
 fn table<const N: usize>(
@@ -105,7 +105,7 @@ fn of_blocks(m: &RecoveryMeasurements) -> ResultTable {
 
 fn spectrum_heads(m: &RecoveryMeasurements, first: &[&str], xi: bool) -> Vec<String> {
     let at = format!("at k, 1 / ({})", m.unit);
-    let own = [
+    let columns = [
         "density correlation",
         "MAE of delta",
         "P(k): largest deviation, %",
@@ -118,7 +118,7 @@ fn spectrum_heads(m: &RecoveryMeasurements, first: &[&str], xi: bool) -> Vec<Str
         "r at least 0.9 up to k",
     ];
     let xi = xi.then(|| format!("xi within 10 % from r, {}", m.unit));
-    first.iter().chain(&own).map(|s| (*s).to_string()).chain(xi).collect()
+    first.iter().chain(&columns).map(|s| (*s).to_string()).chain(xi).collect()
 }
 
 fn spectrum(facts: &[Facts], xi: bool) -> Vec<TableCell> {
@@ -219,9 +219,9 @@ mod tests {
     #[test]
     fn limits_that_no_shell_meets_are_shown_as_nowhere() {
         let facts = |k: Option<f64>| Facts { power_to: [k; 3], ..Facts::default() };
-        let of = |f: &Facts| f.power_to[0];
-        assert_eq!(up_to(&[facts(None), facts(None)], of), TableCell::text("nowhere"));
-        let some = up_to(&[facts(None), facts(Some(2.0)), facts(Some(4.0))], of);
+        let power_limit = |f: &Facts| f.power_to[0];
+        assert_eq!(up_to(&[facts(None), facts(None)], power_limit), TableCell::text("nowhere"));
+        let some = up_to(&[facts(None), facts(Some(2.0)), facts(Some(4.0))], power_limit);
         assert_eq!(some, TableCell::Spread { value: 2.0, range: [0.0, 4.0], digits: 2 });
     }
 

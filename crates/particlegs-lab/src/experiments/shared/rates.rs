@@ -29,8 +29,8 @@ pub(crate) struct RatePoint {
 
 impl RatePoint {
     /// A number from every seed's scores; seeds without one are left out.
-    pub fn values(&self, of: &dyn Fn(&[Score]) -> Option<f64>) -> Vec<f64> {
-        self.runs.iter().filter(|r| r.failure.is_none()).filter_map(|r| of(&r.scores)).collect()
+    pub fn values(&self, measure: &dyn Fn(&[Score]) -> Option<f64>) -> Vec<f64> {
+        self.runs.iter().filter(|r| r.failure.is_none()).filter_map(|r| measure(&r.scores)).collect()
     }
 
     /// The scores of every seed, with their label.
@@ -44,7 +44,7 @@ impl RatePoint {
         self.values(&|s| mean(s, masked))
     }
 
-    /// Is the file within a tenth of the requested share of `raw` bytes? Otherwise the method cannot reach that size,
+    /// Whether the file is within a tenth of the requested share of `raw` bytes. If not, the method cannot reach it,
     /// and its scores do not compare.
     pub fn met(&self, raw: f64) -> bool {
         self.bytes().is_some_and(|b| (1.0 / OFF..OFF).contains(&(b * self.ratio / raw)))
@@ -70,13 +70,14 @@ pub(crate) struct ReferenceScores {
 /// The trivial scores, and the one that no model is expected to exceed, from any model's scores.
 pub(crate) fn beside(
     lab: &Lab<'_>,
-    of: &Snapshot,
+    snapshot: &Snapshot,
     truth: &ReferenceViews,
     any: &ModelBuild,
 ) -> Result<ReferenceScores> {
-    lab.store.result("beside", &(&of.hash, truth.key()), || {
-        let scored =
-            score::evaluate(&any.model, &of.particles, &truth.views, truth.size, None, lab.context)?.mean.paraview;
+    lab.store.result("beside", &(&snapshot.hash, truth.key()), || {
+        let scored = score::evaluate(&any.model, &snapshot.particles, &truth.views, truth.size, None, lab.context)?
+            .mean
+            .paraview;
         Ok(ReferenceScores {
             noise_free: scored.noise_free.masked_psnr,
             uniform_box: scored.uniform_box.masked_psnr,
@@ -87,15 +88,20 @@ pub(crate) fn beside(
 
 /// Every method at every ratio; random ones with every seed. Models, which are slow and hardly depend on the seed, have
 /// several seeds only at the compared ratio.
-pub(crate) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios: &[f64]) -> Result<Vec<RatePoint>> {
-    let (raw, methods) = (of.position_bytes() as f64, CompressionMethod::all_and_trained(lab));
+pub(crate) fn rows(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    truth: &ReferenceViews,
+    ratios: &[f64],
+) -> Result<Vec<RatePoint>> {
+    let (raw, methods) = (snapshot.position_bytes() as f64, CompressionMethod::all_and_trained(lab));
     lab.context.begin("methods and sizes", (ratios.len() * methods.len()) as u64);
     let mut rows = Vec::new();
     for &ratio in ratios {
         for &method in &methods {
             let several = method.is_random() && (!method.is_model() || ratio == COMPARED);
             let seeds: Vec<u64> = lab.settings.seeds().take(if several { usize::MAX } else { 1 }).collect();
-            let run = |seed| method.measure(lab, of, truth, (raw / ratio) as u64, seed);
+            let run = |seed| method.measure(lab, snapshot, truth, (raw / ratio) as u64, seed);
             rows.push(RatePoint { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
             lab.context.advance(1);
         }
@@ -115,11 +121,11 @@ pub(crate) fn series(lab: &Lab<'_>, method: CompressionMethod, points: Vec<Point
         CompressionMethod::Subset => (1, false),
         CompressionMethod::Baseline { at, jitter } => {
             let family = |name: &str| name.split([' ', ',']).next().unwrap_or_default().to_string();
-            let own = family(lab.baselines[at].name());
+            let own_family = family(lab.baselines[at].name());
             let mut families: Vec<String> = lab.baselines.iter().map(|b| family(b.name())).collect();
             families.dedup();
-            let first = lab.baselines.iter().position(|b| family(b.name()) == own);
-            (2 + families.iter().position(|f| *f == own).unwrap_or(0), jitter || first != Some(at))
+            let first = lab.baselines.iter().position(|b| family(b.name()) == own_family);
+            (2 + families.iter().position(|f| *f == own_family).unwrap_or(0), jitter || first != Some(at))
         }
     };
     PlotSeries { name: method.name(lab), style, dashed, points }
@@ -131,11 +137,11 @@ mod tests {
 
     #[test]
     fn methods_without_a_file_of_that_size_are_not_compared() {
-        let of = |bytes| MethodMeasurement { bytes, bound: None, scores: Vec::new(), failure: None };
+        let measurement_of = |bytes| MethodMeasurement { bytes, bound: None, scores: Vec::new(), failure: None };
         let row = |bytes: &[u64]| RatePoint {
             method: CompressionMethod::Subset,
             ratio: 10.0,
-            runs: bytes.iter().map(|b| of(*b)).collect(),
+            runs: bytes.iter().map(|b| measurement_of(*b)).collect(),
         };
         // 10,000 raw bytes at ratio 10: 1000, give or take a tenth.
         let met = [&[1000][..], &[911, 900, 915], &[1101], &[9000], &[]].map(|b| row(b).met(10_000.0));

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Finds types whose names are no nouns of the field (standard library only):
+"""Finds names that do not say what they are (standard library only):
 
-    scripts/type-names.py [--list]
+    scripts/names.py [--list]
 
-A name is wrong where its last word is a participle (`Kept`, `BlocksDrawn`), and unclear where it stands for two
-things: it is defined more than once in the sources. Ends with 1 where there are more of either than the bounds below,
-which only ever fall. CONTRIBUTING.md has the rule.
+The name of a type is wrong where its last word is a participle (`Kept`, `BlocksDrawn`), and unclear where it stands for
+two things: it is defined more than once in the sources. The name of a local is empty where it could be that of any other
+(`found`, `own`). Documentation states; it does not ask. Ends with 1 where there are more of these than the bounds below,
+which only ever fall. CONTRIBUTING.md has the rules.
 """
 import argparse
 import collections
@@ -15,8 +16,11 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 SOURCES = ("crates/*/src", "python/src")
+RUST = ("crates/*/src", "crates/*/tests", "crates/*/benches", "python/src", "fuzz")
 PARTICIPLES_MOST = 0
 SHARED_MOST = 11
+LOCALS_MOST = 150
+QUESTIONS_MOST = 0
 # One in every command: what stands on its command line.
 CONVENTIONS = {"Arguments"}
 # Participles that do not end in -ed.
@@ -32,6 +36,19 @@ NOUNS = set(
 )
 KINDS = "struct|enum|trait|union|type"
 DEFINITION = re.compile(rf"^\s*(?:pub(?:\([^)]*\))?\s+)?(?:unsafe\s+)?(?:{KINDS})\s+([A-Z]\w*)", re.M)
+
+
+LOCAL = re.compile(r"\blet (?:mut )?(own|of|found|what|there|told|asked|kept|made)\b")
+QUESTION = re.compile(r"^\s*//[/!].*\?\s*$")
+
+
+def lines(pattern):
+    """Lines of Rust with a pattern, as `path:line: text`."""
+    for folder in (folder for source in RUST for folder in ROOT.glob(source)):
+        for path in sorted(path for path in folder.rglob("*.rs") if "target" not in path.parts):
+            for number, line in enumerate(path.read_text().splitlines(), 1):
+                if pattern.search(line):
+                    yield f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
 
 
 def is_participle(name):
@@ -59,19 +76,21 @@ def main():
     found = definitions()
     participles = sorted(name for name in found if is_participle(name))
     shared = sorted(name for name, files in found.items() if len(files) > 1 and name not in CONVENTIONS)
-    print(f"{len(found)} names of types: {len(participles)} participles, {len(shared)} that stand for several things")
-    if arguments.list:
-        for title, names in (("participles", participles), ("several things", shared)):
-            print(f"\n{title}:")
-            for name in names:
-                print(f"  {name}: {', '.join(map(str, found[name]))}")
+    locals_ = list(lines(LOCAL))
+    questions = list(lines(QUESTION))
+    groups = (
+        ("participles", [f"{name}: {', '.join(map(str, found[name]))}" for name in participles], PARTICIPLES_MOST),
+        ("names of several things", [f"{name}: {', '.join(map(str, found[name]))}" for name in shared], SHARED_MOST),
+        ("empty names of locals", locals_, LOCALS_MOST),
+        ("questions in documentation", questions, QUESTIONS_MOST),
+    )
+    print(f"{len(found)} names of types; " + ", ".join(f"{len(names)} {title}" for title, names, _ in groups))
     wrong = False
-    for names, most, what in (
-        (participles, PARTICIPLES_MOST, "participles"),
-        (shared, SHARED_MOST, "names of several things"),
-    ):
+    for title, names, most in groups:
+        if arguments.list:
+            print(f"\n{title}:", *names, sep="\n  ")
         if len(names) > most:
-            print(f"error: {len(names)} {what}, {most} at most: {', '.join(names)}", file=sys.stderr)
+            print(f"error: {len(names)} {title}, {most} at most; --list shows them", file=sys.stderr)
             wrong = True
     return int(wrong)
 
