@@ -19,7 +19,7 @@ pub fn failure(error: &Error) -> ExitCode {
     if !hint.is_empty() {
         to_stderr(&format!("hint: {}", one_line(&error_text::hint_text(&hint))));
     }
-    ExitCode::from(error_text::exit_code(error))
+    ExitCode::from(error.code())
 }
 
 /// Prints a line of the result on stdout.

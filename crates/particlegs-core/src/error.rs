@@ -51,6 +51,24 @@ pub enum Error {
 }
 
 impl Error {
+    /// A number for each kind of error, from 2 to 130: the command's exit code (docs/guide/exit-codes.md).
+    pub fn code(&self) -> u8 {
+        match self {
+            Error::Argument { .. } => 2,
+            Error::Input { .. } => 3,
+            Error::Corrupt { .. } | Error::Compatibility { .. } => 4,
+            Error::Unreachable { .. } => 5,
+            Error::Io { .. } => 6,
+            Error::Memory { .. } | Error::Bound { .. } => 7,
+            Error::Output { .. } => 8,
+            Error::Differs { .. } => 9,
+            // As sysexits.h has it for what is to be tried again.
+            Error::Checkpointed { .. } => 75,
+            // 128 and the number of SIGINT.
+            Error::Cancelled => 130,
+        }
+    }
+
     /// An unusable input without advice.
     pub fn input(place: impl AsPlace, what: impl Into<String>) -> Self {
         Self::input_with(place, what, Hint::default())

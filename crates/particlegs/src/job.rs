@@ -35,6 +35,7 @@ impl Job {
         options.read.extend(snapshot.options());
         options.check()?;
         let files = snapshot.files()?.for_tasks()?;
+        snapshot.declare(outputs);
         outputs.writes_job(folder)?;
         outputs.make_folder(folder)?;
         let (storage, with_fields) = (Storage::Disk(folder.to_path_buf()), !options.fields.is_empty());

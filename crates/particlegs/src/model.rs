@@ -149,7 +149,7 @@ impl Model {
     /// # Errors
     /// As [`Model::simplify`]; [`crate::Error::Output`] for a file that may not be replaced.
     pub fn simplify_into(&self, out: &Path, target: Target, outputs: &Outputs, context: &Context<'_>) -> Result<Model> {
-        if outputs.writes_model(out, context)? {
+        if outputs.declare_model(out, context)? {
             let recipe = self.metadata().recipe.clone().then(RecipeStep::Simplify(target));
             check_recipe(out, &recipe, outputs, context)?;
         }

@@ -127,6 +127,7 @@ impl Snapshot {
         outputs: &Outputs,
         context: &Context<'_>,
     ) -> Result<ParticleFile> {
+        self.declare(outputs);
         let writer = writer_of(out, format, outputs, context)?;
         if writer.folder {
             outputs.writes_folder(out, &RawForm::FOLDER_FILES)?;

@@ -183,6 +183,7 @@ pub fn compress_into(
     let mut options = options.clone();
     options.limits = run.limits(began, out)?;
     options.read.extend(snapshot.options());
+    snapshot.declare(outputs);
     let is_kept = outputs.writes_model(out, context)? && !run.resume;
     if options.training.is_some() {
         run.plan(out, outputs, context)?;
@@ -242,6 +243,7 @@ impl Model {
         context: &Context<'_>,
     ) -> Result<CompressedModel> {
         let options = FineTuning { limits: run.limits(Instant::now(), out)?, ..options.clone() };
+        snapshot.declare(outputs);
         // A run with a time limit cannot be compared with another.
         if outputs.writes_model(out, context)? && !run.resume {
             return Err(outputs.refused(out));

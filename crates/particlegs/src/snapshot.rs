@@ -3,6 +3,7 @@
 use crate::camera::View;
 use crate::{Choice, Context, Description, Error, Gray8, Particles, Result, Selection, Size, Storage, ToneStyle};
 use particlegs_files::input::{is_stream, name_of};
+use particlegs_files::output::{Input, Outputs};
 use particlegs_particles::LayerFields;
 use particlegs_reference::Reference;
 use serde::{Deserialize, Serialize};
@@ -214,6 +215,13 @@ impl Snapshot {
         }
     }
 
+    /// Declares its files as inputs, so that no output is written over them.
+    pub(crate) fn declare(&self, outputs: &Outputs) {
+        if let SnapshotSource::Files(paths) = &self.source {
+            paths.iter().chain(&self.choice.topology).for_each(|path| outputs.reads(Input::Data(path.clone())));
+        }
+    }
+
     /// Draws all particles, as ParaView's point Gaussians, to the last level.
     ///
     /// # Errors
@@ -267,6 +275,23 @@ mod tests {
         fn message(&self, text: &str) {
             self.0.lock().unwrap().push(text.into());
         }
+    }
+
+    #[test]
+    fn no_output_is_written_over_the_files_of_a_snapshot() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("in.xyz");
+        let rows: String = (0..200).map(|i| format!("A {} {} {}\n", i % 7, i % 11, i % 13)).collect();
+        std::fs::write(&path, format!("200\n\n{rows}")).unwrap();
+        let (snapshot, context) = (Snapshot::open(&path).unwrap(), Context::default());
+        let (text, outputs) = (std::fs::read(&path).unwrap(), || Outputs::new(true));
+        let options = (&CompressOptions::gaussians(5), &crate::RunOptions::default());
+        let refused = [
+            crate::compress_into(&snapshot, &path, options, &outputs(), &context).err(),
+            snapshot.convert(&path, (None, None), &outputs(), &context).err(),
+        ];
+        assert!(refused.iter().all(|e| e.as_ref().unwrap().to_string().contains("is an input")), "{refused:?}");
+        assert_eq!(std::fs::read(&path).unwrap(), text);
     }
 
     #[test]

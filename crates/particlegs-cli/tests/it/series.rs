@@ -392,7 +392,7 @@ fn statistics_over_time_are_those_of_each_frame() {
     for name in names {
         assert!(dir.bytes(&format!("s/{name}")) == dir.bytes(&format!("again/{name}")), "{name}");
     }
-    dir.fails("stats run.pgs -o no --only density", 2, "--only density compares two inputs");
+    dir.fails("stats run.pgs -o no --only density", 2, "density compares two inputs");
     dir.fails("stats run.pgs -o no --joint-bins 5", 2, "--joint-bins has no effect here");
     dir.fails("stats run.pgs -o no --frame 1", 2, "only one is given");
     dir.fails("stats f0.pgs -o no", 2, "only one is given");

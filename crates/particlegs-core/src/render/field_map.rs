@@ -257,7 +257,8 @@ fn drawn(
     size: Size,
     context: &Context<'_>,
 ) -> Result<Vec<Plane>> {
-    context.require_memory("a map of a field", 50 * size.pixels() as u64)?;
+    // Five sums in f64 and as many planes in f32.
+    context.require_memory("a map of a field", 60 * size.pixels() as u64)?;
     let mut footprints = Vec::new();
     let per_mean = 1.0 / mean_weight(&scene.parts, query);
     for copy_shift in view.copies(size, &scene.bounds, reach(scene))? {

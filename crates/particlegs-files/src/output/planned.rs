@@ -23,6 +23,11 @@ impl Outputs {
         if self.writes(path, kind, context)? { Err(self.refused(path)) } else { Ok(()) }
     }
 
+    /// Declares a model file, unless it was declared before; returns whether it exists and is kept.
+    pub fn declare_model(&self, path: &Path, context: &Context<'_>) -> Result<bool> {
+        if self.is_declared(path) { Ok(self.is_kept(path)) } else { self.writes_model(path, context) }
+    }
+
     /// Writes a declared model file; a kept one is only compared.
     pub fn write_model(&self, path: &Path, bytes: &[u8], context: &Context<'_>) -> Result<()> {
         if !self.is_kept(path) {

@@ -88,6 +88,9 @@ pub fn open(
     }
     let frames = keep_frame(&mut tables, path, choice.frame, &mut notes)?;
     // `FilePart` counts the rows of so many species.
+    if tables.len() > TYPES {
+        notes.push(format!("{} groups with positions are not read: a file has at most {TYPES}", tables.len() - TYPES));
+    }
     tables.truncate(TYPES);
     if let Some(header) = &header {
         tables.iter_mut().for_each(|table| header.name(table));
