@@ -270,7 +270,7 @@ impl<'a> FieldSelection<'a> {
         let over_weight = |(i, v): (usize, f64)| v / chunk.weight.map_or(1.0, |w| f64::from(w[i]));
         for (n, columns) in chosen {
             if self.plan.quantities[*n].logarithmic {
-                out.push(columns.values(&all, 0).map(f64::ln).collect());
+                out.push(columns.values(&all, 0).map(libm::log).collect());
             }
             match self.plan.quantities[*n].extensive {
                 true => out.push(columns.values(&all, 0).enumerate().map(over_weight).collect()),

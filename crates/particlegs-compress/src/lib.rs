@@ -4,6 +4,8 @@
 //! chooses how many Gaussians at how many bits, fits, codes, decodes and measures; [`simplify()`]
 //! makes a file smaller without the particles, [`finetune()`] trains a merged file on the whole snapshot.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 mod block;
 mod budget;
 mod certify;

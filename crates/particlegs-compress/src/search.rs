@@ -50,7 +50,7 @@ impl SearchScale {
 
 /// The height of `value`: decibels, or the number of halvings of the error (see [`SearchScale`]).
 fn height(goal: &Goal, value: f64) -> f64 {
-    let halvings = |error: f64| -error.max(1e-12).log2();
+    let halvings = |error: f64| -libm::log2(error.max(1e-12));
     match goal.kind {
         GoalKind::Psnr => value,
         GoalKind::Correlation => halvings(1.0 - value),
@@ -135,11 +135,11 @@ fn next(above: Option<SearchTrial>, below: Option<SearchTrial>, wanted: f64, sca
     match (above, below) {
         (Some(a), Some(b)) => {
             let share = ((wanted - b.height) / (a.height - b.height)).clamp(scale.apart, 1.0 - scale.apart);
-            (b.number.ln() * (1.0 - share) + a.number.ln() * share).exp()
+            libm::exp(libm::log(b.number) * (1.0 - share) + libm::log(a.number) * share)
         }
         (Some(t), None) | (None, Some(t)) => {
             let (doublings, [least, most]) = ((wanted - t.height) / scale.a_doubling, scale.steps);
-            t.number * doublings.abs().clamp(least, most).copysign(doublings).exp2()
+            t.number * libm::exp2(doublings.abs().clamp(least, most).copysign(doublings))
         }
         (None, None) => 1.0,
     }

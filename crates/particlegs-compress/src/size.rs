@@ -135,7 +135,7 @@ fn meet_size(
     mut encode: impl FnMut(f64) -> Result<Vec<u8>>,
 ) -> Result<CodedGaussians> {
     // Logarithms of step factors, to base 2, on which bytes depend almost linearly.
-    let [mut fine, mut coarse] = Precision::FACTORS.map(f64::log2);
+    let [mut fine, mut coarse] = Precision::FACTORS.map(libm::log2);
     let mut at = 0.0f64;
     // Nominal steps come first: what a Gaussian costs at them tells how many there should be.
     let mut best = (at, encode(1.0)?);
@@ -167,7 +167,7 @@ fn meet_size(
         // A step too close to an end would hardly shrink the bracket: it is halved instead.
         let margin = 0.02 * (coarse - fine);
         at = if next > fine + margin && next < coarse - margin { next } else { 0.5 * (fine + coarse) };
-        let bytes = encode(at.exp2())?;
+        let bytes = encode(libm::exp2(at))?;
         size = bytes.len() as u64;
         if better(&bytes, &best.1, target) {
             best = (at, bytes);
@@ -179,7 +179,7 @@ fn meet_size(
         n if close_enough(n, target) => SizeOutcome::Met,
         _ => SizeOutcome::TooSmall,
     };
-    Ok(coded(bytes, at.exp2(), size_met))
+    Ok(coded(bytes, libm::exp2(at), size_met))
 }
 
 /// The larger of two that fit, else the smaller.

@@ -1,6 +1,8 @@
 //! The model file's promises: it comes back, it is refused whole when anything is wrong with it,
 //! and files of this version stay readable.
 
+#![allow(clippy::disallowed_methods)]
+
 mod common;
 
 use common::{

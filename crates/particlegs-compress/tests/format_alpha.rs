@@ -1,6 +1,8 @@
 //! Models of the alpha-blend law as files: opacities and grey levels come back whatever the counts,
 //! the network goes with the first block, and law and blocks that contradict each other are refused.
 
+#![allow(clippy::disallowed_methods)]
+
 mod common;
 
 use common::{

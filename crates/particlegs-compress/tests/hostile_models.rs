@@ -1,6 +1,8 @@
 //! Models with altered fields and right checksums: whatever is done with one ends, in a result or in
 //! an error; nothing panics, and what is written can be read.
 
+#![allow(clippy::disallowed_methods)]
+
 mod common;
 
 use common::reseal;

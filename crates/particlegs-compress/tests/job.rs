@@ -1,6 +1,8 @@
 //! A block that is stopped anywhere goes on to the same bytes; what was kept of other work is not gone on
 //! from.
 
+#![allow(clippy::disallowed_methods)]
+
 mod common;
 
 use common::layer;

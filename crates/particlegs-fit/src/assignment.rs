@@ -38,7 +38,7 @@ impl LogDensity {
     fn new(m: &Mixture, i: usize) -> Self {
         let cov = sound(&m.cov_of(i));
         let inverse = cov.inverse().unwrap_or(Sym3::scaled_identity(0.0));
-        let log = m.count[i].max(1e-300).ln() - 0.5 * cov.det().max(f64::MIN_POSITIVE).ln();
+        let log = libm::log(m.count[i].max(1e-300)) - 0.5 * libm::log(cov.det().max(f64::MIN_POSITIVE));
         LogDensity { mean: m.mean_of(i), inverse: inverse.0, log }
     }
 
@@ -112,7 +112,7 @@ impl SoftAssignment {
         }
         let mut sum = 0.0;
         for s in shares.iter_mut() {
-            s.1 = (s.1 - largest).exp();
+            s.1 = libm::exp(s.1 - largest);
             sum += s.1;
         }
         shares.retain(|s| s.1 >= LEAST_SHARE * sum);

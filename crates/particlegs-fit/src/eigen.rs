@@ -14,8 +14,8 @@ pub(super) fn largest_eigenvalue(m: &Sym3, mean: f64) -> (f64, f64) {
     }
     let spread = (squares / 6.0).sqrt();
     let shifted = Sym3([a - mean, b, c, d - mean, e, f - mean]).scale(1.0 / spread);
-    let angle = (0.5 * shifted.det()).clamp(-1.0, 1.0).acos() / 3.0;
-    (mean + 2.0 * spread * angle.cos(), spread)
+    let angle = libm::acos((0.5 * shifted.det()).clamp(-1.0, 1.0)) / 3.0;
+    (mean + 2.0 * spread * libm::cos(angle), spread)
 }
 
 #[cfg(test)]

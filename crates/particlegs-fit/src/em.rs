@@ -306,7 +306,7 @@ impl Whitening {
     fn new(g: &RefinedGaussians, j: usize, shape: Regularisation) -> Self {
         let (rows, det) = whiten(&g.cov[j], shape.floor, 1.0);
         let (focus, _) = whiten(&g.cov[j], shape.floor + shape.blur, shape.focus);
-        let level = g.count[j].max(1e-30).log2() - det.log2();
+        let level = libm::log2(g.count[j].max(1e-30)) - libm::log2(det);
         Whitening { mean: g.mean[j], rows, focus, level: level as f32 }
     }
 

@@ -207,7 +207,7 @@ fn responsibilities<S: Simd>(
         (f32x16::load_array_ref(simd, &batch.present[v].0) / norm).store_slice(&mut invert[v].0);
         if let Some(sum) = log_likelihood.as_deref_mut() {
             let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
-            *sum += (0..particle_range.len()).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum::<f64>();
+            *sum += (0..particle_range.len()).map(|i| f64::from(best[i]) + libm::log2(f64::from(norm[i]))).sum::<f64>();
         }
     }
     invert

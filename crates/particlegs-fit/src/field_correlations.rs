@@ -149,7 +149,7 @@ impl CorrelationPass<'_> {
                 // NaN stays where a field is no scalar.
                 residuals.resize(begin + fields, f64::NAN);
                 // Shares by place are weighed by how likely the values are, as in the moments' passes.
-                *share = share.ln();
+                *share = libm::log(*share);
                 for &(field, column) in &self.scalars {
                     let moments = &self.moments[block][field].moments;
                     let off = values[column][i] - moments.mean_at(0, j, d);
@@ -161,7 +161,7 @@ impl CorrelationPass<'_> {
             }
             // Relative to the largest, so that not all shares of a particle vanish.
             let largest = particle_shares.iter().fold(f64::NEG_INFINITY, |l, s| l.max(s.1));
-            particle_shares.iter_mut().for_each(|s| s.1 = (s.1 - largest).exp());
+            particle_shares.iter_mut().for_each(|s| s.1 = libm::exp(s.1 - largest));
             let total: f64 = particle_shares.iter().map(|s| s.1).sum();
             let number = values.get(self.number).map_or(1.0, |n| n[i]);
             let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
@@ -189,7 +189,7 @@ fn log_density(moments: &FieldMoments, i: usize, off: f64) -> f64 {
         return 0.0;
     }
     let variance = moments.spread[0][i].max(floor);
-    -0.5 * (variance.ln() + off * off / variance)
+    -0.5 * (libm::log(variance) + off * off / variance)
 }
 
 impl RunResiduals {

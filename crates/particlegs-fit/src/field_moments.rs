@@ -341,7 +341,7 @@ fn weighed(place: &PlaceShares, run: &RunValues, blocks: &[BlockFieldSums<'_>], 
     }
     for (s, log) in place.shares.iter().zip(&mut logs) {
         let i = s.particle as usize;
-        *log = if *log > f64::NEG_INFINITY { f64::from(s.share) * (*log - largest[i]).exp() } else { 0.0 };
+        *log = if *log > f64::NEG_INFINITY { f64::from(s.share) * libm::exp(*log - largest[i]) } else { 0.0 };
         sum[i] += *log;
     }
     let scaled_share =
@@ -370,7 +370,7 @@ impl FieldSums {
             // What is left of the value tells how likely the class is here.
             let value = run.values[self.column][i];
             let p = (value - off[0]).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
-            return (value * p + (1.0 - value) * (1.0 - p)).ln();
+            return libm::log(value * p + (1.0 - value) * (1.0 - p));
         }
         let square: f64 = l.inverse.apply(off).iter().zip(off).map(|(a, b)| a * b).sum();
         l.log - 0.5 * square
@@ -504,7 +504,7 @@ impl FieldLikelihood {
                 (sound.inverse().unwrap_or(Sym3::scaled_identity(0.0)), sound.det())
             }
         };
-        let log = -0.5 * det.max(f64::MIN_POSITIVE).ln();
+        let log = -0.5 * libm::log(det.max(f64::MIN_POSITIVE));
         let mut out = FieldLikelihood { mean: [0.0; 3], slope: [[0.0; 3]; 3], inverse, log };
         for k in 0..components {
             out.mean[k] = m.mean[k][i];
@@ -567,7 +567,7 @@ fn excess(row: &[f64], f: &Regression, variance: f64, cov: &Sym3) -> f64 {
     if w <= 0.0 || sum <= 0.0 {
         return 0.0;
     }
-    (sum / w).ln() - f.mean[0] - 0.5 * (variance + cov.quadratic(f.slope[0]).max(0.0))
+    libm::log(sum / w) - f.mean[0] - 0.5 * (variance + cov.quadratic(f.slope[0]).max(0.0))
 }
 
 /// Mean, slope and spread of one Gaussian's particles.

@@ -7,6 +7,8 @@
 //! needed to where they are; [`fit`] does both as an [`Effort`] allows. `simplify` makes a mixture
 //! smaller without the particles.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 mod assignment;
 mod best_cuts;
 mod cut;

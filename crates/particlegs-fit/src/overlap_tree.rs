@@ -39,14 +39,14 @@ impl Ellipsoid {
             mean,
             cov,
             widest: largest_eigenvalue(&cov, cov.trace() / 3.0).0,
-            det_cbrt: cov.det().max(0.0).cbrt(),
-            log_count2: 2.0 * count.ln(),
+            det_cbrt: libm::cbrt(cov.det().max(0.0)),
+            log_count2: 2.0 * libm::log(count),
         }
     }
 
-    /// Minus twice the logarithm of the overlap, constants left out.
+    /// Minus twice the logarithm of the overlap, constants left out; `None` where it is above `limit`.
     #[inline]
-    pub(crate) fn separation(&self, other: &Ellipsoid) -> f64 {
+    fn separation(&self, other: &Ellipsoid, limit: f64) -> Option<f64> {
         let s = self.cov.add(&other.cov);
         let [a, b, c, d, e, f] = s.0;
         let (xx, xy, xz) = (d * f - e * e, c * e - b * f, b * e - c * d);
@@ -57,8 +57,23 @@ impl Ellipsoid {
             + yy * v[1] * v[1]
             + zz * v[2] * v[2]
             + 2.0 * (xy * v[0] * v[1] + xz * v[0] * v[2] + yz * v[1] * v[2]);
-        q / det + det.ln() - other.log_count2
+        let apart = q / det;
+        // Most are too far, and need no logarithm to say so.
+        if apart + log_at_most(det) - other.log_count2 > limit {
+            return None;
+        }
+        let separation = apart + libm::log(det) - other.log_count2;
+        (separation <= limit).then_some(separation)
     }
+}
+
+/// A number below the logarithm of `x`, by at most 0.06: its bits as a number are the logarithm to base 2 at powers of two,
+/// and a chord below it between them.
+#[inline]
+fn log_at_most(x: f64) -> f64 {
+    const ONE: i64 = 1023 << 52;
+    const SCALE: f64 = std::f64::consts::LN_2 / (1u64 << 52) as f64;
+    if x >= f64::MIN_POSITIVE { (x.to_bits() as i64 - ONE) as f64 * SCALE - 1e-9 } else { f64::NEG_INFINITY }
 }
 
 struct OverlapNode {
@@ -177,10 +192,10 @@ impl<'a> OverlapTree<'a> {
                 }
                 leaves -= 1;
                 for &i in &self.order[node.start as usize..node.end as usize] {
-                    let s = group.separation(&self.items[i as usize]);
+                    let Some(s) = group.separation(&self.items[i as usize], reach.limit(neighbours)) else { continue };
                     // From home on, those found first stay where others are as near.
                     let tie = home.is_some() && neighbours.len() == reach.most && s == neighbours[reach.most - 1].0;
-                    if s <= reach.limit(neighbours) && !tie {
+                    if !tie {
                         let at = neighbours.partition_point(|f| (f.0, f.1) < (s, i));
                         neighbours.insert(at, (s, i));
                         neighbours.truncate(reach.most);
@@ -216,7 +231,7 @@ impl<'a> OverlapTree<'a> {
             let d = (n.min[k] - group.mean[k]).max(group.mean[k] - n.max[k]).max(0.0);
             d2 += d * d;
         }
-        d2 / (group.widest + n.widest) + 3.0 * (group.det_cbrt + n.det_cbrt).ln() - n.log_count2 - 1e-6
+        d2 / (group.widest + n.widest) + 3.0 * log_at_most(group.det_cbrt + n.det_cbrt) - n.log_count2 - 1e-6
     }
 }
 
@@ -251,13 +266,28 @@ mod tests {
     }
 
     #[test]
+    fn the_cheap_logarithm_is_below_the_exact_one_and_close_to_it() {
+        for i in 0..200_000 {
+            let x = libm::exp(0.007 * f64::from(i) - 700.0);
+            let gap = libm::log(x) - log_at_most(x);
+            assert!(gap > 0.0 && gap < 0.06, "{x}: {gap}");
+        }
+        for odd in [0.0, -1.0, f64::NAN, 1e-310] {
+            assert_eq!(log_at_most(odd), f64::NEG_INFINITY);
+        }
+    }
+
+    #[test]
     fn the_tree_finds_what_a_full_search_finds() {
         let items = ellipsoids(600);
         let tree = OverlapTree::new(&items);
         let mut neighbours = Vec::new();
         for group in ellipsoids(60) {
-            let mut all: Vec<(f64, u32)> =
-                items.iter().enumerate().map(|(i, e)| (group.separation(e), i as u32)).collect();
+            let mut all: Vec<(f64, u32)> = items
+                .iter()
+                .enumerate()
+                .map(|(i, e)| (group.separation(e, f64::INFINITY).unwrap(), i as u32))
+                .collect();
             all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let cut = all[0].0 + 9.0;
             let expected: Vec<_> = all.into_iter().take(12).filter(|f| f.0 <= cut).collect();

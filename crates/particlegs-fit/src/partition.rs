@@ -249,10 +249,10 @@ impl Threshold {
         let cut_count = all.made.len();
         let next = match (self.last, self.before) {
             (Some(t1), Some((t0, m0))) if cut_count > m0 && m0 > 0 && t0 > t1 => {
-                let power = ((cut_count as f64 / m0 as f64).ln() / (t0 / t1).ln()).clamp(0.1, 4.0);
+                let power = (libm::log(cut_count as f64 / m0 as f64) / libm::log(t0 / t1)).clamp(0.1, 4.0);
                 // 2 % beyond what is wanted, so that no further round is needed for the last few cells.
                 let growth = (1.02 * enough as f64 / (cut_count + 1) as f64).clamp(1.05, 8.0);
-                t1 / growth.powf(1.0 / power)
+                t1 / libm::pow(growth, 1.0 / power)
             }
             (Some(t1), _) => t1 / 4.0,
             _ => largest,

@@ -375,7 +375,7 @@ impl MergeDensity {
         Some(MergeDensity {
             mean: item.gaussian.mean,
             inverse,
-            constant: cov.det().ln() - 2.0 * item.gaussian.count.ln(),
+            constant: libm::log(cov.det()) - 2.0 * libm::log(item.gaussian.count),
         })
     }
 

@@ -97,8 +97,8 @@ impl SplitGain {
 /// Log likelihood that parts gain that lie apart; 0 where they overlap so much that it would be lost.
 fn likelihood_gain(whole: &PictureGaussian, a: &PictureGaussian, b: &PictureGaussian, floor: f64) -> f64 {
     let floor = Sym3::scaled_identity(floor);
-    let width = |x: &PictureGaussian| 0.5 * x.count * x.cov.add(&floor).det().max(f64::MIN_POSITIVE).ln();
-    let share = |x: &PictureGaussian| if x.count > 0.0 { x.count * (x.count / whole.count).ln() } else { 0.0 };
+    let width = |x: &PictureGaussian| 0.5 * x.count * libm::log(x.cov.add(&floor).det().max(f64::MIN_POSITIVE));
+    let share = |x: &PictureGaussian| if x.count > 0.0 { x.count * libm::log(x.count / whole.count) } else { 0.0 };
     (width(whole) - width(a) - width(b) + share(a) + share(b)).max(0.0)
 }
 

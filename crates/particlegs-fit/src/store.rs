@@ -70,7 +70,7 @@ fn copy_scaled(chunk: Chunk<'_>, scale: f64, out: &mut [[f32; 3]]) {
 /// The power of two that brings the largest |local coordinate| into [1/2, 1]; 1 where all are 0.
 fn power_of_two_scale(local: &Bounds) -> f64 {
     let largest = local.min.iter().map(|v| -v).chain(local.max).fold(0.0, f64::max);
-    if largest > 0.0 { (-largest.log2().ceil()).exp2() } else { 1.0 }
+    if largest > 0.0 { libm::exp2(-libm::log2(largest).ceil()) } else { 1.0 }
 }
 
 #[cfg(test)]

@@ -72,7 +72,7 @@ fn soften(map: &[f32]) -> Vec<f32> {
                 let row = (y + dy - 1) * GRID + x;
                 sum += map[row - 1] + map[row] + map[row + 1];
             }
-            out[y * GRID + x] = (-sum / 9.0).exp();
+            out[y * GRID + x] = libm::expf(-sum / 9.0);
         }
     }
     out

@@ -1,6 +1,8 @@
 //! A reader of one's own: particles that come from anywhere, run by run, in bounded memory:
 //! `cargo run --release --example reader`.
 
+#![allow(clippy::disallowed_methods)]
+
 use particlegs_core::context::Context;
 use particlegs_particles::{Chunk, LayeredParticles, RUN, SnapshotMeta, SnapshotReader, Storage};
 use std::ops::Range;

@@ -179,8 +179,8 @@ impl Domain {
 
     /// Mean spacing of `n` particles, (V / n)^(1/3).
     pub fn spacing(&self, n: usize) -> f64 {
-        let tilt = self.tilt.map_or(1.0, |t| t.volume().cbrt());
-        self.length.map(f64::cbrt).iter().product::<f64>() * tilt / (n.max(1) as f64).cbrt()
+        let tilt = self.tilt.map_or(1.0, |t| libm::cbrt(t.volume()));
+        self.length.map(libm::cbrt).iter().product::<f64>() * tilt / libm::cbrt(n.max(1) as f64)
     }
 
     /// Length of the longest edge, world units.

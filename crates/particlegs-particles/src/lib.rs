@@ -6,6 +6,8 @@
 //! precision; raw float32 files have the origin 0 and are never copied. [`SelectedParticles`] is what is
 //! left of a snapshot when it is tiled, cropped and thinned, to be written by any format.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 mod align;
 pub mod blocks;
 mod box_check;

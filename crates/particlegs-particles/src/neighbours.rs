@@ -200,7 +200,7 @@ impl CellGrid {
         let (low, length) = Self::region(p, domain);
         let most = (p.len() / IN_CELL).max(1) as f64;
         // Roots are taken before the product, which may leave the range of f64.
-        let mut side = length.map(f64::cbrt).iter().product::<f64>() / most.cbrt();
+        let mut side = length.map(libm::cbrt).iter().product::<f64>() / libm::cbrt(most);
         let count = |side: f64| length.map(|l| (l / side).floor().max(1.0));
         // Axes shorter than a cell leave more of them to the others.
         while count(side).iter().product::<f64>() > 2.0 * most {

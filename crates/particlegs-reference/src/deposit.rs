@@ -18,7 +18,7 @@ impl PixelSplat {
     #[inline]
     pub fn sigma(&self) -> [f32; 2] {
         let [a, b, c, d] = self.axes;
-        if b == 0.0 && c == 0.0 { [a, d] } else { [a.hypot(b), c.hypot(d)] }
+        if b == 0.0 && c == 0.0 { [a, d] } else { [libm::hypotf(a, b), libm::hypotf(c, d)] }
     }
 
     /// The reach of the square of three deviations along x and y.

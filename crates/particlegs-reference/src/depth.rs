@@ -89,7 +89,7 @@ impl<'a> DepthJob<'a> {
         let mut job = DepthJob { particles, projector, size, context, level: [0; OCTAVES] };
         for (octave, cover) in job.cover_by_octave().into_iter().enumerate() {
             if cover > direct {
-                let excess = octave as i32 + 1 - LARGE_SIGMA.log2() as i32;
+                let excess = octave as i32 + 1 - libm::log2f(LARGE_SIGMA) as i32;
                 job.level[octave] = excess.clamp(0, 12) as u8;
             }
         }

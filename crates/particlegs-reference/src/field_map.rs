@@ -41,7 +41,7 @@ impl Reference<'_> {
         require("a map of a field", 24 * n as u64)?;
         let mut numbers = numbers(particles, values, query, view)?;
         if values.logarithmic && query.dispersion {
-            numbers.iter_mut().for_each(|v| *v = v.log10());
+            numbers.iter_mut().for_each(|v| *v = libm::log10(*v));
         }
         // Planes are float32: values about their mean, and scaled, keep the digits of small differences in any unit.
         let is_number = |v: &&f64| v.is_finite();

@@ -7,6 +7,8 @@
 //! splats), and from there through [`particlegs_core::render::tone`]. Surface density is `density`, or `smooth` with the
 //! adaptive kernels of `kernel`.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 mod bands;
 mod blend;
 mod density;

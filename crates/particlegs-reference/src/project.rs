@@ -109,7 +109,7 @@ impl Projector {
             let shift = -(r[0] * eye[0] + r[1] * eye[1] + r[2] * eye[2]);
             [r[0] as f32, r[1] as f32, r[2] as f32, shift as f32]
         });
-        let t = (0.5 * fov_deg.to_radians()).tan();
+        let t = libm::tan(0.5 * fov_deg.to_radians());
         let [near, far] = clipping_range;
         Ok(Projector {
             view: rows,

@@ -11,7 +11,7 @@ pub(super) fn optical_depth(particles: &Particles, view: &View, size: Size, rang
     let frame = view.camera.frame().unwrap();
     let Projection::Perspective { fov_deg } = view.camera.projection else { panic!("perspective") };
     let (w, h) = (size.width as f64, size.height as f64);
-    let f = 0.5 * h / (0.5 * fov_deg.to_radians()).tan();
+    let f = 0.5 * h / libm::tan(0.5 * fov_deg.to_radians());
     let mut tau = vec![0.0f64; size.pixels()];
     for i in 0..particles.len() {
         let [x, y, z] = frame.to_camera(particles.position(i));
@@ -41,7 +41,7 @@ fn reach(center: f64, extent: f64, count: usize) -> std::ops::Range<usize> {
 }
 
 fn minus_ln(m: f64) -> f64 {
-    -(-m.min(LARGEST_MEAN_ALPHA)).ln_1p()
+    -libm::log1p(-m.min(LARGEST_MEAN_ALPHA))
 }
 
 /// The mean of exp(-u^2/2) over a pixel, cut.
@@ -67,7 +67,7 @@ fn add_rotated(tau: &mut [f64], size: Size, [px, py]: [f64; 2], [c00, c11, c01]:
     let half = 0.5 * (c00 + c11);
     let term = (half * half - (c00 * c11 - c01 * c01)).sqrt();
     let (s1, s2) = ((half + term).sqrt(), (half - term).sqrt());
-    let n = (half + term - c11).hypot(c01);
+    let n = libm::hypot(half + term - c11, c01);
     let (ux, uy) = ((half + term - c11) / n, c01 / n);
     let [a, b, c, d] = [s1 * ux * w, s2 * uy * w, s1 * uy * h, -s2 * ux * h];
     let det = a * d - b * c;
@@ -81,7 +81,7 @@ fn add_rotated(tau: &mut [f64], size: Size, [px, py]: [f64; 2], [c00, c11, c01]:
                 let (dx, dy) = (x as f64 + at(k % fine) - px, y as f64 + at(k / fine) - py);
                 let (u, v) = ((d * dx - b * dy) / det, (a * dy - c * dx) / det);
                 if u.abs() <= CUT_SIGMA && v.abs() <= CUT_SIGMA {
-                    sum += (-0.5 * (u * u + v * v)).exp();
+                    sum += libm::exp(-0.5 * (u * u + v * v));
                 }
             }
             tau[y * size.width + x] += minus_ln(opacity * sum / (fine * fine) as f64);

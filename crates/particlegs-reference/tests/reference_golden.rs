@@ -1,5 +1,7 @@
 //! The sample drawn by VTK 9.7 set up as ParaView 6.0.1 (Mesa llvmpipe), against our pictures.
 
+#![allow(clippy::disallowed_methods)]
+
 use particlegs_core::context::Context;
 use particlegs_core::picture::Gray8;
 use particlegs_core::splat::ToneStyle;

@@ -26,7 +26,7 @@ impl SavePng for Gray8 {
 impl SavePng for Rgb8 {
     fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
         let image = FigureImage::Color(self.clone());
-        write_bytes(path.as_ref(), &coded(&image, &PngMetadata::default(), PngEffort::Small)?)
+        write_bytes(path.as_ref(), &coded(&image, &PngMetadata::default(), PngEffort::Quick)?)
     }
 }
 

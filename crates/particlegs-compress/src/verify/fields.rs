@@ -162,7 +162,7 @@ fn of_field(q: &Quantity, suffix: &str, stored: &[Block], anew: &[Block], nearne
             let [stored_bound, anew] = [0, 1].map(bound);
             let differs = (stored_bound - anew).abs() > BOUND * stored_bound.abs().max(anew.abs());
             // A range of logarithms is reported as the values that a user knows.
-            let text = |v: f64| if q.logarithmic { v.exp().to_string() } else { v.to_string() };
+            let text = |v: f64| if q.logarithmic { libm::exp(v).to_string() } else { v.to_string() };
             figures.push(figure(
                 format!("{component}{suffix}: {name}"),
                 text(stored_bound),
@@ -305,7 +305,7 @@ fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]], extracted: bool) -> f64 {
             if !is_share {
                 // The inverse standard error of the logarithm of a deviation.
                 let each = (2.0 * components as f64 * n).sqrt();
-                add(1, 0.5 * (own_trace / trace).ln() * each / log);
+                add(1, 0.5 * libm::log(own_trace / trace) * each / log);
             }
             if components == 3 {
                 let off = (0..6).map(|k| a.spread[k][i] / own_trace - b.spread[k][i] / trace);

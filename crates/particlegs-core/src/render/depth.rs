@@ -67,8 +67,9 @@ pub fn draw_into(
     context: &Context<'_>,
 ) -> Result<()> {
     let size = out.size();
+    let tones = scratch.tones(view.opacity, view.radius_pixels(size));
     let tau = depth(scene, view, size, scratch, context)?;
-    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(style), out.into_data());
+    tones.rows(tau, scene.look(style), out.into_data());
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use crate::parallel;
 use crate::picture::{Gray8, Plane, PlaneRows};
 use crate::splat::{FxaaMean, Response, ToneStyle, fxaa_blur};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Grey levels of a noise-free plane of optical depth (the opacity integral, A1 of
 /// docs/law/depth.md), of all particles or of a model.
@@ -15,18 +15,37 @@ pub fn tone(tau: &Plane, style: ToneStyle, opacity: f64, radius_px: f64) -> Gray
     Tones::new(opacity, radius_px).of(tau, style)
 }
 
-/// The tone curves of one opacity and splat radius: the response takes milliseconds, and is made once, where a
-/// look first asks for it.
-pub struct Tones {
+/// The response of one opacity, made where a style first needs it: that takes milliseconds.
+#[derive(Debug)]
+pub(super) struct LazyResponse {
     opacity: f64,
+    curve: OnceLock<Response>,
+}
+
+impl LazyResponse {
+    /// That of an opacity; `previous` where it is of the same.
+    pub(super) fn new(opacity: f64, previous: Option<&Arc<LazyResponse>>) -> Arc<LazyResponse> {
+        match previous.filter(|p| p.opacity.to_bits() == opacity.to_bits()) {
+            Some(previous) => previous.clone(),
+            None => Arc::new(LazyResponse { opacity, curve: OnceLock::new() }),
+        }
+    }
+}
+
+/// The tone curves of one opacity and splat radius.
+pub struct Tones {
     radius_px: f64,
-    response: OnceLock<Response>,
+    response: Arc<LazyResponse>,
 }
 
 impl Tones {
     /// The curves that [`tone`] has for these.
     pub fn new(opacity: f64, radius_px: f64) -> Self {
-        Tones { opacity, radius_px, response: OnceLock::new() }
+        Tones::with_response(LazyResponse::new(opacity, None), radius_px)
+    }
+
+    pub(super) fn with_response(response: Arc<LazyResponse>, radius_px: f64) -> Self {
+        Tones { radius_px, response }
     }
 
     /// [`tone`] in a look.
@@ -38,7 +57,8 @@ impl Tones {
 
     /// [`tone`] of rows, which are overwritten, into `out`.
     pub(super) fn rows(&self, mut tau: PlaneRows<'_>, style: ToneStyle, out: &mut [u8]) {
-        let response = || self.response.get_or_init(|| Response::new(self.opacity));
+        let opacity = self.response.opacity;
+        let response = || self.response.curve.get_or_init(|| Response::new(opacity));
         match style {
             ToneStyle::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
             ToneStyle::ParaviewNoFxaa => {
@@ -46,19 +66,29 @@ impl Tones {
                 per_pixel(&tau, out, |t| response.level(t));
             }
             ToneStyle::Paraview => {
-                let (response, mean) = (response(), FxaaMean::new(self.opacity, self.radius_px));
+                let mean = FxaaMean::new(opacity, self.radius_px);
+                let curve = response().scaled(|tau| mean.ratio(tau));
                 // Levels are blurred, not depths: FXAA works on the finished picture.
-                tau.each(|_, row| row.iter_mut().for_each(|t| *t = response.level(*t) * mean.ratio(*t)));
-                blurred(&tau, fxaa_blur(self.opacity, self.radius_px), out);
+                tau.each(|_, row| row.iter_mut().for_each(|t| *t = curve.level(*t)));
+                blurred(&tau, fxaa_blur(opacity, self.radius_px), out);
             }
         }
     }
 }
 
+/// A level rounded to even, NaN to black. The sum has the rounded number in its last bits, and is vectorised where a call
+/// of `round_ties_even` is not.
+fn rounded(level: f32) -> u8 {
+    const LAST_BITS: f32 = 8_388_608.0;
+    // Not `clamp`, which keeps NaN.
+    #[expect(clippy::manual_clamp)]
+    let level = level.max(0.0).min(255.0);
+    (level + LAST_BITS).to_bits() as u8
+}
+
 fn per_pixel(tau: &PlaneRows<'_>, out: &mut [u8], curve: impl Fn(f32) -> f32 + Send + Sync) {
-    // The cast saturates and takes NaN to black.
     parallel::for_each_chunk(out, tau.size.width.max(1), |j, out| {
-        out.iter_mut().zip(tau.row(j)).for_each(|(o, &t)| *o = curve(t).round_ties_even() as u8);
+        out.iter_mut().zip(tau.row(j)).for_each(|(o, &t)| *o = rounded(curve(t)));
     });
 }
 
@@ -68,11 +98,17 @@ fn blurred(levels: &PlaneRows<'_>, tap: f32, out: &mut [u8]) {
     let center = 1.0 - 2.0 * tap;
     parallel::for_each_chunk_with(out, w.max(1), Vec::new, |column, y, out| {
         let (above, here, below) = (levels.row(y.saturating_sub(1)), levels.row(y), levels.row((y + 1).min(h - 1)));
-        column.clear();
-        column.extend((0..w).map(|x| center * here[x] + tap * (above[x] + below[x])));
-        for x in 0..w {
-            let sides = column[x.saturating_sub(1)] + column[(x + 1).min(w - 1)];
-            out[x] = (center * column[x] + tap * sides).round_ties_even() as u8;
+        // The ends stand twice, so that every pixel has two neighbours.
+        column.resize(w + 2, 0.0);
+        let rows = here.iter().zip(above).zip(below);
+        column[1..]
+            .iter_mut()
+            .zip(rows)
+            .for_each(|(c, ((here, above), below))| *c = center * here + tap * (above + below));
+        (column[0], column[w + 1]) = (column[1], column[w]);
+        let neighbours = column.iter().zip(&column[1..]).zip(&column[2..]);
+        for (level, ((left, middle), right)) in out.iter_mut().zip(neighbours) {
+            *level = rounded(center * middle + tap * (left + right));
         }
     });
 }

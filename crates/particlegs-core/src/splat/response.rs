@@ -39,6 +39,12 @@ impl Response {
         Response { levels }
     }
 
+    /// The curve times a factor that changes little between two depths of the table, such as [`super::FxaaMean::ratio`].
+    pub fn scaled(&self, factor: impl Fn(f32) -> f32) -> Response {
+        let scaled = self.levels.iter().enumerate().map(|(i, level)| level * factor(table_tau(i) as f32));
+        Response { levels: scaled.collect() }
+    }
+
     /// The table: levels at the depths `2^e (1 + k/64)`, e from -14 to 3, k from 0 to 63, and at 16.
     pub fn levels(&self) -> &[f32] {
         &self.levels
@@ -103,8 +109,9 @@ pub fn mul8(a: u32, b: u32) -> u32 {
 
 /// One fragment's step of the back and of the front buffer.
 struct BlendStep {
-    /// (q, probability) of a fragment's alpha in the back buffer, quantised before blending.
-    back: Vec<(u32, f64)>,
+    /// Probability of a fragment's alpha in the back buffer, quantised before blending, and the level that each level
+    /// becomes.
+    back: Vec<(f64, [u8; LEVELS])>,
     /// Row f: probabilities of the front level after one more fragment (float alpha, one rounding).
     front: Vec<[f64; LEVELS]>,
 }
@@ -115,6 +122,7 @@ impl BlendStep {
         let back = (0..LEVELS as u32)
             .map(|q| (q, share((f64::from(q) - 0.5) / 255.0, (f64::from(q) + 0.5) / 255.0)))
             .filter(|&(_, p)| p > 0.0)
+            .map(|(q, p)| (p, std::array::from_fn(|level| (q + mul8(level as u32, 255 - q)).min(255) as u8)))
             .collect();
         let mut front = vec![[0.0; LEVELS]; LEVELS];
         for (f, row) in front.iter_mut().enumerate() {
@@ -138,8 +146,8 @@ impl BlendStep {
             if p == 0.0 {
                 continue;
             }
-            for &(q, share) in &self.back {
-                to[(q + mul8(level as u32, 255 - q)).min(255) as usize] += p * share;
+            for (share, next) in &self.back {
+                to[usize::from(next[level])] += p * share;
             }
         }
         to
@@ -268,7 +276,7 @@ mod tests {
         for a in [0.001, INVISIBLE_OPACITY] {
             let chain = BlendStep::new(a);
             assert!(chain.levels_by_count(1000.0).iter().all(|level| *level == 0.0));
-            assert!(chain.back.iter().all(|(q, _)| *q == 0));
+            assert!(chain.back.iter().all(|(_, next)| (0..=255).all(|level| next[usize::from(level)] == level)));
         }
         assert!(Response::new(INVISIBLE_OPACITY * 1.001).level(8.0) > 0.0);
     }

@@ -328,7 +328,8 @@ impl SampledGaussian {
     /// Volume that a Gaussian of one particle fills at its mean density, (4 pi)^(3/2) times the root
     /// of the determinant.
     fn volume(&self) -> f64 {
-        (4.0 * std::f64::consts::PI).powf(1.5) * self.root[0] * self.root[2] * self.root[5]
+        const FOUR_PI: f64 = 4.0 * std::f64::consts::PI;
+        FOUR_PI * FOUR_PI.sqrt() * self.root[0] * self.root[2] * self.root[5]
     }
 
     fn apply(&self, raw: [&mut [f64]; 3], out: [&mut [f64]; 3]) {
@@ -349,7 +350,7 @@ fn to_ball(raw: &mut [&mut [f64]; 3], radii: &[f64]) {
     let [x, y, z] = raw;
     for i in 0..radii.len() {
         let length = (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]).sqrt();
-        let factor = if length > 0.0 { REACH * radii[i].cbrt() / length } else { 0.0 };
+        let factor = if length > 0.0 { REACH * libm::cbrt(radii[i]) / length } else { 0.0 };
         x[i] *= factor;
         y[i] *= factor;
         z[i] *= factor;

@@ -41,8 +41,8 @@ impl Cascade {
     pub(super) fn new(key: [u64; 2], count: u64, density: f64) -> Cascade {
         let levels = (u64::BITS - count.leading_zeros() + BEYOND).min(MOST_LEVELS);
         // Gaussians without extent are denser than all else.
-        let from_peak = (density.clamp(1e-12, 1e12) / PEAK_DENSITY).ln() / WIDTH;
-        let amplitude = (GREATEST * (-0.5 * from_peak * from_peak).exp()).max(LEAST);
+        let from_peak = libm::log(density.clamp(1e-12, 1e12) / PEAK_DENSITY) / WIDTH;
+        let amplitude = (GREATEST * libm::exp(-0.5 * from_peak * from_peak)).max(LEAST);
         Cascade { key: mixed(key[0] ^ mixed(key[1])), levels, amplitude }
     }
 

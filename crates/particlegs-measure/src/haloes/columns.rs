@@ -292,7 +292,7 @@ impl HaloSearch<'_> {
 /// Standard error of the number of a model's linked particles: tuned on the haloes of one snapshot, checked on others
 /// (docs/results/haloes.md).
 fn linked_error(number: f64) -> f64 {
-    0.45 * number.powf(0.7)
+    0.45 * libm::pow(number, 0.7)
 }
 
 /// Unit of a property and the function that makes a column of its numbers; `None` where its unit is not known.

@@ -246,7 +246,7 @@ impl<'a> HaloSearch<'a> {
             LinkedHaloes::find(self.particles, self.positions, self.domain, (self.o, self.number), &mass, context)?;
         context.begin("haloes", groups.members.len() as u64);
         let points = PointGrid::new(self.positions, self.domain, 0.0)?;
-        let softening = self.o.softening.unwrap_or(SOFTENING * groups.number_density.powf(-1.0 / 3.0));
+        let softening = self.o.softening.unwrap_or(SOFTENING * libm::pow(groups.number_density, -1.0 / 3.0));
         let about = AboutCenter {
             search: self,
             points: &points,
@@ -271,7 +271,7 @@ impl<'a> HaloSearch<'a> {
     /// The radius within which particles are gathered about a group of a mass, at first.
     fn first_reach(&self, mass: f64) -> f64 {
         let thinnest = self.thinnest();
-        FIRST_REACH * (mass / thinnest).cbrt()
+        FIRST_REACH * libm::cbrt(mass / thinnest)
     }
 
     /// The least mass over the cube of the radius.

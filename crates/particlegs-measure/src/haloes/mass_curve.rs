@@ -35,18 +35,18 @@ struct MassCurve {
 impl MassCurve {
     /// By integration over Gaussians, from one radius to another.
     fn new(model: &GaussianSpheres, center: [f64; 3], ends: [f64; 2], context: &Context<'_>) -> Result<MassCurve> {
-        let [first, last] = ends.map(f64::ln);
+        let [first, last] = ends.map(libm::log);
         let number = ((last - first) / CURVE_STEP).ceil().clamp(2.0, MOST_STEPS);
         let step = (last - first) / number;
-        let radii: Vec<f64> = (0..=number as usize).map(|i| (first + step * i as f64).exp()).collect();
+        let radii: Vec<f64> = (0..=number as usize).map(|i| libm::exp(first + step * i as f64)).collect();
         let inside = model.enclosed(center, &radii, context)?;
-        let masses = inside.iter().map(|inside| inside.mass.max(f64::MIN_POSITIVE).ln()).collect();
+        let masses = inside.iter().map(|inside| libm::log(inside.mass.max(f64::MIN_POSITIVE))).collect();
         Ok(MassCurve { first, step, masses, inside })
     }
 
     /// The sphere in which the mass first falls to `per_cube` times the cube of the radius, and the error of its mass.
     fn sphere(&self, per_cube: f64) -> Option<HaloSphere> {
-        let excess = |i: usize| self.masses[i] - 3.0 * (self.first + self.step * i as f64) - per_cube.ln();
+        let excess = |i: usize| self.masses[i] - 3.0 * (self.first + self.step * i as f64) - libm::log(per_cube);
         // Small spheres about a density peak may hold less.
         let above = (1..self.masses.len()).find(|i| excess(*i) < 0.0 && excess(i - 1) >= 0.0)?;
         // The parabola about the middle of the three nodes, in steps.
@@ -59,7 +59,7 @@ impl MassCurve {
             *(if at + slope * x + 0.5 * curve * x * x < 0.0 { &mut to } else { &mut from }) = x;
         }
         let x = 0.5 * (from + to);
-        let radius = (self.first + self.step * (middle as f64 + x)).exp();
+        let radius = libm::exp(self.first + self.step * (middle as f64 + x));
         let [inner, outer] = [self.inside[above - 1], self.inside[above]];
         let variance = inner.variance + (outer.variance - inner.variance) * (x - (above - 1) as f64 + middle as f64);
         // A mass that is larger by a share makes the sphere larger, too.

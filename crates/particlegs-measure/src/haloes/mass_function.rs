@@ -28,7 +28,7 @@ pub fn mass_function(catalogue: &HaloCatalogue, domain: &Domain, [least, most]: 
     if !(least > 0.0 && most >= least && most.is_finite()) {
         return Vec::new();
     }
-    let bin = |m: f64| ((m / least).log10() * PER_DECADE).floor();
+    let bin = |m: f64| (libm::log10(m / least) * PER_DECADE).floor();
     let bins = bin(most) as usize + 1;
     let parts = PARTS.pow(3);
     let mut counts = vec![vec![0u64; parts]; bins];
@@ -50,7 +50,7 @@ pub fn mass_function(catalogue: &HaloCatalogue, domain: &Domain, [least, most]: 
         let mean = counts.iter().map(without).sum::<f64>() / n;
         let square =
             counts.iter().map(|part_count| (without(part_count) - mean) * (without(part_count) - mean)).sum::<f64>();
-        let end = |i: usize| least * 10f64.powf(i as f64 / PER_DECADE);
+        let end = |i: usize| least * libm::pow(10f64, i as f64 / PER_DECADE);
         let error = ((n - 1.0) / n * square).sqrt() * per;
         MassFunctionBin { masses: [end(i), end(i + 1)], haloes: total, density: total as f64 * per, error }
     };

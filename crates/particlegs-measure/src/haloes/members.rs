@@ -56,7 +56,7 @@ impl LinkedHaloes {
             None => finest,
         };
         // Of a model's dense part the links follow the mean spacing of all particles.
-        let spacing = linked.spacing * (p.len() as f64 / number as f64).cbrt();
+        let spacing = linked.spacing * libm::cbrt(p.len() as f64 / number as f64);
         let length = o.linking * spacing;
         if length > longest_link(domain) {
             let message =
@@ -147,7 +147,7 @@ fn ranges(p: &Particles, layers: &[String]) -> Vec<Range<usize>> {
 pub fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, number_density: f64) -> [f64; 3] {
     let Some((first, all)) = group_offsets(positions, members, domain) else { return [0.0; 3] };
     // At 200 times the mean density, the members fill a sphere whose radius is four of these edges.
-    let side = CELL * (members.len() as f64 / (800.0 / 3.0 * PI * number_density)).cbrt();
+    let side = CELL * libm::cbrt(members.len() as f64 / (800.0 / 3.0 * PI * number_density));
     let cell = |x: &[f64; 3]| -> [i32; 3] { each_axis(|k| (x[k] / side).floor() as i32) };
     let mut cells: Vec<[i32; 3]> = all.iter().map(cell).collect();
     cells.sort_unstable();

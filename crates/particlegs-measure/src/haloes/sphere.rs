@@ -63,7 +63,7 @@ impl RadialParticles {
         };
         let count = (first.max(1)..=self.particles.len()).find(thin)?;
         let mass = self.enclosed[count - 1];
-        Some(DensitySphere { radius: (mass / per_cube).cbrt(), mass, count })
+        Some(DensitySphere { radius: libm::cbrt(mass / per_cube), mass, count })
     }
 
     /// The number of particles within a radius.
@@ -159,14 +159,14 @@ pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Op
     let (first, end) = (particles.count_within(inner), particles.count_within(radius));
     let inside = particles.particles.get(first..end).filter(|p| !p.is_empty())?;
     let mass: f64 = inside.iter().map(|p| p.mass).sum();
-    let enclosed = |y: f64| y.ln_1p() - y / (1.0 + y);
+    let enclosed = |y: f64| libm::log1p(y) - y / (1.0 + y);
     // Terms without the concentration are left out.
     let likelihood = |log: f64| {
-        let c = log.exp();
-        let places: f64 = inside.iter().map(|p| p.mass * (c * p.square.sqrt() / radius).ln_1p()).sum();
-        mass * (2.0 * log - (enclosed(c) - enclosed(c * inner / radius)).ln()) - 2.0 * places
+        let c = libm::exp(log);
+        let places: f64 = inside.iter().map(|p| p.mass * libm::log1p(c * p.square.sqrt() / radius)).sum();
+        mass * (2.0 * log - libm::log(enclosed(c) - enclosed(c * inner / radius))) - 2.0 * places
     };
-    let [mut low, mut high] = CONCENTRATIONS.map(f64::ln);
+    let [mut low, mut high] = CONCENTRATIONS.map(libm::log);
     let ends = [low, high];
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let (mut a, mut b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
@@ -184,7 +184,7 @@ pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Op
         }
     }
     let log_concentration = 0.5 * (low + high);
-    (log_concentration > ends[0] + 0.01 && log_concentration < ends[1] - 0.01).then(|| log_concentration.exp())
+    (log_concentration > ends[0] + 0.01 && log_concentration < ends[1] - 0.01).then(|| libm::exp(log_concentration))
 }
 
 #[cfg(test)]

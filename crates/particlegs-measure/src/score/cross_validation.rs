@@ -32,7 +32,7 @@ impl Halves<'_> {
         };
         let (a, b) = (scored(0)?, scored(1)?);
         // The difference of the halves has errors that samples of their particles do not show.
-        let sampling = 0.5 * a.error.hypot(b.error);
+        let sampling = 0.5 * libm::hypot(a.error, b.error);
         Ok(CrossValidation {
             bits: 0.5 * (a.bits + b.bits),
             kernel_bits: 0.5 * (kernel(0)? + kernel(1)?),

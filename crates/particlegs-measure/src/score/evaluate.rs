@@ -187,7 +187,7 @@ pub fn shot_noise(tau: &Plane, opacity: f64, drawn: &Gray8, target: &Gray8) -> O
     for ((&tau, &a), &b) in tau.data.iter().zip(&drawn.data).zip(&target.data) {
         if is_lit(a, b) {
             let tau = f64::from(tau);
-            sum += (-2.0 * tau).exp() * (0.5 * opacity * tau).exp_m1();
+            sum += libm::exp(-2.0 * tau) * libm::expm1(0.5 * opacity * tau);
             pixels += 1;
         }
     }

@@ -106,9 +106,9 @@ fn compared([a, b]: [&LayerNumbers; 2], edge: f64) -> LayerRatio {
         if of_a < ENOUGH || of_b < ENOUGH {
             continue;
         }
-        let truth = (of_b / of_a).log10();
+        let truth = libm::log10(of_b / of_a);
         // A cell in which the model has neither layer has no ratio: it counts as off by the most.
-        let modelled = (b.model.mass[i] / a.model.mass[i]).clamp(f64::MIN_POSITIVE, f64::MAX).log10();
+        let modelled = libm::log10((b.model.mass[i] / a.model.mass[i]).clamp(f64::MIN_POSITIVE, f64::MAX));
         let error = if modelled.is_nan() { MOST_ERROR } else { (modelled - truth).clamp(-MOST_ERROR, MOST_ERROR) };
         // To first order, the natural logarithm of a number n of particles has the variance 1 / n.
         let (modelled, noise) = (truth + error, std::f64::consts::LOG10_E.powi(2) * (1.0 / of_a + 1.0 / of_b));

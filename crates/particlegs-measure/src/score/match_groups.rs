@@ -56,7 +56,7 @@ impl GroupFinder<'_> {
     /// The radius within which a counterpart of a group of `size` particles may lie: that of a sphere which has 200
     /// times the mean density.
     fn radius(&self, size: u64, truth: &GroupCatalogue) -> f64 {
-        truth.finest.unwrap_or(self.spacing) * (3.0 * size as f64 / (4.0 * std::f64::consts::PI * 200.0)).cbrt()
+        truth.finest.unwrap_or(self.spacing) * libm::cbrt(3.0 * size as f64 / (4.0 * std::f64::consts::PI * 200.0))
     }
 
     /// The counterpart of each group of `truth` among `drawn`: from the largest on the nearest that is left within the

@@ -89,7 +89,7 @@ pub fn compare_density(a: &Field, b: &Field) -> DensityComparison {
     });
     let logs = |i: usize| {
         let (x, y) = at(i);
-        (x > 0.0 && y > 0.0).then(|| (x.ln(), y.ln()))
+        (x > 0.0 && y > 0.0).then(|| (libm::log(x), libm::log(y)))
     };
     let [m, sx, sy] = sums(n, |i| logs(i).map_or([0.0; 3], |(x, y)| [1.0, x, y]));
     let (mx, my) = (sx / m.max(1.0), sy / m.max(1.0));
@@ -113,13 +113,13 @@ pub fn density_pdf(a: &Field, b: &Field) -> DensityPdf {
     let per = [per_mean(a), per_mean(b)];
     let highest =
         [a, b].iter().zip(per).map(|(f, p)| f.mass.iter().copied().fold(0.0, f32::max) as f64 * p).fold(1.0, f64::max);
-    let bins = ((highest.log10() - LOW) / WIDTH).floor() as usize + 1;
+    let bins = ((libm::log10(highest) - LOW) / WIDTH).floor() as usize + 1;
     let count = |f: &Field, per: f64| {
         let parts = parallel::map(f.mass.chunks(STEP), |run| {
             let (mut cells, mut rest) = (vec![0u64; bins], [0u64; 3]);
             for v in run {
                 let x = f64::from(*v) * per;
-                let at = (x.log10() - LOW) / WIDTH;
+                let at = (libm::log10(x) - LOW) / WIDTH;
                 if x <= 0.0 {
                     rest[0] += 1;
                 } else if at < 0.0 {
@@ -228,7 +228,7 @@ pub(super) fn show(d: &DensityReport, particles: u64, to: &mut Presentation) {
     );
     let cell_count: f64 = d.cells.iter().map(|n| *n as f64).product();
     let row_of = |(e, (a, b)): (&[f64], (&u64, &u64))| {
-        (10f64.powf(0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / cell_count))
+        (libm::pow(10f64, 0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / cell_count))
     };
     let axes = [log("density / mean"), log("share of cells per bin (10 per decade)")];
     to.plot(compared("density_pdf", "Distribution of density", axes, &bins.map(row_of).collect::<Vec<_>>(), 0.0));
@@ -246,7 +246,7 @@ fn slices(d: &DensityReport, axis: usize) -> Figure {
     let [columns, rows] = [[1, 2], [0, 2], [0, 1]][axis].map(|k: usize| d.cells[k]);
     // About 480 pixels along the longer side, each cell a square of pixels; the first axis is horizontal.
     let scale = (480 / columns.max(rows).max(1)).max(1);
-    let color = |v: f32| Colormap::Inferno.color((v.log10() + 1.0) / 4.0);
+    let color = |v: f32| Colormap::Inferno.color((libm::log10f(v) + 1.0) / 4.0);
     let panel = |(values, name): (&Vec<f32>, &str)| Panel {
         caption: Some(name.to_string()),
         ..Panel::plain(block_picture(values, [columns, rows], scale, color))

@@ -87,7 +87,7 @@ impl<const N: usize> CellQuantity for GaussianField<N> {
         }
         if let Some(to_values) = self.to_values {
             let log = self.mean[0] + dot(self.slope[0], from_mean) + 0.5 * self.variance[0] + to_values;
-            sum.values += mass * log.exp();
+            sum.values += mass * libm::exp(log);
         }
     }
 }

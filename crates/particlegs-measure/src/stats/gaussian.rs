@@ -135,7 +135,7 @@ fn nodes(out: &mut Vec<(f64, f64)>, variance: f64, kernel: f64) {
         let reach = (3.5 * variance.sqrt() / step).ceil() as i64;
         out.extend((-reach..=reach).map(|j| {
             let x = j as f64 * step;
-            (x, (-0.5 * x * x / variance).exp())
+            (x, libm::exp(-0.5 * x * x / variance))
         }));
         let sum: f64 = out.iter().map(|n| n.1).sum();
         out.iter_mut().for_each(|n| n.1 /= sum);

@@ -76,7 +76,7 @@ impl Grid {
     /// where the longest edge would have more than 256.
     pub fn of_eight(domain: &Domain, particles: usize) -> Self {
         // Cells of a tilted box hold less than cubes of their edge.
-        let cube = domain.tilt.map_or(1.0, |t| t.volume().cbrt());
+        let cube = domain.tilt.map_or(1.0, |t| libm::cbrt(t.volume()));
         let edge = (2.0 * domain.spacing(particles) / cube).max(domain.longest() / MOST_CELLS);
         let cells = each_axis(|k| COARSEST * (domain.length[k] / (edge * COARSEST as f64)).round().max(1.0) as usize);
         Self::stretched(domain, cells)

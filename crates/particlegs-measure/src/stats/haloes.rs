@@ -81,7 +81,7 @@ pub struct HaloPlaces<'a> {
 impl HaloPlaces<'_> {
     /// Edges of the shells, in units of the largest radius.
     fn edges(&self) -> Vec<f64> {
-        (0..=self.bins).map(|i| SMALLEST.powf(1.0 - i as f64 / self.bins as f64)).collect()
+        (0..=self.bins).map(|i| libm::pow(SMALLEST, 1.0 - i as f64 / self.bins as f64)).collect()
     }
 
     pub fn largest(&self) -> f64 {
@@ -359,7 +359,7 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
     for (unit, g, i) in gaussians(m) {
         let mass = unit * g.mass_of(i);
         let gaussian = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), mass, widths);
-        by_size.entry(gaussian.reach().log2().ceil() as i64).or_default().push((gaussian, g.count[i]));
+        by_size.entry(libm::log2(gaussian.reach()).ceil() as i64).or_default().push((gaussian, g.count[i]));
     }
     let class = |members: Vec<(GaussianInSphere, f64)>| {
         let (gaussians, numbers): (Vec<GaussianInSphere>, Vec<f64>) = members.into_iter().unzip();
@@ -445,7 +445,7 @@ pub(super) fn show(h: &HaloProfiles, to: &mut Presentation) {
     let radius = h.radius.map_or("given".into(), |r| decimals(r) + &to.length);
     to.line("haloes: centres", format!("{}, largest radius {radius}", h.count));
     for share in [0.1, 0.3, 1.0] {
-        let near = |i: &usize| (h.edges[*i] / share).ln().abs();
+        let near = |i: &usize| libm::log(h.edges[*i] / share).abs();
         let Some(i) = (0..h.edges.len()).min_by(|a, b| near(a).total_cmp(&near(b))) else { continue };
         to.median(&format!("haloes: mass within {:.3} radii", h.edges[i]), h.median[i], h.quartiles[i]);
     }

@@ -194,7 +194,7 @@ impl JointAxis {
         let ends = |[low, high]: [f64; 2], v: &[f64; 2]| [low.min(v[k]), high.max(v[k])];
         let [low, high] = pairs.values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends);
         let logarithmic = low > 0.0 && high >= DECADES * low;
-        let [mut low, mut high] = if logarithmic { [low.log10(), high.log10()] } else { [low, high] };
+        let [mut low, mut high] = if logarithmic { [libm::log10(low), libm::log10(high)] } else { [low, high] };
         // Values that are all alike need an axis of some width.
         if low == high {
             let half = if low == 0.0 { 0.5 } else { 0.01 * low.abs() };
@@ -208,7 +208,7 @@ impl JointAxis {
     /// The place of a value along it, its decimal logarithm on a logarithmic one; NaN where that has none.
     fn place(&self, value: f64) -> f64 {
         match self.logarithmic {
-            true if value > 0.0 => value.log10(),
+            true if value > 0.0 => libm::log10(value),
             true => f64::NAN,
             false => value,
         }
@@ -226,7 +226,7 @@ impl JointAxis {
     }
 
     fn edges(&self) -> Vec<f64> {
-        let value = |at: f64| if self.logarithmic { 10f64.powf(at) } else { at };
+        let value = |at: f64| if self.logarithmic { libm::pow(10f64, at) } else { at };
         (0..=self.bins).map(|i| value(self.edge(i))).collect()
     }
 }
@@ -315,7 +315,7 @@ pub(super) fn show(all: &[JointHistogram], to: &mut Presentation) {
 /// Truth and other side by side, a row a particle type: the logarithm of the share of mass in a cell over the largest.
 fn figure(all: &[JointHistogram]) -> Figure {
     // Cells below the least share, and empty ones, are as white as the ground.
-    let color = |share: f64| match share.log10() / -LEAST_SHARE.log10() + 1.0 {
+    let color = |share: f64| match libm::log10(share) / -libm::log10(LEAST_SHARE) + 1.0 {
         v if v >= 0.0 => Colormap::Viridis.color(v as f32),
         _ => [255; 3],
     };
@@ -329,7 +329,7 @@ fn figure(all: &[JointHistogram]) -> Figure {
             let unit = j.units[k].as_ref().map_or(String::new(), |u| format!(" [{u}]"));
             let [low, high] = [j.edges[k][0], j.edges[k][j.edges[k].len() - 1]];
             let (name, [low, high]) = match j.logarithmic[k] {
-                true => (format!("log10 {}", j.fields[k]), [low.log10(), high.log10()]),
+                true => (format!("log10 {}", j.fields[k]), [libm::log10(low), libm::log10(high)]),
                 false => (j.fields[k].clone(), [low, high]),
             };
             EdgeAxis { label: name + &unit, low, high }

@@ -78,7 +78,7 @@ pub fn likelihood(
     // Relative to uniform.
     let ratios: Vec<f64> = densities.iter().map(|d| volume / total * d).collect();
     // Where the model has nothing a particle costs log2(1 / 0.001): one in a hole does not make the mean infinite.
-    let bits: Vec<f64> = ratios.iter().map(|r| ((1.0 - UNIFORM) * r + UNIFORM).log2()).collect();
+    let bits: Vec<f64> = ratios.iter().map(|r| libm::log2((1.0 - UNIFORM) * r + UNIFORM)).collect();
     let mean = bits.iter().sum::<f64>() / n as f64;
     let variance = bits.iter().map(|b| (b - mean) * (b - mean)).sum::<f64>() / n as f64;
     let share = |number: usize, whole: usize| number as f64 / whole.max(1) as f64;
@@ -112,7 +112,7 @@ impl Likelihood {
             context.check()?;
             // No density is infinite: as many at one place are a millionth of a spacing apart.
             let ratio = |x: &[f32; 3]| (tree.density(*x, KERNEL_NEIGHBOURS) * volume).min(1e18);
-            Ok::<f64, Error>(run.iter().map(|x| ((1.0 - UNIFORM) * ratio(x) + UNIFORM).log2()).sum())
+            Ok::<f64, Error>(run.iter().map(|x| libm::log2((1.0 - UNIFORM) * ratio(x) + UNIFORM)).sum())
         })?;
         Ok(parts.iter().sum::<f64>() / places.len().max(1) as f64)
     }
@@ -294,7 +294,7 @@ impl GaussianDensity {
             for i in run {
                 let d = each_axis(|k| points.position[i][k] + shift[k] - self.mean[k]);
                 if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= self.reach * self.reach {
-                    each(i, d, self.peak * (-0.5 * self.inverse.quadratic(d)).exp());
+                    each(i, d, self.peak * libm::exp(-0.5 * self.inverse.quadratic(d)));
                 }
             }
         });

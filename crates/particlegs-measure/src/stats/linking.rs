@@ -146,7 +146,7 @@ impl LinkedParticles {
             Some(index) => index.into_iter().filter(|i| ranges.iter().any(|r| r.contains(&(*i as usize)))).collect(),
             None => ranges.iter().cloned().flatten().map(|i| i as u32).collect(),
         };
-        let spacing = self.spacing * (before as f64 / index.len().max(1) as f64).cbrt();
+        let spacing = self.spacing * libm::cbrt(before as f64 / index.len().max(1) as f64);
         LinkedParticles { index: Some(index), spacing }
     }
 

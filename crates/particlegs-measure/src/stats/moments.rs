@@ -75,7 +75,7 @@ fn moments(s: &PowerSums, pivot: f64) -> AxisMoments {
     let variance = (m2 - m1 * m1).max(0.0);
     let third = m3 - 3.0 * m1 * m2 + 2.0 * m1.powi(3);
     let fourth = m4 - 4.0 * m1 * m3 + 6.0 * m1 * m1 * m2 - 3.0 * m1.powi(4);
-    let over = |v: f64, power: f64| if variance > 0.0 { v / variance.powf(power) } else { 0.0 };
+    let over = |v: f64, power: f64| if variance > 0.0 { v / libm::pow(variance, power) } else { 0.0 };
     AxisMoments {
         mean: pivot + m1,
         deviation: variance.sqrt(),

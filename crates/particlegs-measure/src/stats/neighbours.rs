@@ -101,11 +101,11 @@ fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
     let n = sorted.len();
     let at = |share| quantile(sorted, share).expect("at least one distance");
     let zero = sorted.iter().take_while(|d| **d == 0.0).count();
-    let bin = |d: f64| (d.log10() * PER_DECADE).floor() as i64;
+    let bin = |d: f64| (libm::log10(d) * PER_DECADE).floor() as i64;
     let (mut edges, mut counts) = (Vec::new(), Vec::new());
     if zero < n {
         let (low, high) = (bin(sorted[zero]), bin(sorted[n - 1]));
-        edges = (low..=high + 1).map(|b| 10f64.powf(b as f64 / PER_DECADE)).collect();
+        edges = (low..=high + 1).map(|b| libm::pow(10f64, b as f64 / PER_DECADE)).collect();
         counts = vec![0; (high - low + 1) as usize];
         sorted[zero..].iter().for_each(|d| counts[(bin(*d) - low) as usize] += 1);
     }

@@ -59,8 +59,8 @@ pub struct PairOptions {
 
 /// Bins of equal ratio, `per_decade` of them.
 pub fn logarithmic_edges(low: f64, high: f64, per_decade: usize) -> Vec<f64> {
-    let bins = ((high / low).log10() * per_decade as f64).round().max(1.0) as usize;
-    (0..=bins).map(|i| low * (high / low).powf(i as f64 / bins as f64)).collect()
+    let bins = (libm::log10(high / low) * per_decade as f64).round().max(1.0) as usize;
+    (0..=bins).map(|i| low * libm::pow(high / low, i as f64 / bins as f64)).collect()
 }
 
 /// The mean over directions of the share of a box that a displacement of length `r` keeps inside:

@@ -83,7 +83,7 @@ fn opposite(density: &[f64]) -> usize {
     let n = density.len();
     let angle = |i: usize| TAU * (i as f64 + 0.5) / n as f64;
     let sum = |component: fn(f64) -> f64| density.iter().enumerate().map(|(i, d)| d * component(angle(i))).sum::<f64>();
-    let middle = sum(f64::sin).atan2(sum(f64::cos)) / TAU;
+    let middle = libm::atan2(sum(libm::sin), sum(libm::cos)) / TAU;
     (((middle + 0.5).rem_euclid(1.0) * n as f64).round() as usize) % n
 }
 

@@ -9,6 +9,7 @@ use super::Grid;
 use super::cell_quantity::CellQuantity;
 use super::slab::Slab;
 use particlegs_core::math::{Sym3, each_axis};
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Smallest deviation in cells: sums over cells then keep mass to 1e-6.
@@ -78,7 +79,7 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
             }
         }
         let (inverse, det) = (wide.inverse()?, wide.det());
-        let peak = mass / INSIDE * (2.0 * std::f64::consts::PI).powf(-1.5) / det.sqrt();
+        let peak = mass / (INSIDE * TAU * TAU.sqrt() * det.sqrt());
         let [xx, xy, xz, yy, yz, zz] = inverse.0;
         // The parabola's least value along z is a form of x and y, and along y then one of x.
         let projected = [xx - xz * xz / zz, xy - xz * yz / zz, yy - yz * yz / zz];
@@ -95,7 +96,7 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
             line,
             half: half[0],
             peak,
-            step: (-zz).exp(),
+            step: libm::exp(-zz),
             quantity: quantity.widened(&inverse, g.side),
         })
     }
@@ -138,8 +139,8 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
             return;
         }
         let dz = run.start as f64 + 0.5 - middle;
-        let mut value = self.peak * (-0.5 * (least + zz * dz * dz)).exp();
-        let mut ratio = (-zz * (dz + 0.5)).exp();
+        let mut value = self.peak * libm::exp(-0.5 * (least + zz * dz * dz));
+        let mut ratio = libm::exp(-zz * (dz + 0.5));
         let mut k = run.start.rem_euclid(n) as usize;
         for part in run {
             let from_mean = [dx, dy, part as f64 + 0.5 - self.mean[2]];

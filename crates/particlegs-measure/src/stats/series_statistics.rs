@@ -334,9 +334,10 @@ fn frame_record(frame: usize, m: &Metadata, measurement: Option<&FrameStatistics
 /// Wave numbers of shells in about equal factors, from the first to the last.
 fn chosen_waves(shells: &[WaveShell]) -> Vec<f64> {
     let (Some(first), Some(last)) = (shells.first(), shells.last()) else { return Vec::new() };
-    let nearest = |k: f64| shells.iter().map(|s| s.k).min_by(|a, b| (a / k).ln().abs().total_cmp(&(b / k).ln().abs()));
-    let step = (last.k / first.k).ln() / (WAVES - 1) as f64;
-    let mut waves: Vec<f64> = (0..WAVES).filter_map(|i| nearest(first.k * (step * i as f64).exp())).collect();
+    let nearest =
+        |k: f64| shells.iter().map(|s| s.k).min_by(|a, b| libm::log(a / k).abs().total_cmp(&libm::log(b / k).abs()));
+    let step = libm::log(last.k / first.k) / (WAVES - 1) as f64;
+    let mut waves: Vec<f64> = (0..WAVES).filter_map(|i| nearest(first.k * libm::exp(step * i as f64))).collect();
     waves.dedup();
     waves
 }
@@ -349,8 +350,8 @@ fn power_at(shells: &[WaveShell], k: f64) -> Option<f64> {
         return Some(next.power);
     }
     let before = shells.get(after.checked_sub(1)?)?;
-    let share = (k / before.k).ln() / (next.k / before.k).ln();
-    (before.power > 0.0 && next.power > 0.0).then(|| before.power * (next.power / before.power).powf(share))
+    let share = libm::log(k / before.k) / libm::log(next.k / before.k);
+    (before.power > 0.0 && next.power > 0.0).then(|| before.power * libm::pow(next.power / before.power, share))
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ impl SizeClass {
 pub fn size_histogram(sizes: [&[u64]; 2], smallest: u64) -> Vec<SizeClass> {
     let largest = sizes.iter().filter_map(|s| s.first()).copied().max().unwrap_or(0);
     let mut bounds: Vec<u64> = (0..)
-        .map(|i| (smallest as f64 * 2f64.powf(0.5 * f64::from(i))).round() as u64)
+        .map(|i| (smallest as f64 * libm::pow(2f64, 0.5 * f64::from(i))).round() as u64)
         .take_while(|b| *b <= largest)
         .collect();
     bounds.dedup();

@@ -126,7 +126,7 @@ fn modes_of_fields(
 }
 
 fn sinc(x: f64) -> f64 {
-    if x == 0.0 { 1.0 } else { x.sin() / x }
+    if x == 0.0 { 1.0 } else { libm::sin(x) / x }
 }
 
 /// The largest mode number of each axis up to `k_max`, below half the axis's cells: the mode at

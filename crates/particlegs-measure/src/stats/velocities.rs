@@ -251,8 +251,8 @@ pub(super) fn displacement(subjects: [Subject<'_>; 2], unit: Option<&str>) -> st
         return Err(format!("the files do not state {}", missing.join(", ")));
     };
     let square = if a == 1.0 { 1.0 } else { matter / a.powi(3) + (1.0 - matter - lambda) / (a * a) + lambda };
-    let hubble = if power == 0.0 { 1.0 } else { h.powf(power) };
-    let length = MEGAPARSEC / (100.0 * square.sqrt() * size.factor) * hubble / a.powf(f64::from(size.a));
+    let hubble = if power == 0.0 { 1.0 } else { libm::pow(h, power) };
+    let length = MEGAPARSEC / (100.0 * square.sqrt() * size.factor) * hubble / libm::pow(a, f64::from(size.a));
     if length > 0.0 && length.is_finite() { Ok(length) } else { Err("its cosmology has no rate of expansion".into()) }
 }
 

@@ -50,7 +50,7 @@ fn primitive(k: f64, r: f64) -> f64 {
     if x < 1e-3 {
         return r * r * r * (1.0 - 0.1 * x * x);
     }
-    let (sin, cos) = x.sin_cos();
+    let (sin, cos) = libm::sincos(x);
     3.0 * (sin - x * cos) / (k * k * k)
 }
 
