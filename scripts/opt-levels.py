@@ -16,17 +16,18 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 # Command line, structure of files, text, and what other crates are made of: their time does not show.
 COLD = set(
     """
-    ab_glyph adler2 allocator-api2 anstyle arrayvec ash atomic-waker better_io bit-set bit-vec bitflags bytes
-    bzip2 cfg-if clap clap_lex codespan-reporting constant_time_eq core_maths cpufeatures crossbeam-utils
-    dtype_dispatch equivalent errno fastrand foldhash futures-core getrandom glob gpu-allocator half hashbrown
-    http-body http-body-util httparse httpdate indexmap libc libloading linux-raw-sys lock_api log lru memmap2
-    mio naga naga-types num-complex num-integer num-traits once_cell ordered-float owned_ttf_parser parking_lot
-    parking_lot_core particlegs-files particlegs-server particlegs-view pin-project-lite pollster
-    portable-atomic presser primal-check profiling rand_core rand_xoshiro raw-window-handle rawpointer
-    renderdoc-sys roff rustc-hash scopeguard serde serde_core serde_json serde_spanned signal-hook
-    signal-hook-registry smallvec socket2 spirv static_assertions strength_reduce strsim terminal_size thiserror
-    toml_datetime transpose unicode-ident unicode-width unit-prefix wgpu wgpu-core
-    wgpu-core-deps-windows-linux-android wgpu-hal wgpu-naga-bridge wgpu-types winnow zerocopy
+    ab_glyph adler2 allocator-api2 anstyle arraydeque arrayvec ash atomic-waker better_io bit-set bit-vec
+    bitflags bytes bzip2 cfg-if clap clap_lex codespan-reporting constant_time_eq core_maths cpufeatures
+    crossbeam-utils dtype_dispatch equivalent errno fastrand foldhash futures-core getrandom glob gpu-allocator
+    half hashbrown http-body http-body-util httparse httpdate indexmap libc libloading linux-raw-sys lock_api
+    log lru memmap2 mio naga naga-types num-complex num-integer num-traits once_cell ordered-float
+    owned_ttf_parser parking_lot parking_lot_core particlegs-files particlegs-server particlegs-view
+    pin-project-lite pollster portable-atomic presser primal-check profiling rand_core rand_xoshiro
+    raw-window-handle rawpointer renderdoc-sys roff rustc-hash saphyr-parser scopeguard serde serde_core
+    serde_json serde_spanned signal-hook signal-hook-registry smallvec socket2 spirv static_assertions
+    strength_reduce strsim terminal_size thiserror toml_datetime transpose unicode-ident unicode-width
+    unit-prefix wgpu wgpu-core wgpu-core-deps-windows-linux-android wgpu-hal wgpu-naga-bridge wgpu-types winnow
+    zerocopy
     """.split()
 )
 

@@ -249,7 +249,7 @@ class Model:
         radius, opacity : float, optional
             Standard deviation of a particle in world units, and its peak opacity; the model's by default.
         center : array_like, shape (3,), optional
-            The point looked at; the middle of the bounds by default.
+            The point looked at; by default the middle of the bounds, or of the box in orthographic pictures.
         width, depth : float, optional
             Draw an orthographic picture of this width, of the particles within this depth about the centre.
         camera : Camera, optional

@@ -67,7 +67,7 @@ pub struct ExportResult {
 /// [`Error::Argument`] for an unknown ending; [`Error::Output`] for what may not be replaced, and an input.
 pub fn plan_export(out: &Path, kind: Option<Kind>, outputs: &Outputs, context: &Context<'_>) -> Result<Kind> {
     match Kind::for_output(out, kind) {
-        Ok(kind) if outputs.is_declared(out) => Ok(kind),
+        Ok(kind) if outputs.is_declared(out, Some(&kind.file())) => Ok(kind),
         Ok(kind) => outputs.writes(out, &kind.file(), context).map(|_| kind),
         // First check that the output is neither an input nor another output.
         Err(error) => outputs.writes(out, &kinds::PARTICLES, context).and(Err(error)),

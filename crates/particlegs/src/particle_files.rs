@@ -35,7 +35,7 @@ fn writer_of(out: &Path, format: Option<&str>, outputs: &Outputs, context: &Cont
 /// # Errors
 /// [`Error::Argument`] for an unknown ending, and a form for a file; [`Error::Output`] for what may not be replaced.
 pub fn plan_recovery(out: &Path, options: &RecoverOptions, outputs: &Outputs, context: &Context<'_>) -> Result<()> {
-    if outputs.is_declared(out) {
+    if outputs.is_declared(out, None) || outputs.is_declared(out, Some(&PARTICLES)) {
         return Ok(());
     }
     let writer = writer_of(out, None, outputs, context)?;

@@ -42,7 +42,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
     // Before the model is read, which may take long: a file that appears meanwhile is not replaced.
-    context.outputs.declare_model(&a.output, &context)?;
+    context.outputs.writes_model(&a.output, &context)?;
     let model = Model::open_frame(&a.model, &a.series.choice(), &context)?;
     let small = model.simplify_into(&a.output, target, &context.outputs, &context)?;
     let (bytes, info) = (small.bytes(), small.info()?);

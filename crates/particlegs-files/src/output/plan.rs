@@ -17,6 +17,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+/// The kind of a folder.
+const FOLDER: &str = "a folder";
 /// Between two looks for a pipe's reader.
 const PATIENCE: Duration = Duration::from_millis(20);
 
@@ -38,7 +40,8 @@ pub struct Outputs {
     pipes: Mutex<Vec<File>>,
     made: Mutex<Vec<PathBuf>>,
     planned: Mutex<Vec<PathBuf>>,
-    files: Mutex<Vec<PathBuf>>,
+    /// Names of files and folders, and of the kinds that they were declared as.
+    files: Mutex<Vec<(PathBuf, &'static str)>>,
     kept: Mutex<Vec<PathBuf>>,
 }
 
@@ -69,7 +72,7 @@ impl Outputs {
 
     /// Files that were declared one by one, in that order.
     pub fn files(&self) -> Vec<PathBuf> {
-        lock(&self.files).clone()
+        lock(&self.files).iter().map(|file| file.0.clone()).collect()
     }
 
     /// Takes note of a file that is to be written, and tells whether one is there that is kept: then
@@ -96,7 +99,7 @@ impl Outputs {
                 check_writable(path).map(|()| false)?
             }
         };
-        lock(&self.files).push(path.to_path_buf());
+        lock(&self.files).push((path.to_path_buf(), kind.name));
         Ok(self.keep(path, is_kept))
     }
 
@@ -107,9 +110,10 @@ impl Outputs {
         is_kept
     }
 
-    /// Whether an output was declared.
-    pub fn is_declared(&self, path: &Path) -> bool {
-        lock(&self.files).iter().any(|file| file == path)
+    /// Whether an output was declared as a file of this kind, or without a kind as a folder.
+    pub fn is_declared(&self, path: &Path, kind: Option<&Kind>) -> bool {
+        let name = kind.map_or(FOLDER, |kind| kind.name);
+        lock(&self.files).iter().any(|file| file.0 == path && file.1 == name)
     }
 
     /// Whether a declared output exists and is kept.
@@ -141,7 +145,7 @@ impl Outputs {
         if lock(&self.inputs).iter().any(|input| spelled_out(input.path()).starts_with(&whole)) {
             return Err(is_input(path));
         }
-        lock(&self.files).push(path.to_path_buf());
+        lock(&self.files).push((path.to_path_buf(), FOLDER));
         let filled = WholeFolder::check(path, names)?;
         Ok(self.keep(path, filled && !self.replaces()))
     }

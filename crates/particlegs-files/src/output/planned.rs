@@ -25,7 +25,7 @@ impl Outputs {
 
     /// Declares a model file, unless it was declared before; returns whether it exists and is kept.
     pub fn declare_model(&self, path: &Path, context: &Context<'_>) -> Result<bool> {
-        if self.is_declared(path) { Ok(self.is_kept(path)) } else { self.writes_model(path, context) }
+        if self.is_declared(path, Some(&MODEL)) { Ok(self.is_kept(path)) } else { self.writes_model(path, context) }
     }
 
     /// Writes a declared model file; a kept one is only compared.
