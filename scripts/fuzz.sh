@@ -6,7 +6,7 @@ cd "$(dirname "$0")/../fuzz"
 seconds=${1:-60}
 shift || true
 targets=("$@")
-if [ ${#targets[@]} = 0 ]; then mapfile -t targets < <(basename -s .rs -a fuzz_targets/*.rs); fi
+if [ ${#targets[@]} = 0 ]; then mapfile -t targets < <(cargo +nightly fuzz list); fi
 failed=()
 for target in "${targets[@]}"; do
     echo "== $target"

@@ -16,10 +16,13 @@ fn file() -> &'static PathBuf {
     })
 }
 
-/// Any bytes as a file of format `name`: described, and every species read to its end.
-pub fn fuzz_format(name: &str, data: &[u8]) {
+/// Any bytes as a file of the format of a target, such as `format_lammps_data`: described, and every species read to its
+/// end.
+pub fn fuzz_format(target: &str, data: &[u8]) {
     std::fs::write(file(), data).expect("room for the input");
-    read(&Choice { format: Some(name.into()), ..Choice::default() }, file());
+    let name = target.trim_start_matches("format_").replace('_', "-");
+    assert!(Choice::formats().any(|format| format == name), "there is no format {name}");
+    read(&Choice { format: Some(name), ..Choice::default() }, file());
 }
 
 /// Any first line as a selection, and the rest as the topology of a trajectory of 50 atoms.

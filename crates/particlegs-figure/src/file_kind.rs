@@ -2,7 +2,7 @@
 
 use super::FigureImage;
 use super::pdf::pdf;
-use super::png_file::{PngEffort, PngMetadata, coded};
+use super::png_file::{PngMetadata, coded};
 use super::raster::raster;
 use super::sheet::Sheet;
 use super::svg::svg;
@@ -13,7 +13,7 @@ impl Sheet {
     /// The bytes of the sheet's file.
     pub fn bytes(&self, kind: FileKind, about: &PngMetadata) -> Result<Vec<u8>> {
         match kind {
-            FileKind::Png => coded(&FigureImage::Color(raster(self)?), about, PngEffort::Small),
+            FileKind::Png => coded(&FigureImage::Color(raster(self)?), about),
             FileKind::Svg => Ok(svg(self, about)?.into_bytes()),
             FileKind::Pdf => pdf(self, about),
         }

@@ -29,15 +29,8 @@ pub struct PngMetadata {
     pub dpi: Option<f64>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PngEffort {
-    /// Frames of a film.
-    Quick,
-    Small,
-}
-
 /// The bytes of a PNG.
-pub fn coded(image: &FigureImage, about: &PngMetadata, effort: PngEffort) -> Result<Vec<u8>> {
+pub fn coded(image: &FigureImage, about: &PngMetadata) -> Result<Vec<u8>> {
     let bytes = image.bytes();
     memory::require("writing a picture", bytes.len() as u64 + bytes.len() as u64 / 64)?;
     let fail = |e: png::EncodingError| Error::argument(format!("a picture cannot be written as PNG: {e}"));
@@ -46,10 +39,8 @@ pub fn coded(image: &FigureImage, about: &PngMetadata, effort: PngEffort) -> Res
     let mut encoder = Encoder::new(Cursor::new(&mut out), size.width as u32, size.height as u32);
     encoder.set_color(if image.channels() == 1 { ColorType::Grayscale } else { ColorType::Rgb });
     encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(match effort {
-        PngEffort::Quick => Compression::Fast,
-        PngEffort::Small => Compression::Balanced,
-    });
+    // Pictures in colour are 8 % larger than by the default, plots half as large again, in a tenth of the time.
+    encoder.set_compression(Compression::Fast);
     if let Some(dpi) = about.dpi {
         let per_metre = (dpi / 0.0254).round() as u32;
         encoder.set_pixel_dims(Some(PixelDimensions { xppu: per_metre, yppu: per_metre, unit: Unit::Meter }));
@@ -71,7 +62,7 @@ pub fn coded(image: &FigureImage, about: &PngMetadata, effort: PngEffort) -> Res
 
 /// A picture's pixels as PNG and PDF hold them: a zlib stream of rows, each behind the number of its filter.
 pub fn compressed_rows(image: &FigureImage) -> Result<Vec<u8>> {
-    let file = coded(image, &PngMetadata::default(), PngEffort::Small)?;
+    let file = coded(image, &PngMetadata::default())?;
     let mut rows = Vec::with_capacity(file.len());
     chunks(&file, |kind, data| {
         if kind == b"IDAT" {
@@ -131,19 +122,16 @@ mod tests {
         };
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.png");
-        for effort in [PngEffort::Quick, PngEffort::Small] {
-            std::fs::write(&path, coded(&FigureImage::Gray(gray.clone()), &about, effort).unwrap()).unwrap();
-            assert_eq!(provenance(&path, &Context::SILENT).unwrap(), about.provenance);
-            assert_eq!(read_png(&path).unwrap(), gray);
-        }
+        std::fs::write(&path, coded(&FigureImage::Gray(gray.clone()), &about).unwrap()).unwrap();
+        assert_eq!(provenance(&path, &Context::SILENT).unwrap(), about.provenance);
+        assert_eq!(read_png(&path).unwrap(), gray);
         let whole = std::fs::read(&path).unwrap();
         for end in [8, 20, 60, whole.len() / 2] {
             std::fs::write(&path, &whole[..end]).unwrap();
             // Cut off before the text it says so; nothing panics.
             let _ = provenance(&path, &Context::SILENT);
         }
-        std::fs::write(&path, coded(&FigureImage::Gray(gray), &PngMetadata::default(), PngEffort::Small).unwrap())
-            .unwrap();
+        std::fs::write(&path, coded(&FigureImage::Gray(gray), &PngMetadata::default()).unwrap()).unwrap();
         assert!(provenance(&path, &Context::SILENT).unwrap_err().to_string().contains("does not contain"));
     }
 }

@@ -1,6 +1,6 @@
 //! A sheet as SVG: pictures as embedded PNG, text as text. The unit is a point.
 
-use super::png_file::{PngEffort, PngMetadata, coded};
+use super::png_file::{PngMetadata, coded};
 use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -37,7 +37,7 @@ fn mark(out: &mut String, mark: &Mark) -> Result<()> {
     // Writing to a string cannot fail.
     let _ = match mark {
         Mark::Picture(area, image) => {
-            let coded = BASE64_STANDARD.encode(coded(image, &PngMetadata::default(), PngEffort::Small)?);
+            let coded = BASE64_STANDARD.encode(coded(image, &PngMetadata::default())?);
             let area = within(area);
             writeln!(out, "<image {area} preserveAspectRatio=\"none\" xlink:href=\"data:image/png;base64,{coded}\"/>")
         }

@@ -2,7 +2,7 @@
 
 use crate::figure_options::FigureOptions;
 use particlegs_core::Result;
-use particlegs_figure::png_file::{PngEffort, PngMetadata, coded};
+use particlegs_figure::png_file::{PngMetadata, coded};
 use particlegs_figure::{Figure, FigureImage, FigureSpace, FileKind, layout, raster};
 
 /// A figure as pixels, and the resolution if its printed width is chosen.
@@ -30,7 +30,7 @@ pub fn pixels(figure: &Figure, options: &FigureOptions) -> Result<(FigureImage, 
 pub fn bytes(figure: &Figure, options: &FigureOptions, kind: FileKind, about: &PngMetadata) -> Result<Vec<u8>> {
     if kind == FileKind::Png {
         let (image, dpi) = pixels(figure, options)?;
-        return coded(&image, &PngMetadata { dpi, ..about.clone() }, PngEffort::Small);
+        return coded(&image, &PngMetadata { dpi, ..about.clone() });
     }
     let points = options.points(kind).unwrap_or(72.0);
     layout(figure, options.letters(), FigureSpace::Width(points))?.bytes(kind, about)

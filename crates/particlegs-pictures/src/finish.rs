@@ -12,7 +12,7 @@ use particlegs_core::Result;
 use particlegs_core::camera::{CenteredCell, Projection, View, frame_number};
 use particlegs_core::math::each_axis;
 use particlegs_core::picture::{Colormap, Size, journal_unit};
-use particlegs_figure::png_file::{self, PngEffort, PngMetadata};
+use particlegs_figure::png_file::{self, PngMetadata};
 use particlegs_figure::ticks::round_below;
 use particlegs_figure::{ColourBar, Figure, FigureImage, FileKind, Panel, ScaleBar, axes, cube, labelled, number};
 use particlegs_files::output::write_bytes;
@@ -243,7 +243,7 @@ impl Finisher<'_> {
         let bytes = match kind {
             FileKind::Png => {
                 let (image, dpi) = self.pixels(content, view, range)?;
-                png_file::coded(&image, &PngMetadata { dpi, ..about }, PngEffort::Small)?
+                png_file::coded(&image, &PngMetadata { dpi, ..about })?
             }
             _ => {
                 let panel = self.panel(content, view, range, kind)?;

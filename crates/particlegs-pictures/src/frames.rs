@@ -10,7 +10,7 @@ use particlegs_core::context::Context;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::{Error, Hint, Result, parallel};
 use particlegs_figure::FigureImage;
-use particlegs_figure::png_file::{PngEffort, PngMetadata, coded};
+use particlegs_figure::png_file::{PngMetadata, coded};
 use particlegs_files::output::write_bytes;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -84,7 +84,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
         of_one_size(&size, &image)?;
         if let Some(out) = into.files {
             let about = PngMetadata { dpi, ..finish.about(std::slice::from_ref(view), set.size, shown_range)? };
-            write_bytes(&out.picture(&view.name), &coded(&image, &about, PngEffort::Quick)?)?;
+            write_bytes(&out.picture(&view.name), &coded(&image, &about)?)?;
             written.fetch_add(1, Ordering::Relaxed);
         }
         let gif = into.gif.map(|fps| gif::coded(image, fps)).transpose()?;

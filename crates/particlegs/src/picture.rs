@@ -3,7 +3,7 @@
 use crate::{Gray8, Plane, Result};
 use particlegs_core::picture::{Colormap, Rgb8};
 use particlegs_figure::FigureImage;
-use particlegs_figure::png_file::{PngEffort, PngMetadata, coded};
+use particlegs_figure::png_file::{PngMetadata, coded};
 use particlegs_files::output::write_bytes;
 use particlegs_files::png::write_png;
 use std::path::Path;
@@ -26,7 +26,7 @@ impl SavePng for Gray8 {
 impl SavePng for Rgb8 {
     fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
         let image = FigureImage::Color(self.clone());
-        write_bytes(path.as_ref(), &coded(&image, &PngMetadata::default(), PngEffort::Quick)?)
+        write_bytes(path.as_ref(), &coded(&image, &PngMetadata::default())?)
     }
 }
 

@@ -390,18 +390,7 @@ impl<'a> FieldWalk<'a> {
                     shape[k] = value.clamp(-LARGEST_SHAPE, LARGEST_SHAPE);
                 }
             }
-            // Slopes, over the Gaussian's own widths and in units of the spread.
-            let factor = CholeskyFactor::new(&self.gaussians.cov_of(i));
-            let step = slope_steps * error;
-            for k in 0..components {
-                let target = wanted.map(|w| factor.over(each_axis(|d| w.slope[k][d][i])).map(|v| v / spread));
-                let mut over = [0.0; 3];
-                for d in 0..3 {
-                    over[d] = self.models[3].code(c, [0.0, slope_square], [error, step], target.map(|t| t[d]))?;
-                }
-                let slope = factor.slope(over.map(|v| v * spread));
-                (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
-            }
+            self.slopes(c, i, wanted, [spread, error, slope_steps * error, slope_square])?;
             self.excess(c, i, wanted)?;
             let size = spread * spread;
             match components {
@@ -412,6 +401,27 @@ impl<'a> FieldWalk<'a> {
                 }
             }
             self.done.push(i);
+        }
+        Ok(())
+    }
+
+    /// Codes the slopes of Gaussian `i` over its own widths, in units of the spread.
+    fn slopes(
+        &mut self,
+        c: &mut impl Coder,
+        i: usize,
+        wanted: Option<&FieldMoments>,
+        [spread, error, step, square]: [f64; 4],
+    ) -> Result<(), String> {
+        let factor = CholeskyFactor::new(&self.gaussians.cov_of(i));
+        for k in 0..self.out.components() {
+            let target = wanted.map(|w| factor.over(each_axis(|d| w.slope[k][d][i])).map(|v| v / spread));
+            let mut over = [0.0; 3];
+            for d in 0..3 {
+                over[d] = self.models[3].code(c, [0.0, square], [error, step], target.map(|t| t[d]))?;
+            }
+            let slope = factor.slope(over.map(|v| v * spread));
+            (0..3).for_each(|d| self.out.slope[k][d][i] = slope[d]);
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use crate::report::{Provenance, ReportSection, csv, html, markdown};
 use crate::results::{Colours, Pictures};
 use particlegs_core::picture::{Gray8, Rgb8};
 use particlegs_core::{Error, Result};
-use particlegs_figure::png_file::{PngEffort, PngMetadata, coded};
+use particlegs_figure::png_file::{PngMetadata, coded};
 use particlegs_figure::{ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, layout, raster, write_plots};
 use particlegs_files::output::write_bytes;
 use std::path::{Path, PathBuf};
@@ -80,7 +80,7 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
     let panels = p.panels.iter().map(panel).collect();
     let figure = Figure { bar: p.colours.as_ref().map(bar), ..Figure::plain(panels, p.columns) };
     let page = raster(&layout(&figure, LETTERS, FigureSpace::Pixels)?)?;
-    coded(&plainest(page), &PngMetadata::default(), PngEffort::Small)
+    coded(&plainest(page), &PngMetadata::default())
 }
 
 /// Uses grey levels if there are no colours, which takes a third of the bytes.
