@@ -3,7 +3,7 @@
 
 Usage: scripts/compare-commits.py BEFORE AFTER [BENCH...] [--rounds N]
   BEFORE AFTER  commits, such as main~1 and main; `.` is the work tree as it is
-  BENCH         benchmarks by name (default: all): codec fit reference render read
+  BENCH         benchmarks by name (default: all): codec fit reference render read verbs
   --rounds N    times that each is run, in turns (default: 3); the median of the rounds' medians counts
 
 Each commit is built in a worktree of its own below the target folder. The table goes to standard output, as Markdown, and
@@ -19,7 +19,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-BENCHES = ("codec", "fit", "reference", "render", "read")
+BENCHES = ("codec", "fit", "reference", "render", "read", "verbs")
 UNITS = {"ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0}
 
 

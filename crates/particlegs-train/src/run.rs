@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The key of the run's state among the pieces.
+/// The key of the run's state among the checkpoints.
 const KEY: &str = "train";
 
 /// Limits of a run, the folder that it may write to, and the device that takes its steps.
@@ -30,8 +30,8 @@ const KEY: &str = "train";
 pub struct Limits {
     /// Beginning of the command that the run is part of.
     pub began: Instant,
-    /// Seconds of the command, the fit included, after which training ends; rates fall so that they
-    /// are at their end by then. `None` = no limit.
+    /// Seconds of the command, the fit included, after which training ends; rates of optical depth
+    /// fall so that they are at their end by then. `None` = no limit.
     pub seconds: Option<f64>,
     /// Folder of the scratch file of targets; `None` = the system's.
     pub scratch: Option<PathBuf>,
@@ -65,7 +65,7 @@ pub struct TrainedMixture {
     pub iterations: u64,
     /// Masked PSNR on held-out views before the first step and of the best, dB.
     pub scores: [Option<f64>; 2],
-    /// Steps with gradients that were not finite, and left out.
+    /// Steps with gradients that were not finite; the Gaussians that have them stay as they were.
     pub not_finite: u64,
     /// Whether the caller stopped it early; its state is kept.
     pub stopped: bool,
@@ -81,7 +81,7 @@ pub struct TrainedRun {
     pub of: u64,
     /// Masked PSNR on held-out views before the first step and of the best, dB, not coded yet.
     pub scores: [Option<f64>; 2],
-    /// Steps with gradients that were not finite, and left out.
+    /// Steps with gradients that were not finite; the Gaussians that have them stay as they were.
     pub not_finite: u64,
 }
 
@@ -154,8 +154,8 @@ pub struct Training<'a> {
 impl<'a> Training<'a> {
     /// Trains the Gaussians of `initial`.
     ///
-    /// Pictures, steps and densities depend on the seed alone; a run that goes on from `pieces` ends with
-    /// the same bits as one that was never broken. When the caller stops it, the best so far is given and
+    /// Without a time limit pictures, steps and densities depend on the seed alone; a run that goes on from `checkpoints`
+    /// ends with the same bits as one that was never broken. When the caller stops it, the best so far is given and
     /// the state kept.
     pub fn run(
         &self,
@@ -330,6 +330,7 @@ impl TrainingLoop<'_> {
         }
     }
 
+    /// One step on the next view, and what is due of adding and moving Gaussians.
     fn step(&mut self, stage: &Stage, targets: &mut Targets<'_>) -> Result<()> {
         let (key, view, crop) = self.choose(stage);
         let target = targets.get(key, &view, &crop, self.context)?;
@@ -340,6 +341,7 @@ impl TrainingLoop<'_> {
             done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
+        // Silent: progress is that of steps, and a step is not cancelled half-way.
         let sample = TrainingSample { view: &view, target: &target, crop, context: &self.context.silent() };
         let stepped = self.learner.step(&sample, &self.config.loss, &at)?;
         self.learner.control(&at)?;

@@ -267,7 +267,7 @@ impl<'a> FieldOfBlock<'a> {
 }
 
 /// Distance of moments from others, in steps of the coder at its default precision: the root mean square over
-/// Gaussians, of the kind of number that is furthest. Of a frame that was `extracted` the variance that slopes explain
+/// Gaussians, which are the same in the same order on both sides, of the kind of number that is furthest. Of a frame that was `extracted` the variance that slopes explain
 /// counts, too.
 fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]], extracted: bool) -> f64 {
     let FieldPrecision { steps, logarithmic, shares } = FieldPrecision::default();
@@ -290,16 +290,18 @@ fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]], extracted: bool) -> f64 {
             };
             let cov = stored_field.g.cov_of(i);
             let by_slope = |c: usize| cov.quadratic(each_axis(|k| b.slope[c][k][i])).max(0.0);
-            let moved = if extracted { (0..components).map(by_slope).sum() } else { 0.0 };
-            let (own_trace, trace) = (own_trace + moved, trace + moved);
+            let explained_by_slopes = if extracted { (0..components).map(by_slope).sum() } else { 0.0 };
+            let (own_trace, trace) = (own_trace + explained_by_slopes, trace + explained_by_slopes);
             let (n, size) = (n_of[i], (trace / components as f64).sqrt());
             // A share of none or all still has the deviation of one particle.
             let size = if is_share { size.max(1.0 / n.sqrt()) } else { size };
-            // Steps are in standard errors, as the coder's are (docs/format.md, section 14).
+            // Steps are in standard errors, as the coder's are (docs/format.md, section 14); those of the excess and of
+            // shapes, which are compared by their traces, are bounds.
             let error = size / n.sqrt();
             for c in 0..components {
                 add(0, (a.mean[c][i] - b.mean[c][i]) / (mean * error));
                 let off = each_axis(|k| a.slope[c][k][i] - b.slope[c][k][i]);
+                // The mean over the Gaussian's three axes.
                 add(3, (cov.quadratic(off) / 3.0).max(0.0).sqrt() / (slope * error));
             }
             if !is_share {

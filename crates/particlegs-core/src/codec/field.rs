@@ -241,7 +241,7 @@ fn weight(g: &Mixture, i: usize, by_mass: bool) -> f64 {
     if by_mass { g.mass_of(i) } else { g.count[i] }
 }
 
-/// Decodes a section; with the moments of the frame `before`, a [`super::FIELD_CHANGE`].
+/// Decodes a section of `quantity`, which the caller found by the section's first byte; with the moments of the frame `before`, a [`super::FIELD_CHANGE`].
 pub(crate) fn decode_field(
     bytes: &[u8],
     gaussians: &Mixture,

@@ -100,7 +100,7 @@ struct SeriesRecipe {
 }
 
 impl SeriesRecipe {
-    /// Checks that the frame was made so, as number `group` from its keyframe on, which is the first.
+    /// Checks that the frame was made so, as number `group` from its keyframe on, which is number 1; gaps do not count.
     fn check(&self, frame: &TrackedModel, group: usize) -> std::result::Result<(), String> {
         // Blocks are as a frame needs them, and species of a series never share Gaussians.
         let comparable = |recipe: &Recipe| {

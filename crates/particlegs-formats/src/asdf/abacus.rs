@@ -81,6 +81,8 @@ pub fn unpack_rvint(value: f64, box_size: Option<f64>) -> f64 {
 
 /// Bytes of a row of pack9: a particle, or a cell that those behind it are in.
 pub const PACK9: u64 = 9;
+/// The difference between the numbers of a cell and what is stored.
+const OFFSET: f64 = 2000.0;
 /// Rows of a stretch.
 const STRETCH: u64 = 1 << 16;
 
@@ -166,20 +168,22 @@ impl Pack9 {
         Ok(())
     }
 
+    /// The cell of a row that begins one: six numbers of 12 bits, of which all but the mark are stored less 2000. Numbers of
+    /// particles are in 2000ths of a cell. Single and double precision as abacusutils has them.
     fn cell(&self, row: &Pack9Row) -> Result<Pack9Cell> {
-        let n = shorts(row).map(f64::from);
-        if !is_cell(row) || n[1] + 2000.0 < 1.0 {
+        let [_mark, per_edge, velocity_scale, x, y, z] = shorts(row).map(|n| f64::from(n) + OFFSET);
+        if !is_cell(row) || per_edge < 1.0 {
             let message =
                 if is_cell(row) { "a cell of pack9 is damaged" } else { "a particle comes before the first cell" };
             return Err(self.block.fault(message.into()));
         }
-        let inverse = (1.0 / (n[1] + 2000.0)) as f32;
+        let inverse = (1.0 / per_edge) as f32;
         let size = self.box_size * inverse;
         let half = f64::from(self.box_size) / 2.0;
         Ok(Pack9Cell {
             position: (0.0005 * f64::from(size)) as f32,
-            velocity: ((n[2] + 2000.0) * 0.0005) as f32 * inverse * self.velocity,
-            middle: [n[3], n[4], n[5]].map(|n| ((n + 2000.5) * f64::from(size) - half) as f32),
+            velocity: (velocity_scale * 0.0005) as f32 * inverse * self.velocity,
+            middle: [x, y, z].map(|n| ((n + 0.5) * f64::from(size) - half) as f32),
         })
     }
 

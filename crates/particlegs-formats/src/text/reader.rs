@@ -82,6 +82,7 @@ impl RowReader {
         self.parse(&mut lines, parser, columns)
     }
 
+    /// Fills columns with the parser's next rows; what is left of a block stays for the next call.
     fn parse<T: TableNumber>(
         &self,
         lines: &mut LineReader<'_>,

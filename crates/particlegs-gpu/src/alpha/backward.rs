@@ -78,7 +78,8 @@ impl super::AlphaRenderer {
         self.device.check()
     }
 
-    /// Walks the lists of a slab, which are there.
+    /// The gradients of a slab: places of slots, then each tile's list front to back, then each footprint's sum, in the order
+    /// of tiles. What pixels have gone through is begun anew in the first slab.
     fn back_through(&self, canvas: &AlphaCanvas, back: &BackwardBuffers, slab: &SlabRecord) {
         let (Some(lists), Some((_, slots))) = (&canvas.lists, &back.slots) else { return };
         let AlphaKernels { slots: place, backward, gather, .. } = &self.kernels;

@@ -77,7 +77,8 @@ pub fn multipoles(
         }
     }
     let shot_noise = pair.map(|v| Subject::Particles(&v.particles).shot_noise(domain));
-    // Shells of few modes do not see all directions: noise is subtracted mode by mode.
+    // Over three lines of sight L0 sums to 3 and L2 to 0 in every mode, but L4's sum depends on the shell's modes: noise is
+    // subtracted with their weights.
     let power = |degree: i32, [_, weight, xx, yy, _]: [f64; 5]| {
         let noise = shot_noise.map(|n| n * weight);
         let lines_of_sight = 3.0;
