@@ -2,7 +2,6 @@
 
 use clap::{Args, ValueEnum};
 use particlegs_core::context::Context;
-use particlegs_core::model::Model;
 use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result};
 use particlegs_formats::{AtomSelection, Choice, Weights};
@@ -170,11 +169,6 @@ impl ParticleArgs {
 }
 
 impl SnapshotArgs {
-    /// The layers of a model with the chosen particle types.
-    pub fn layers_of(&self, model: Model) -> Result<Model> {
-        if self.particle_type.is_empty() { Ok(model) } else { model.only(&self.particle_type) }
-    }
-
     /// The given options as text for a command line; `None` without any.
     #[cfg(feature = "lab")]
     pub fn describe(&self) -> Option<String> {

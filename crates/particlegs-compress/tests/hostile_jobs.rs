@@ -1,4 +1,4 @@
-//! Job folders whose files were altered on purpose, with checksums that fit: every step ends with a
+//! JobFolder folders whose files were altered on purpose, with checksums that fit: every step ends with a
 //! result or an error, without a panic, in bounded time and memory.
 
 #![allow(clippy::disallowed_methods)]
@@ -7,7 +7,7 @@
 mod common;
 
 use common::layer;
-use particlegs_compress::job::Job;
+use particlegs_compress::job::JobFolder;
 use particlegs_compress::{Options, Target};
 use particlegs_core::context::Context;
 use particlegs_core::math::Random;
@@ -62,7 +62,7 @@ fn particles() -> Particles {
     particles.with_layers(vec![layer("gas", 0..500), layer("stars", 500..900)])
 }
 
-fn planned(folder: &Path) -> Job {
+fn planned(folder: &Path) -> JobFolder {
     let (target, effort, certificate) = (Target::Gaussians(8), Effort::Fast, CertificateLevel::None);
     common::planned(
         &particles(),
@@ -99,7 +99,7 @@ fn steps(folder: &Path, alteration: &str) -> Vec<String> {
         let until = Context::SILENT.with_cancel(&late);
         let mut errors = Vec::new();
         let mut note = |result: particlegs_core::Result<()>| errors.extend(result.err().map(|e| e.to_string()));
-        let job = match Job::open(folder) {
+        let job = match JobFolder::open(folder) {
             Ok(job) => job,
             Err(e) => return vec![e.to_string()],
         };

@@ -6,7 +6,7 @@
 mod common;
 
 use common::layer;
-use particlegs_compress::job::Job;
+use particlegs_compress::job::JobFolder;
 use particlegs_compress::{Checkpoint, Compression, FineTuning, Options, Target, certify, compress};
 use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::context::Context;
@@ -34,7 +34,7 @@ fn sample() -> Particles {
 }
 
 /// A job in two blocks.
-fn planned(folder: &Path) -> Job {
+fn planned(folder: &Path) -> JobFolder {
     let (target, certificate) = (Target::Ratio(200.0), CertificateLevel::None);
     common::planned(&sample(), folder, Options { target, certificate, blocks: Some(2), ..Options::default() })
 }
@@ -170,12 +170,12 @@ fn other_fine_tuning_is_other_work() {
 }
 
 /// A job in three blocks, each measured by its own task, done in this order.
-fn measured(folder: &Path, order: [u32; 3]) -> Job {
+fn measured(folder: &Path, order: [u32; 3]) -> JobFolder {
     let (target, effort, certificate) = (Target::Ratio(200.0), Effort::Fast, CertificateLevel::Blocks);
     let options = Options { target, effort, certificate, blocks: Some(3), ..Options::default() };
     let job = common::planned(&sample(), folder, options);
     for block in order {
-        job.block(block, || panic!("buckets are enough"), &Context::SILENT).unwrap();
+        job.block(block.into(), || panic!("buckets are enough"), &Context::SILENT).unwrap();
     }
     job
 }

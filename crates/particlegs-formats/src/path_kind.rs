@@ -2,7 +2,7 @@
 
 use crate::format::{FileHead, Format};
 use crate::registry::format_of;
-use particlegs_compress::job::Job;
+use particlegs_compress::job::JobFolder;
 use particlegs_core::{Hint, codec};
 use particlegs_files::input::is_stream;
 use std::path::Path;
@@ -45,7 +45,7 @@ impl PathKind {
     pub fn from_path(path: &Path) -> PathKind {
         match () {
             _ if is_stream(path) => PathKind::Stream,
-            _ if path.is_dir() && Job::is_job(path) => PathKind::Job,
+            _ if path.is_dir() && JobFolder::is_job(path) => PathKind::Job,
             _ if path.join("xx.f32").exists() => PathKind::RawFolder,
             _ if path.is_dir() => PathKind::Folder,
             _ => FileHead::read(path).map_or(PathKind::Unknown, |head| PathKind::from_head(&head)),

@@ -253,7 +253,9 @@ impl RenderSettings {
         }
         // A film has found the centre of each frame already, and a stated place needs no model.
         let center = self.options.pictures.view.center.as_ref().filter(|c| c.is_of_mass() && !is_film);
-        let source_models = sources.into_iter().map(|source| SourceModel::new(source, (self, center), context));
+        // The centre is that of the first.
+        let source_model = |(i, source)| SourceModel::new(source, (self, center.filter(|_| i == 0)), context);
+        let source_models = sources.into_iter().enumerate().map(source_model);
         let mut source_models = source_models.collect::<Result<Vec<_>>>()?.into_iter();
         let Some(first) = source_models.next() else { return Err(Error::argument("no model is given")) };
         let others = source_models.map(|other| other.convert(&first.model, context)).collect::<Result<Vec<_>>>()?;

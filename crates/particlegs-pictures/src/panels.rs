@@ -48,10 +48,11 @@ impl Panels<'_> {
             let message = format!("{} captions are given, but there are {count} panels", self.captions.len());
             return Err(Error::argument(message));
         }
-        let bytes = count as u64 * set.size.pixels() as u64 * 4;
-        // All contents are held until their common range is known, and then the panels' colours beside them.
-        context.require_memory("panels", 2 * bytes)?;
         let density = finish.shows_values();
+        // All contents are held until their common range is known: of a field means in f64 and densities in f32. Then come the
+        // panels' colours beside them.
+        let bytes_per_pixel = if density { 12 + 4 } else { 4 + 4 };
+        context.require_memory("panels", count as u64 * set.size.pixels() as u64 * bytes_per_pixel)?;
         let mut contents = Vec::with_capacity(count);
         for view in &set.views {
             // All models of one view come before the next view: captions and panels rely on this order.

@@ -33,7 +33,9 @@ impl SceneRequest {
     }
 
     pub(crate) fn scene<'a>(&self, model: &'a Model, shown: &dyn Fn(usize) -> bool) -> Scene<'a> {
-        Scene::from_layers(model, shown).repeated(self.shifts(model))
+        let scene = Scene::from_layers(model, shown).repeated(self.shifts(model));
+        // The page names one unit for all layers, shown or not.
+        if model.has_masses() { scene } else { scene.by_number() }
     }
 
     /// The positions of the box and its images, the box first.

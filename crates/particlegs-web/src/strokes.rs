@@ -43,12 +43,14 @@ pub(crate) fn strokes(
     size: Size,
     mass: bool,
 ) -> Result<EngineResponse> {
+    // As pictures have it, which count particles where a layer has no masses.
+    let by_mass = mass && model.has_masses();
     let levels = levels(size);
     let mut by_level: Vec<Vec<RasterSplat>> = levels.iter().map(|_| Vec::new()).collect();
     for (_, layer) in model.layers.iter().enumerate().filter(|(place, _)| shown(*place)) {
         let unit = layer.mass.unit_or_one();
         for block in &layer.content {
-            let weight = |m: &Mixture, i| if mass { unit * m.mass_of(i) } else { m.count[i] };
+            let weight = |m: &Mixture, i| if by_mass { unit * m.mass_of(i) } else { m.count[i] };
             for lens in lenses {
                 add(&block.gaussians, lens, &weight, &levels, &mut by_level);
             }

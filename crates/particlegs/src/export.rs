@@ -231,7 +231,6 @@ impl ExportWork<'_> {
 
     fn grid(&mut self, model: &particlegs_core::model::Model) -> Result<ExportSummary> {
         let (out, context) = (self.out, self.context);
-        model.check_density(|_| true)?;
         let beside = (self.kind == Kind::Npy && !is_stream(out)?).then(|| out.with_extension("json"));
         if let Some(beside) = &beside {
             self.outputs.writes(beside, &Kind::description(), context)?;

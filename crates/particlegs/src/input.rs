@@ -135,7 +135,7 @@ impl MeasuredInput {
         Ok(match ModelOrSnapshot::open(path, choice, context)? {
             ModelOrSnapshot::Model(bytes) => {
                 let model = codec::decode_with(&bytes, &name_of(path), context)?;
-                MeasuredInput::Model(if layers.is_empty() { model } else { model.only(&layers)? }.into())
+                MeasuredInput::Model(model.only_named(&layers)?.into())
             }
             ModelOrSnapshot::Snapshot(choice) => {
                 let files = SnapshotFiles { paths: vec![path.to_path_buf()], choice: *choice };

@@ -13,7 +13,7 @@ pub use particlegs_compress::job::{BlockReport, JobStatus, State};
 
 /// The folder of a job, and the snapshot that its tasks read.
 pub struct Job {
-    job: job::Job,
+    job: job::JobFolder,
     snapshot: SnapshotFiles,
 }
 
@@ -44,8 +44,12 @@ impl Job {
         let source = later.map_or_else(|| in_memory(&files, &storage, with_fields, context), Ok)?;
         let record = serde_json::to_value(&files).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
         let (options, replace, place) = (&options, outputs.replaces(), &*snapshot.place());
-        let job =
-            job::Job::plan(source, &Task { reopened, options, snapshot: record, place, replace }, folder, context)?;
+        let job = job::JobFolder::plan(
+            source,
+            &Task { reopened, options, snapshot: record, place, replace },
+            folder,
+            context,
+        )?;
         job.notes().iter().for_each(|note| context.note(note));
         Ok(Job { job, snapshot: files })
     }
@@ -56,7 +60,7 @@ impl Job {
     /// [`Error::Input`] for a folder without a plan, and a plan that is not valid; [`Error::Compatibility`] for that of
     /// another version.
     pub fn open(folder: &Path) -> Result<Job> {
-        let job = job::Job::open(folder)?;
+        let job = job::JobFolder::open(folder)?;
         let invalid = |reason: String| Error::input(&folder.join("plan.json"), format!("names no snapshot: {reason}"));
         let snapshot: SnapshotFiles =
             serde_json::from_value(job.snapshot().clone()).map_err(|e| invalid(e.to_string()))?;
@@ -68,7 +72,7 @@ impl Job {
 
     /// Whether a path is the folder of a job.
     pub fn is_job(path: &Path) -> bool {
-        job::Job::is_job(path)
+        job::JobFolder::is_job(path)
     }
 
     /// Sorts chunk `chunk` of the snapshot by block; returns whether that was still to be done.
@@ -87,13 +91,7 @@ impl Job {
     /// # Errors
     /// As [`Job::scatter`].
     pub fn block(&self, block: u64, context: &Context<'_>) -> Result<BlockReport> {
-        let number = u32::try_from(block).map_err(|_| {
-            Error::argument(format!(
-                "there is no block {block}: this job has {} blocks, numbered from 0",
-                self.job.blocks()
-            ))
-        })?;
-        let done = self.job.block(number, || self.source(context), context);
+        let done = self.job.block(block, || self.source(context), context);
         done.map_err(|e| self.stopped(e, "block", block))
     }
 

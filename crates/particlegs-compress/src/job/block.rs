@@ -1,7 +1,8 @@
 //! One block of a job: read, fitted, coded, written.
 
 use super::fields::FieldBits;
-use super::manifest::Job;
+use super::manifest::JobFolder;
+use super::no_part;
 use crate::{BlockParticles, BlockSetup, BlockStore, Checkpoint, CodedBlock, SizeOutcome, StopPolicy, do_block};
 use particlegs_core::context::Context;
 use particlegs_core::model::hex;
@@ -40,21 +41,19 @@ pub struct BlockReport {
 
 const REPORT: Form = Form { title: "a block's report", begins: Begins::Object, most: 1 << 20, expansion: 16 };
 
-impl Job {
+impl JobFolder {
     /// Does block `block`: nothing where it is done, the rest where a checkpoint is there. `source`
     /// opens the snapshot where it is read in place. Writes `blocks/00000.pgs`, a model file of the
     /// block alone, then its report.
     pub fn block(
         &self,
-        block: u32,
+        block: u64,
         source: impl FnOnce() -> Result<LayeredParticles>,
         context: &Context<'_>,
     ) -> Result<BlockReport> {
         let blocks = self.manifest.plan.recipe().blocks;
-        if block >= blocks {
-            let message = format!("there is no block {block}: this job has {blocks} blocks, numbered from 0");
-            return Err(Error::argument(message));
-        }
+        let number = u32::try_from(block).ok().filter(|number| *number < blocks);
+        let block = number.ok_or_else(|| no_part("block", block, blocks.into()))?;
         if let Some(report) = self.report(block)?
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
         {
@@ -76,7 +75,7 @@ impl Job {
         let plan = &self.manifest.plan;
         let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
         let setup = BlockSetup { plan, limits: &limits, on_stop: StopPolicy::GiveUp, context };
-        let mut folder = JobFolder { job: self, source: Some(source), particles: None, report: None };
+        let mut folder = JobBlockStore { job: self, source: Some(source), particles: None, report: None };
         if let Err(error) = do_block(&mut folder, block, plan.recipe().target, setup, &mut checkpoint) {
             // What stopped the block is told; that its pieces could not be kept as well, only beside it.
             if let Err(e) = checkpoint.save() {
@@ -102,15 +101,15 @@ impl Job {
 }
 
 /// The folder while a block is done.
-struct JobFolder<'a, F> {
-    job: &'a Job,
+struct JobBlockStore<'a, F> {
+    job: &'a JobFolder,
     source: Option<F>,
     /// The block's particles and fields, for measurements and for the fields of its file.
     particles: Option<(Particles, FieldBits)>,
     report: Option<BlockReport>,
 }
 
-impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
+impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobBlockStore<'_, F> {
     fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles> {
         let source = self.source.take().ok_or_else(|| Error::argument("the snapshot was opened a second time"))?;
         let (particles, fields) = self.job.gather(block, source, context)?;

@@ -5,7 +5,7 @@
 //! bytes, CRC-32 of the entry); then the particles, block after block, layer after layer: x, y, z, and
 //! where the layer has them weights and fields, as f32 columns. One block is read without the others.
 
-use super::manifest::Job;
+use super::manifest::JobFolder;
 use particlegs_core::{Error, Result};
 use particlegs_files::input::open_file;
 use std::fs::File;
@@ -15,12 +15,12 @@ use std::path::PathBuf;
 const MAGIC: &[u8; 8] = b"PGSCHNK1";
 const HEAD: usize = 8 + 32 + 8 + 8 + 4;
 
-fn entry_bytes(job: &Job) -> usize {
+fn entry_bytes(job: &JobFolder) -> usize {
     8 + 8 * job.manifest.plan.layers.len() + 4 + 4
 }
 
 /// Bytes of particles, by layer.
-fn particle_bytes(job: &Job, counts: &[u64]) -> Option<u64> {
+fn particle_bytes(job: &JobFolder, counts: &[u64]) -> Option<u64> {
     let mut layers = counts.iter().enumerate();
     layers.try_fold(0u64, |n, (l, c)| c.checked_mul(4 * job.columns(l) as u64)?.checked_add(n))
 }
@@ -36,7 +36,7 @@ pub(super) struct SortedRun {
 }
 
 /// The chunk's bucket file, from its runs in order.
-pub(super) fn write(job: &Job, chunk: u64, runs: &[SortedRun], to: &mut dyn Write) -> std::io::Result<()> {
+pub(super) fn write(job: &JobFolder, chunk: u64, runs: &[SortedRun], to: &mut dyn Write) -> std::io::Result<()> {
     let (blocks, layers) = (job.manifest.plan.recipe().blocks, job.manifest.plan.layers.len());
     let mut offset = (HEAD + blocks as usize * entry_bytes(job)) as u64;
     let mut entries = Vec::with_capacity(offset as usize - HEAD);
@@ -128,7 +128,7 @@ fn columns(
 
 /// A chunk's file, opened.
 pub(super) struct Buckets<'a> {
-    job: &'a Job,
+    job: &'a JobFolder,
     chunk: u64,
     file: File,
     length: u64,
@@ -144,7 +144,7 @@ pub(super) struct BucketEntry {
 
 impl<'a> Buckets<'a> {
     /// Opens the buckets of a chunk: they are there, of this plan, and whole.
-    pub(super) fn open(job: &'a Job, chunk: u64) -> Result<Self> {
+    pub(super) fn open(job: &'a JobFolder, chunk: u64) -> Result<Self> {
         let path = job.chunk_path(chunk);
         let (mut file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {

@@ -1,7 +1,7 @@
 //! Values of fields on their way from the snapshot to the blocks, converted: columns of float32 behind the particles'
 //! own. A value that needs a float64 takes two, the halves of its bits.
 
-use super::manifest::Job;
+use super::manifest::JobFolder;
 use crate::{FieldPlan, FieldSelection, MOST_FIELDS};
 use particlegs_core::context::Context;
 use particlegs_core::model::Model;
@@ -23,7 +23,7 @@ fn is_wide(from: &FieldColumns) -> bool {
     from.wide || from.factors.iter().any(|factor| *factor != 1.0)
 }
 
-impl Job {
+impl JobFolder {
     /// Columns of a layer's particles: x, y, z, weights, fields.
     pub(super) fn columns(&self, layer: usize) -> usize {
         self.manifest.plan.layers[layer].mass.columns() + self.manifest.fields.columns(layer)

@@ -2,7 +2,7 @@
 
 use super::bucket::Buckets;
 use super::fields::FieldBits;
-use super::manifest::Job;
+use super::manifest::JobFolder;
 use particlegs_core::context::Context;
 use particlegs_core::model::Layer;
 use particlegs_core::{Error, Result};
@@ -10,7 +10,7 @@ use particlegs_particles::{Chunk, ColumnBuffer, LayeredParticles, Particles, Sna
 use std::ops::Range;
 use std::sync::Mutex;
 
-impl Job {
+impl JobFolder {
     /// The particles of block `block`, with their fields; `source` opens the snapshot where that is needed.
     pub(super) fn gather(
         &self,
@@ -125,7 +125,7 @@ fn stretches(runs: &[u64]) -> Vec<Range<u64>> {
 
 /// A block's columns being filled, layer by layer.
 struct BlockGatherer<'a> {
-    job: &'a Job,
+    job: &'a JobFolder,
     columns: Vec<ColumnBuffer>,
     /// The range of each layer; `filled` is the part of it that has its particles.
     layers: Vec<Layer<Range<usize>>>,
@@ -134,7 +134,7 @@ struct BlockGatherer<'a> {
 }
 
 impl<'a> BlockGatherer<'a> {
-    fn new(job: &'a Job, counts: &[u64]) -> Result<Self> {
+    fn new(job: &'a JobFolder, counts: &[u64]) -> Result<Self> {
         let layers = &job.manifest.plan.layers;
         let total: u64 = counts.iter().fold(0, |n, c| n.saturating_add(*c));
         let total = usize::try_from(total).unwrap_or(usize::MAX);

@@ -94,7 +94,7 @@ impl Manifest {
 }
 
 /// A job's folder, opened.
-pub struct Job {
+pub struct JobFolder {
     /// Path of the folder.
     pub folder: PathBuf,
     pub(super) manifest: Manifest,
@@ -106,9 +106,9 @@ pub struct Job {
     pub(super) before: bool,
 }
 
-impl Job {
-    /// Opens a folder that [`Job::plan`] made.
-    pub fn open(folder: &Path) -> Result<Job> {
+impl JobFolder {
+    /// Opens a folder that [`JobFolder::plan`] made.
+    pub fn open(folder: &Path) -> Result<JobFolder> {
         let path = folder.join("plan.json");
         let text = read_own(&path, FORM)?.ok_or_else(|| {
             Error::input_with(
@@ -134,7 +134,7 @@ impl Job {
         let id = *blake3::hash(&text).as_bytes();
         let starts = manifest.layer_runs();
         let runs = runs::read(&folder.join("runs.bin"), &id, starts[starts.len() - 1])?;
-        Ok(Job { folder: folder.to_path_buf(), manifest, id, starts, runs, before: true })
+        Ok(JobFolder { folder: folder.to_path_buf(), manifest, id, starts, runs, before: true })
     }
 
     /// Whether this is a folder with a plan.
@@ -152,7 +152,7 @@ impl Job {
         self.before
     }
 
-    /// The snapshot as the caller of [`Job::plan`] named it.
+    /// The snapshot as the caller of [`JobFolder::plan`] named it.
     pub fn snapshot(&self) -> &serde_json::Value {
         &self.manifest.snapshot
     }

@@ -1,6 +1,6 @@
 //! Memory that the tasks of a job take, for engines that want to know before they start them.
 
-use super::manifest::Job;
+use super::manifest::JobFolder;
 use crate::{FieldPlan, MemoryLoad};
 use particlegs_core::model::CertificateLevel;
 use particlegs_particles::RUN;
@@ -19,7 +19,7 @@ pub(super) fn bucketed_run(fields: &FieldPlan) -> u64 {
     (BUCKETED + widest) * RUN as u64
 }
 
-impl Job {
+impl JobFolder {
     fn load(&self) -> MemoryLoad {
         let plan = &self.manifest.plan;
         MemoryLoad {

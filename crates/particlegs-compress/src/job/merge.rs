@@ -1,6 +1,6 @@
 //! The job's file from its blocks' files.
 
-use super::manifest::Job;
+use super::manifest::JobFolder;
 use crate::{CodedBlock, DecodedFile, FieldSelection};
 use particlegs_core::codec::{StoredBlock, StoredSection};
 use particlegs_core::context::Context;
@@ -11,7 +11,7 @@ use particlegs_measure::score::CertificateInput;
 use particlegs_particles::{LayerFields, Particles};
 use std::fmt::Display;
 
-impl Job {
+impl JobFolder {
     /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
     /// `particles` and the fields of their layers, as much as the level says, or by what the blocks' tasks measured,
     /// and the file holds the certificate.

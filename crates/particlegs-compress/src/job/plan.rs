@@ -1,7 +1,7 @@
 //! The one pass over the snapshot that a job begins with.
 
 use super::bucket::Buckets;
-use super::manifest::{FORM, Job, Manifest, VERSION};
+use super::manifest::{FORM, JobFolder, Manifest, VERSION};
 use super::memory::{COPIES, bucketed_run};
 use super::runs;
 use crate::{CompressionPlan, FieldPlan, MemoryLoad, Options};
@@ -38,10 +38,15 @@ const MEMORY: u64 = 4 << 30;
 /// Blocks read a snapshot where it lies if together they read it no more than this often.
 const READ_AGAIN: f64 = 2.0;
 
-impl Job {
+impl JobFolder {
     /// Plans a job in `folder`: reads the snapshot once, then writes the manifest, whole or not at all.
     /// The same plan again changes nothing.
-    pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, context: &Context<'_>) -> Result<Job> {
+    pub fn plan(
+        mut source: LayeredParticles,
+        task: &Task<'_>,
+        folder: &Path,
+        context: &Context<'_>,
+    ) -> Result<JobFolder> {
         task.options.check()?;
         if task.options.target.goal().is_some() {
             let hint = Hint::from("use a size, a ratio or a number of Gaussians; ").command("compress", "");
@@ -87,7 +92,7 @@ impl Job {
         let before = is_there(folder, &text, task.replace)?;
         let id = *blake3::hash(text.as_bytes()).as_bytes();
         let starts = manifest.layer_runs();
-        let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: scan.runs, before };
+        let job = JobFolder { folder: folder.to_path_buf(), manifest, id, starts, runs: scan.runs, before };
         let written = write(&job, (!task.reopened).then_some(&source), &text, context);
         // The files of a plan that was there before are kept, whatever failed now.
         if written.is_err() && !before {
@@ -98,7 +103,7 @@ impl Job {
 }
 
 /// Writes the files of a plan, the manifest last; chunks too where `source` is only here.
-fn write(job: &Job, source: Option<&LayeredParticles>, text: &str, context: &Context<'_>) -> Result<()> {
+fn write(job: &JobFolder, source: Option<&LayeredParticles>, text: &str, context: &Context<'_>) -> Result<()> {
     let folder = &job.folder;
     make_folder(&folder.join("blocks"))?;
     make_folder(&folder.join("scatter"))?;

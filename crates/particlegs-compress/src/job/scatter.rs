@@ -1,15 +1,16 @@
 //! Chunks of the snapshot into buckets, one for each block.
 
 use super::bucket::{self, Buckets, SortedRun};
-use super::manifest::Job;
+use super::manifest::JobFolder;
+use super::no_part;
+use particlegs_core::Result;
 use particlegs_core::context::Context;
-use particlegs_core::{Error, Result};
 use particlegs_files::output;
 use particlegs_particles::blocks::RunScan;
 use particlegs_particles::{Chunk, LayeredParticles, hash_run};
 use std::sync::Mutex;
 
-impl Job {
+impl JobFolder {
     /// Buckets chunk `chunk` of the snapshot; nothing where that is done. Gives whether there was
     /// anything to do.
     pub fn scatter(
@@ -20,8 +21,7 @@ impl Job {
     ) -> Result<bool> {
         let chunks = self.manifest.chunks;
         if chunk >= chunks {
-            let message = format!("there is no chunk {chunk}: this job has {chunks} chunks, numbered from 0");
-            return Err(Error::argument(message));
+            return Err(no_part("chunk", chunk, chunks));
         }
         if self.chunk_path(chunk).is_file() {
             // Half-written or foreign files are named, not taken for done.

@@ -1,7 +1,7 @@
 //! The state of a job, and checks of its files.
 
 use super::bucket::Buckets;
-use super::manifest::Job;
+use super::manifest::JobFolder;
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::{Error, Result, codec};
@@ -38,7 +38,7 @@ pub struct JobStatus {
     pub seconds: f64,
 }
 
-impl Job {
+impl JobFolder {
     /// The state by the files in the folder, without reading them through.
     pub fn status(&self) -> Result<JobStatus> {
         let m = &self.manifest;

@@ -4,7 +4,7 @@
 //! length and CRC-32; CRC-32 of all that is neither section nor this. One section is read without the others.
 
 use super::fields::FieldBits;
-use super::manifest::Job;
+use super::manifest::JobFolder;
 use particlegs_core::context::Context;
 use particlegs_core::model::{Certificate, CertificateLevel};
 use particlegs_core::{Error, Hint, Result, codec};
@@ -23,7 +23,7 @@ const CHANGED: &str = "the file was changed";
 const ENTRY: usize = 8 + 4;
 const TAIL: usize = ENTRY * SumsSection::ALL.len() + 4;
 
-impl Job {
+impl JobFolder {
     /// Whether the measurements that the plan wants of a block are there.
     pub(super) fn is_measured(&self, block: u32) -> bool {
         self.certificate() != CertificateLevel::Blocks || self.block_path(block, "sums").is_file()
@@ -107,7 +107,7 @@ impl Job {
 }
 
 struct BlockSums<'a> {
-    job: &'a Job,
+    job: &'a JobFolder,
     block: u32,
     path: PathBuf,
     file: File,
@@ -116,7 +116,7 @@ struct BlockSums<'a> {
 }
 
 impl<'a> BlockSums<'a> {
-    fn open(job: &'a Job, block: u32) -> Result<Self> {
+    fn open(job: &'a JobFolder, block: u32) -> Result<Self> {
         let path = job.block_path(block, "sums");
         let (file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {

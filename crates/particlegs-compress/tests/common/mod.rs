@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 use particlegs_compress::Options;
-use particlegs_compress::job::{Job, Task};
+use particlegs_compress::job::{JobFolder, Task};
 use particlegs_core::codec::{Encoder, Precision};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3};
@@ -158,10 +158,10 @@ pub fn damaged(bytes: &[u8], seed: u64, bits: impl Iterator<Item = usize>, rando
 }
 
 /// A job that is planned in `folder`, and whose blocks cannot open the snapshot again; the seed is 3.
-pub fn planned(particles: &Particles, folder: &Path, options: Options) -> Job {
+pub fn planned(particles: &Particles, folder: &Path, options: Options) -> JobFolder {
     let options = Options { seed: 3, ..options };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::from_particles(particles), &task, folder, &Context::SILENT).unwrap()
+    JobFolder::plan(LayeredParticles::from_particles(particles), &task, folder, &Context::SILENT).unwrap()
 }
 
 /// A layer of some particles whose masses are not known.

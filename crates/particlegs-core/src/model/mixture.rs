@@ -195,6 +195,11 @@ impl Model {
         Model { metadata: self.metadata.clone(), layers, certificate: self.certificate }
     }
 
+    /// [`Model::only`], or the whole model without names.
+    pub fn only_named(self, names: &[String]) -> crate::Result<Self> {
+        if names.is_empty() { Ok(self) } else { self.only(names) }
+    }
+
     /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of
     /// the whole snapshot, so that pictures of layers match; the certificate is of the whole, and
     /// goes.

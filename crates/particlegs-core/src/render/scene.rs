@@ -4,7 +4,7 @@ use super::alpha::Blend;
 use super::tone::Tones;
 use crate::camera::Normalisation;
 use crate::math::each_axis;
-use crate::model::{AlphaBlend, LawKind, Mixture, Model};
+use crate::model::{AlphaBlend, LawKind, Mass, Mixture, Model};
 use crate::picture::{Gray8, Plane};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
@@ -20,6 +20,8 @@ pub struct Scene<'a> {
     pub(super) blend: Option<Blend<'a>>,
     /// Shifts at which it is drawn, from where it is, world units.
     pub(super) shifts: Vec<[f64; 3]>,
+    /// Whether densities count particles, whatever masses there are.
+    pub(super) by_number: bool,
 }
 
 impl<'a> Scene<'a> {
@@ -28,11 +30,19 @@ impl<'a> Scene<'a> {
         Scene::from_layers(model, |_| true)
     }
 
-    /// The layers of a model that are `shown`, by their place; bounds stay those of the whole.
+    /// The layers of a model that are `shown`, by their place; bounds stay those of the whole. Densities count particles
+    /// where one of these layers has no masses.
     pub fn from_layers(model: &'a Model, shown: impl Fn(usize) -> bool) -> Self {
         let layers = model.layers.iter().enumerate().filter(|(place, _)| shown(*place)).map(|(_, layer)| layer);
+        let by_number = layers.clone().any(|l| l.mass == Mass::Unknown);
         let parts = layers.flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one()))).collect();
-        Scene { parts, bounds: model.metadata.bounds, blend: Blend::from_model(model), shifts: vec![[0.0; 3]] }
+        let (bounds, blend) = (model.metadata.bounds, Blend::from_model(model));
+        Scene { parts, bounds, blend, shifts: vec![[0.0; 3]], by_number }
+    }
+
+    /// The same, whose densities count particles.
+    pub fn by_number(self) -> Self {
+        Scene { by_number: true, ..self }
     }
 
     /// The same, repeated at these `shifts` (world units) from where it is: a periodic box and its images. Bounds
@@ -65,7 +75,7 @@ impl<'a> Scene<'a> {
 
     /// One mixture of the optical-depth law, fitted to particles with these bounds.
     pub fn from_mixture(mixture: &'a Mixture, bounds: Bounds) -> Self {
-        Scene { parts: vec![(mixture, 1.0)], bounds, blend: None, shifts: vec![[0.0; 3]] }
+        Scene { parts: vec![(mixture, 1.0)], bounds, blend: None, shifts: vec![[0.0; 3]], by_number: false }
     }
 
     /// One mixture, to be drawn by its law, fitted to particles with these bounds, with default `radius`

@@ -17,7 +17,7 @@ use std::borrow::Cow;
 
 /// Mass a world unit squared at every pixel, averaged over the pixel:
 /// `Sigma = sum m (f/z)^2 N2` in perspective, `sum m f^2 N2` in an orthographic view, whose periodic
-/// images are drawn as the view says. Without known masses the result counts particles.
+/// images are drawn as the view says. Where a layer has no masses the result counts particles.
 pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
     let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, context) };
     let parts: Vec<Cow<'_, Mixture>> = scene.parts.iter().map(|(m, _)| moved(m, &centered)).collect();
@@ -51,7 +51,7 @@ fn drawn(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -
         .map(|shift| Lens::density(view, size, shift))
         .collect::<Result<Vec<_>>>()?;
     let mut scratch = Scratch::default();
-    let weight = |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i);
+    let weight = |m: &Mixture, unit_mass, i| if scene.by_number { m.count[i] } else { unit_mass * m.mass_of(i) };
     let rows = sum(scene, &lenses, size, weight, &mut scratch, context)?;
     let all = |rows: &PlaneRows<'_>| -> f64 { (0..size.height).flat_map(|j| rows.row(j)).map(|v| f64::from(*v)).sum() };
     let mass = all(&rows);

@@ -5,7 +5,7 @@ use super::*;
 use crate::camera::{DensityView, Extent, Projection, View, Window, spherical_camera};
 use crate::context::Context;
 use crate::math::{Random, Sym3};
-use crate::model::Mixture;
+use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use crate::picture::{Plane, Size};
 use crate::space::{Bounds, Cell};
 use crate::splat::ToneStyle;
@@ -307,4 +307,27 @@ fn maps_of_whole_boxes_have_their_mass() {
             assert!((mass / total - 1.0).abs() < 1e-5, "{sides:?} {angles_deg:?} {side:?}: {}", mass / total - 1.0);
         }
     }
+}
+
+#[test]
+fn densities_count_particles_where_a_layer_has_no_masses() {
+    let gaussians = random_mixture(4, 60, 0.05);
+    let number: f64 = gaussians.count.iter().sum();
+    let block = Block { bounds: bounds(), count: number as u64, mass: number, gaussians };
+    let layer = |name: &str, mass| Layer { name: name.into(), mass, content: vec![block.clone()] };
+    let layers = vec![layer("dm", Mass::Each(5.0)), layer("tracers", Mass::Unknown)];
+    let metadata = Metadata::new(LawKind::OpticalDepth, 2 * block.count, bounds());
+    let model = Model { metadata, layers, certificate: None };
+    let window = Window { center: [0.0; 3], angles_deg: [0.0; 2], width: 4.0, depth: None };
+    let view = DensityView::orthographic("w", &window, SIZE, &bounds(), None).unwrap();
+    let sum = |scene: Scene<'_>| {
+        let plane = surface_density(&scene, &view, SIZE, &Context::SILENT).unwrap();
+        plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() * (4.0 / SIZE.width as f64).powi(2) / number
+    };
+    let both = sum(Scene::new(&model));
+    assert!((both - 2.0).abs() < 0.01, "{both}");
+    let alone = sum(Scene::from_layers(&model, |layer| layer == 0));
+    assert!((alone - 5.0).abs() < 0.03, "{alone}");
+    // As the page shows it, whose unit is that of all layers.
+    assert!((sum(Scene::from_layers(&model, |layer| layer == 0).by_number()) - 1.0).abs() < 0.01);
 }

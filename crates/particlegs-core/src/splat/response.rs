@@ -172,8 +172,8 @@ impl BlendStep {
             }
             fronts.push(next);
         }
-        // seen[f][b] = the mean of the composed level over the front's law.
-        let seen: Vec<[f64; LEVELS]> = fronts.iter().map(composed).collect();
+        // Of each front, for every back level: the mean of the composed level over the front's law.
+        let composed_levels: Vec<[f64; LEVELS]> = fronts.iter().map(composed).collect();
         let mut back = start();
         let mut drawn = 0;
         let mut levels = Vec::with_capacity(n + 1);
@@ -185,11 +185,11 @@ impl BlendStep {
                 back = next;
                 drawn += 1;
                 if moved < 1e-12 && count > 2 * PEELS {
-                    levels.push(dot(&seen[peeled], &back));
+                    levels.push(dot(&composed_levels[peeled], &back));
                     return levels;
                 }
             }
-            levels.push(dot(&seen[peeled], &back));
+            levels.push(dot(&composed_levels[peeled], &back));
         }
         levels
     }
@@ -244,17 +244,17 @@ mod tests {
 
     #[test]
     fn agrees_with_the_tables() {
-        let mut seen = 0;
+        let mut pairs = 0;
         for line in FIXTURES.lines().filter(|l| !l.starts_with('#')) {
             let v: Vec<f64> = line.split_whitespace().map(|t| t.parse().unwrap()).collect();
             let response = Response::new(v[0]);
             for pair in v[1..].chunks_exact(2) {
                 let level = f64::from(response.level(pair[0] as f32));
                 assert!((level - pair[1]).abs() < 0.03, "a {} tau {}: {level} for {}", v[0], pair[0], pair[1]);
-                seen += 1;
+                pairs += 1;
             }
         }
-        assert!(seen > 100);
+        assert!(pairs > 100);
     }
 
     #[test]

@@ -89,7 +89,7 @@ pub fn open(
     let frames = keep_frame(&mut tables, path, choice.frame, &mut notes)?;
     // `FilePart` counts the rows of so many species.
     if tables.len() > TYPES {
-        notes.push(format!("{} groups with positions are not read: a file has at most {TYPES}", tables.len() - TYPES));
+        notes.push(format!("the first {TYPES} of {} groups with positions are read", tables.len()));
     }
     tables.truncate(TYPES);
     if let Some(header) = &header {

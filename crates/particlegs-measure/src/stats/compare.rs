@@ -169,7 +169,8 @@ pub(super) fn show(s: &Statistics, to: &mut Presentation) {
     s.rdf.iter().for_each(|counts| rdf::show(counts, to));
     s.profiles.iter().for_each(|profiles| profile::show(profiles, s.options.profile_axis, to));
     s.haloes.iter().for_each(|h| haloes::show(h, to));
-    multipoles::show(s.multipoles.as_ref(), s.momentum.as_ref(), s.velocity_unit.as_deref(), to);
+    let (unit, convention) = (s.velocity_unit.as_deref(), s.options.convention);
+    multipoles::show(s.multipoles.as_ref(), s.momentum.as_ref(), (unit, convention), to);
     s.dispersion.iter().for_each(|d| dispersion::show(d, to));
     s.joint.iter().for_each(|all| joint::show(all, to));
     s.likelihood.iter().for_each(|l| likelihood::show(l, to));

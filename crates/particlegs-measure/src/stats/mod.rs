@@ -132,6 +132,16 @@ particlegs_core::named_values! {
     }
 }
 
+impl Convention {
+    /// The treatment of shot noise in spectra of density and momentum, for titles of plots.
+    fn shot_noise(self) -> &'static str {
+        match self {
+            Convention::Correct => "shot noise subtracted",
+            Convention::Paper => "shot noise included",
+        }
+    }
+}
+
 /// Options of [`compare`]. As a record that is read, also by the names that they have on the command line.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -4,7 +4,7 @@ use super::comparison_job::ComparisonJob;
 use super::presentation::*;
 use super::spectrum::{ShellSums, SpectrumOptions, last_while, limits, spectra_of_sums, transform_pair};
 use super::velocities::{ParticleFields, displacement};
-use super::{Domain, Grid, Spectra, Subject};
+use super::{Convention, Domain, Grid, Spectra, Subject};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
 
@@ -171,7 +171,7 @@ impl Multipoles {
 pub(super) fn show(
     multipoles: Option<&Multipoles>,
     momentum: Option<&Spectra>,
-    velocity_unit: Option<&str>,
+    (velocity_unit, convention): (Option<&str>, Convention),
     to: &mut Presentation,
 ) {
     if let Some(m) = multipoles {
@@ -205,7 +205,8 @@ pub(super) fn show(
             _ => String::new(),
         };
         let axes = [log(format!("k{}", to.units.wave)), log(format!("P(k) of (1 + delta) v{unit}"))];
-        to.plot(compared("momentum", "Power spectrum of the momentum (shot noise subtracted)", axes, &rows, 0.0));
+        let title = format!("Power spectrum of the momentum ({})", convention.shot_noise());
+        to.plot(compared("momentum", &title, axes, &rows, 0.0));
         to.line("momentum: within 1, 5, 10 % up to k", limits(|limit| m.power_within(limit)) + &to.wave);
     }
 }

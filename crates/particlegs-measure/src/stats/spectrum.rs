@@ -464,14 +464,10 @@ pub(super) fn last_while(places: impl Iterator<Item = (f64, bool)>) -> Option<f6
 pub(super) fn show(p: &Spectra, convention: Convention, to: &mut Presentation) {
     to.spectra_table("power.csv", p);
     let power_of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
-    let corrected = match convention {
-        Convention::Correct => "shot noise subtracted",
-        Convention::Paper => "shot noise included",
-    };
     let points_of = |pick: fn(&Shell) -> Option<f64>| p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect();
     let k = log(format!("k{}", to.units.wave));
     let power = [k.clone(), log(format!("P(k){}", to.units.volume))];
-    let title = format!("Power spectrum ({corrected})");
+    let title = format!("Power spectrum ({})", convention.shot_noise());
     let curves = vec![
         curve("with shot noise", OTHER, false, points_of(|h| h.r)),
         curve("without shot noise", THIRD, false, points_of(|h| h.r_without_noise.filter(|r| *r < 1.5))),

@@ -136,7 +136,7 @@ impl Series {
         layers: &[String],
         context: &Context<'_>,
     ) -> Result<SeriesStatistics> {
-        let choose = |model: Model| if layers.is_empty() { Ok(model) } else { model.only(layers) };
+        let choose = |model: Model| model.only_named(layers);
         let decoder = self.decoder();
         SeriesStatistics::new(&self.name, decoder.series(), options, choose, context)
     }
