@@ -132,4 +132,21 @@ mod tests {
         assert!(tone(&sheet(0.0), ToneStyle::Paraview, 0.05, 0.3).data.iter().all(|&v| v == 0));
         assert!(tone(&sheet(f32::NAN), ToneStyle::Expected, 0.05, 0.3).data.iter().all(|&v| v == 0));
     }
+
+    /// The table of level times ratio is what both say at every depth, to a thirtieth of a level.
+    #[test]
+    fn the_factor_in_the_table_is_that_of_each_depth() {
+        let mut largest = 0.0f32;
+        for opacity in [0.01, 0.05, 0.3, 1.0] {
+            let response = Response::new(opacity);
+            for radius in [0.05, 0.25, 0.8, 3.0] {
+                let mean = FxaaMean::new(opacity, radius);
+                let curve = response.scaled(|tau| mean.ratio(tau));
+                let depth = |i: i32| libm::expf(0.001 * i as f32 - 11.0);
+                let off = |tau: f32| (curve.level(tau) - response.level(tau) * mean.ratio(tau)).abs();
+                largest = (0..15_000).map(depth).map(off).fold(largest, f32::max);
+            }
+        }
+        assert!(largest < 0.033, "{largest}");
+    }
 }
