@@ -40,6 +40,7 @@ fn hint_text(hint: &Hint) -> String {
         ("positions", "A,B,C") => "positions=\"A,B,C\"".into(),
         ("box", _) => "box=".into(),
         ("fields", _) => "fields=".into(),
+        ("layer", _) => "layers=".into(),
         ("force", _) => "overwrite=True".into(),
         ("size", _) => format!("size={}", value.trim_end_matches('B')),
         _ => format!("{}={value}", name.replace('-', "_")),

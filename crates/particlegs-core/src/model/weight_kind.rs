@@ -101,7 +101,8 @@ impl Model {
             return Ok(());
         }
         let message = "some layers have masses and others do not, so they cannot be added";
-        Err(Error::argument_with(message, "choose only layers with masses, or only layers without"))
+        let hint = Hint::from("choose only layers with masses, or only layers without, with ");
+        Err(Error::argument_with(message, hint.option("layer", "NAMES")))
     }
 
     /// The summand of its density ([`density_of`]).
