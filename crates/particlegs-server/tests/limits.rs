@@ -3,11 +3,11 @@
 use particlegs_core::context::Context;
 use particlegs_server::{Event, Limits, Options, Server, Token, ViewerContent};
 use particlegs_view::page::PageOpening;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::{Barrier, Mutex};
+use std::time::Duration;
 
 const SHORT: Duration = Duration::from_millis(300);
 
@@ -85,7 +85,10 @@ impl Client {
 
 fn read(mut stream: TcpStream) -> String {
     let mut bytes = Vec::new();
-    let _ = stream.read_to_end(&mut bytes);
+    if let Err(e) = stream.read_to_end(&mut bytes) {
+        let is_left_open = matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut);
+        assert!(!is_left_open, "the connection is neither answered nor closed");
+    }
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
@@ -96,7 +99,6 @@ fn is_ok(answer: &str) -> bool {
 #[test]
 fn silent_and_slow_clients_are_left() {
     while_serving(limits(), None, |client| {
-        let start = Instant::now();
         // One client sends nothing, one stops within its head, one sends single bytes slowly.
         let silent = client.connect();
         let mut halting = client.connect();
@@ -108,16 +110,15 @@ fn silent_and_slow_clients_are_left() {
             std::thread::sleep(Duration::from_millis(20));
         }
         assert!(!is_ok(&read(silent)) && !is_ok(&read(halting)) && sent < 100);
-        assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
         assert!(is_ok(&client.get(&client.path)));
     });
 }
 
 #[test]
 fn strangers_take_no_seats() {
-    let few = Limits { connections: 4, ..Limits::default() };
+    // A head may take an hour: whoever is served was not waiting for a stranger to be left.
+    let few = Limits { connections: 4, head: Duration::from_secs(3600), ..Limits::default() };
     while_serving(few, None, |client| {
-        let start = Instant::now();
         // More connections than permits: silent ones, ones with half a head, refused ones.
         let strangers: Vec<TcpStream> = (0..300).map(|_| client.connect()).collect();
         for (i, mut stream) in strangers.iter().enumerate() {
@@ -128,8 +129,6 @@ fn strangers_take_no_seats() {
             };
         }
         assert!(is_ok(&client.get(&format!("{}model/0", client.path))));
-        assert!(start.elapsed() < few.head / 2, "{:?}", start.elapsed());
-        drop(strangers);
     });
 }
 
@@ -149,18 +148,16 @@ fn more_connections_with_the_token_wait_for_a_seat() {
 fn refused_requests_do_not_keep_it_alive() {
     let idle = Limits { idle: Some(2 * SHORT), ..Limits::default() };
     while_serving(idle, None, |client| {
-        let start = Instant::now();
         let others = ["GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n"];
         let mut silent = Vec::new();
-        for request in others.iter().cycle() {
-            let Ok(mut stream) = TcpStream::connect(&client.address) else { break };
-            let _ = stream.set_read_timeout(Some(SHORT));
+        let has_ended = others.iter().cycle().take(100_000).any(|request| {
+            let Ok(mut stream) = TcpStream::connect(&client.address) else { return true };
             let _ = stream.write_all(request.as_bytes());
-            read(stream);
+            let _ = stream.read_to_end(&mut Vec::new());
             silent.extend(TcpStream::connect(&client.address));
-            assert!(start.elapsed() < 10 * SHORT, "it goes on");
-        }
-        assert!(start.elapsed() >= 2 * SHORT);
+            false
+        });
+        assert!(has_ended && silent.len() > 1, "{}", silent.len());
     });
 }
 
@@ -168,7 +165,7 @@ fn refused_requests_do_not_keep_it_alive() {
 fn a_connection_may_ask_again_and_again_for_its_time() {
     let brief = Limits { connection: 3 * SHORT, ..limits() };
     while_serving(brief, None, |client| {
-        let (mut stream, start) = (client.connect(), Instant::now());
+        let mut stream = client.connect();
         let request = format!("GET {}model/0 HTTP/1.1\r\nHost: {}\r\n\r\n", client.path, client.address);
         let mut answers = 0;
         let mut buffer = [0; 4096];
@@ -177,20 +174,17 @@ fn a_connection_may_ask_again_and_again_for_its_time() {
                 Ok(n) if n > 0 => answers += 1,
                 _ => break,
             }
-            std::thread::sleep(SHORT / 6);
+            std::thread::sleep(SHORT / 30);
         }
         assert!(answers > 3, "{answers}");
-        assert!(start.elapsed() > 2 * SHORT && start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
     });
 }
 
 #[test]
 fn left_alone_it_ends() {
     let server = server(Limits { idle: Some(SHORT), ..limits() });
-    let start = Instant::now();
     let content = ViewerContent { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
     server.serve(content, &Context::SILENT, &|_| {}).unwrap();
-    assert!(start.elapsed() >= SHORT && start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }
 
 #[test]
@@ -205,13 +199,14 @@ fn the_way_for_once_leads_to_the_page_once() {
 
 #[test]
 fn a_poster_is_waited_for() {
+    let page_is_served = Barrier::new(2);
     let slow = |bytes: &[u8]| {
-        std::thread::sleep(SHORT);
+        page_is_served.wait();
         Some([b"poster of ", bytes].concat())
     };
     while_serving(limits(), Some(&slow), |client| {
-        let start = Instant::now();
-        assert!(is_ok(&client.get(&client.path)) && start.elapsed() < SHORT, "the page does not wait for it");
+        assert!(is_ok(&client.get(&client.path)), "the page does not wait for it");
+        page_is_served.wait();
         let answer = client.get(&format!("{}poster", client.path));
         assert!(is_ok(&answer) && answer.contains("image/png") && answer.ends_with("poster of model"), "{answer}");
     });
